@@ -1,0 +1,166 @@
+//! What an avatar is: a sampled template, its switches, and the learned tables.
+
+use ghand_core::mesh::RenderMesh;
+use ghand_core::residual_skeleton::ResidualSkeleton;
+use ghand_core::skinning::ResidualWeights;
+use ghand_core::{HandModel, HandModelError, Side, SurfaceSamples, surface};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::direct::DirectTables;
+
+/// Choices that fix the shape of an avatar's tables and what they mean.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AvatarConfig {
+    /// Resolution of the UV raster whose texels are the Gaussians: the level of detail.
+    pub uv_resolution: u32,
+    /// Number of shape bases, n.
+    pub shape_bases: usize,
+    /// Number of pose-dependent colour components of a Gaussian.
+    pub color_components: usize,
+    /// What the residual skinning weights mean.
+    pub residual_weights: ResidualWeights,
+    /// Where the residual skeleton stands.
+    pub residual_skeleton: ResidualSkeleton,
+}
+
+impl Default for AvatarConfig {
+    fn default() -> Self {
+        AvatarConfig {
+            uv_resolution: 128,
+            shape_bases: 8,
+            color_components: 4,
+            residual_weights: ResidualWeights::default(),
+            residual_skeleton: ResidualSkeleton::default(),
+        }
+    }
+}
+
+/// The hand model as an avatar needs it: its skeleton and its N sampled surface points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Template {
+    /// Name of the hand model.
+    pub name: String,
+    /// Which hand it is.
+    pub side: Side,
+    /// Names of the `n_b` joints.
+    pub joint_names: Vec<String>,
+    /// Parent of each joint.
+    pub parents: Vec<Option<usize>>,
+    /// Rest joints, metres.
+    pub joints: Vec<DVec3>,
+    /// Rest positions `[3][N]`, metres.
+    pub rest: Vec<f32>,
+    /// Skinning weights `[n_b][N]`.
+    pub weights: Vec<f32>,
+    /// Size of the surface that each Gaussian stands for, N, metres.
+    pub spacings: Vec<f32>,
+}
+
+impl Template {
+    /// Samples a hand model.
+    ///
+    /// # Errors
+    /// [`HandModelError`] if the model has no usable UV atlas at that resolution.
+    pub fn sample(model: &HandModel, uv_resolution: u32) -> Result<Template, HandModelError> {
+        let samples: SurfaceSamples = surface::sample_surface(model, uv_resolution)?;
+        let rest = (0..3).flat_map(|c| samples.positions.iter().map(move |p| p[c] as f32)).collect();
+        Ok(Template {
+            name: model.name.clone(),
+            side: model.side,
+            joint_names: model.joint_names.clone(),
+            parents: model.parents.clone(),
+            joints: model.joints.clone(),
+            rest,
+            weights: samples.weights.iter().map(|w| *w as f32).collect(),
+            spacings: samples.spacings.iter().map(|s| *s as f32).collect(),
+        })
+    }
+
+    /// Number of Gaussians, N.
+    pub fn len(&self) -> usize {
+        self.spacings.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.spacings.is_empty()
+    }
+
+    /// Number of joints, `n_b`.
+    pub fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Mean size of the surface of one Gaussian, metres.
+    pub fn mean_spacing(&self) -> f32 {
+        self.spacings.iter().sum::<f32>() / self.len().max(1) as f32
+    }
+}
+
+/// Where an avatar comes from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Name of the capture.
+    pub capture: String,
+    /// Split that it was trained on.
+    pub split: String,
+    /// Training iterations.
+    pub iterations: u64,
+    /// Seed.
+    pub seed: u64,
+    /// Version of ghand.
+    pub version: String,
+}
+
+/// A hand avatar.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Avatar {
+    /// The sampled hand model.
+    pub template: Template,
+    /// The hand model's mesh, for overlays and for picking named poses.
+    pub model: HandModel,
+    /// Shape and meaning of the tables.
+    pub config: AvatarConfig,
+    /// The learned tables.
+    pub tables: DirectTables,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+/// Largest standard deviation of a Gaussian in multiples of the mean spacing.
+const MAX_SCALE: f32 = 4.0;
+
+impl Avatar {
+    /// An untrained avatar: the template's plain surface in one colour (display values 0..1). `seed` fixes the small
+    /// random numbers from which training breaks symmetry.
+    ///
+    /// # Errors
+    /// [`HandModelError`] if the model cannot be sampled.
+    pub fn untrained(
+        model: &HandModel,
+        config: &AvatarConfig,
+        color: [f64; 3],
+        seed: u64,
+    ) -> Result<Avatar, HandModelError> {
+        let template = Template::sample(model, config.uv_resolution)?;
+        let tables = DirectTables::untrained(&template, config, color, seed);
+        Ok(Avatar { template, model: model.clone(), config: config.clone(), tables, provenance: Provenance::default() })
+    }
+
+    /// Largest standard deviation of a Gaussian, metres.
+    pub fn max_scale(&self) -> f32 {
+        MAX_SCALE * self.template.mean_spacing()
+    }
+
+    /// The template's mesh with one UV a vertex.
+    pub fn render_mesh(&self) -> RenderMesh {
+        RenderMesh::from_model(&self.model)
+    }
+}
+
+/// See [`Avatar::max_scale`].
+pub(crate) fn max_scale(template: &Template) -> f32 {
+    MAX_SCALE * template.mean_spacing()
+}

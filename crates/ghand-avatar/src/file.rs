@@ -1,0 +1,283 @@
+//! The avatar file `*.ghand`: one safetensors file with a block of JSON.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use bytemuck::Pod;
+use ghand_core::{HandModel, Side};
+use glam::{DVec2, DVec3};
+use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensors, serialize};
+use serde::{Deserialize, Serialize};
+
+use crate::avatar::{Avatar, AvatarConfig, Provenance, Template};
+use crate::direct::{DirectTables, table_lengths};
+
+/// Version of the format that this program writes and reads.
+const VERSION: u32 = 1;
+/// Key of the JSON block in the file's metadata.
+const METADATA_KEY: &str = "ghand";
+
+/// What is wrong with an avatar file.
+#[derive(Debug, thiserror::Error)]
+pub enum AvatarFileError {
+    /// Reading or writing failed.
+    #[error("{path}: cannot {action} the avatar: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// "read" or "write".
+        action: &'static str,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The contents are unusable.
+    #[error("{path}: {field}: {problem}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The part that is wrong.
+        field: String,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct Metadata {
+    format: String,
+    version: u32,
+    units: String,
+    model: ModelMetadata,
+    config: AvatarConfig,
+    provenance: Provenance,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ModelMetadata {
+    name: String,
+    side: String,
+    joint_names: Vec<String>,
+    parents: Vec<Option<usize>>,
+}
+
+/// Tensors on their way into a file.
+#[derive(Default)]
+struct Tensors {
+    names: Vec<(String, Dtype, Vec<usize>, Vec<u8>)>,
+}
+
+impl Tensors {
+    fn add<T: Pod>(&mut self, name: &str, dtype: Dtype, shape: &[usize], values: &[T]) {
+        self.names.push((name.into(), dtype, shape.to_vec(), bytemuck::cast_slice(values).to_vec()));
+    }
+}
+
+fn flat3(v: &[DVec3]) -> Vec<f64> {
+    v.iter().flat_map(|p| p.to_array()).collect()
+}
+
+fn tensors(avatar: &Avatar) -> Tensors {
+    let (t, m, d) = (&avatar.template, &avatar.model, &avatar.tables);
+    let (count, joints) = (t.len(), t.joint_count());
+    let channels = avatar.config.shape_bases + avatar.config.color_components;
+    let mut out = Tensors::default();
+    out.add("joints", Dtype::F64, &[joints, 3], &flat3(&t.joints));
+    out.add("rest", Dtype::F32, &[3, count], &t.rest);
+    out.add("weights", Dtype::F32, &[joints, count], &t.weights);
+    out.add("spacings", Dtype::F32, &[count], &t.spacings);
+    out.add("shape_basis", Dtype::F32, &[avatar.config.shape_bases, 3, count], &d.shape_basis);
+    out.add("residual_weights", Dtype::F32, &[joints, count], &d.residual_weights);
+    out.add("skeleton_regressor", Dtype::F32, &[joints, count], &d.regressor);
+    out.add("appearance", Dtype::F32, &[d.appearance.len() / count.max(1), count], &d.appearance);
+    out.add("response_bias", Dtype::F32, &[channels], &d.response[..channels]);
+    out.add("response_gain", Dtype::F32, &[channels, joints, 9], &d.response[channels..]);
+    out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
+    out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
+    out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
+    out.add("mesh.face_uvs", Dtype::U32, &[m.face_uvs.len(), 3], m.face_uvs.as_flattened());
+    out.add("mesh.weights", Dtype::F64, &[m.vertices.len(), joints], &m.weights);
+    out
+}
+
+/// Writes bytes so that the file is either the old one or the new one, never half of one.
+///
+/// # Errors
+/// The cause, from the file system.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::Builder::new().prefix(".ghand-").suffix(".part").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+impl Avatar {
+    /// Writes the avatar to a file, atomically.
+    ///
+    /// # Errors
+    /// [`AvatarFileError::Io`] if the file cannot be written; nothing half-written is left.
+    pub fn save(&self, path: &Path) -> Result<(), AvatarFileError> {
+        let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
+        let metadata = Metadata {
+            format: "ghand-avatar".into(),
+            version: VERSION,
+            units: "metre".into(),
+            model: ModelMetadata {
+                name: self.template.name.clone(),
+                side: if self.template.side == Side::Left { "left" } else { "right" }.into(),
+                joint_names: self.template.joint_names.clone(),
+                parents: self.template.parents.clone(),
+            },
+            config: self.config.clone(),
+            provenance: self.provenance.clone(),
+        };
+        let metadata = serde_json::to_string(&metadata).map_err(|e| invalid(e.to_string()))?;
+        let tensors = tensors(self);
+        let mut views = Vec::new();
+        for (name, dtype, shape, bytes) in &tensors.names {
+            let view = TensorView::new(*dtype, shape.clone(), bytes).map_err(|e| invalid(e.to_string()))?;
+            views.push((name.as_str(), view));
+        }
+        let block = HashMap::from([(METADATA_KEY.to_owned(), metadata)]);
+        let bytes = serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))?;
+        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io { path: path.into(), action: "write", source })
+    }
+
+    /// Reads an avatar from a file and checks all of it.
+    ///
+    /// # Errors
+    /// [`AvatarFileError`] names the file, the field and what is wrong with it.
+    pub fn load(path: &Path) -> Result<Avatar, AvatarFileError> {
+        let bytes = std::fs::read(path).map_err(|source| AvatarFileError::Io { path: path.into(), action: "read", source })?;
+        Reader::new(path, &bytes)?.avatar()
+    }
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    tensors: SafeTensors<'a>,
+    metadata: Metadata,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Reader<'a>, AvatarFileError> {
+        let invalid = |field: &str, problem: String| AvatarFileError::Invalid { path: path.into(), field: field.into(), problem };
+        let broken = |e: &dyn std::fmt::Display| invalid("file", format!("not an avatar, or cut short ({e}); export it again"));
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| broken(&e))?;
+        let block = header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY));
+        let block = block.ok_or_else(|| invalid("metadata", "has no `ghand` block: a safetensors file, but not an avatar".into()))?;
+        // The version comes first: an unknown version may have other fields.
+        let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
+        match version.get("version").and_then(serde_json::Value::as_u64) {
+            Some(v) if v == u64::from(VERSION) => {}
+            other => {
+                let found = other.map_or("none".to_owned(), |v| v.to_string());
+                return Err(invalid("version", format!("is {found}, this program reads version {VERSION}; use the ghand that wrote it")));
+            }
+        }
+        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", e.to_string()))?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;
+        Ok(Reader { path, tensors, metadata })
+    }
+
+    fn invalid(&self, field: &str, problem: impl Into<String>) -> AvatarFileError {
+        AvatarFileError::Invalid { path: self.path.into(), field: field.into(), problem: problem.into() }
+    }
+
+    /// A tensor of that type; `shape` has `None` where any size will do.
+    fn tensor<T: Pod + Default>(
+        &self,
+        name: &str,
+        dtype: Dtype,
+        shape: &[Option<usize>],
+    ) -> Result<(Vec<usize>, Vec<T>), AvatarFileError> {
+        let view = self.tensors.tensor(name).map_err(|_| self.invalid(name, "is missing; export the avatar again"))?;
+        let fits = view.shape().len() == shape.len() && view.shape().iter().zip(shape).all(|(a, b)| b.is_none_or(|b| b == *a));
+        if view.dtype() != dtype || !fits {
+            return Err(self.invalid(
+                name,
+                format!("is {:?} {:?}, expected {dtype:?} {shape:?}; the file does not belong together", view.dtype(), view.shape()),
+            ));
+        }
+        let mut values = vec![T::default(); view.data().len() / size_of::<T>()];
+        bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(view.data());
+        Ok((view.shape().to_vec(), values))
+    }
+
+    fn floats(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f32>, AvatarFileError> {
+        let (_, values) = self.tensor::<f32>(name, Dtype::F32, shape)?;
+        match values.iter().position(|v| !v.is_finite()) {
+            Some(i) => Err(self.invalid(name, format!("value {i} is not finite"))),
+            None => Ok(values),
+        }
+    }
+
+    fn doubles(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f64>, AvatarFileError> {
+        let (_, values) = self.tensor::<f64>(name, Dtype::F64, shape)?;
+        match values.iter().position(|v| !v.is_finite()) {
+            Some(i) => Err(self.invalid(name, format!("value {i} is not finite"))),
+            None => Ok(values),
+        }
+    }
+
+    fn avatar(&self) -> Result<Avatar, AvatarFileError> {
+        let meta = &self.metadata;
+        let (model, config) = (&meta.model, &meta.config);
+        let joints = model.joint_names.len();
+        let side = match model.side.as_str() {
+            "right" => Side::Right,
+            "left" => Side::Left,
+            other => return Err(self.invalid("side", format!("is `{other}`, expected `right` or `left`"))),
+        };
+        let vec3 = |v: Vec<f64>| v.chunks_exact(3).map(DVec3::from_slice).collect::<Vec<_>>();
+        let joint_positions = vec3(self.doubles("joints", &[Some(joints), Some(3)])?);
+        let spacings = self.floats("spacings", &[None])?;
+        let count = spacings.len();
+        if count == 0 {
+            return Err(self.invalid("spacings", "is empty: the avatar has no Gaussians"));
+        }
+        if config.shape_bases > 64 || config.color_components > 64 {
+            return Err(self.invalid("config", "more than 64 bases or colour components"));
+        }
+        let channels = config.shape_bases + config.color_components;
+        let template = Template {
+            name: model.name.clone(),
+            side,
+            joint_names: model.joint_names.clone(),
+            parents: model.parents.clone(),
+            joints: joint_positions.clone(),
+            rest: self.floats("rest", &[Some(3), Some(count)])?,
+            weights: self.floats("weights", &[Some(joints), Some(count)])?,
+            spacings,
+        };
+        let bias = self.floats("response_bias", &[Some(channels)])?;
+        let gain = self.floats("response_gain", &[Some(channels), Some(joints), Some(9)])?;
+        let appearance_rows = table_lengths(count, joints, config)[3] / count;
+        let tables = DirectTables {
+            shape_basis: self.floats("shape_basis", &[Some(config.shape_bases), Some(3), Some(count)])?,
+            residual_weights: self.floats("residual_weights", &[Some(joints), Some(count)])?,
+            regressor: self.floats("skeleton_regressor", &[Some(joints), Some(count)])?,
+            appearance: self.floats("appearance", &[Some(appearance_rows), Some(count)])?,
+            response: [bias, gain].concat(),
+        };
+        let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
+        let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();
+        let model = HandModel {
+            name: model.name.clone(),
+            side,
+            joint_names: model.joint_names.clone(),
+            parents: model.parents.clone(),
+            joints: joint_positions,
+            faces: triples(self.tensor("mesh.faces", Dtype::U32, &[None, Some(3)])?.1),
+            uvs: self.doubles("mesh.uvs", &[None, Some(2)])?.chunks_exact(2).map(DVec2::from_slice).collect(),
+            face_uvs: triples(self.tensor("mesh.face_uvs", Dtype::U32, &[None, Some(3)])?.1),
+            weights: self.doubles("mesh.weights", &[Some(vertices.len()), Some(joints)])?,
+            vertices,
+        };
+        model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
+        Ok(Avatar { template, model, config: config.clone(), tables, provenance: meta.provenance.clone() })
+    }
+}

@@ -1,0 +1,12 @@
+//! Hand avatars: Gaussians on a hand model's surface, their property model, the GPU pipeline that poses and renders
+//! them, and the avatar file.
+
+pub mod avatar;
+pub mod direct;
+pub mod file;
+pub mod renderer;
+
+pub use avatar::{Avatar, AvatarConfig, Provenance, Template};
+pub use direct::DirectTables;
+pub use file::AvatarFileError;
+pub use renderer::AvatarRenderer;

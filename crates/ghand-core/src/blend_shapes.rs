@@ -1,0 +1,28 @@
+//! Hand Gaussian Blend Shapes (paper eq. 7 and 8): offsets as products of bases and coefficients.
+
+use glam::DVec3;
+
+/// Offsets `Delta = sum_i C_i (.) S_i` (metres) of N Gaussians.
+///
+/// `shape_basis` is `[n][N]` (metres), `blend_coefficients` `[n][N]` (no unit, one a component), both basis-major; their
+/// lengths must be equal and a multiple of `count` = N.
+pub fn blend_shapes(shape_basis: &[DVec3], blend_coefficients: &[DVec3], count: usize) -> Vec<DVec3> {
+    let mut offsets = vec![DVec3::ZERO; count];
+    for (basis, coefficients) in shape_basis.chunks_exact(count).zip(blend_coefficients.chunks_exact(count)) {
+        for ((offset, s), c) in offsets.iter_mut().zip(basis).zip(coefficients) {
+            *offset += *c * *s;
+        }
+    }
+    offsets
+}
+
+/// dL/dS and dL/dC (in that order, shaped like the inputs) from dL/dDelta.
+pub fn blend_shapes_vjp(
+    shape_basis: &[DVec3],
+    blend_coefficients: &[DVec3],
+    d_offsets: &[DVec3],
+) -> (Vec<DVec3>, Vec<DVec3>) {
+    let count = d_offsets.len();
+    let product = |values: &[DVec3]| values.iter().enumerate().map(|(j, v)| *v * d_offsets[j % count]).collect();
+    (product(blend_coefficients), product(shape_basis))
+}

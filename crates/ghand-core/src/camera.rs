@@ -1,0 +1,107 @@
+//! Pinhole cameras with OpenCV's axes.
+
+use glam::{DMat3, DVec2, DVec3};
+
+/// A calibrated pinhole camera without distortion.
+///
+/// Camera axes are OpenCV's (x right, y down, z forward), `x_camera = rotation * x_world + translation`, and the
+/// centre of pixel (0, 0) lies at (0.5, 0.5).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Name of the camera within its capture.
+    pub id: String,
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Focal lengths (fx, fy) in pixels.
+    pub focal: DVec2,
+    /// Principal point (cx, cy) in pixels.
+    pub principal: DVec2,
+    /// Rotation `camera_from_world`.
+    pub rotation: DMat3,
+    /// Translation `camera_from_world`, metres.
+    pub translation: DVec3,
+}
+
+impl Camera {
+    /// The point in camera coordinates (metres) of a world point (metres).
+    pub fn camera_from_world(&self, world: DVec3) -> DVec3 {
+        self.rotation * world + self.translation
+    }
+
+    /// Centre of projection in world coordinates, metres.
+    pub fn center(&self) -> DVec3 {
+        -(self.rotation.transpose() * self.translation)
+    }
+
+    /// Pixel coordinates and depth (camera z, metres) of a world point. The depth is not positive for points behind
+    /// the camera; their pixel coordinates are meaningless.
+    pub fn project(&self, world: DVec3) -> (DVec2, f64) {
+        let p = self.camera_from_world(world);
+        (DVec2::new(p.x / p.z, p.y / p.z) * self.focal + self.principal, p.z)
+    }
+
+    /// The same camera looking at the window of `width` x `height` pixels whose top left corner is pixel (x, y).
+    /// The window may reach beyond the image.
+    pub fn cropped(&self, x: i32, y: i32, width: u32, height: u32) -> Camera {
+        Camera { width, height, principal: self.principal - DVec2::new(f64::from(x), f64::from(y)), ..self.clone() }
+    }
+
+    /// The same view at another image size: the field of view is kept along the axis that shrinks most.
+    pub fn resized(&self, width: u32, height: u32) -> Camera {
+        let scale = (f64::from(width) / f64::from(self.width)).min(f64::from(height) / f64::from(self.height));
+        let center = DVec2::new(f64::from(self.width), f64::from(self.height)) * 0.5;
+        let new_center = DVec2::new(f64::from(width), f64::from(height)) * 0.5;
+        Camera {
+            width,
+            height,
+            focal: self.focal * scale,
+            principal: new_center + (self.principal - center) * scale,
+            ..self.clone()
+        }
+    }
+
+    /// A camera at `eye` that looks at `target`, `up` pointing up in the image, with the vertical field of view
+    /// `fov_y` (radians). `up` must not be parallel to the line of sight.
+    pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov_y: f64, width: u32, height: u32) -> Camera {
+        let z = (target - eye).normalize();
+        let x = z.cross(up).normalize();
+        let y = z.cross(x);
+        let rotation = DMat3::from_cols(x, y, z).transpose();
+        let f = 0.5 * f64::from(height) / (0.5 * fov_y).tan();
+        Camera {
+            id: "view".into(),
+            width,
+            height,
+            focal: DVec2::splat(f),
+            principal: DVec2::new(f64::from(width), f64::from(height)) * 0.5,
+            rotation,
+            translation: -(rotation * eye),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn look_at_puts_the_target_in_the_middle_with_up_upwards() {
+        let c = Camera::look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.1, 0.2, 0.3), DVec3::Z, 0.7, 64, 48);
+        let (center, depth) = c.project(DVec3::new(0.1, 0.2, 0.3));
+        assert!((center - DVec2::new(32.0, 24.0)).length() < 1e-12 && depth > 0.0);
+        let (above, _) = c.project(DVec3::new(0.1, 0.2, 0.4));
+        assert!(above.y < 24.0 && (above.x - 32.0).abs() < 1e-9);
+        assert!((c.rotation.determinant() - 1.0).abs() < 1e-12);
+        assert!((c.center() - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn cropping_moves_pixels_and_nothing_else() {
+        let c = Camera::look_at(DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO, DVec3::Y, 0.5, 100, 80);
+        let p = DVec3::new(0.05, -0.1, 0.2);
+        let d = c.project(p).0 - c.cropped(7, -3, 20, 20).project(p).0;
+        assert!((d - DVec2::new(7.0, -3.0)).length() < 1e-12);
+    }
+}

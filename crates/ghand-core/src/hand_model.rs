@@ -1,0 +1,156 @@
+//! Hand models: a skinned surface with a UV atlas and a skeleton.
+
+pub mod gltf;
+pub mod named_poses;
+pub mod procedural;
+
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+
+/// Which hand a model is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// A right hand.
+    Right,
+    /// A left hand.
+    Left,
+}
+
+/// What is wrong with a hand model or its file.
+#[derive(Debug, thiserror::Error)]
+pub enum HandModelError {
+    /// The file could not be read.
+    #[error("{path}: cannot read the hand model: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// A field of the model is unusable.
+    #[error("{origin}: {field}: {problem}")]
+    Invalid {
+        /// File or source of the model.
+        origin: String,
+        /// The part that is wrong.
+        field: String,
+        /// What is wrong and what to do about it.
+        problem: String,
+    },
+}
+
+/// A rigged hand at rest.
+///
+/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints; every parent precedes its children and
+/// joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; all indices are in range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandModel {
+    /// Name for messages and files.
+    pub name: String,
+    /// Which hand it is.
+    pub side: Side,
+    /// Names of the `n_b` joints.
+    pub joint_names: Vec<String>,
+    /// Parent of each joint; `None` for the root, which is joint 0.
+    pub parents: Vec<Option<usize>>,
+    /// Rest positions of the joints, metres, model axes.
+    pub joints: Vec<DVec3>,
+    /// Rest positions of the `V` vertices, metres, model axes.
+    pub vertices: Vec<DVec3>,
+    /// Triangles as vertex indices, counter-clockwise seen from outside.
+    pub faces: Vec<[u32; 3]>,
+    /// Points of the UV atlas, in `[0, 1]^2`, (0, 0) at the first row and column of a texture.
+    pub uvs: Vec<DVec2>,
+    /// Triangles as indices into `uvs`, one for each face.
+    pub face_uvs: Vec<[u32; 3]>,
+    /// Skinning weights, row-major `[V][n_b]`.
+    pub weights: Vec<f64>,
+}
+
+impl HandModel {
+    /// Number of joints, `n_b`.
+    pub fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// The skinning weights (`n_b` of them) of one vertex.
+    pub fn vertex_weights(&self, vertex: usize) -> &[f64] {
+        let n = self.joint_count();
+        &self.weights[vertex * n..(vertex + 1) * n]
+    }
+
+    /// Index of the joint of that name.
+    pub fn joint_index(&self, name: &str) -> Option<usize> {
+        self.joint_names.iter().position(|n| n == name)
+    }
+
+    /// Area-weighted unit normals of the vertices for the given vertex positions (rest or posed), outwards.
+    /// A vertex without any area gets the zero vector.
+    pub fn vertex_normals(&self, positions: &[DVec3]) -> Vec<DVec3> {
+        let mut normals = vec![DVec3::ZERO; positions.len()];
+        for face in &self.faces {
+            let [a, b, c] = face.map(|i| positions[i as usize]);
+            let n = (b - a).cross(c - a);
+            for &i in face {
+                normals[i as usize] += n;
+            }
+        }
+        normals.iter().map(|n| n.normalize_or_zero()).collect()
+    }
+
+    /// Checks the invariants above.
+    ///
+    /// # Errors
+    /// [`HandModelError::Invalid`] names the first field that breaks one.
+    pub fn validate(&self) -> Result<(), HandModelError> {
+        let fail = |field: &str, problem: String| {
+            Err(HandModelError::Invalid { origin: self.name.clone(), field: field.into(), problem })
+        };
+        let (v, n) = (self.vertices.len(), self.joints.len());
+        if n == 0 || v == 0 || self.faces.is_empty() {
+            return fail("mesh", format!("has {v} vertices, {} faces and {n} joints; all must be present", self.faces.len()));
+        }
+        if self.joint_names.len() != n || self.parents.len() != n {
+            return fail("joints", format!("{n} positions, {} names, {} parents", self.joint_names.len(), self.parents.len()));
+        }
+        for (k, parent) in self.parents.iter().enumerate() {
+            let good = match parent {
+                None => k == 0,
+                Some(p) => k > 0 && *p < k,
+            };
+            if !good {
+                return fail("parents", format!("joint {k} must come after its parent, and only joint 0 is a root"));
+            }
+        }
+        if let Some(k) = self.joints.iter().position(|j| !j.is_finite()) {
+            return fail("joints", format!("joint {k} is not finite"));
+        }
+        if let Some(k) = self.vertices.iter().position(|j| !j.is_finite()) {
+            return fail("vertices", format!("vertex {k} is not finite"));
+        }
+        if self.faces.iter().flatten().any(|&i| i as usize >= v) {
+            return fail("faces", format!("an index is beyond the {v} vertices"));
+        }
+        if self.face_uvs.len() != self.faces.len() {
+            return fail("uv", format!("{} UV triangles for {} faces; export the model with one UV atlas", self.face_uvs.len(), self.faces.len()));
+        }
+        if self.face_uvs.iter().flatten().any(|&i| i as usize >= self.uvs.len()) {
+            return fail("uv", format!("an index is beyond the {} UV points", self.uvs.len()));
+        }
+        if self.uvs.iter().any(|t| !t.is_finite()) {
+            return fail("uv", "a UV point is not finite".into());
+        }
+        if self.weights.len() != v * n {
+            return fail("weights", format!("{} numbers, expected {v} vertices x {n} joints", self.weights.len()));
+        }
+        for i in 0..v {
+            let row = self.vertex_weights(i);
+            let sum: f64 = row.iter().sum();
+            if !(row.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= 1e-6) {
+                return fail("weights", format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"));
+            }
+        }
+        Ok(())
+    }
+}

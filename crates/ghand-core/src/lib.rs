@@ -1,0 +1,24 @@
+//! The exact mathematics of ghand, in f64 and without a GPU.
+//!
+//! Everything here is plain data and pure functions: hand models and their readers, the kinematic chain, Hand
+//! Gaussian Blend Shapes, the Neural Residual Skeleton and corrected linear blend skinning, each forward and as a
+//! vector-Jacobian product (`*_vjp`). GPU code is held against these functions.
+//!
+//! Units are metres and radians; vectors are columns; matrices read `to_from_from` (`posed_from_rest`).
+
+pub mod blend_shapes;
+pub mod camera;
+pub mod hand_model;
+pub mod mesh;
+pub mod pose;
+pub mod pose_response;
+pub mod residual_skeleton;
+pub mod rotation;
+pub mod skeleton;
+pub mod skinning;
+pub mod surface;
+
+pub use camera::Camera;
+pub use hand_model::{HandModel, HandModelError, Side};
+pub use pose::Pose;
+pub use surface::SurfaceSamples;

@@ -1,0 +1,424 @@
+//! Reading and checking of `capture.json` and `truth.json`.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Component, Path, PathBuf};
+
+use ghand_core::hand_model::gltf::read_gltf;
+use ghand_core::{Camera, HandModel, Pose, Side};
+use glam::{DMat3, DVec2, DVec3};
+use serde::de::DeserializeOwned;
+
+use super::{
+    CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE,
+    TruthFile, UNITS, VERSION,
+};
+use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
+
+/// Rotations further than this from orthonormal (largest entry of R R^T - I) are refused: rounding to four digits, the
+/// coarsest that exporters write, stays below it.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+/// Larger images are taken for a mistake; 16384 is also the largest texture of common devices.
+const LARGEST_IMAGE: u32 = 16384;
+
+impl Capture {
+    /// Opens a capture of the project's own format: its folder or its `capture.json`. No image is read.
+    ///
+    /// # Errors
+    /// [`CaptureError`] names the file, the field that is missing or wrong, and what to do.
+    pub fn open(path: &Path) -> Result<Capture, CaptureError> {
+        let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path.to_path_buf() };
+        let remedy = "give the folder of a capture or its capture.json";
+        let text = read_text(&path, "read the capture", remedy)?;
+        let checker = Checker { path: &path };
+        checker.header(&text)?;
+        let file: CaptureFile = parse(&path, &text)?;
+        checker.capture(file)
+    }
+}
+
+fn read_text(path: &Path, action: &'static str, remedy: &'static str) -> Result<String, CaptureError> {
+    std::fs::read_to_string(path).map_err(|source| CaptureError::Io { path: path.into(), action, source, remedy })
+}
+
+fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
+    serde_json::from_str(text).map_err(|source| CaptureError::Json { path: path.into(), source })
+}
+
+/// Checks one file; every error carries the file's name.
+struct Checker<'a> {
+    path: &'a Path,
+}
+
+impl Checker<'_> {
+    fn invalid(&self, field: impl Into<String>, problem: impl Into<String>) -> CaptureError {
+        CaptureError::Invalid { path: self.path.into(), field: field.into(), problem: problem.into() }
+    }
+
+    fn header(&self, text: &str) -> Result<(), CaptureError> {
+        let header: HeaderFile = parse(self.path, text)?;
+        match header.format.as_deref() {
+            Some(FORMAT) => {}
+            other => {
+                let found = other.map_or("nothing".into(), |o| format!("{o:?}"));
+                return Err(self.invalid("format", format!("is {found}, must be {FORMAT:?}; give a ghand capture")));
+            }
+        }
+        match header.version {
+            Some(VERSION) => Ok(()),
+            Some(v) if v > VERSION => {
+                let problem = format!("is {v}, this program reads version {VERSION}; use a newer program");
+                Err(self.invalid("version", problem))
+            }
+            other => {
+                let found = other.map_or("missing".into(), |v| format!("{v}"));
+                Err(self.invalid("version", format!("is {found}, must be {VERSION}; export the capture again")))
+            }
+        }
+    }
+
+    fn capture(&self, file: CaptureFile) -> Result<Capture, CaptureError> {
+        let root = match self.path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        if file.units != UNITS {
+            let problem = format!("is {:?}, must be {UNITS:?}; convert all lengths to metres", file.units);
+            return Err(self.invalid("units", problem));
+        }
+        let side = match file.side.as_str() {
+            "right" => Side::Right,
+            "left" => Side::Left,
+            other => return Err(self.invalid("side", format!("is {other:?}, must be \"right\" or \"left\""))),
+        };
+        if !file.background.iter().all(|v| (0.0..=1.0).contains(v)) {
+            let problem = format!("is {:?}; each component must be from 0 to 1", file.background);
+            return Err(self.invalid("background", problem));
+        }
+        let (hand_model, hand_model_source) = self.hand_model(&root, &file.hand_model, side)?;
+        let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
+
+        let cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
+        let camera_indices = self.index("cameras", cameras.iter().map(|c| c.id.as_str()))?;
+        let frames = file.frames.iter().map(|f| self.frame(f, &joint_order)).collect::<Result<Vec<_>, _>>()?;
+        let frame_indices = self.index("frames", frames.iter().map(|f| f.id.as_str()))?;
+        let shapes = frames.first().map_or(0, |f| f.shape.len());
+        if let Some(odd) = frames.iter().find(|f| f.shape.len() != shapes) {
+            let problem = format!("has {} numbers, the first frame has {shapes}; give all the same", odd.shape.len());
+            return Err(self.invalid(format!("frames[{:?}].shape", odd.id), problem));
+        }
+
+        let images = ImagePaths { image: file.image_path, mask: file.mask_path };
+        self.templates(&images, &camera_indices, &frame_indices)?;
+        let splits = (file.splits.into_iter())
+            .map(|(name, split)| {
+                let split = self.split(&name, &split, &camera_indices, &frame_indices)?;
+                Ok((name, split))
+            })
+            .collect::<Result<BTreeMap<_, _>, CaptureError>>()?;
+        let truth = read_truth(&root.join(TRUTH_FILE), &frame_indices, &joint_order)?;
+        Ok(Capture {
+            root,
+            side,
+            background: file.background,
+            hand_model,
+            hand_model_source,
+            cameras,
+            frames,
+            images,
+            splits,
+            truth,
+        })
+    }
+
+    fn hand_model(
+        &self,
+        root: &Path,
+        file: &HandModelFile,
+        side: Side,
+    ) -> Result<(HandModel, HandModelSource), CaptureError> {
+        let (model, source) = match file.kind.as_str() {
+            "gltf" => {
+                let Some(path) = &file.path else {
+                    return Err(
+                        self.invalid("hand_model.path", "is missing; give the glTF or GLB file beside the capture")
+                    );
+                };
+                self.stays_inside("hand_model.path", path)?;
+                let model = read_gltf(&root.join(path))
+                    .map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+                (model, HandModelSource::Gltf { path: path.clone() })
+            }
+            "procedural" => {
+                let hand = file.parameters.clone().unwrap_or_default();
+                let model =
+                    hand.build().map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+                (model, HandModelSource::Procedural(hand))
+            }
+            "mano" => {
+                let problem = "\"mano\" is not supported yet; use a rigged glTF hand or the procedural one";
+                return Err(self.invalid("hand_model.kind", problem));
+            }
+            other => {
+                let problem = format!("is {other:?}; must be \"gltf\", \"procedural\" or \"mano\"");
+                return Err(self.invalid("hand_model.kind", problem));
+            }
+        };
+        model.validate().map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+        if model.side != side {
+            let problem =
+                format!("is a {:?} hand but side says {side:?}; correct one of them", model.side).to_lowercase();
+            return Err(self.invalid("hand_model", problem));
+        }
+        Ok((model, source))
+    }
+
+    /// For each joint of the model its row in the file's poses.
+    fn joint_order(&self, file: &HandModelFile, model: &HandModel) -> Result<Vec<usize>, CaptureError> {
+        let Some(names) = &file.joints else {
+            if file.parents.is_some() {
+                let problem = "is missing though parents is there; name the joints that the parents are about";
+                return Err(self.invalid("hand_model.joints", problem));
+            }
+            return Ok((0..model.joint_count()).collect());
+        };
+        let rows = self.index("hand_model.joints", names.iter().map(String::as_str))?;
+        if let Some(unknown) = names.iter().find(|name| model.joint_index(name).is_none()) {
+            let known = model.joint_names.join(", ");
+            let problem = format!("{unknown:?} is no joint of the hand model; its joints are: {known}");
+            return Err(self.invalid("hand_model.joints", problem));
+        }
+        let order = (model.joint_names.iter())
+            .map(|name| {
+                rows.get(name.as_str()).copied().ok_or_else(|| {
+                    let problem = format!("the model's joint {name:?} is not listed; add it and its row in every pose");
+                    self.invalid("hand_model.joints", problem)
+                })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        if let Some(parents) = &file.parents {
+            self.parents(parents, names, model)?;
+        }
+        Ok(order)
+    }
+
+    fn parents(&self, parents: &[i64], names: &[String], model: &HandModel) -> Result<(), CaptureError> {
+        if parents.len() != names.len() {
+            let problem = format!("has {} entries for {} joints; give one each", parents.len(), names.len());
+            return Err(self.invalid("hand_model.parents", problem));
+        }
+        for (name, &parent) in names.iter().zip(parents) {
+            let given = match parent {
+                -1 => None,
+                p => match usize::try_from(p).ok().and_then(|p| names.get(p)) {
+                    Some(parent) => Some(parent.as_str()),
+                    None => {
+                        let problem = format!("joint {name:?} has parent {p}; must be -1 or an index into joints");
+                        return Err(self.invalid("hand_model.parents", problem));
+                    }
+                },
+            };
+            let parent_index = model.joint_index(name).and_then(|j| model.parents.get(j).copied().flatten());
+            let actual = parent_index.and_then(|p| model.joint_names.get(p)).map(String::as_str);
+            if given != actual {
+                let problem = format!(
+                    "joint {name:?} hangs on {} here but on {} in the hand model; give the file the model's hierarchy",
+                    given.unwrap_or("nothing"),
+                    actual.unwrap_or("nothing")
+                );
+                return Err(self.invalid("hand_model.parents", problem));
+            }
+        }
+        Ok(())
+    }
+
+    fn camera(&self, file: &CameraFile) -> Result<Camera, CaptureError> {
+        let field = |name: &str| format!("cameras[{:?}].{name}", file.id);
+        for (name, size) in [("width", file.width), ("height", file.height)] {
+            if !(1..=LARGEST_IMAGE).contains(&size) {
+                let problem = format!("is {size}; must be 1 to {LARGEST_IMAGE} pixels");
+                return Err(self.invalid(field(name), problem));
+            }
+        }
+        let [[fx, skew, cx], [k10, fy, cy], last_row] = file.intrinsics;
+        if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|v| v.is_finite())) {
+            let problem = format!("singular: focal lengths {fx} and {fy} must be positive, the principal point finite");
+            return Err(self.invalid(field("intrinsics"), problem));
+        }
+        if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
+            let problem = "must be [[fx,0,cx],[0,fy,cy],[0,0,1]]; undistort the images to a camera without skew";
+            return Err(self.invalid(field("intrinsics"), problem));
+        }
+        let rotation = DMat3::from_cols_array_2d(&file.rotation).transpose();
+        let translation = DVec3::from(file.translation);
+        if !translation.is_finite() {
+            return Err(self.invalid(field("translation"), "is not finite; give metres"));
+        }
+        Ok(Camera {
+            id: file.id.clone(),
+            width: file.width,
+            height: file.height,
+            focal: DVec2::new(fx, fy),
+            principal: DVec2::new(cx, cy),
+            rotation: self.rotation(field("rotation"), rotation)?,
+            translation,
+        })
+    }
+
+    /// The rotation nearest to a matrix that is one but for rounding.
+    fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
+        let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
+        let error = entries.iter().fold(0.0, |worst: f64, e| if e.is_nan() { f64::NAN } else { worst.max(e.abs()) });
+        if !(matrix.is_finite() && error <= ROTATION_TOLERANCE && matrix.determinant() > 0.0) {
+            let problem = format!(
+                "is no rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), determinant {:.3}; give \
+                 the rows of camera_from_world without scale or mirror",
+                matrix.determinant()
+            );
+            return Err(self.invalid(field, problem));
+        }
+        // Newton's iteration for the polar factor converges quadratically: 1e-3, 1e-6, 1e-12, rounding.
+        let mut rotation = matrix;
+        for _ in 0..4 {
+            rotation = (rotation + rotation.inverse().transpose()) * 0.5;
+        }
+        Ok(rotation)
+    }
+
+    fn frame(&self, file: &FrameFile, joint_order: &[usize]) -> Result<Frame, CaptureError> {
+        let pose = self.pose(&file.id, &file.pose, file.translation, joint_order)?;
+        if file.shape.iter().any(|v| !v.is_finite()) {
+            return Err(self.invalid(format!("frames[{:?}].shape", file.id), "holds a number that is not finite"));
+        }
+        Ok(Frame { id: file.id.clone(), pose, shape: file.shape.clone() })
+    }
+
+    fn pose(
+        &self,
+        id: &str,
+        rows: &[Vec<f64>],
+        translation: [f64; 3],
+        joint_order: &[usize],
+    ) -> Result<Pose, CaptureError> {
+        let field = |name: &str| format!("frames[{id:?}].{name}");
+        if rows.len() != joint_order.len() {
+            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), joint_order.len());
+            return Err(self.invalid(field("pose"), problem));
+        }
+        let rotations = (rows.iter().enumerate())
+            .map(|(row, values)| match values[..] {
+                [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
+                [_, _, _] => Err(self.invalid(field("pose"), format!("row {row} holds a number that is not finite"))),
+                _ => {
+                    let problem = format!("row {row} has {} numbers, expected 3 (axis-angle)", values.len());
+                    Err(self.invalid(field("pose"), problem))
+                }
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let translation = DVec3::from(translation);
+        if !translation.is_finite() {
+            return Err(self.invalid(field("translation"), "is not finite; give metres"));
+        }
+        let rotations = joint_order.iter().filter_map(|&row| rotations.get(row).copied()).collect();
+        Ok(Pose { rotations, translation })
+    }
+
+    /// Index by id, each of which must be there once.
+    fn index<'b>(
+        &self,
+        field: &str,
+        ids: impl Iterator<Item = &'b str>,
+    ) -> Result<HashMap<&'b str, usize>, CaptureError> {
+        let mut index = HashMap::new();
+        for (i, id) in ids.enumerate() {
+            if let Some(first) = index.insert(id, i) {
+                let problem = format!("{id:?} is there twice (numbers {first} and {i}); ids must be unique");
+                return Err(self.invalid(field, problem));
+            }
+        }
+        Ok(index)
+    }
+
+    fn split(
+        &self,
+        name: &str,
+        file: &SplitFile,
+        cameras: &HashMap<&str, usize>,
+        frames: &HashMap<&str, usize>,
+    ) -> Result<Split, CaptureError> {
+        let look_up = |what: &str, ids: &[String], index: &HashMap<&str, usize>| {
+            let field = format!("splits[{name:?}].{what}");
+            self.index(&field, ids.iter().map(String::as_str))?;
+            let found = ids.iter().map(|id| {
+                let unknown = || self.invalid(field.clone(), format!("{id:?} is not among the capture's {what}"));
+                index.get(id.as_str()).copied().ok_or_else(unknown)
+            });
+            found.collect::<Result<Vec<_>, _>>()
+        };
+        Ok(Split {
+            cameras: look_up("cameras", &file.cameras, cameras)?,
+            frames: look_up("frames", &file.frames, frames)?,
+        })
+    }
+
+    fn templates(
+        &self,
+        images: &ImagePaths,
+        cameras: &HashMap<&str, usize>,
+        frames: &HashMap<&str, usize>,
+    ) -> Result<(), CaptureError> {
+        let templates = [("image_path", Some(&images.image)), ("mask_path", images.mask.as_ref())];
+        for (field, template) in templates.into_iter().filter_map(|(field, t)| Some((field, t?))) {
+            self.stays_inside(field, template)?;
+            for (placeholder, count) in [("{camera}", cameras.len()), ("{frame}", frames.len())] {
+                if count > 1 && !template.contains(placeholder) {
+                    let problem = format!("{template:?} lacks {placeholder}: all {count} would share one file");
+                    return Err(self.invalid(field, problem));
+                }
+            }
+        }
+        // An id becomes part of a path, and must not lead it elsewhere.
+        for (field, ids) in [("cameras", cameras), ("frames", frames)] {
+            for id in ids.keys() {
+                if id.is_empty() || id.starts_with('.') || id.contains(['/', '\\', ':', '\0']) {
+                    let problem = format!("id {id:?} cannot be part of a path; use letters, digits, - and _");
+                    return Err(self.invalid(field, problem));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses paths that could lead out of the capture's folder on any system. Links inside the folder are the user's own.
+    fn stays_inside(&self, field: &str, path: &str) -> Result<(), CaptureError> {
+        let normal = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        if normal && !path.is_empty() && !path.contains(['\\', ':', '\0']) {
+            return Ok(());
+        }
+        let problem =
+            format!("{path:?} leads out of the capture's folder; give a path inside it, with / between its parts");
+        Err(self.invalid(field, problem))
+    }
+}
+
+/// Exact poses by frame, if the file is there.
+fn read_truth(
+    path: &Path,
+    frames: &HashMap<&str, usize>,
+    joint_order: &[usize],
+) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
+    let file: TruthFile = parse(path, &text)?;
+    let checker = Checker { path };
+    checker.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
+    let mut truth = vec![None; frames.len()];
+    for frame in &file.frames {
+        let slot = frames.get(frame.id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {
+            checker.invalid("frames", format!("{:?} is not among the capture's frames; remove it", frame.id))
+        })?;
+        *slot = Some(checker.pose(&frame.id, &frame.pose, frame.translation, joint_order)?);
+    }
+    Ok(Some(truth))
+}

@@ -1,0 +1,107 @@
+//! `capture.json` and `truth.json` of a [`Capture`].
+
+use std::path::Path;
+
+use ghand_core::{Camera, HandModel, Pose, Side};
+use serde::Serialize;
+
+use super::{
+    CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile,
+    TruthFrameFile, UNITS, VERSION,
+};
+use crate::atomic_file::write_atomically;
+use crate::capture::{Capture, CaptureError, HandModelSource};
+
+impl Capture {
+    /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must exist.
+    /// Images, masks and a glTF file are not touched.
+    ///
+    /// # Errors
+    /// [`CaptureError::Io`] when a file cannot be written; it is then as it was before.
+    pub fn save(&self) -> Result<(), CaptureError> {
+        // The truth first: a folder with a capture.json is a whole capture.
+        if let Some(truth) = &self.truth {
+            let frames = (self.frames.iter().zip(truth))
+                .filter_map(|(frame, pose)| {
+                    let pose = pose.as_ref()?;
+                    let translation = pose.translation.to_array();
+                    Some(TruthFrameFile { id: frame.id.clone(), pose: pose_rows(pose), translation })
+                })
+                .collect();
+            write_json(&self.root.join(TRUTH_FILE), &TruthFile { frames })?;
+        }
+        write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
+    }
+
+    fn to_file(&self) -> CaptureFile {
+        let frames = self.frames.iter().map(|f| FrameFile {
+            id: f.id.clone(),
+            pose: pose_rows(&f.pose),
+            translation: f.pose.translation.to_array(),
+            shape: f.shape.clone(),
+        });
+        let splits = self.splits.iter().map(|(name, split)| {
+            let cameras = split.cameras.iter().filter_map(|&i| Some(self.cameras.get(i)?.id.clone())).collect();
+            let frames = split.frames.iter().filter_map(|&i| Some(self.frames.get(i)?.id.clone())).collect();
+            (name.clone(), SplitFile { cameras, frames })
+        });
+        CaptureFile {
+            format: FORMAT.into(),
+            version: VERSION,
+            units: UNITS.into(),
+            side: if self.side == Side::Right { "right" } else { "left" }.into(),
+            background: self.background,
+            hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
+            cameras: self.cameras.iter().map(camera_file).collect(),
+            frames: frames.collect(),
+            image_path: self.images.image.clone(),
+            mask_path: self.images.mask.clone(),
+            splits: splits.collect(),
+        }
+    }
+}
+
+fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile {
+    let (kind, path, parameters) = match source {
+        HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
+        HandModelSource::Procedural(hand) => ("procedural", None, Some(hand.clone())),
+    };
+    let parents = model.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect();
+    HandModelFile {
+        kind: kind.into(),
+        path,
+        parameters,
+        joints: Some(model.joint_names.clone()),
+        parents: Some(parents),
+    }
+}
+
+fn camera_file(camera: &Camera) -> CameraFile {
+    CameraFile {
+        id: camera.id.clone(),
+        width: camera.width,
+        height: camera.height,
+        intrinsics: [
+            [camera.focal.x, 0.0, camera.principal.x],
+            [0.0, camera.focal.y, camera.principal.y],
+            [0.0, 0.0, 1.0],
+        ],
+        // glam stores columns; the file holds rows.
+        rotation: camera.rotation.transpose().to_cols_array_2d(),
+        translation: camera.translation.to_array(),
+    }
+}
+
+fn pose_rows(pose: &Pose) -> Vec<Vec<f64>> {
+    pose.rotations.iter().map(|r| r.to_array().to_vec()).collect()
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CaptureError> {
+    let text = serde_json::to_vec(value).map_err(|source| CaptureError::Json { path: path.into(), source })?;
+    write_atomically(path, &text).map_err(|source| CaptureError::Io {
+        path: path.into(),
+        action: "write the capture",
+        source,
+        remedy: "check that the folder exists, may be written and has space",
+    })
+}

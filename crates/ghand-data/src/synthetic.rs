@@ -1,0 +1,332 @@
+//! A small capture whose truth is known: a detailed hand that is *not* the template, seen by cameras all around it.
+//!
+//! The true hand has other lengths than the template (by up to 6 %), relief, skin, and volume-preserving skinning, so
+//! that the template under plain linear blend skinning is wrong where templates are wrong. Training poses carry a tracker's
+//! errors; test poses and truth are exact. The same options give the same capture, up to the renderer's rounding.
+
+mod anatomy;
+mod exposure;
+mod noise;
+mod rig;
+mod skin;
+mod skinning;
+#[cfg(test)]
+mod tests;
+mod trajectory;
+mod true_hand;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::mesh::Texture;
+use ghand_core::{Camera, Pose, Side};
+use glam::{DVec2, DVec3};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::atomic_file::write_atomically;
+use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, fill_template};
+use trajectory::PoseNoise;
+use true_hand::{PosedHand, TrueHand};
+
+/// What to make.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SyntheticOptions {
+    /// Decides the hand, its skin and its motion.
+    pub seed: u64,
+    /// Cameras of the training split.
+    pub views: usize,
+    /// Frames of the training split: one smooth trajectory.
+    pub train_frames: usize,
+    /// Frames of the test split: single poses that the trajectory does not hold.
+    pub test_frames: usize,
+    /// Cameras of the test split, none of which trains.
+    pub test_views: usize,
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Standard deviation of the errors of the training poses: each component of a finger joint's axis-angle, degrees. The
+    /// root's errors are half as large.
+    pub pose_noise_degrees: f64,
+    /// Standard deviation of each component of the training translations, metres.
+    pub translation_noise: f64,
+}
+
+impl Default for SyntheticOptions {
+    fn default() -> Self {
+        SyntheticOptions {
+            seed: 7,
+            views: 8,
+            train_frames: 16,
+            test_frames: 6,
+            test_views: 3,
+            width: 192,
+            height: 288,
+            pose_noise_degrees: 4.0,
+            translation_noise: 0.002,
+        }
+    }
+}
+
+/// A directional light fixed in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneLight {
+    /// Unit vector from the scene towards the light, world axes.
+    pub direction: DVec3,
+    /// What it adds to the texture's factor where it falls in squarely.
+    pub color: DVec3,
+}
+
+/// The light of a scene: colour = texture x exposure x (ambient + sum of color x max(0, (n.l + wrap) / (1 + wrap))),
+/// clamped to 1, in display values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneLighting {
+    /// Light from everywhere.
+    pub ambient: DVec3,
+    /// The lights.
+    pub lights: Vec<SceneLight>,
+    /// How far light wraps around the form, `[0, 1]`.
+    pub wrap: f64,
+}
+
+/// One frame of the true hand, for a renderer.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneMesh<'a> {
+    /// Vertex positions, metres, world axes.
+    pub positions: &'a [DVec3],
+    /// Unit vertex normals, world axes.
+    pub normals: &'a [DVec3],
+    /// UV of each vertex, (0, 0) at the corner of the first texel.
+    pub uvs: &'a [DVec2],
+    /// The part of the light that arrives at each vertex past the rest of the hand, `[0, 1]`.
+    pub exposure: &'a [f64],
+    /// Triangles as vertex indices.
+    pub triangles: &'a [[u32; 3]],
+    /// Colour of the skin.
+    pub texture: &'a Texture,
+    /// The light.
+    pub lighting: &'a SceneLighting,
+}
+
+/// Draws a scene as a camera sees it: row-major pixels of the camera's size, straight colour and coverage, antialiased; or says
+/// why it could not.
+pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>, String> + 'a;
+
+/// Makes a synthetic capture in the folder `out_dir`, in the project's own format.
+///
+/// The capture appears there whole or not at all: it is made beside `out_dir` and renamed.
+///
+/// # Errors
+/// [`CaptureError`] when the options are unusable, `out_dir` holds anything already or cannot be written, or `render` fails.
+pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderScene) -> Result<(), CaptureError> {
+    check(options, out_dir)?;
+    let io = |action: &'static str| {
+        move |source| CaptureError::Io {
+            path: out_dir.into(),
+            action,
+            source,
+            remedy: "check that its parent folder may be written and has space",
+        }
+    };
+    let parent = match out_dir.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(parent).map_err(io("make the folder"))?;
+    let workshop = tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("make the folder"))?;
+
+    let template = ProceduralHand::default();
+    let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
+    let true_hand = TrueHand::new(&template, options.seed).map_err(model_error)?;
+    let mut capture = plan(options, &template, &true_hand, workshop.path()).map_err(model_error)?;
+    draw(&capture, &true_hand, render)?;
+    capture.save()?;
+
+    // A rename replaces an empty folder on Unix only.
+    if out_dir.exists() {
+        std::fs::remove_dir(out_dir).map_err(io("replace the empty folder"))?;
+    }
+    capture.root = out_dir.into();
+    // Temporary folders are private; the capture is not.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(workshop.path(), std::fs::Permissions::from_mode(0o755))
+            .map_err(io("make the folder"))?;
+    }
+    std::fs::rename(workshop.path(), out_dir).map_err(io("move the capture into place"))
+}
+
+fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError> {
+    let fail = |field: &str, problem: String| {
+        Err(CaptureError::Invalid { path: out_dir.into(), field: field.into(), problem })
+    };
+    let counts = [("views", options.views), ("train_frames", options.train_frames)];
+    if let Some((field, _)) = counts.into_iter().find(|(_, count)| *count == 0) {
+        return fail(field, "is 0; a capture needs at least one to train on".into());
+    }
+    if options.width < 16 || options.height < 16 || options.width.max(options.height) > 4096 {
+        return fail("width and height", format!("{} x {}; give 16 to 4096", options.width, options.height));
+    }
+    let noise = [
+        ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
+        ("translation_noise", options.translation_noise, 0.1),
+    ];
+    for (field, value, most) in noise {
+        if !(0.0..=most).contains(&value) {
+            return fail(field, format!("is {value}; give 0 to {most}"));
+        }
+    }
+    // That it does not exist is as it should be; everything else shows when it is made.
+    if std::fs::read_dir(out_dir).is_ok_and(|mut entries| entries.next().is_some()) {
+        return fail("folder", "is not empty; give another or remove it first".into());
+    }
+    Ok(())
+}
+
+/// Everything about the capture but its pictures.
+fn plan(
+    options: &SyntheticOptions,
+    template: &ProceduralHand,
+    true_hand: &TrueHand,
+    root: &Path,
+) -> Result<Capture, ghand_core::HandModelError> {
+    let hand_model = template.build()?;
+    let anatomy = anatomy::Anatomy::of(&hand_model);
+    let joint_count = hand_model.joint_count();
+    let train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, options.seed);
+    let test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, options.seed);
+    let noise = PoseNoise { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
+    let given: Vec<Pose> = trajectory::noisy(&train, &noise, options.seed).into_iter().chain(test.clone()).collect();
+    let truth: Vec<Pose> = train.into_iter().chain(test).collect();
+
+    let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.pose(pose).positions).collect();
+    let count = options.views + options.test_views;
+    let cameras = rig::cameras(count, options.width, options.height, &points);
+    // Test cameras lie spread between the others.
+    let is_test = |i: usize| (i + 1) * options.test_views / count != i * options.test_views / count;
+    let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
+    let train_frames: Vec<usize> = (0..options.train_frames).collect();
+    let five = rig::well_spread(&cameras, &train_cameras, 5);
+    let splits = BTreeMap::from([
+        ("train".to_owned(), Split { cameras: train_cameras, frames: train_frames.clone() }),
+        ("train5".to_owned(), Split { cameras: five, frames: train_frames }),
+        ("test".to_owned(), Split { cameras: test_cameras, frames: (options.train_frames..truth.len()).collect() }),
+    ]);
+    let frames = given.into_iter().enumerate().map(|(i, pose)| Frame { id: format!("{i:04}"), pose, shape: vec![] });
+    Ok(Capture {
+        root: root.into(),
+        side: Side::Right,
+        background: [0.0; 3],
+        hand_model,
+        hand_model_source: HandModelSource::Procedural(template.clone()),
+        cameras,
+        frames: frames.collect(),
+        images: ImagePaths {
+            image: "images/{camera}/{frame}.png".into(),
+            mask: Some("masks/{camera}/{frame}.png".into()),
+        },
+        splits,
+        truth: Some(truth.into_iter().map(Some).collect()),
+    })
+}
+
+/// A warm key light from above on the back's side, a weaker one from the palm's side, and a faint one from below.
+fn lighting() -> SceneLighting {
+    let light = |x: f64, y: f64, z: f64, color: [f64; 3]| SceneLight {
+        direction: DVec3::new(x, y, z).normalize(),
+        color: DVec3::from(color),
+    };
+    SceneLighting {
+        ambient: DVec3::new(0.36, 0.355, 0.36),
+        lights: vec![
+            light(0.75, -0.55, -0.50, [0.74, 0.70, 0.64]),
+            light(-0.80, -0.45, 0.35, [0.64, 0.62, 0.60]),
+            light(0.10, 0.60, 0.85, [0.26, 0.23, 0.21]),
+        ],
+        wrap: 0.25,
+    }
+}
+
+/// Renders and writes the image and mask of every pair of the splits `train` and `test`.
+fn draw(capture: &Capture, hand: &TrueHand, render: &mut RenderScene) -> Result<(), CaptureError> {
+    let lighting = lighting();
+    let poses = capture.truth.iter().flatten().map(|pose| pose.as_ref());
+    for (frame, pose) in poses.enumerate() {
+        let Some(pose) = pose else { continue };
+        let posed = hand.pose(pose);
+        for split in ["train", "test"].iter().filter_map(|name| capture.splits.get(*name)) {
+            if !split.frames.contains(&frame) {
+                continue;
+            }
+            for camera in split.cameras.iter().filter_map(|&i| capture.cameras.get(i)) {
+                draw_view(capture, hand, &posed, &lighting, camera, &capture.frames[frame].id, render)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn draw_view(
+    capture: &Capture,
+    hand: &TrueHand,
+    posed: &PosedHand,
+    lighting: &SceneLighting,
+    camera: &Camera,
+    frame: &str,
+    render: &mut RenderScene,
+) -> Result<(), CaptureError> {
+    let scene = SceneMesh {
+        positions: &posed.positions,
+        normals: &posed.normals,
+        uvs: &hand.mesh.uvs,
+        exposure: &posed.exposure,
+        triangles: &hand.mesh.triangles,
+        texture: &hand.texture,
+        lighting,
+    };
+    let failed = |problem| CaptureError::Render { frame: frame.into(), camera: camera.id.clone(), problem };
+    let pixels = render(&scene, camera).map_err(failed)?;
+    let expected = camera.width as usize * camera.height as usize;
+    if pixels.len() != expected {
+        return Err(failed(format!("it gave {} pixels, expected {expected}", pixels.len())));
+    }
+    let over_background = |[r, g, b, a]: [u8; 4]| {
+        let a = f64::from(a) / 255.0;
+        let mix = |value: u8, behind: f64| (f64::from(value) * a + 255.0 * behind * (1.0 - a)).round() as u8;
+        [mix(r, capture.background[0]), mix(g, capture.background[1]), mix(b, capture.background[2])]
+    };
+    let colors: Vec<u8> = pixels.iter().flat_map(|p| over_background(*p)).collect();
+    let mask: Vec<u8> = pixels.iter().map(|p| if p[3] >= 128 { 255 } else { 0 }).collect();
+    let file = |template: &str| capture.root.join(fill_template(template, &camera.id, frame));
+    write_png(&file(&capture.images.image), "image", &colors, camera, ExtendedColorType::Rgb8)?;
+    match &capture.images.mask {
+        Some(template) => write_png(&file(template), "mask", &mask, camera, ExtendedColorType::L8),
+        None => Ok(()),
+    }
+}
+
+fn write_png(
+    path: &Path,
+    what: &'static str,
+    bytes: &[u8],
+    camera: &Camera,
+    color: ExtendedColorType,
+) -> Result<(), CaptureError> {
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(bytes, camera.width, camera.height, color)
+        .map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
+    let written = match path.parent() {
+        Some(folder) => std::fs::create_dir_all(folder).and_then(|()| write_atomically(path, &png)),
+        None => write_atomically(path, &png),
+    };
+    written.map_err(|source| CaptureError::Io {
+        path: path.into(),
+        action: "write the image",
+        source,
+        remedy: "check that the folder may be written and has space",
+    })
+}

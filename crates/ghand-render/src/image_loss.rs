@@ -1,0 +1,146 @@
+//! Host part of `image_loss.wgsl`: L1 + SSIM between the splatted image and an 8-bit target.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::pipeline::{Bound, Module, compose};
+use crate::{Gpu, RenderError, buffers};
+
+/// Strands of the value's sum, as in the shader.
+const STRANDS: usize = 256;
+
+/// See `shaders/image_loss.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LossUniforms {
+    /// Image size, pixels.
+    pub size: [u32; 2],
+    /// Weight of mean |x - y|.
+    pub l1_weight: f32,
+    /// Weight of 1 - mean SSIM.
+    pub ssim_weight: f32,
+    /// One over the number of values that the means are over.
+    pub inverse_count: f32,
+    /// Unused.
+    pub padding: u32,
+}
+
+/// Value of the loss over the pixels of an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LossValue {
+    /// Sum of |x - y| over pixels and channels.
+    pub l1_sum: f64,
+    /// Sum of SSIM over pixels and channels.
+    pub ssim_sum: f64,
+}
+
+/// The loss stages, bound to a splatter's image and gradient.
+pub struct ImageLoss {
+    uniforms: wgpu::Buffer,
+    target: wgpu::Buffer,
+    strand_sums: wgpu::Buffer,
+    stages: Vec<(Bound, Direction)>,
+    sums: Bound,
+    max_pixels: usize,
+    size: [u32; 2],
+}
+
+#[derive(Clone, Copy)]
+enum Direction {
+    Rows,
+    Columns,
+}
+
+impl ImageLoss {
+    /// A loss that reads `image` and writes `d_image` (one `vec4` a pixel each) for images of at most `max_pixels`.
+    pub fn new(gpu: &Gpu, image: &wgpu::Buffer, d_image: &wgpu::Buffer, max_pixels: usize) -> ImageLoss {
+        let module = Module::new(gpu, "image_loss", &compose(&[include_str!("../../../shaders/image_loss.wgsl")]));
+        let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
+        let target = buffers::zeroed(gpu, "target", max_pixels);
+        let rows = buffers::zeroed(gpu, "loss rows", 5 * 4 * max_pixels);
+        let partials = buffers::zeroed(gpu, "loss partials", 3 * 4 * max_pixels);
+        let values = buffers::zeroed(gpu, "loss values", 2 * max_pixels);
+        let strand_sums = buffers::zeroed(gpu, "loss sums", 2 * STRANDS);
+        let stage = |entry, numbers: &[u32]| {
+            let all = [
+                (0, &uniforms),
+                (1, image),
+                (2, &target),
+                (3, &rows),
+                (4, &partials),
+                (5, &values),
+                (6, d_image),
+                (7, &strand_sums),
+            ];
+            let used: Vec<_> = all.into_iter().filter(|(n, _)| numbers.contains(n)).collect();
+            module.stage(gpu, entry, &[]).bind(gpu, &used)
+        };
+        let stages = vec![
+            (stage("loss_rows", &[0, 1, 2, 3]), Direction::Rows),
+            (stage("loss_columns", &[0, 1, 2, 3, 4, 5]), Direction::Columns),
+            (stage("gradient_rows", &[0, 3, 4]), Direction::Rows),
+            (stage("gradient_columns", &[0, 1, 2, 3, 6]), Direction::Columns),
+        ];
+        let sums = stage("loss_sums", &[0, 5, 7]);
+        ImageLoss { uniforms, target, strand_sums, stages, sums, max_pixels, size: [0, 0] }
+    }
+
+    /// Sets the target and the weights of the passes encoded from now on. `pixels` holds the target's bytes (red, green,
+    /// blue, mask) row by row; the means are over `value_count` values.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the target has the wrong length or is too large.
+    pub fn set_target(
+        &mut self,
+        gpu: &Gpu,
+        size: [u32; 2],
+        pixels: &[[u8; 4]],
+        weights: [f32; 2],
+        value_count: f64,
+    ) -> Result<(), RenderError> {
+        let count = size[0] as usize * size[1] as usize;
+        if pixels.len() != count || count > self.max_pixels || count == 0 {
+            return Err(RenderError::Invalid(format!(
+                "a target of {} x {} pixels with {} values, the loss is for at most {} pixels",
+                size[0],
+                size[1],
+                pixels.len(),
+                self.max_pixels
+            )));
+        }
+        let uniforms = LossUniforms {
+            size,
+            l1_weight: weights[0],
+            ssim_weight: weights[1],
+            inverse_count: (1.0 / value_count) as f32,
+            padding: 0,
+        };
+        gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
+        gpu.queue.write_buffer(&self.target, 0, bytemuck::cast_slice(pixels));
+        self.size = size;
+        Ok(())
+    }
+
+    /// Encodes the loss and its gradient to the image.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("loss"), ..Default::default() });
+        let [w, h] = self.size;
+        for (stage, direction) in &self.stages {
+            let runs = match direction {
+                Direction::Rows => w.div_ceil(4) * h,
+                Direction::Columns => w * h.div_ceil(4),
+            };
+            stage.dispatch(&mut pass, runs.div_ceil(64));
+        }
+        self.sums.dispatch(&mut pass, STRANDS as u32 / 64);
+    }
+
+    /// The value of the last loss that ran.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] if the device failed.
+    pub fn value(&self, gpu: &Gpu) -> Result<LossValue, RenderError> {
+        let sums: Vec<[f32; 2]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
+        let total = |i: usize| sums.iter().map(|s| f64::from(s[i])).sum();
+        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1) })
+    }
+}

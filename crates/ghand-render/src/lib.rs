@@ -1,0 +1,16 @@
+//! Differentiable Gaussian splatting, the avatar's pose pipeline, image losses and mesh rasterising on any wgpu device.
+//!
+//! Every stage is a WGSL file in `shaders/`, a host part of the same name here, and a plain-Rust twin in
+//! [`reference`] (or in `ghand-core`, where the stage is the method's own mathematics).
+
+pub mod buffers;
+pub mod device;
+pub mod image_loss;
+pub mod mesh;
+pub mod optimizer;
+pub mod pipeline;
+pub mod pose;
+pub mod reference;
+pub mod splat;
+
+pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};

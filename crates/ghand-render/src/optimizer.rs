@@ -1,0 +1,111 @@
+//! Host part of `adam.wgsl`: Adam on ranges of parameter tables, without leaving the device.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::pipeline::{Bound, Module, Stage, compose};
+use crate::{Gpu, buffers};
+
+/// See `shaders/adam.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct AdamUniforms {
+    /// How many parameters.
+    pub count: u32,
+    /// The first in the parameter table.
+    pub parameter_offset: u32,
+    /// The first in the gradient table.
+    pub gradient_offset: u32,
+    /// Step size.
+    pub learning_rate: f32,
+    /// Decay of the first moment.
+    pub beta_1: f32,
+    /// Decay of the second moment.
+    pub beta_2: f32,
+    /// Added to the root of the second moment.
+    pub epsilon: f32,
+    /// 1 / (1 - beta_1^step).
+    pub correction_1: f32,
+    /// 1 / (1 - beta_2^step).
+    pub correction_2: f32,
+    /// Unused.
+    pub padding: [u32; 3],
+}
+
+/// Decay of the first and second moment.
+pub const BETAS: [f64; 2] = [0.9, 0.999];
+/// Small enough for gradients of single Gaussians, which are about 1e-6.
+pub const EPSILON: f32 = 1e-15;
+
+impl AdamUniforms {
+    /// The uniforms of step number `step` (from 1) on a range.
+    pub fn new(range: std::ops::Range<usize>, gradient_offset: usize, learning_rate: f64, step: u64) -> AdamUniforms {
+        let correction = |beta: f64| (1.0 / (1.0 - beta.powf(step as f64))) as f32;
+        AdamUniforms {
+            count: range.len() as u32,
+            parameter_offset: range.start as u32,
+            gradient_offset: gradient_offset as u32,
+            learning_rate: learning_rate as f32,
+            beta_1: BETAS[0] as f32,
+            beta_2: BETAS[1] as f32,
+            epsilon: EPSILON,
+            correction_1: correction(BETAS[0]),
+            correction_2: correction(BETAS[1]),
+            padding: [0; 3],
+        }
+    }
+}
+
+/// The compiled Adam stage.
+pub struct Adam {
+    stage: Stage,
+}
+
+/// Adam bound to one parameter table; each range of the table that has its own learning rate is a slot.
+pub struct AdamTable {
+    /// Both moments of each parameter.
+    pub moments: wgpu::Buffer,
+    slots: Vec<(wgpu::Buffer, Bound)>,
+}
+
+impl Adam {
+    /// Compiles the stage.
+    pub fn new(gpu: &Gpu) -> Adam {
+        let source = compose(&[include_str!("../../../shaders/adam.wgsl")]);
+        Adam { stage: Module::new(gpu, "adam", &source).stage(gpu, "adam_step", &[]) }
+    }
+
+    /// Binds a table of `length` parameters with `slots` ranges. `counters` are a splatter's: no step is taken while its
+    /// frame is incomplete.
+    pub fn table(
+        &self,
+        gpu: &Gpu,
+        parameters: &wgpu::Buffer,
+        gradients: &wgpu::Buffer,
+        counters: &wgpu::Buffer,
+        length: usize,
+        slots: usize,
+    ) -> AdamTable {
+        let moments = buffers::zeroed(gpu, "moments", 2 * length);
+        let slots = (0..slots)
+            .map(|_| {
+                let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
+                let bound = self.stage.bind(
+                    gpu,
+                    &[(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)],
+                );
+                (uniforms, bound)
+            })
+            .collect();
+        AdamTable { moments, slots }
+    }
+}
+
+impl AdamTable {
+    /// Encodes a step of one slot. A slot may be encoded once a submission, since its uniforms are written at once.
+    pub fn encode(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, uniforms: &AdamUniforms) {
+        if let Some((buffer, bound)) = self.slots.get(slot) {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(uniforms));
+            bound.dispatch(pass, uniforms.count.div_ceil(64));
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! CPU twins of the GPU stages, in f64 and without tricks: what the shaders are held against.
+
+pub mod adam;
+pub mod bin;
+pub mod image_loss;
+pub mod mesh;
+pub mod project;
+pub mod rasterize;

@@ -1,0 +1,164 @@
+//! Twin of `image_loss.wgsl`, and the image metrics of the evaluation.
+
+/// Half width of the SSIM window.
+const RADIUS: usize = 5;
+const C1: f64 = 0.01 * 0.01;
+const C2: f64 = 0.03 * 0.03;
+
+/// A picture of three channels in 0..1, row-major.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width * height` colours.
+    pub rgb: Vec<[f64; 3]>,
+}
+
+fn window() -> [f64; 2 * RADIUS + 1] {
+    let raw: [f64; 2 * RADIUS + 1] = std::array::from_fn(|i| (-((i as f64 - RADIUS as f64) / 1.5).powi(2) / 2.0).exp());
+    let sum: f64 = raw.iter().sum();
+    raw.map(|w| w / sum)
+}
+
+/// Gaussian-window average of a picture-shaped array; outside counts as zero.
+fn blur(values: &[[f64; 3]], width: usize, height: usize) -> Vec<[f64; 3]> {
+    let weights = window();
+    let pass = |from: &[[f64; 3]], horizontal: bool| -> Vec<[f64; 3]> {
+        let mut to = vec![[0.0; 3]; from.len()];
+        for y in 0..height {
+            for x in 0..width {
+                let sum = &mut to[y * width + x];
+                for (j, w) in weights.iter().enumerate() {
+                    let (sx, sy) = if horizontal { (x + j, y + RADIUS) } else { (x + RADIUS, y + j) };
+                    if (RADIUS..width + RADIUS).contains(&sx) && (RADIUS..height + RADIUS).contains(&sy) {
+                        let value = from[(sy - RADIUS) * width + sx - RADIUS];
+                        (0..3).for_each(|c| sum[c] += w * value[c]);
+                    }
+                }
+            }
+        }
+        to
+    };
+    pass(&pass(values, true), false)
+}
+
+struct Ssim {
+    value: Vec<[f64; 3]>,
+    /// Derivatives of the value to the blurred x, x^2 and x y.
+    d: [Vec<[f64; 3]>; 3],
+}
+
+fn ssim_map(x: &Picture, y: &Picture) -> Ssim {
+    let (w, h) = (x.width, x.height);
+    let product = |a: &Picture, b: &Picture| -> Vec<[f64; 3]> {
+        let pixels = a.rgb.iter().zip(&b.rgb).map(|(a, b)| std::array::from_fn(|c| a[c] * b[c])).collect::<Vec<_>>();
+        blur(&pixels, w, h)
+    };
+    let (mean_x, mean_y) = (blur(&x.rgb, w, h), blur(&y.rgb, w, h));
+    let (xx, yy, xy) = (product(x, x), product(y, y), product(x, y));
+    let mut out = Ssim { value: vec![], d: [vec![], vec![], vec![]] };
+    for i in 0..w * h {
+        let mut value = [0.0; 3];
+        let mut d = [[0.0; 3]; 3];
+        for c in 0..3 {
+            let (mx, my) = (mean_x[i][c], mean_y[i][c]);
+            let n1 = 2.0 * mx * my + C1;
+            let n2 = 2.0 * (xy[i][c] - mx * my) + C2;
+            let d1 = mx * mx + my * my + C1;
+            let d2 = xx[i][c] - mx * mx + yy[i][c] - my * my + C2;
+            value[c] = n1 * n2 / (d1 * d2);
+            d[0][c] = 2.0 * my * (n2 - n1) / (d1 * d2) - 2.0 * mx * value[c] * (1.0 / d1 - 1.0 / d2);
+            d[1][c] = -value[c] / d2;
+            d[2][c] = 2.0 * n1 / (d1 * d2);
+        }
+        out.value.push(value);
+        (0..3).for_each(|k| out.d[k].push(d[k]));
+    }
+    out
+}
+
+/// Mean SSIM of two pictures of one size (11x11 Gaussian window, sigma 1.5, zeros outside), over pixels and channels.
+pub fn ssim(x: &Picture, y: &Picture) -> f64 {
+    let map = ssim_map(x, y).value;
+    map.iter().flatten().sum::<f64>() / (3 * map.len()) as f64
+}
+
+/// Peak signal-to-noise ratio in dB (peak 1) over the pixels that `counts`; infinite for equal pictures.
+pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
+    let (mut sum, mut n) = (0.0, 0usize);
+    for (i, (a, b)) in x.rgb.iter().zip(&y.rgb).enumerate() {
+        if counts(i) {
+            sum += (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();
+            n += 3;
+        }
+    }
+    -10.0 * (sum / n.max(1) as f64).log10()
+}
+
+/// `l1_weight * sum |x - y| + ssim_weight * sum (1 - SSIM)`, both times `inverse_count`, and its gradient to x.
+pub fn image_loss(
+    x: &Picture,
+    y: &Picture,
+    l1_weight: f64,
+    ssim_weight: f64,
+    inverse_count: f64,
+) -> (f64, Vec<[f64; 3]>) {
+    let map = ssim_map(x, y);
+    let mut value = 0.0;
+    for (i, s) in map.value.iter().enumerate() {
+        for c in 0..3 {
+            value += l1_weight * (x.rgb[i][c] - y.rgb[i][c]).abs() + ssim_weight * (1.0 - s[c]);
+        }
+    }
+    let d = map.d.map(|d| blur(&d, x.width, x.height));
+    let gradient = (0..x.rgb.len())
+        .map(|i| {
+            std::array::from_fn(|c| {
+                let (a, b) = (x.rgb[i][c], y.rgb[i][c]);
+                let sign = if a == b { 0.0 } else { (a - b).signum() };
+                let d_ssim = d[0][i][c] + 2.0 * a * d[1][i][c] + b * d[2][i][c];
+                inverse_count * (l1_weight * sign - ssim_weight * d_ssim)
+            })
+        })
+        .collect();
+    (value * inverse_count, gradient)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    fn random(seed: u64, width: usize, height: usize) -> Picture {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let rgb = (0..width * height).map(|_| std::array::from_fn(|_| rng.random_range(0.0..1.0))).collect();
+        Picture { width, height, rgb }
+    }
+
+    #[test]
+    fn equal_pictures_have_ssim_one_and_different_ones_less() {
+        let x = random(1, 19, 13);
+        assert!((ssim(&x, &x) - 1.0).abs() < 1e-12);
+        assert!(ssim(&x, &random(2, 19, 13)) < 0.5);
+        assert!(psnr(&x, &x, |_| true).is_infinite());
+    }
+
+    #[test]
+    fn the_gradient_agrees_with_central_differences() {
+        let (x, y) = (random(3, 9, 14), random(4, 9, 14));
+        let (_, gradient) = image_loss(&x, &y, 0.8, 0.2, 1.0 / 378.0);
+        for (i, d) in gradient.iter().enumerate() {
+            for c in 0..3 {
+                let shifted = |h: f64| {
+                    let mut other = x.clone();
+                    other.rgb[i][c] += h;
+                    image_loss(&other, &y, 0.8, 0.2, 1.0 / 378.0).0
+                };
+                let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
+                assert!((d[c] - numeric).abs() <= 1e-8, "pixel {i}: {} against {numeric}", d[c]);
+            }
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! The splatter: Gaussians in, an image out, and the gradient back.
+//!
+//! project + cull -> sort by depth -> count tiles -> prefix sum -> emit -> stable sort by tile -> tile ranges ->
+//! rasterise; backwards: rasterise_backward -> project_backward. Nothing is read back on the way: the intersection
+//! buffer has a capacity, the number that was wanted is left in a counter, and the caller grows and repeats.
+
+mod bin;
+mod frame;
+mod project;
+mod rasterize;
+mod sort;
+
+use bytemuck::{Pod, Zeroable};
+use ghand_core::Camera;
+
+use crate::{Gpu, RenderError, buffers};
+use frame::{Frame, FrameBuffers, Pipelines};
+
+/// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
+pub const TILE_SIZE: u32 = 8;
+/// Near plane, metres.
+pub const NEAR: f32 = 0.01;
+/// Rows of the table of Gaussians: mean (3), scale, colour (3).
+pub const GAUSSIAN_ROWS: usize = 7;
+
+/// Shader-side view, see `shaders/shared/camera.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct View {
+    /// First row of `camera_from_world` and its translation.
+    pub row_x: [f32; 4],
+    /// Second row.
+    pub row_y: [f32; 4],
+    /// Third row.
+    pub row_z: [f32; 4],
+    /// Focal lengths, pixels.
+    pub focal: [f32; 2],
+    /// Principal point, pixels.
+    pub principal: [f32; 2],
+    /// Background colour.
+    pub background: [f32; 4],
+    /// Image size, pixels.
+    pub size: [u32; 2],
+    /// Image size, tiles.
+    pub tiles: [u32; 2],
+    /// Lower bounds of x/z, y/z in the Jacobian.
+    pub slope_min: [f32; 2],
+    /// Upper bounds.
+    pub slope_max: [f32; 2],
+    /// N.
+    pub gaussian_count: u32,
+    /// How many intersections the buffers hold.
+    pub intersection_capacity: u32,
+    /// Near plane, metres.
+    pub near: f32,
+    /// Opacity of all Gaussians.
+    pub opacity: f32,
+}
+
+/// Shader-side splat, see `shaders/shared/gaussian.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Splat {
+    /// Centre, pixels.
+    pub mean: [f32; 2],
+    /// Camera z, metres.
+    pub depth: f32,
+    /// Opacity.
+    pub opacity: f32,
+    /// Inverse covariance xx, xy, yy, pixels^-2.
+    pub conic: [f32; 3],
+    /// Unused.
+    pub padding: f32,
+    /// Colour.
+    pub color: [f32; 3],
+    /// Unused.
+    pub padding_2: f32,
+}
+
+impl View {
+    /// The view of a camera for `count` Gaussians over a background.
+    pub fn new(camera: &Camera, count: usize, background: [f32; 3], opacity: f32) -> View {
+        let row = |i: usize| {
+            let r = camera.rotation.row(i);
+            [r.x as f32, r.y as f32, r.z as f32, camera.translation[i] as f32]
+        };
+        let size = glam::DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        // The field of view plus 15 % of the image on every side, as slopes.
+        let margin = 0.15 * size;
+        let slope_min = -(camera.principal + margin) / camera.focal;
+        let slope_max = (size - camera.principal + margin) / camera.focal;
+        let pair = |v: glam::DVec2| [v.x as f32, v.y as f32];
+        View {
+            row_x: row(0),
+            row_y: row(1),
+            row_z: row(2),
+            focal: pair(camera.focal),
+            principal: pair(camera.principal),
+            background: [background[0], background[1], background[2], 1.0],
+            size: [camera.width, camera.height],
+            tiles: [camera.width.div_ceil(TILE_SIZE), camera.height.div_ceil(TILE_SIZE)],
+            slope_min: pair(slope_min),
+            slope_max: pair(slope_max),
+            gaussian_count: count as u32,
+            intersection_capacity: 0,
+            near: NEAR,
+            opacity,
+        }
+    }
+}
+
+/// A rendered image on the host.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Row-major colour over the background and coverage, each in 0..1.
+    pub rgba: Vec<[f32; 4]>,
+}
+
+/// A splatter for a fixed number of Gaussians and any image up to a size.
+pub struct Splatter {
+    pipelines: Pipelines,
+    shared: Shared,
+    frame: Frame,
+    count: usize,
+    max_size: [u32; 2],
+    capacity: u32,
+    current: View,
+}
+
+/// Buffers that callers see and that live as long as the splatter.
+#[derive(Debug, Clone)]
+struct Shared {
+    view: wgpu::Buffer,
+    gaussians: wgpu::Buffer,
+    d_gaussians: wgpu::Buffer,
+    counters: wgpu::Buffer,
+    image: wgpu::Buffer,
+    d_image: wgpu::Buffer,
+}
+
+impl Splatter {
+    /// A splatter for the `count` Gaussians of `gaussians` (`[GAUSSIAN_ROWS][count]` floats), writing gradients to a
+    /// buffer of the same shape, for images of at most `max_size` pixels.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] for an image larger than the device takes.
+    pub fn new(gpu: &Gpu, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
+        let [width, height] = max_size;
+        let pixels = width as usize * height as usize;
+        // The loss keeps 80 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
+        if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
+            return Err(RenderError::Invalid(format!("an image of {width} x {height} pixels is not between 1 and 16384")));
+        }
+        let pipelines = Pipelines::new(gpu);
+        let current = View::zeroed();
+        let shared = Shared {
+            view: buffers::uniform(gpu, "view", &current),
+            gaussians: buffers::zeroed(gpu, "gaussians", GAUSSIAN_ROWS * count),
+            d_gaussians: buffers::zeroed(gpu, "d_gaussians", GAUSSIAN_ROWS * count),
+            counters: buffers::filled(gpu, "counters", &[count as u32, 0, 0, 0]),
+            image: buffers::zeroed(gpu, "image", 4 * pixels),
+            d_image: buffers::zeroed(gpu, "d_image", 4 * pixels),
+        };
+        // Hand Gaussians touch three to four tiles each; a view that needs more grows the buffer.
+        let capacity = (4 * count as u32).max(1024);
+        let frame = Frame::new(gpu, &pipelines, &FrameBuffers::new(gpu, &shared, count, max_size, capacity));
+        Ok(Splatter { pipelines, shared, frame, count, max_size, capacity, current })
+    }
+
+    /// The table of Gaussians, `[GAUSSIAN_ROWS][N]`: mean (world, metres), scale (metres), colour.
+    pub fn gaussians(&self) -> &wgpu::Buffer {
+        &self.shared.gaussians
+    }
+
+    /// dL/d(table of Gaussians), same shape.
+    pub fn d_gaussians(&self) -> &wgpu::Buffer {
+        &self.shared.d_gaussians
+    }
+
+    /// The image: one `vec4` a pixel, colour over the background and coverage.
+    pub fn image(&self) -> &wgpu::Buffer {
+        &self.shared.image
+    }
+
+    /// dL/d(image), to be filled before [`Splatter::backward`].
+    pub fn d_image(&self) -> &wgpu::Buffer {
+        &self.shared.d_image
+    }
+
+    /// The counters: Gaussians, intersections drawn, intersections wanted. More wanted than drawn means that the frame
+    /// is incomplete.
+    pub fn counters(&self) -> &wgpu::Buffer {
+        &self.shared.counters
+    }
+
+    /// How many Gaussians.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// How many intersections fit.
+    pub fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// Sets the view of the frames encoded from now on.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the image is larger than the splatter was made for.
+    pub fn set_view(&mut self, gpu: &Gpu, view: View) -> Result<(), RenderError> {
+        let [w, h] = view.size;
+        if w == 0 || h == 0 || w > self.max_size[0] || h > self.max_size[1] {
+            let [max_w, max_h] = self.max_size;
+            return Err(RenderError::Invalid(format!("an image of {w} x {h} pixels, the splatter is for {max_w} x {max_h}")));
+        }
+        self.current = View { intersection_capacity: self.capacity, gaussian_count: self.count as u32, ..view };
+        gpu.queue.write_buffer(&self.shared.view, 0, bytemuck::bytes_of(&self.current));
+        Ok(())
+    }
+
+    /// Encodes the forward pass: table of Gaussians to image.
+    pub fn forward(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.frame.bin.clear(encoder);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
+        self.frame.project.forward(&mut pass);
+        self.frame.depth_sort.encode(&mut pass);
+        self.frame.bin.emit(&mut pass);
+        self.frame.tile_sort.encode(&mut pass);
+        self.frame.bin.find_ranges(&mut pass, self.capacity);
+        self.frame.rasterize.forward(&mut pass, self.current.tiles);
+    }
+
+    /// Encodes the backward pass: dL/d(image) to dL/d(table of Gaussians). The forward pass of the same view must have
+    /// been encoded before.
+    pub fn backward(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.frame.rasterize.clear(encoder);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
+        self.frame.rasterize.backward(&mut pass, self.current.tiles);
+        self.frame.project.backward(&mut pass);
+    }
+
+    /// Whether the last frame was complete; if not, the buffers are grown and the frame must be encoded again.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or cannot hold that many intersections.
+    pub fn complete(&mut self, gpu: &Gpu) -> Result<bool, RenderError> {
+        let counters: Vec<u32> = buffers::read(gpu, &self.shared.counters, 3)?;
+        self.complete_for(gpu, counters[2])
+    }
+
+    /// As [`Splatter::complete`], with the wanted number of intersections already read from the counters.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the device cannot hold that many intersections.
+    pub fn complete_for(&mut self, gpu: &Gpu, wanted: u32) -> Result<bool, RenderError> {
+        if wanted <= self.capacity {
+            return Ok(true);
+        }
+        let limit = gpu.device.limits().max_storage_buffer_binding_size / rasterize::GRADIENT_BYTES_PER_SLOT;
+        let limit = u32::try_from(limit).unwrap_or(u32::MAX);
+        if wanted > limit {
+            return Err(RenderError::Invalid(format!(
+                "the view needs {wanted} tile intersections and the device can hold {limit}; use fewer or smaller Gaussians or a smaller image"
+            )));
+        }
+        self.capacity = (wanted + wanted / 2).min(limit);
+        let buffers = FrameBuffers::new(gpu, &self.shared, self.count, self.max_size, self.capacity);
+        self.frame = Frame::new(gpu, &self.pipelines, &buffers);
+        self.set_view(gpu, self.current)?;
+        Ok(false)
+    }
+
+    /// Renders the current view of the current table and waits for the image.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or ran out of memory.
+    pub fn render(&mut self, gpu: &Gpu) -> Result<Image, RenderError> {
+        loop {
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            self.forward(&mut encoder);
+            gpu.queue.submit([encoder.finish()]);
+            if self.complete(gpu)? {
+                let [width, height] = self.current.size;
+                let rgba = buffers::read(gpu, &self.shared.image, width as usize * height as usize)?;
+                return Ok(Image { width, height, rgba });
+            }
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Host part of `bin.wgsl`: which Gaussians each tile draws, in order.
+
+use super::frame::FrameBuffers;
+use super::sort;
+use crate::Gpu;
+use crate::pipeline::{Bound, Module, Stage, compose};
+
+/// Index in the counters of the number of intersections wanted, as in `bin.wgsl`.
+const COUNTER_WANTED: u32 = 2;
+
+pub struct Pipelines {
+    count_tiles: Stage,
+    limit_intersections: Stage,
+    emit_intersections: Stage,
+    find_tile_ranges: Stage,
+}
+
+impl Pipelines {
+    pub fn new(gpu: &Gpu) -> Pipelines {
+        let camera = include_str!("../../../../shaders/shared/camera.wgsl");
+        let bin = Module::new(gpu, "bin", &compose(&[camera, include_str!("../../../../shaders/bin.wgsl")]));
+        Pipelines {
+            count_tiles: bin.stage(gpu, "count_tiles", &[]),
+            limit_intersections: bin.stage(gpu, "limit_intersections", &[]),
+            emit_intersections: bin.stage(gpu, "emit_intersections", &[]),
+            find_tile_ranges: bin.stage(gpu, "find_tile_ranges", &[]),
+        }
+    }
+}
+
+pub struct Stages {
+    count_tiles: Bound,
+    scan: sort::Scan,
+    limit_intersections: Bound,
+    emit_intersections: Bound,
+    find_tile_ranges: Bound,
+    tile_ranges: wgpu::Buffer,
+    gaussian_groups: u32,
+}
+
+impl Stages {
+    pub fn new(
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        sort: &sort::Pipelines,
+        b: &FrameBuffers,
+        depth_sort: &sort::Stages,
+        tile_sort: &sort::Stages,
+    ) -> Stages {
+        let (view, counters) = (&b.shared.view, &b.shared.counters);
+        let depth_order = &b.depth_order[depth_sort.sorted()];
+        let sorted = tile_sort.sorted();
+        Stages {
+            count_tiles: pipelines
+                .count_tiles
+                .bind(gpu, &[(0, view), (1, &b.tile_rects), (2, depth_order), (3, &b.slot_offsets)]),
+            scan: sort.scan(gpu, &b.slot_offsets, b.count as u32, counters, COUNTER_WANTED),
+            limit_intersections: pipelines.limit_intersections.bind(gpu, &[(0, view), (4, counters)]),
+            emit_intersections: pipelines.emit_intersections.bind(
+                gpu,
+                &[
+                    (0, view),
+                    (1, &b.tile_rects),
+                    (2, depth_order),
+                    (3, &b.slot_offsets),
+                    (5, &b.slot_ranges),
+                    (6, &b.tile_keys[0]),
+                    (7, &b.slots[0]),
+                    (8, &b.slot_gaussians),
+                ],
+            ),
+            find_tile_ranges: pipelines.find_tile_ranges.bind(
+                gpu,
+                &[
+                    (4, counters),
+                    (6, &b.tile_keys[sorted]),
+                    (7, &b.slots[sorted]),
+                    (8, &b.slot_gaussians),
+                    (9, &b.entries),
+                    (10, &b.tile_ranges),
+                ],
+            ),
+            tile_ranges: b.tile_ranges.clone(),
+            gaussian_groups: (b.count as u32).div_ceil(64),
+        }
+    }
+
+    /// Empties all tiles.
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.clear_buffer(&self.tile_ranges, 0, None);
+    }
+
+    /// After the depth sort: the intersections, unsorted.
+    pub fn emit(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.count_tiles.dispatch(pass, self.gaussian_groups);
+        self.scan.encode(pass);
+        self.limit_intersections.dispatch(pass, 1);
+        self.emit_intersections.dispatch(pass, self.gaussian_groups);
+    }
+
+    /// After the tile sort: entries and ranges.
+    pub fn find_ranges(&self, pass: &mut wgpu::ComputePass<'_>, capacity: u32) {
+        self.find_tile_ranges.dispatch(pass, capacity.div_ceil(64));
+    }
+}

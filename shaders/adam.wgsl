@@ -1,0 +1,41 @@
+// One Adam step on a range of a parameter table. CPU twin: `ghand_render::reference::adam`.
+
+struct AdamUniforms {
+    count: u32,
+    parameter_offset: u32,
+    gradient_offset: u32,
+    learning_rate: f32,
+    beta_1: f32,
+    beta_2: f32,
+    epsilon: f32,
+    // 1 / (1 - beta^step), for both moments.
+    correction_1: f32,
+    correction_2: f32,
+    padding_1: u32,
+    padding_2: u32,
+    padding_3: u32,
+}
+
+@group(0) @binding(0) var<uniform> adam: AdamUniforms;
+@group(0) @binding(1) var<storage, read_write> parameters: array<f32>;
+@group(0) @binding(2) var<storage, read> gradients: array<f32>;
+// First and second moment of each parameter.
+@group(0) @binding(3) var<storage, read_write> moments: array<vec2<f32>>;
+// The splatter's counters: intersections drawn (1) and wanted (2).
+@group(0) @binding(4) var<storage, read> counters: array<u32>;
+
+@compute @workgroup_size(64)
+fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+             @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local, 64u);
+    // The gradient of an incomplete frame is wrong: leave everything as it is, the host repeats the step.
+    if i >= adam.count || counters[2] > counters[1] {
+        return;
+    }
+    let at = adam.parameter_offset + i;
+    let gradient = gradients[adam.gradient_offset + i];
+    let m = mix(gradient, moments[at].x, adam.beta_1);
+    let v = mix(gradient * gradient, moments[at].y, adam.beta_2);
+    moments[at] = vec2(m, v);
+    parameters[at] -= adam.learning_rate * (m * adam.correction_1) / (sqrt(v * adam.correction_2) + adam.epsilon);
+}

@@ -1,0 +1,82 @@
+// Lists the Gaussians of every tile, front to back. Gaussians come sorted by depth; each emits one intersection for
+// every tile of its rectangle into consecutive slots, and a stable sort by tile keeps the depth order within a tile.
+
+const COUNTER_INTERSECTIONS: u32 = 1u;
+const COUNTER_WANTED: u32 = 2u;
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> tile_rects: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> depth_order: array<u32>;
+// By rank: how many tiles; after the scan: the first slot.
+@group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>;
+@group(0) @binding(4) var<storage, read_write> counters: array<u32>;
+// By Gaussian: first slot and one past the last.
+@group(0) @binding(5) var<storage, read_write> slot_ranges: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> tile_keys: array<u32>;
+@group(0) @binding(7) var<storage, read_write> slots: array<u32>;
+@group(0) @binding(8) var<storage, read_write> slot_gaussians: array<u32>;
+@group(0) @binding(9) var<storage, read_write> entries: array<vec2<u32>>;
+@group(0) @binding(10) var<storage, read_write> tile_ranges: array<vec2<u32>>;
+
+fn tile_count(rect: vec2<u32>) -> u32 {
+    return ((rect.y & 0xffffu) - (rect.x & 0xffffu)) * ((rect.y >> 16u) - (rect.x >> 16u));
+}
+
+@compute @workgroup_size(64)
+fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+               @builtin(local_invocation_index) local: u32) {
+    let rank = flat_index(group, groups, local, 64u);
+    if rank < view.gaussian_count {
+        slot_offsets[rank] = tile_count(tile_rects[depth_order[rank]]);
+    }
+}
+
+// After the scan: how many intersections there are and how many fit.
+@compute @workgroup_size(1)
+fn limit_intersections() {
+    counters[COUNTER_INTERSECTIONS] = min(counters[COUNTER_WANTED], view.intersection_capacity);
+}
+
+@compute @workgroup_size(64)
+fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                      @builtin(local_invocation_index) local: u32) {
+    let rank = flat_index(group, groups, local, 64u);
+    if rank >= view.gaussian_count {
+        return;
+    }
+    let gaussian = depth_order[rank];
+    let rect = tile_rects[gaussian];
+    var slot = slot_offsets[rank];
+    slot_ranges[gaussian] = min(vec2(slot, slot + tile_count(rect)), vec2(view.intersection_capacity));
+    for (var y = rect.x >> 16u; y < (rect.y >> 16u); y++) {
+        for (var x = rect.x & 0xffffu; x < (rect.y & 0xffffu); x++) {
+            if slot < view.intersection_capacity {
+                tile_keys[slot] = y * view.tiles.x + x;
+                slots[slot] = slot;
+                slot_gaussians[slot] = gaussian;
+            }
+            slot++;
+        }
+    }
+}
+
+// After the sort: the entries (Gaussian, slot) in drawing order and the range of each tile. Tiles without entries keep
+// the empty range that they were cleared to.
+@compute @workgroup_size(64)
+fn find_tile_ranges(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                    @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local, 64u);
+    let count = counters[COUNTER_INTERSECTIONS];
+    if i >= count {
+        return;
+    }
+    let slot = slots[i];
+    entries[i] = vec2(slot_gaussians[slot], slot);
+    let tile = tile_keys[i];
+    if i == 0u || tile_keys[i - 1u] != tile {
+        tile_ranges[tile].x = i;
+    }
+    if i + 1u == count || tile_keys[i + 1u] != tile {
+        tile_ranges[tile].y = i + 1u;
+    }
+}

@@ -1,0 +1,54 @@
+// Exclusive prefix sum over an array, in three passes over STRANDS contiguous pieces. Each piece is summed by one
+// invocation in order, so nothing depends on scheduling and no workgroup memory is needed.
+
+struct ScanUniforms {
+    length: u32,
+    // Where the grand total goes in `totals`.
+    total_index: u32,
+    padding: vec2<u32>,
+}
+
+const STRANDS: u32 = 1024u;
+
+@group(0) @binding(0) var<uniform> scan: ScanUniforms;
+@group(0) @binding(1) var<storage, read_write> values: array<u32>;
+@group(0) @binding(2) var<storage, read_write> strand_sums: array<u32>;
+@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
+
+fn strand_length() -> u32 {
+    return (scan.length + STRANDS - 1u) / STRANDS;
+}
+
+@compute @workgroup_size(64)
+fn scan_sums(@builtin(global_invocation_id) id: vec3<u32>) {
+    let start = min(id.x * strand_length(), scan.length);
+    let end = min(start + strand_length(), scan.length);
+    var sum = 0u;
+    for (var i = start; i < end; i++) {
+        sum += values[i];
+    }
+    strand_sums[id.x] = sum;
+}
+
+@compute @workgroup_size(1)
+fn scan_strands() {
+    var sum = 0u;
+    for (var s = 0u; s < STRANDS; s++) {
+        let here = strand_sums[s];
+        strand_sums[s] = sum;
+        sum += here;
+    }
+    totals[scan.total_index] = sum;
+}
+
+@compute @workgroup_size(64)
+fn scan_apply(@builtin(global_invocation_id) id: vec3<u32>) {
+    let start = min(id.x * strand_length(), scan.length);
+    let end = min(start + strand_length(), scan.length);
+    var sum = strand_sums[id.x];
+    for (var i = start; i < end; i++) {
+        let here = values[i];
+        values[i] = sum;
+        sum += here;
+    }
+}
