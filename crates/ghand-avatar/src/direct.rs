@@ -84,6 +84,17 @@ impl DirectTables {
     }
 }
 
+impl DirectTables {
+    /// Sets the base colour of each Gaussian (display values 0..1), as many as there are.
+    pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
+        let count = colors.len();
+        for channel in 0..3 {
+            let row = self.appearance.iter_mut().skip((1 + channel) * count);
+            row.zip(colors).for_each(|(slot, color)| *slot = logit((color[channel] as f32).clamp(0.01, 0.99)));
+        }
+    }
+}
+
 /// See `shaders/pose_response.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -181,13 +192,17 @@ impl DirectBuffers {
     }
 }
 
-fn module(gpu: &Gpu) -> Module {
-    let source = compose(&[
+/// The WGSL of the model's stages, as the device gets it.
+pub fn shader_source() -> String {
+    compose(&[
         include_str!("../../../shaders/shared/pose.wgsl"),
         include_str!("../../../shaders/shared/gaussian_rows.wgsl"),
         include_str!("../../../shaders/pose_response.wgsl"),
-    ]);
-    Module::new(gpu, "pose_response", &source)
+    ])
+}
+
+fn module(gpu: &Gpu) -> Module {
+    Module::new(gpu, "pose_response", &shader_source())
 }
 
 /// Forward stages: pose to coefficients, scales and colours.

@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module, compose};
-use crate::{Gpu, RenderError, buffers};
+use crate::pipeline::{Bound, Module};
+use crate::{Gpu, RenderError, buffers, shader_sources};
 
 /// Strands of the value's sum, as in the shader.
 const STRANDS: usize = 256;
@@ -53,7 +53,7 @@ enum Direction {
 impl ImageLoss {
     /// A loss that reads `image` and writes `d_image` (one `vec4` a pixel each) for images of at most `max_pixels`.
     pub fn new(gpu: &Gpu, image: &wgpu::Buffer, d_image: &wgpu::Buffer, max_pixels: usize) -> ImageLoss {
-        let module = Module::new(gpu, "image_loss", &compose(&[include_str!("../../../shaders/image_loss.wgsl")]));
+        let module = Module::new(gpu, "image_loss", &shader_sources::image_loss());
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
         let rows = buffers::zeroed(gpu, "loss rows", 5 * 4 * max_pixels);

@@ -11,6 +11,7 @@ pub mod optimizer;
 pub mod pipeline;
 pub mod pose;
 pub mod reference;
+pub mod shader_sources;
 pub mod splat;
 
 pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};

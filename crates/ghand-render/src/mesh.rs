@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use wgpu::util::DeviceExt;
 
 use crate::device::Gpu;
+use crate::shader_sources;
 
 /// Triangles nearer to the camera than this are cut, metres (the near plane of the splatter).
 pub const NEAR_PLANE: f64 = 0.01;
@@ -217,7 +218,7 @@ impl MeshRenderer {
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("mesh"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("../../../shaders/mesh.wgsl").into()),
+            source: wgpu::ShaderSource::Wgsl(shader_sources::mesh().into()),
         });
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32];
         let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });

@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module, Stage, compose};
-use crate::{Gpu, buffers};
+use crate::pipeline::{Bound, Module, Stage};
+use crate::{Gpu, buffers, shader_sources};
 
 /// See `shaders/adam.wgsl`.
 #[repr(C)]
@@ -28,7 +28,11 @@ pub struct AdamUniforms {
     /// 1 / (1 - beta_2^step).
     pub correction_2: f32,
     /// Unused.
-    pub padding: [u32; 3],
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
+    /// Unused.
+    pub padding_3: u32,
 }
 
 /// Decay of the first and second moment.
@@ -50,7 +54,9 @@ impl AdamUniforms {
             epsilon: EPSILON,
             correction_1: correction(BETAS[0]),
             correction_2: correction(BETAS[1]),
-            padding: [0; 3],
+            padding_1: 0,
+            padding_2: 0,
+            padding_3: 0,
         }
     }
 }
@@ -70,8 +76,7 @@ pub struct AdamTable {
 impl Adam {
     /// Compiles the stage.
     pub fn new(gpu: &Gpu) -> Adam {
-        let source = compose(&[include_str!("../../../shaders/adam.wgsl")]);
-        Adam { stage: Module::new(gpu, "adam", &source).stage(gpu, "adam_step", &[]) }
+        Adam { stage: Module::new(gpu, "adam", &shader_sources::adam()).stage(gpu, "adam_step", &[]) }
     }
 
     /// Binds a table of `length` parameters with `slots` ranges. `counters` are a splatter's: no step is taken while its

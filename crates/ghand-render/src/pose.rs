@@ -5,8 +5,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module, compose};
-use crate::{Gpu, buffers};
+use crate::pipeline::{Bound, Module};
+use crate::{Gpu, buffers, shader_sources};
 
 /// Floats of one joint in a chain, as in `shaders/shared/pose.wgsl`.
 const CHAIN_STRIDE: usize = 33;
@@ -100,10 +100,6 @@ pub struct PosePipeline {
     skin: Bound,
 }
 
-const POSE: &str = include_str!("../../../shaders/shared/pose.wgsl");
-const ROTATION: &str = include_str!("../../../shaders/shared/rotation.wgsl");
-const BONES: &str = include_str!("../../../shaders/shared/bones.wgsl");
-
 fn groups(count: u32) -> u32 {
     count.div_ceil(64)
 }
@@ -134,14 +130,11 @@ impl PosePipeline {
         let residual_chain = buffers::zeroed(gpu, "residual chain", CHAIN_STRIDE * joint_count);
         let offsets = buffers::zeroed(gpu, "offsets", OFFSET_ROWS * count);
 
-        let skeleton = compose(&[POSE, ROTATION, include_str!("../../../shaders/skeleton.wgsl")]);
-        let skeleton = Module::new(gpu, "skeleton", &skeleton).stage(gpu, "skeleton", &[]);
-        let blend = compose(&[POSE, include_str!("../../../shaders/blend_shapes.wgsl")]);
-        let blend = Module::new(gpu, "blend_shapes", &blend).stage(gpu, "blend_shapes", &[]);
-        let residual = compose(&[POSE, include_str!("../../../shaders/residual_skeleton.wgsl")]);
-        let residual = Module::new(gpu, "residual_skeleton", &residual).stage(gpu, "place_residual_joints", &[]);
-        let skin = compose(&[POSE, BONES, include_str!("../../../shaders/skin.wgsl")]);
-        let skin = Module::new(gpu, "skin", &skin).stage(gpu, "skin", &[]);
+        let skeleton = Module::new(gpu, "skeleton", &shader_sources::skeleton()).stage(gpu, "skeleton", &[]);
+        let blend = Module::new(gpu, "blend_shapes", &shader_sources::blend_shapes()).stage(gpu, "blend_shapes", &[]);
+        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton())
+            .stage(gpu, "place_residual_joints", &[]);
+        let skin = Module::new(gpu, "skin", &shader_sources::skin()).stage(gpu, "skin", &[]);
         let regress = JointSums::new(gpu, &properties.regressor, joint_count, &offsets, 0, 3, count);
         PosePipeline {
             skeleton: skeleton.bind(gpu, &[(0, &uniforms), (1, &poses), (2, &parents), (3, &joints), (4, &chain)]),
@@ -274,15 +267,12 @@ impl PoseBackward {
         let d_joints = buffers::zeroed(gpu, "d_joints", 3 * joints);
         let d_residual_joints = buffers::zeroed(gpu, "d_residual_joints", 3 * joints);
 
-        let skin = compose(&[POSE, BONES, include_str!("../../../shaders/skin_backward.wgsl")]);
-        let skin = Module::new(gpu, "skin_backward", &skin).stage(gpu, "skin_backward", &[]);
-        let skeleton = compose(&[POSE, ROTATION, include_str!("../../../shaders/skeleton_backward.wgsl")]);
-        let skeleton = Module::new(gpu, "skeleton_backward", &skeleton);
-        let residual = compose(&[POSE, include_str!("../../../shaders/residual_skeleton.wgsl")]);
-        let residual =
-            Module::new(gpu, "residual_skeleton", &residual).stage(gpu, "residual_joints_backward", &[]);
-        let blend = compose(&[POSE, include_str!("../../../shaders/blend_shapes.wgsl")]);
-        let blend = Module::new(gpu, "blend_shapes", &blend).stage(gpu, "blend_shapes_backward", &[]);
+        let skin = Module::new(gpu, "skin_backward", &shader_sources::skin_backward()).stage(gpu, "skin_backward", &[]);
+        let skeleton = Module::new(gpu, "skeleton_backward", &shader_sources::skeleton_backward());
+        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton())
+            .stage(gpu, "residual_joints_backward", &[]);
+        let blend =
+            Module::new(gpu, "blend_shapes", &shader_sources::blend_shapes()).stage(gpu, "blend_shapes_backward", &[]);
         let uniforms = &forward.uniforms;
         let residual_bone_sums =
             JointSums::new(gpu, &properties.residual_weights, joints, &d_skin, ROW_MOMENT, 12, count);
@@ -416,7 +406,7 @@ impl JointSums {
         right_rows: usize,
         count: usize,
     ) -> JointSums {
-        let module = Module::new(gpu, "joint_sums", include_str!("../../../shaders/joint_sums.wgsl"));
+        let module = Module::new(gpu, "joint_sums", shader_sources::joint_sums());
         let sizes = SumUniforms {
             count: count as u32,
             left_rows: left_rows as u32,

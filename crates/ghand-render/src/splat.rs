@@ -15,6 +15,7 @@ use ghand_core::Camera;
 
 use crate::{Gpu, RenderError, buffers};
 use frame::{Frame, FrameBuffers, Pipelines};
+pub use sort::{ScanUniforms, SortUniforms};
 
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
 pub const TILE_SIZE: u32 = 8;

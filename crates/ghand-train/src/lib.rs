@@ -1,1 +1,16 @@
-//! stub
+//! Training of hand avatars: settings, the training step, evaluation against held-out views, the floor to beat, and the
+//! report.
+
+pub mod evaluate;
+pub mod floor;
+pub mod metrics;
+pub mod report;
+pub mod settings;
+pub mod step;
+pub mod synthetic_scene;
+pub mod trainer;
+pub mod views;
+
+pub use evaluate::{Evaluation, evaluate};
+pub use settings::{SettingsError, TrainSettings};
+pub use trainer::{Progress, TrainError, Trained, Trainer};

@@ -1,1 +1,29 @@
-fn main(){}
+//! `ghand`: work with avatars from the command line.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use ghand_app::cli::{self, AdapterArgs};
+use ghand_app::commands::render;
+
+/// Work with animatable hand avatars
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    adapter: AdapterArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render an avatar to PNG files
+    Render(render::RenderArgs),
+}
+
+fn main() -> ExitCode {
+    cli::run(|arguments: Arguments| match &arguments.command {
+        Command::Render(args) => render::run(args, &arguments.adapter),
+    })
+}

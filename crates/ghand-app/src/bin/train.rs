@@ -1,1 +1,194 @@
-fn main(){}
+//! `train`: a capture in, an avatar out.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::Parser;
+use ghand_avatar::file::write_atomically;
+use ghand_data::Capture;
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::evaluate::{EvaluatedView, FloorMetrics, Metrics, PoseError, evaluate};
+use ghand_train::floor::Floor;
+use ghand_train::metrics::pose_error_degrees;
+use ghand_train::report::report;
+use ghand_train::synthetic_scene::make_capture;
+use ghand_train::trainer::moving_joints;
+use ghand_train::{TrainSettings, Trained, Trainer};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Train a hand avatar from a capture. Without a capture, a small synthetic one is made first.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Folder of a capture, or its capture.json.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    /// Split to train on.
+    #[arg(long, default_value = "train")]
+    split: String,
+    /// Split to evaluate on.
+    #[arg(long, default_value = "test")]
+    test_split: String,
+    /// Folder for avatar.ghand, metrics.json and report.png.
+    #[arg(long, default_value = "out/train")]
+    out: PathBuf,
+    /// Seed of everything random; the same seed on the same device gives the same avatar, byte for byte.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Graphics adapter: a part of its name, `cpu` or `gpu`.
+    #[arg(long)]
+    adapter: Option<String>,
+}
+
+fn main() -> ExitCode {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("off")).init();
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// How many views of the test split the report shows.
+const REPORT_VIEWS: usize = 5;
+/// Views that the floor's colours are averaged over.
+const FLOOR_VIEWS: usize = 200;
+
+fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let mut settings = TrainSettings::default();
+    for assignment in &arguments.set {
+        settings.set(assignment)?;
+    }
+    if let Some(seed) = arguments.seed {
+        settings.seed = seed;
+    }
+    let choice = arguments.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse);
+    let gpu = Gpu::new(&choice)?;
+    println!("adapter: {}", gpu.info.name);
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("{}: cannot make the output folder", arguments.out.display()))?;
+
+    let capture = match &arguments.capture {
+        Some(path) => Capture::open(path)?,
+        None => demo_capture(&gpu, &arguments.out)?,
+    };
+    // A test split that is not there should fail before the training, not after it.
+    capture.split(&arguments.test_split)?;
+    let train_split = capture.split(&arguments.split)?.clone();
+    let trainer = Trainer::new(&gpu, &capture, &arguments.split, &settings)?;
+    let gaussians = trainer.gaussians();
+    println!(
+        "training: {} cameras, {} frames, {gaussians} Gaussians, {} iterations",
+        train_split.cameras.len(),
+        train_split.frames.len(),
+        settings.iterations
+    );
+    let trained = train(trainer, settings.iterations)?;
+    let avatar_path = arguments.out.join("avatar.ghand");
+    trained.avatar.save(&avatar_path)?;
+
+    let floor = Floor::new(&gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
+    let test = capture.split(&arguments.test_split)?;
+    let total = test.cameras.len() * test.frames.len();
+    let mut shown: Vec<EvaluatedView> = Vec::new();
+    let mut index = 0;
+    let evaluation = evaluate(&gpu, &trained.avatar, &capture, &arguments.test_split, &floor, |view| {
+        // Evenly over the frames, a different camera each time.
+        let rows = REPORT_VIEWS.min(total);
+        if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
+            shown.push(view);
+        }
+        index += 1;
+    })?;
+    let report_path = arguments.out.join("report.png");
+    save_png(&report(&shown), &report_path)?;
+    let floor = evaluation.floor;
+    let metrics = Metrics {
+        split: arguments.test_split.clone(),
+        frames: evaluation.views,
+        psnr: evaluation.avatar.psnr,
+        psnr_hand: evaluation.avatar.psnr_hand,
+        ssim: evaluation.avatar.ssim,
+        floor: FloorMetrics { psnr: floor.psnr, psnr_hand: floor.psnr_hand, ssim: floor.ssim },
+        pose_error_deg: pose_error(&capture, &train_split.frames, &trained),
+        seconds: trained.seconds,
+        iterations: settings.iterations,
+        gaussians,
+    };
+    let text = serde_json::to_string_pretty(&metrics)?;
+    let metrics_path = arguments.out.join("metrics.json");
+    write_atomically(&metrics_path, text.as_bytes())
+        .with_context(|| format!("{}: cannot write", metrics_path.display()))?;
+    print_table(&metrics);
+    println!("avatar: {}\nreport: {}", avatar_path.display(), report_path.display());
+    Ok(())
+}
+
+/// The synthetic capture of runs without one: made once, in the output folder.
+fn demo_capture(gpu: &Gpu, out: &Path) -> anyhow::Result<Capture> {
+    let folder = out.join("capture");
+    if !folder.join("capture.json").exists() {
+        println!("making a synthetic capture in {}", folder.display());
+        make_capture(gpu, &SyntheticOptions::default(), &folder)?;
+    }
+    Ok(Capture::open(&folder)?)
+}
+
+fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {
+    let bar = ProgressBar::new(iterations);
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed} (left {eta})")?);
+    let trained = trainer.train(|p| {
+        bar.set_position(p.iteration);
+        if let Some(l1) = p.l1 {
+            bar.set_message(format!("stage {} L1 {l1:.4}", p.stage));
+        }
+    })?;
+    bar.finish_and_clear();
+    Ok(trained)
+}
+
+/// Joint-angle errors of the capture's and the refined training poses, where the truth of all of them is known.
+fn pose_error(capture: &Capture, frames: &[usize], trained: &Trained) -> Option<PoseError> {
+    let truth = capture.truth.as_ref()?;
+    let truth: Option<Vec<_>> = frames.iter().map(|f| truth.get(*f)?.clone()).collect();
+    let truth = truth?;
+    let given: Vec<_> = frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
+    let counts = moving_joints(&given);
+    Some(PoseError {
+        before: pose_error_degrees(&given, &truth, &counts),
+        after: pose_error_degrees(&trained.poses, &truth, &counts),
+    })
+}
+
+fn save_png(picture: &image::RgbImage, path: &Path) -> anyhow::Result<()> {
+    let mut bytes = Vec::new();
+    picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png)?;
+    if bytes.is_empty() {
+        bail!("{}: the picture came out empty", path.display());
+    }
+    write_atomically(path, &bytes).with_context(|| format!("{}: cannot write", path.display()))
+}
+
+fn print_table(m: &Metrics) {
+    println!("\n{} images of split `{}` (new poses, new views)", m.frames, m.split);
+    println!("            PSNR   PSNR on the hand   SSIM");
+    println!("  floor    {:6.2}      {:6.2}         {:.4}", m.floor.psnr, m.floor.psnr_hand, m.floor.ssim);
+    println!("  avatar   {:6.2}      {:6.2}         {:.4}", m.psnr, m.psnr_hand, m.ssim);
+    println!(
+        "  gain     {:+6.2}      {:+6.2}         {:+.4}",
+        m.psnr - m.floor.psnr,
+        m.psnr_hand - m.floor.psnr_hand,
+        m.ssim - m.floor.ssim
+    );
+    if let Some(e) = m.pose_error_deg {
+        println!("pose error: {:.2} degrees given, {:.2} refined", e.before, e.after);
+    }
+    println!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
+}

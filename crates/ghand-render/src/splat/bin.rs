@@ -2,8 +2,8 @@
 
 use super::frame::FrameBuffers;
 use super::sort;
-use crate::Gpu;
-use crate::pipeline::{Bound, Module, Stage, compose};
+use crate::pipeline::{Bound, Module, Stage};
+use crate::{Gpu, shader_sources};
 
 /// Index in the counters of the number of intersections wanted, as in `bin.wgsl`.
 const COUNTER_WANTED: u32 = 2;
@@ -17,8 +17,7 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        let camera = include_str!("../../../../shaders/shared/camera.wgsl");
-        let bin = Module::new(gpu, "bin", &compose(&[camera, include_str!("../../../../shaders/bin.wgsl")]));
+        let bin = Module::new(gpu, "bin", &shader_sources::bin());
         Pipelines {
             count_tiles: bin.stage(gpu, "count_tiles", &[]),
             limit_intersections: bin.stage(gpu, "limit_intersections", &[]),

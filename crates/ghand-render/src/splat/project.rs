@@ -1,12 +1,8 @@
 //! Host part of `project.wgsl` and `project_backward.wgsl`.
 
 use super::frame::FrameBuffers;
-use crate::Gpu;
-use crate::pipeline::{Bound, Module, Stage, compose};
-
-const CAMERA: &str = include_str!("../../../../shaders/shared/camera.wgsl");
-const ROWS: &str = include_str!("../../../../shaders/shared/gaussian_rows.wgsl");
-const GAUSSIAN: &str = include_str!("../../../../shaders/shared/gaussian.wgsl");
+use crate::pipeline::{Bound, Module, Stage};
+use crate::{Gpu, shader_sources};
 
 pub struct Pipelines {
     project: Stage,
@@ -15,8 +11,7 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        let forward = compose(&[CAMERA, ROWS, GAUSSIAN, include_str!("../../../../shaders/project.wgsl")]);
-        let backward = compose(&[CAMERA, ROWS, GAUSSIAN, include_str!("../../../../shaders/project_backward.wgsl")]);
+        let (forward, backward) = (shader_sources::project(), shader_sources::project_backward());
         Pipelines {
             project: Module::new(gpu, "project", &forward).stage(gpu, "project", &[]),
             project_backward: Module::new(gpu, "project_backward", &backward).stage(gpu, "project_backward", &[]),

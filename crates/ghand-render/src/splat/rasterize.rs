@@ -1,8 +1,8 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
 use super::frame::FrameBuffers;
-use crate::Gpu;
-use crate::pipeline::{Bound, Module, Stage, compose};
+use crate::pipeline::{Bound, Module, Stage};
+use crate::{Gpu, shader_sources};
 
 /// Bytes of gradient kept for one intersection: four cells, two vectors each.
 pub const GRADIENT_BYTES_PER_SLOT: u64 = 4 * 2 * 16;
@@ -14,10 +14,7 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        let camera = include_str!("../../../../shaders/shared/camera.wgsl");
-        let gaussian = include_str!("../../../../shaders/shared/gaussian.wgsl");
-        let forward = compose(&[camera, gaussian, include_str!("../../../../shaders/rasterize.wgsl")]);
-        let backward = compose(&[camera, gaussian, include_str!("../../../../shaders/rasterize_backward.wgsl")]);
+        let (forward, backward) = (shader_sources::rasterize(), shader_sources::rasterize_backward());
         Pipelines {
             rasterize: Module::new(gpu, "rasterize", &forward).stage(gpu, "rasterize", &[]),
             rasterize_backward: Module::new(gpu, "rasterize_backward", &backward).stage(gpu, "rasterize_backward", &[]),

@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module, Stage, compose};
-use crate::{Gpu, buffers};
+use crate::pipeline::{Bound, Module, Stage};
+use crate::{Gpu, buffers, shader_sources};
 
 /// Strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
@@ -12,8 +12,11 @@ const SCAN_STRANDS: u32 = 1024;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ScanUniforms {
+    /// How many values.
     pub length: u32,
+    /// Where in the totals the sum of all goes.
     pub total_index: u32,
+    /// Unused.
     pub padding: [u32; 2],
 }
 
@@ -21,9 +24,13 @@ pub struct ScanUniforms {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SortUniforms {
+    /// First bit of the digit.
     pub shift: u32,
+    /// Largest digit.
     pub mask: u32,
+    /// Into how many runs the keys are cut.
     pub strands: u32,
+    /// Which counter holds the number of keys.
     pub counter: u32,
 }
 
@@ -38,8 +45,8 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        let sort = Module::new(gpu, "sort", &compose(&[include_str!("../../../../shaders/sort.wgsl")]));
-        let scan = Module::new(gpu, "scan", &compose(&[include_str!("../../../../shaders/shared/scan.wgsl")]));
+        let sort = Module::new(gpu, "sort", &shader_sources::sort());
+        let scan = Module::new(gpu, "scan", &shader_sources::scan());
         Pipelines {
             sort_count: sort.stage(gpu, "sort_count", &[]),
             sort_scatter: sort.stage(gpu, "sort_scatter", &[]),

@@ -1,0 +1,33 @@
+# `make demo` and `make test` are all that a machine with only Rust needs.
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test viewer check
+
+# Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
+with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
+	XDG_RUNTIME_DIR=$$(mktemp -d); \
+	trap 'rm -rf "$$XDG_RUNTIME_DIR"' EXIT; \
+	chmod 700 "$$XDG_RUNTIME_DIR"; \
+	export XDG_RUNTIME_DIR; \
+	fi;
+
+help: ## This list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## Install what is missing (Debian, Ubuntu)
+	@bash scripts/setup.sh
+
+demo: setup ## Train an avatar on a synthetic capture and print how good it is
+	@$(with_runtime_dir) cargo run --bin train --
+
+test: setup ## Run all tests
+	@$(with_runtime_dir) cargo test --workspace
+
+viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
+	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
+
+check: ## Formatting and lints
+	@cargo fmt --all --check
+	@cargo clippy --workspace --all-targets -- -D warnings

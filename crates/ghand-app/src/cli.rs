@@ -1,0 +1,120 @@
+//! What the command lines have in common: options, errors in one sentence, exit codes.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser};
+use ghand_render::{AdapterChoice, DeviceError, Gpu};
+
+/// Largest edge of an image that the splatter takes, pixels.
+const LARGEST_EDGE: u32 = 16_384;
+
+/// Which graphics adapter to use.
+#[derive(Debug, Clone, Default, Args)]
+pub struct AdapterArgs {
+    /// Graphics adapter: `cpu`, `gpu` or a part of its name [default: $GHAND_ADAPTER, else the best]
+    #[arg(long, global = true, value_name = "NAME")]
+    adapter: Option<String>,
+}
+
+impl AdapterArgs {
+    /// Opens the chosen adapter.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if there is none of that name.
+    pub fn open(&self) -> Result<Gpu, DeviceError> {
+        Gpu::new(&self.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse))
+    }
+}
+
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
+pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
+    // The device's own failures come back as errors; the driver's chatter would only hide them.
+    let quiet = "warn,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off";
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(quiet)).init();
+    let args = match A::try_parse() {
+        Ok(args) => args,
+        Err(e) if e.use_stderr() => {
+            let message = e.to_string();
+            let paragraph = message.split("\n\n").next().unwrap_or(&message);
+            eprintln!("{}; see --help", one_line(paragraph));
+            return ExitCode::FAILURE;
+        }
+        // Help or version, on stdout. A closed pipe is the reader's choice.
+        Err(e) => {
+            let _ = e.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    match program(args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {}", sentence(&e));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// An error with its causes, joined by ": ". Causes that a message already spells out are not repeated.
+fn sentence(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(|c| one_line(&c.to_string())) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Parses an image size like `640x480`.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let problem = || format!("must be WIDTHxHEIGHT in pixels, each from 1 to {LARGEST_EDGE}, as in 640x480");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
+    let edge = |t: &str| t.trim().parse::<u32>().ok().filter(|v| (1..=LARGEST_EDGE).contains(v)).ok_or_else(problem);
+    Ok([edge(width)?, edge(height)?])
+}
+
+/// Parses a colour like `0.2,0.2,0.2`: display values from 0 to 1.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_color(text: &str) -> Result<[f32; 3], String> {
+    let values: Option<Vec<f32>> =
+        text.split(',').map(|t| t.trim().parse().ok().filter(|v| (0.0..=1.0).contains(v))).collect();
+    match values.as_deref() {
+        Some(&[r, g, b]) => Ok([r, g, b]),
+        _ => Err("must be red,green,blue, each from 0 to 1, as in 0.2,0.2,0.2".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_colours_are_read_and_nonsense_is_refused() {
+        assert_eq!(parse_size("334x512"), Ok([334, 512]));
+        for text in ["", "x", "12", "0x4", "4x-1", "99999x4", "4x4x4"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+        assert_eq!(parse_color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for text in ["", "1,2", "0,0,2", "0,0,nan", "0,0,0,0", "a,b,c"] {
+            assert!(parse_color(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn causes_are_told_once_and_on_one_line() {
+        let inner = anyhow::anyhow!("no such\nfile");
+        let error = inner.context("avatar.ghand: cannot read: no such file").context("loading");
+        assert_eq!(sentence(&error), "loading: avatar.ghand: cannot read: no such file");
+    }
+}

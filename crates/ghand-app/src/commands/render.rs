@@ -1,0 +1,117 @@
+//! `ghand render`: pictures of an avatar in any pose from any view.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use ghand_avatar::avatar::Avatar;
+use ghand_avatar::renderer::AvatarRenderer;
+use ghand_core::{Camera, Pose};
+use ghand_data::atomic_file::write_atomically;
+use ghand_render::splat::Image;
+use image::{ImageFormat, RgbImage};
+
+use crate::camera_file::read_camera;
+use crate::cli::{AdapterArgs, parse_color, parse_size};
+use crate::framing::turntable;
+use crate::pose_file::{PosedFrame, poses};
+
+/// Size of a picture when neither the command line nor a camera says.
+const DEFAULT_SIZE: [u32; 2] = [512, 512];
+
+/// Command line of `ghand render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// The avatar, a .ghand file
+    avatar: PathBuf,
+    /// A pose's name, or a JSON file of poses, or a capture.json
+    #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
+    pose: String,
+    /// Only the frame of this id [default: every frame of the file]
+    #[arg(long, value_name = "ID")]
+    frame: Option<String>,
+    /// A JSON file with one camera as in a capture.json
+    #[arg(long, value_name = "FILE", required_unless_present = "turntable", conflicts_with = "turntable")]
+    camera: Option<PathBuf>,
+    /// This many views around the hand
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    turntable: Option<u32>,
+    /// Size of the pictures [default: the camera's, for a turntable 512x512]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// Folder for the pictures 0000.png, 0001.png, ...; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Colour behind the hand, display values from 0 to 1
+    #[arg(long, value_name = "R,G,B", value_parser = parse_color, default_value = "0,0,0")]
+    background: [f32; 3],
+}
+
+/// Renders the pictures. All input is read and checked before anything is written.
+///
+/// # Errors
+/// One that names the file or the option and what is wrong with it.
+pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let avatar = Avatar::load(&args.avatar)?;
+    let frames = chosen_frames(args, &avatar)?;
+    let poses: Vec<&Pose> = frames.iter().map(|f| &f.pose).collect();
+    let cameras = match &args.camera {
+        Some(path) => {
+            let camera = read_camera(path)?;
+            let [width, height] = args.size.unwrap_or([camera.width, camera.height]);
+            vec![vec![camera.resized(width, height)]; poses.len()]
+        }
+        None => {
+            let views = args.turntable.unwrap_or(1) as usize;
+            turntable(&avatar.model, &poses, views, args.size.unwrap_or(DEFAULT_SIZE))
+        }
+    };
+    let size = cameras.first().and_then(|c| c.first()).map_or(DEFAULT_SIZE, |c| [c.width, c.height]);
+    let gpu = adapter.open()?;
+    let mut renderer = AvatarRenderer::new(&gpu, &avatar, 1, size)?;
+    let mut number = 0;
+    for (pose, views) in poses.iter().zip(&cameras) {
+        renderer.set_pose(&gpu, 0, pose)?;
+        for camera in views {
+            let image = renderer.render(&gpu, 0, camera, args.background)?;
+            std::fs::create_dir_all(&args.out)
+                .with_context(|| format!("{}: cannot make the folder", args.out.display()))?;
+            write_png(&args.out.join(format!("{number:04}.png")), &to_rgb8(&image)?)?;
+            number += 1;
+        }
+    }
+    println!("{number} pictures of {} x {} pixels in {}", size[0], size[1], args.out.display());
+    Ok(())
+}
+
+fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<PosedFrame>> {
+    let mut frames = poses(&args.pose, &avatar.model)?;
+    if let Some(id) = &args.frame {
+        let known: Vec<&str> = frames.iter().map(|f| f.id.as_str()).collect();
+        let Some(index) = known.iter().position(|k| k == id) else {
+            let (first, last) = (known.first().unwrap_or(&""), known.last().unwrap_or(&""));
+            let count = known.len();
+            return Err(anyhow!("{}: has no frame {id:?} among its {count}, {first:?} to {last:?}", args.pose));
+        };
+        frames = vec![frames.swap_remove(index)];
+    }
+    Ok(frames)
+}
+
+/// The image as 8-bit display values.
+fn to_rgb8(image: &Image) -> anyhow::Result<RgbImage> {
+    let bytes = image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
+    RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")
+}
+
+/// Writes a picture as PNG, whole or not at all.
+///
+/// # Errors
+/// One that names the file.
+pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
+    let context = || format!("{}: cannot write the picture", path.display());
+    let mut png = Cursor::new(Vec::new());
+    picture.write_to(&mut png, ImageFormat::Png).with_context(context)?;
+    write_atomically(path, png.get_ref()).with_context(context)
+}

@@ -1,0 +1,103 @@
+//! Where cameras stand so that a hand fills the picture.
+
+use ghand_core::skeleton::pose_skeleton;
+use ghand_core::{Camera, HandModel, Pose, Side};
+use glam::DVec3;
+
+/// Distance of a turntable's cameras from the middle of the hand, metres.
+pub const TURNTABLE_DISTANCE: f64 = 0.6;
+/// Part of the picture, from edge to edge, that the hand may take.
+const FILL: f64 = 0.9;
+/// Fingers of a hand at rest point along -Y, and up in the picture.
+pub const UP: DVec3 = DVec3::NEG_Y;
+
+/// The model's vertices in a pose, world, metres.
+pub fn posed_vertices(model: &HandModel, pose: &Pose) -> Vec<DVec3> {
+    let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
+    let moved = |(i, v): (usize, &DVec3)| {
+        let weights = model.vertex_weights(i).iter().zip(&chain.posed_from_rest);
+        let bent: DVec3 = weights.filter(|(w, _)| **w > 0.0).map(|(w, b)| b.apply(*v) * *w).sum();
+        bent + pose.translation
+    };
+    model.vertices.iter().enumerate().map(moved).collect()
+}
+
+/// Middle of the box around points.
+pub fn middle(points: &[DVec3]) -> DVec3 {
+    let first = points.first().copied().unwrap_or_default();
+    let (low, high) = points.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+    (low + high) * 0.5
+}
+
+/// Direction in which the back of a hand at rest faces.
+pub fn back_of_hand(side: Side) -> DVec3 {
+    if side == Side::Right { DVec3::X } else { DVec3::NEG_X }
+}
+
+/// Cameras around a hand, `[pose][view]`, from the back of the hand on. The whole ring follows the hand's translation and
+/// keeps one field of view, in which every pose fits.
+pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, height]: [u32; 2]) -> Vec<Vec<Camera>> {
+    let Some(first) = poses.first() else { return Vec::new() };
+    let center = middle(&posed_vertices(model, first));
+    let back = back_of_hand(model.side);
+    let ring = |target: DVec3, fov_y: f64| -> Vec<Camera> {
+        let camera = |view: usize| {
+            let angle = std::f64::consts::TAU * view as f64 / views as f64;
+            let direction = glam::DQuat::from_axis_angle(UP, angle) * back;
+            Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, UP, fov_y, width, height)
+        };
+        (0..views).map(camera).collect()
+    };
+    let targets: Vec<DVec3> = poses.iter().map(|p| center + p.translation - first.translation).collect();
+    // Slopes, as multiples of the picture's height, of the outermost point in any picture.
+    let (aspect, mut slope) = (f64::from(width) / f64::from(height), 0.0f64);
+    for (pose, target) in poses.iter().zip(&targets) {
+        let points = posed_vertices(model, pose);
+        for camera in ring(*target, 1.0) {
+            for p in points.iter().map(|p| camera.camera_from_world(*p)).filter(|p| p.z > 0.1 * TURNTABLE_DISTANCE) {
+                slope = slope.max(p.y.abs() / p.z).max(p.x.abs() / p.z / aspect);
+            }
+        }
+    }
+    let fov_y = 2.0 * (slope.clamp(1e-3, 10.0) / FILL).atan();
+    targets.iter().map(|target| ring(*target, fov_y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::hand_model::named_poses::named_pose;
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    use super::*;
+
+    #[test]
+    fn a_turntable_holds_the_hand_fingers_up_and_fills_the_picture() {
+        for left in [false, true] {
+            let model = ProceduralHand { detail: 1, left, ..Default::default() }.build().unwrap();
+            let mut fist = named_pose("fist", &model).unwrap();
+            fist.translation = DVec3::new(0.3, 0.1, -0.2);
+            let poses = [Pose::rest(model.joint_count()), fist];
+            for size in [[320, 320], [200, 400], [400, 200]] {
+                let cameras = turntable(&model, &poses.each_ref(), 7, size);
+                let mut most = 0.0f64;
+                for (pose, ring) in poses.iter().zip(&cameras) {
+                    let points = posed_vertices(&model, pose);
+                    let tip = posed_vertices(&model, pose).len() - 1;
+                    assert_eq!((ring.len(), tip > 0), (7, true));
+                    for camera in ring {
+                        assert!((camera.center() - middle(&points)).length() < 0.75);
+                        let wrist = camera.project(pose.translation + model.joints[0]).0;
+                        let knuckle = camera.project(pose.translation + model.joints[4]).0;
+                        assert!(knuckle.y < wrist.y, "the fingers point down");
+                        for p in &points {
+                            let (p, _) = camera.project(*p);
+                            let edge = (p / glam::DVec2::new(size[0].into(), size[1].into()) - 0.5).abs().max_element();
+                            most = most.max(edge);
+                        }
+                    }
+                }
+                assert!((most - 0.5 * FILL).abs() < 1e-6, "{size:?}: {most}");
+            }
+        }
+    }
+}

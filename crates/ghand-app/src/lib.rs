@@ -1,0 +1,11 @@
+//! What the programs `train`, `viewer` and `ghand` are made of: commands, the viewer's parts, and reading of their input.
+
+pub mod camera_file;
+pub mod cli;
+pub mod commands;
+pub mod framing;
+pub mod pose_file;
+pub mod viewer;
+
+/// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.
+pub const LAST_AVATAR: &str = "out/train/avatar.ghand";

@@ -1,0 +1,285 @@
+//! The pose pipeline on the device, forward and backward, against the f64 mathematics of `ghand-core`.
+
+use ghand_avatar::direct::{DirectBackward, DirectBuffers, DirectTables, table_lengths};
+use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer, Template};
+use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::pose_response::{PoseResponse, rotation_features, rotation_features_vjp};
+use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints, residual_joints_vjp};
+use ghand_core::skeleton::{pose_skeleton, pose_skeleton_vjp, rotations_vjp};
+use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
+use ghand_core::{Pose, Side};
+use ghand_render::pose::PoseBackward;
+use ghand_render::{AdapterChoice, Gpu, buffers};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+
+const COUNT: usize = 333;
+const JOINTS: usize = 7;
+const OFFSET_WEIGHT: f32 = 0.7;
+const SCALE_WEIGHT: f32 = 0.3;
+
+fn random(seed: u64, count: usize, size: f32) -> Vec<f32> {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    (0..count).map(|_| rng.random_range(-size..size)).collect()
+}
+
+fn avatar(config: &AvatarConfig) -> Avatar {
+    let mut weights: Vec<f32> = random(1, JOINTS * COUNT, 1.0).iter().map(|w| w.abs()).collect();
+    for p in 0..COUNT {
+        let sum: f32 = (0..JOINTS).map(|k| weights[k * COUNT + p]).sum();
+        (0..JOINTS).for_each(|k| weights[k * COUNT + p] /= sum);
+    }
+    let vec3 = |v: Vec<f32>| v.chunks_exact(3).map(|c| DVec3::new(c[0].into(), c[1].into(), c[2].into())).collect();
+    let template = Template {
+        name: "random".into(),
+        side: Side::Right,
+        joint_names: (0..JOINTS).map(|k| format!("joint{k}")).collect(),
+        parents: vec![None, Some(0), Some(1), Some(2), Some(0), Some(4), Some(0)],
+        joints: vec3(random(2, 3 * JOINTS, 0.1)),
+        rest: random(3, 3 * COUNT, 0.1),
+        weights,
+        spacings: vec![0.001; COUNT],
+    };
+    let lengths = table_lengths(COUNT, JOINTS, config);
+    let tables = DirectTables {
+        shape_basis: random(4, lengths[0], 0.01),
+        residual_weights: random(5, lengths[1], 0.2),
+        regressor: random(6, lengths[2], 0.05),
+        appearance: random(7, lengths[3], 1.0),
+        response: random(8, lengths[4], 0.8),
+    };
+    let model = ProceduralHand::default().build().unwrap();
+    Avatar { template, model, config: config.clone(), tables, provenance: Default::default() }
+}
+
+/// What both sides compute, flat: posed table, then the gradients of the five tables and of the pose.
+struct Outcome {
+    parts: Vec<(&'static str, Vec<f64>)>,
+}
+
+fn widen(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|v| f64::from(*v)).collect()
+}
+
+fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let (template, config) = (&avatar.template, &avatar.config);
+    let mut renderer = AvatarRenderer::new(&gpu, avatar, 2, [16, 16]).unwrap();
+    let gradients = DirectBuffers::zeroed(&gpu, COUNT, JOINTS, config);
+    let splatter = &renderer.splatter;
+    let backward = PoseBackward::new(
+        &gpu,
+        &renderer.pose,
+        &renderer.tables.properties(),
+        &gradients.property_gradients(),
+        splatter.d_gaussians(),
+        &[1.0; JOINTS],
+    );
+    let direct = DirectBackward::new(
+        &gpu,
+        &renderer.forward,
+        &renderer.pose,
+        &backward,
+        &renderer.tables,
+        &gradients,
+        [splatter.gaussians(), splatter.d_gaussians()],
+        template,
+        config,
+    );
+    renderer.set_pose(&gpu, 1, pose).unwrap();
+    renderer.pose.set_frame(&gpu, 1, OFFSET_WEIGHT, SCALE_WEIGHT);
+    gpu.queue.write_buffer(renderer.splatter.d_gaussians(), 0, bytemuck::cast_slice(d_gaussians));
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    renderer.encode_pose(&mut encoder);
+    {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        direct.encode_appearance(&mut pass);
+        backward.encode_properties(&mut pass);
+        direct.encode_response(&mut pass);
+        backward.encode_pose(&mut pass);
+    }
+    gpu.queue.submit([encoder.finish()]);
+    let posed: Vec<f32> = buffers::read(&gpu, renderer.splatter.gaussians(), 7 * COUNT).unwrap();
+    let d = gradients.download(&gpu, COUNT, JOINTS, config).unwrap();
+    let d_pose: Vec<f32> = buffers::read(&gpu, &backward.d_pose, 3 * JOINTS + 3).unwrap();
+    Outcome {
+        parts: vec![
+            ("posed", widen(&posed)),
+            ("shape basis", widen(&d.shape_basis)),
+            ("residual weights", widen(&d.residual_weights)),
+            ("regressor", widen(&d.regressor)),
+            ("appearance", widen(&d.appearance)),
+            ("response", widen(&d.response)),
+            ("pose", widen(&d_pose)),
+        ],
+    }
+}
+
+fn planes(values: &[f32], row: usize) -> Vec<DVec3> {
+    let at = |c: usize, p: usize| f64::from(values[(row + c) * COUNT + p]);
+    (0..COUNT).map(|p| DVec3::new(at(0, p), at(1, p), at(2, p))).collect()
+}
+
+fn flat(values: &[DVec3]) -> Vec<f64> {
+    (0..3).flat_map(|c| values.iter().map(move |v| v[c])).collect()
+}
+
+fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
+    let (template, config, tables) = (&avatar.template, &avatar.config, &avatar.tables);
+    let (bases, components) = (config.shape_bases, config.color_components);
+    let weights = widen(&template.weights);
+    let (residual_weights, regressor) = (widen(&tables.residual_weights), widen(&tables.regressor));
+    let response = widen(&tables.response);
+    let response =
+        PoseResponse { bias: response[..bases + components].to_vec(), gain: response[bases + components..].to_vec() };
+    let basis: Vec<DVec3> = (0..bases).flat_map(|i| planes(&tables.shape_basis, 3 * i)).collect();
+
+    let chain = pose_skeleton(&template.parents, &template.joints, &pose.rotations);
+    let features: Vec<_> = chain.local.iter().map(rotation_features).collect();
+    let channels = response.evaluate(&weights, &features, COUNT);
+    let coefficients: Vec<DVec3> = channels[..bases * COUNT].iter().map(|v| DVec3::splat(*v)).collect();
+    let offsets = blend_shapes(&basis, &coefficients, COUNT);
+    let moved: Vec<DVec3> = planes(&template.rest, 0).iter().zip(&offsets).map(|(x, d)| *x + *d).collect();
+    let residual_at = residual_joints(&regressor, &offsets, &template.joints, config.residual_skeleton);
+    let residual_chain = pose_skeleton(&template.parents, &residual_at, &pose.rotations);
+    let skinning = Skinning {
+        rest: &moved,
+        weights: &weights,
+        residual_weights: &residual_weights,
+        bones: &chain.posed_from_rest,
+        residual_bones: &residual_chain.posed_from_rest,
+        translation: pose.translation,
+        mode: config.residual_weights,
+    };
+    let posed = skin(&skinning);
+    let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
+    let largest = f64::from(avatar.max_scale());
+    let scales: Vec<f64> = tables.appearance[..COUNT].iter().map(|l| largest * sigmoid(f64::from(*l))).collect();
+    let mut colors = planes(&tables.appearance, 1);
+    for j in 0..components {
+        for (p, component) in planes(&tables.appearance, 4 + 3 * j).iter().enumerate() {
+            colors[p] += *component * channels[(bases + j) * COUNT + p];
+        }
+    }
+    let colors: Vec<DVec3> = colors.iter().map(|c| DVec3::new(sigmoid(c.x), sigmoid(c.y), sigmoid(c.z))).collect();
+
+    let d_scale: Vec<f64> = (0..COUNT)
+        .map(|p| {
+            let s = scales[p] / largest;
+            (f64::from(d_gaussians[3 * COUNT + p]) + f64::from(SCALE_WEIGHT) * scales[p]) * scales[p] * (1.0 - s)
+        })
+        .collect();
+    let d_logits: Vec<DVec3> =
+        planes(d_gaussians, 4).iter().zip(&colors).map(|(d, c)| *d * *c * (DVec3::ONE - *c)).collect();
+    let mut d_appearance = [d_scale, flat(&d_logits)].concat();
+    let mut d_channels = Vec::new();
+    for j in 0..components {
+        let component = planes(&tables.appearance, 4 + 3 * j);
+        let value = &channels[(bases + j) * COUNT..];
+        d_appearance.extend(flat(&(0..COUNT).map(|p| d_logits[p] * value[p]).collect::<Vec<_>>()));
+        d_channels.extend((0..COUNT).map(|p| component[p].dot(d_logits[p])));
+    }
+    let d = skin_vjp(&skinning, &planes(d_gaussians, 0));
+    let d_residual_chain = pose_skeleton_vjp(&template.parents, &residual_at, &residual_chain, &d.residual_bones);
+    let (d_regressor, mut d_offsets) = residual_joints_vjp(&regressor, &offsets, &d_residual_chain.joints);
+    for p in 0..COUNT {
+        d_offsets[p] += d.rest[p] + offsets[p] * f64::from(OFFSET_WEIGHT);
+    }
+    let (d_basis, d_coefficients) = blend_shapes_vjp(&basis, &coefficients, &d_offsets);
+    let d_values: Vec<f64> = d_coefficients.iter().map(|c| c.element_sum()).chain(d_channels).collect();
+    let (d_response, d_features) = response.evaluate_vjp(&weights, &features, &d_values, COUNT);
+    let d_chain = pose_skeleton_vjp(&template.parents, &template.joints, &chain, &d.bones);
+    let d_local: Vec<_> = (0..JOINTS)
+        .map(|k| d_chain.local[k] + d_residual_chain.local[k] + rotation_features_vjp(&d_features[k]))
+        .collect();
+    let mut d_pose: Vec<f64> = rotations_vjp(&pose.rotations, &d_local).iter().flat_map(|v| v.to_array()).collect();
+    d_pose.extend(d.translation.to_array());
+    Outcome {
+        parts: vec![
+            ("posed", [flat(&posed), scales, flat(&colors)].concat()),
+            ("shape basis", d_basis.chunks_exact(COUNT).flat_map(flat).collect()),
+            ("residual weights", d.residual_weights),
+            ("regressor", d_regressor),
+            ("appearance", d_appearance),
+            ("response", [d_response.bias, d_response.gain].concat()),
+            ("pose", d_pose),
+        ],
+    }
+}
+
+/// L2 error relative to the larger of the exact values' norm and 0.1: near the rest pose some gradients vanish.
+fn relative_error(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let difference: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+    let norm: f64 = b.iter().map(|b| b * b).sum();
+    (difference / norm.max(0.01)).sqrt()
+}
+
+#[test]
+fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
+    for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
+        for residual_skeleton in [ResidualSkeleton::Paper, ResidualSkeleton::Anchored] {
+            let config = AvatarConfig {
+                shape_bases: 3,
+                color_components: 2,
+                residual_weights,
+                residual_skeleton,
+                ..Default::default()
+            };
+            let avatar = avatar(&config);
+            for angle in [0.0, 1e-6, 0.7, 3.0] {
+                let values = widen(&random(9, 3 * JOINTS + 3, 1.0));
+                let vectors: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
+                let pose = Pose {
+                    // Rounded to f32, so that both sides start from the same numbers.
+                    rotations: vectors[..JOINTS].iter().map(|v| (*v * angle).as_vec3().as_dvec3()).collect(),
+                    translation: vectors[JOINTS] * 0.1,
+                };
+                let d_gaussians = random(10, 7 * COUNT, 1.0);
+                let device = on_device(&avatar, &pose, &d_gaussians);
+                let exact = in_f64(&avatar, &pose, &d_gaussians);
+                for ((name, a), (_, b)) in device.parts.iter().zip(&exact.parts) {
+                    let error = relative_error(a, b);
+                    assert!(error <= 2e-5, "{residual_weights:?} {residual_skeleton:?} angle {angle} {name}: {error}");
+                    let mut wrong = b.clone();
+                    let last = wrong.len() - 1;
+                    wrong[last] += 1e-4 + 1e-3 * b.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    assert!(!(relative_error(a, &wrong) <= 2e-5), "{name} is not compared");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ghand");
+    let config = AvatarConfig { uv_resolution: 32, shape_bases: 2, color_components: 1, ..Default::default() };
+    let model = ProceduralHand::default().build().unwrap();
+    let avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
+    avatar.save(&path).unwrap();
+    assert_eq!(Avatar::load(&path).unwrap(), avatar);
+    let bytes = std::fs::read(&path).unwrap();
+    avatar.save(&path).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same avatar gives the same bytes");
+
+    let damaged = folder.path().join("damaged.ghand");
+    for length in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+        std::fs::write(&damaged, &bytes[..length]).unwrap();
+        let message = Avatar::load(&damaged).unwrap_err().to_string();
+        assert!(message.contains("damaged.ghand") && !message.contains('\n'), "{message}");
+    }
+    let mut other = avatar.clone();
+    other.tables.regressor[3] = f32::NAN;
+    other.save(&damaged).unwrap();
+    assert!(Avatar::load(&damaged).unwrap_err().to_string().contains("skeleton_regressor"));
+    let version = b"\\\"version\\\":1";
+    let at = bytes.windows(version.len()).position(|w| w == version).unwrap();
+    let mut future = bytes.clone();
+    future[at + version.len() - 1] = b'9';
+    std::fs::write(&damaged, &future).unwrap();
+    assert!(Avatar::load(&damaged).unwrap_err().to_string().contains("version"));
+    assert!(Avatar::load(&folder.path().join("missing.ghand")).unwrap_err().to_string().contains("missing.ghand"));
+}

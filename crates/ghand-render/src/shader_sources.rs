@@ -1,0 +1,121 @@
+//! The WGSL of every stage, composed from its pieces as the device gets it.
+//!
+//! Host parts take their source from here and nowhere else, so that what is checked without a device ([`all`]) is what
+//! runs on one.
+
+use crate::pipeline::compose;
+
+const CAMERA: &str = include_str!("../../../shaders/shared/camera.wgsl");
+const GAUSSIAN: &str = include_str!("../../../shaders/shared/gaussian.wgsl");
+const GAUSSIAN_ROWS: &str = include_str!("../../../shaders/shared/gaussian_rows.wgsl");
+const POSE: &str = include_str!("../../../shaders/shared/pose.wgsl");
+const ROTATION: &str = include_str!("../../../shaders/shared/rotation.wgsl");
+const BONES: &str = include_str!("../../../shaders/shared/bones.wgsl");
+
+/// Every source of this crate with its name.
+pub fn all() -> Vec<(&'static str, String)> {
+    vec![
+        ("project", project()),
+        ("project_backward", project_backward()),
+        ("bin", bin()),
+        ("sort", sort()),
+        ("scan", scan()),
+        ("rasterize", rasterize()),
+        ("rasterize_backward", rasterize_backward()),
+        ("image_loss", image_loss()),
+        ("skeleton", skeleton()),
+        ("skeleton_backward", skeleton_backward()),
+        ("blend_shapes", blend_shapes()),
+        ("residual_skeleton", residual_skeleton()),
+        ("skin", skin()),
+        ("skin_backward", skin_backward()),
+        ("joint_sums", joint_sums().to_owned()),
+        ("adam", adam()),
+        ("mesh", mesh().to_owned()),
+    ]
+}
+
+/// Gaussians to splats, tile rectangles and depth keys.
+pub fn project() -> String {
+    compose(&[CAMERA, GAUSSIAN_ROWS, GAUSSIAN, include_str!("../../../shaders/project.wgsl")])
+}
+
+/// Slot gradients to the gradient of the table of Gaussians.
+pub fn project_backward() -> String {
+    compose(&[CAMERA, GAUSSIAN_ROWS, GAUSSIAN, include_str!("../../../shaders/project_backward.wgsl")])
+}
+
+/// Which Gaussians each tile draws.
+pub fn bin() -> String {
+    compose(&[CAMERA, include_str!("../../../shaders/bin.wgsl")])
+}
+
+/// A stable radix sort.
+pub fn sort() -> String {
+    compose(&[include_str!("../../../shaders/sort.wgsl")])
+}
+
+/// A prefix sum.
+pub fn scan() -> String {
+    compose(&[include_str!("../../../shaders/shared/scan.wgsl")])
+}
+
+/// Splats to the image.
+pub fn rasterize() -> String {
+    compose(&[CAMERA, GAUSSIAN, include_str!("../../../shaders/rasterize.wgsl")])
+}
+
+/// The image's gradient to slot gradients.
+pub fn rasterize_backward() -> String {
+    compose(&[CAMERA, GAUSSIAN, include_str!("../../../shaders/rasterize_backward.wgsl")])
+}
+
+/// L1 + SSIM with its gradient.
+pub fn image_loss() -> String {
+    compose(&[include_str!("../../../shaders/image_loss.wgsl")])
+}
+
+/// A pose to the posed chain.
+pub fn skeleton() -> String {
+    compose(&[POSE, ROTATION, include_str!("../../../shaders/skeleton.wgsl")])
+}
+
+/// Gradients of the bones to those of joints and pose.
+pub fn skeleton_backward() -> String {
+    compose(&[POSE, ROTATION, include_str!("../../../shaders/skeleton_backward.wgsl")])
+}
+
+/// Shape bases and coefficients to offsets, and back.
+pub fn blend_shapes() -> String {
+    compose(&[POSE, include_str!("../../../shaders/blend_shapes.wgsl")])
+}
+
+/// The residual skeleton's joints, and back.
+pub fn residual_skeleton() -> String {
+    compose(&[POSE, include_str!("../../../shaders/residual_skeleton.wgsl")])
+}
+
+/// Corrected linear blend skinning.
+pub fn skin() -> String {
+    compose(&[POSE, BONES, include_str!("../../../shaders/skin.wgsl")])
+}
+
+/// The gradient of skinning.
+pub fn skin_backward() -> String {
+    compose(&[POSE, BONES, include_str!("../../../shaders/skin_backward.wgsl")])
+}
+
+/// Products of two tables summed over the Gaussians.
+pub fn joint_sums() -> &'static str {
+    include_str!("../../../shaders/joint_sums.wgsl")
+}
+
+/// Adam on a range of a parameter table.
+pub fn adam() -> String {
+    compose(&[include_str!("../../../shaders/adam.wgsl")])
+}
+
+/// The mesh rasteriser and its resolve.
+pub fn mesh() -> &'static str {
+    include_str!("../../../shaders/mesh.wgsl")
+}

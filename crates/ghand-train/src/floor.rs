@@ -1,0 +1,215 @@
+//! The floor that an avatar must beat: the template mesh, posed by plain skinning, with mean texel colours.
+
+use ghand_core::mesh::{RenderMesh, Texture};
+use ghand_core::skeleton::pose_skeleton;
+use ghand_core::skinning::{ResidualWeights, Skinning, skin};
+use ghand_core::{Camera, HandModel, HandModelError, Pose, surface};
+use ghand_data::{Capture, CaptureError, Split};
+use ghand_render::Gpu;
+use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Why the floor could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum FloorError {
+    /// The hand model is unusable.
+    #[error(transparent)]
+    HandModel(#[from] HandModelError),
+    /// An image is unusable.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The mesh could not be drawn.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
+/// Resolution of the floor's texture: far finer than the blur that its mean over frames has anyway.
+pub const FLOOR_RESOLUTION: u32 = 256;
+
+/// Plain linear blend skinning of points with joint-major weights `[n_b][N]`.
+fn pose_points(model: &HandModel, rest: &[DVec3], weights: &[f64], pose: &Pose) -> Vec<DVec3> {
+    let bones = pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
+    let zeros = vec![0.0; weights.len()];
+    skin(&Skinning {
+        rest,
+        weights,
+        residual_weights: &zeros,
+        bones: &bones,
+        residual_bones: &bones,
+        translation: pose.translation,
+        mode: ResidualWeights::Paper,
+    })
+}
+
+/// A hand model's vertices in a pose, and its normals there.
+fn pose_mesh(model: &HandModel, pose: &Pose) -> (Vec<DVec3>, Vec<DVec3>) {
+    let (count, joints) = (model.vertices.len(), model.joint_count());
+    let weights: Vec<f64> =
+        (0..joints).flat_map(|k| (0..count).map(move |v| (k, v))).map(|(k, v)| model.weights[v * joints + k]).collect();
+    let positions = pose_points(model, &model.vertices, &weights, pose);
+    let normals = model.vertex_normals(&positions);
+    (positions, normals)
+}
+
+/// Draws a posed template with a texture.
+struct MeshPainter<'a> {
+    renderer: MeshRenderer,
+    model: &'a HandModel,
+    mesh: RenderMesh,
+}
+
+impl<'a> MeshPainter<'a> {
+    fn new(gpu: &Gpu, model: &'a HandModel) -> Result<MeshPainter<'a>, MeshError> {
+        Ok(MeshPainter { renderer: MeshRenderer::new(gpu)?, model, mesh: RenderMesh::from_model(model) })
+    }
+
+    fn paint(&self, pose: &Pose, camera: &Camera, texture: &Texture, supersample: u32) -> Result<MeshImage, MeshError> {
+        let (positions, normals) = pose_mesh(self.model, pose);
+        let instance = MeshInstance {
+            positions: &self.mesh.gather(&positions),
+            normals: &self.mesh.gather(&normals),
+            uvs: &self.mesh.uvs,
+            exposure: None,
+            triangles: &self.mesh.triangles,
+            texture,
+        };
+        self.renderer.render(&instance, camera, &MeshStyle { supersample, shading: Shading::Unlit })
+    }
+}
+
+/// Mean colours of a surface's texels, display values 0..1.
+#[derive(Debug, Clone)]
+pub struct TexelColors {
+    /// One colour a sampled texel; texels that no view sees get the mean of those that are seen.
+    pub colors: Vec<[f64; 3]>,
+    /// Index of each texel in its raster.
+    pub texels: Vec<u32>,
+    /// Edge of the raster.
+    pub resolution: u32,
+}
+
+/// How far in front of a texel the drawn surface may be before the texel counts as hidden, metres.
+const DEPTH_TOLERANCE: f64 = 0.002;
+/// Texels seen at a flatter angle than this cosine are left out.
+const MIN_COSINE: f64 = 0.3;
+
+/// Mean colours over at most `view_count` of a split's views, evenly chosen, with the split's frames in `poses`.
+///
+/// # Errors
+/// [`FloorError`] if an image or the model is unusable.
+pub fn texel_colors(
+    gpu: &Gpu,
+    capture: &Capture,
+    split: &Split,
+    poses: &[Pose],
+    resolution: u32,
+    view_count: usize,
+) -> Result<TexelColors, FloorError> {
+    let model = &capture.hand_model;
+    let samples = surface::sample_surface(model, resolution)?;
+    let painter = MeshPainter::new(gpu, model)?;
+    let plain = Texture::plain([255; 3]);
+    let pairs: Vec<(usize, usize)> =
+        (0..split.frames.len()).flat_map(|f| split.cameras.iter().map(move |c| (f, *c))).collect();
+    let chosen = view_count.min(pairs.len());
+    let mut sums = vec![[0.0f64; 4]; samples.len()];
+    for i in 0..chosen {
+        // A stride that is no divisor of the number of cameras, so that all cameras and all frames have their turn.
+        let (frame, camera_index) = pairs[(i * pairs.len() / chosen + i % split.cameras.len()) % pairs.len()];
+        let camera = &capture.cameras[camera_index];
+        let view = capture.load_view(camera_index, split.frames[frame])?;
+        let depth = painter.paint(&poses[frame], camera, &plain, 1)?.depth;
+        let points = pose_points(model, &samples.positions, &samples.weights, &poses[frame]);
+        // The normal is carried by posing a point a little way out along it.
+        let tips: Vec<DVec3> =
+            samples.positions.iter().zip(&samples.normals).map(|(p, n)| *p + *n * 1e-4).collect();
+        let tips = pose_points(model, &tips, &samples.weights, &poses[frame]);
+        sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
+            let (at, z) = camera.project(points[t]);
+            let (x, y) = (at.x.floor(), at.y.floor());
+            if z <= 0.0 || x < 0.0 || y < 0.0 || x >= f64::from(camera.width) || y >= f64::from(camera.height) {
+                return;
+            }
+            let pixel = y as usize * camera.width as usize + x as usize;
+            let cosine = (tips[t] - points[t]).normalize_or_zero().dot((camera.center() - points[t]).normalize());
+            let [r, g, b, mask] = view.rgba[pixel];
+            if mask < 128 || cosine < MIN_COSINE || z > f64::from(depth[pixel]) + DEPTH_TOLERANCE {
+                return;
+            }
+            for (s, v) in sum.iter_mut().zip([r, g, b]) {
+                *s += cosine * f64::from(v) / 255.0;
+            }
+            sum[3] += cosine;
+        });
+    }
+    let seen: Vec<[f64; 3]> =
+        sums.iter().filter(|s| s[3] > 0.0).map(|s| [s[0] / s[3], s[1] / s[3], s[2] / s[3]]).collect();
+    let mean = [0, 1, 2].map(|c| seen.iter().map(|s| s[c]).sum::<f64>() / seen.len().max(1) as f64);
+    let colors =
+        sums.iter().map(|s| if s[3] > 0.0 { [s[0] / s[3], s[1] / s[3], s[2] / s[3]] } else { mean }).collect();
+    Ok(TexelColors { colors, texels: samples.texels, resolution })
+}
+
+impl TexelColors {
+    /// The colours as a texture; texels outside the atlas' charts take the colour of a neighbour, so that filtering at
+    /// the charts' edges does not darken.
+    pub fn texture(&self) -> Texture {
+        let n = self.resolution as usize;
+        let mut grid: Vec<Option<[f64; 3]>> = vec![None; n * n];
+        for (texel, color) in self.texels.iter().zip(&self.colors) {
+            grid[*texel as usize] = Some(*color);
+        }
+        for _ in 0..4 {
+            let previous = grid.clone();
+            for y in 0..n {
+                for x in 0..n {
+                    if previous[y * n + x].is_none() {
+                        let around = [(0, 1), (2, 1), (1, 0), (1, 2)];
+                        let at = |(dx, dy): (usize, usize)| {
+                            let (cx, cy) = ((x + dx).checked_sub(1)?, (y + dy).checked_sub(1)?);
+                            if cx < n && cy < n { previous[cy * n + cx] } else { None }
+                        };
+                        grid[y * n + x] = around.into_iter().find_map(at);
+                    }
+                }
+            }
+        }
+        let byte = |v: f64| (v * 255.0).round().clamp(0.0, 255.0) as u8;
+        let rgb = grid.iter().map(|c| c.map_or([0; 3], |c| c.map(byte))).collect();
+        Texture { width: self.resolution, height: self.resolution, rgb }
+    }
+}
+
+/// The floor: a texture and the means to draw it.
+pub struct Floor<'a> {
+    painter: MeshPainter<'a>,
+    texture: Texture,
+}
+
+impl<'a> Floor<'a> {
+    /// The floor of a capture, its colours averaged over `view_count` views of a split in the given poses.
+    ///
+    /// # Errors
+    /// [`FloorError`] if an image or the model is unusable.
+    pub fn new(
+        gpu: &Gpu,
+        capture: &'a Capture,
+        split: &Split,
+        poses: &[Pose],
+        view_count: usize,
+    ) -> Result<Floor<'a>, FloorError> {
+        let colors = texel_colors(gpu, capture, split, poses, FLOOR_RESOLUTION, view_count)?;
+        Ok(Floor { painter: MeshPainter::new(gpu, &capture.hand_model)?, texture: colors.texture() })
+    }
+
+    /// The floor's picture over a background, row-major.
+    ///
+    /// # Errors
+    /// [`FloorError::Mesh`] if it cannot be drawn.
+    pub fn render(&self, pose: &Pose, camera: &Camera, background: [f64; 3]) -> Result<Vec<[f32; 3]>, FloorError> {
+        let image = self.painter.paint(pose, camera, &self.texture, 3)?;
+        let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * background[c] as f32);
+        Ok(image.rgba.iter().map(over).collect())
+    }
+}

@@ -1,0 +1,93 @@
+//! PSNR and SSIM of pictures, and distances of poses.
+
+use ghand_core::Pose;
+use ghand_core::rotation::rotation_from_axis_angle;
+use ghand_render::image_loss::ImageLoss;
+use ghand_render::{Gpu, RenderError, buffers};
+
+/// How like its truth a picture is.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Likeness {
+    /// PSNR over all pixels, dB, on 8-bit values.
+    pub psnr: f64,
+    /// PSNR over the truth's mask, dB.
+    pub psnr_hand: f64,
+    /// Mean SSIM over all pixels (11x11 Gaussian window, sigma 1.5, zeros outside the picture).
+    pub ssim: f64,
+}
+
+/// Compares pictures of up to a size; SSIM runs on the device.
+pub struct Comparator {
+    image: wgpu::Buffer,
+    loss: ImageLoss,
+}
+
+/// A picture as 8-bit display values.
+pub fn quantize(rgb: [f32; 3]) -> [u8; 3] {
+    rgb.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
+}
+
+fn psnr(sum: f64, values: usize) -> f64 {
+    // Two equal 8-bit pictures would be infinitely alike; the mean over views stays finite with half a grey level in one
+    // value.
+    let mean = sum / values.max(1) as f64;
+    -10.0 * mean.max((0.5f64 / 255.0).powi(2) / values.max(1) as f64).log10()
+}
+
+impl Comparator {
+    /// A comparator for pictures of at most `max_pixels`.
+    pub fn new(gpu: &Gpu, max_pixels: usize) -> Comparator {
+        let image = buffers::zeroed(gpu, "compared image", 4 * max_pixels);
+        let gradient = buffers::zeroed(gpu, "unused gradient", 4 * max_pixels);
+        let loss = ImageLoss::new(gpu, &image, &gradient, max_pixels);
+        Comparator { image, loss }
+    }
+
+    /// Likeness of an 8-bit picture to its truth (red, green, blue, mask).
+    ///
+    /// # Errors
+    /// [`RenderError`] if the sizes do not fit or the device failed.
+    pub fn compare(
+        &mut self,
+        gpu: &Gpu,
+        size: [u32; 2],
+        picture: &[[u8; 3]],
+        truth: &[[u8; 4]],
+    ) -> Result<Likeness, RenderError> {
+        let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
+        for (p, t) in picture.iter().zip(truth) {
+            let error: f64 = (0..3).map(|c| ((f64::from(p[c]) - f64::from(t[c])) / 255.0).powi(2)).sum();
+            sum += error;
+            if t[3] >= 128 {
+                hand_sum += error;
+                hand += 3;
+            }
+        }
+        let values: Vec<[f32; 4]> =
+            picture.iter().map(|p| [p[0], p[1], p[2], 255].map(|v| f32::from(v) / 255.0)).collect();
+        gpu.queue.write_buffer(&self.image, 0, bytemuck::cast_slice(&values));
+        let count = 3.0 * picture.len() as f64;
+        self.loss.set_target(gpu, size, truth, [0.8, 0.2], count)?;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.loss.encode(&mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        let ssim = self.loss.value(gpu)?.ssim_sum / count;
+        Ok(Likeness { psnr: psnr(sum, 3 * picture.len()), psnr_hand: psnr(hand_sum, hand), ssim })
+    }
+}
+
+/// Mean angle between the local rotations of two sequences of poses, degrees, over the frames and the joints that
+/// `counts`.
+pub fn pose_error_degrees(poses: &[Pose], truth: &[Pose], counts: &[bool]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0usize);
+    for (a, b) in poses.iter().zip(truth) {
+        for ((a, b), counts) in a.rotations.iter().zip(&b.rotations).zip(counts) {
+            if *counts {
+                let between = rotation_from_axis_angle(*a).transpose() * rotation_from_axis_angle(*b);
+                sum += glam::DQuat::from_mat3(&between).normalize().angle_between(glam::DQuat::IDENTITY).to_degrees();
+                n += 1;
+            }
+        }
+    }
+    sum / n.max(1) as f64
+}

@@ -1,0 +1,200 @@
+//! Host structs lie in memory as their WGSL namesakes do.
+
+use std::collections::BTreeMap;
+
+use ghand_avatar::direct::ResponseUniforms;
+use ghand_render::image_loss::LossUniforms;
+use ghand_render::mesh::{MeshUniforms, ResolveUniforms};
+use ghand_render::optimizer::AdamUniforms;
+use ghand_render::pose::{PoseUniforms, SumUniforms};
+use ghand_render::splat::{ScanUniforms, SortUniforms, Splat, View};
+use ghand_tests::shaders::{sources, validate};
+use naga::{AddressSpace, Module, TypeInner};
+
+/// Where one member lies, bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Member {
+    name: String,
+    offset: usize,
+    size: usize,
+}
+
+/// Where all members of a struct lie, in the order of its source.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Layout {
+    name: String,
+    size: usize,
+    members: Vec<Member>,
+}
+
+/// The layout of a host struct. All of its fields must be listed: a missing one does not compile.
+macro_rules! host_layout {
+    ($host:ident { $($field:ident),+ $(,)? }) => {{
+        fn _lists_every_field($host { $($field: _),+ }: $host) {}
+        Layout {
+            name: stringify!($host).to_owned(),
+            size: size_of::<$host>(),
+            members: vec![$(Member {
+                name: stringify!($field).to_owned(),
+                offset: std::mem::offset_of!($host, $field),
+                size: field_size(|s: &$host| &s.$field),
+            }),+],
+        }
+    }};
+}
+
+fn field_size<S, F>(_: fn(&S) -> &F) -> usize {
+    size_of::<F>()
+}
+
+fn host_layouts() -> Vec<Layout> {
+    vec![
+        host_layout!(View {
+            row_x,
+            row_y,
+            row_z,
+            focal,
+            principal,
+            background,
+            size,
+            tiles,
+            slope_min,
+            slope_max,
+            gaussian_count,
+            intersection_capacity,
+            near,
+            opacity,
+        }),
+        host_layout!(Splat { mean, depth, opacity, conic, padding, color, padding_2 }),
+        host_layout!(ScanUniforms { length, total_index, padding }),
+        host_layout!(SortUniforms { shift, mask, strands, counter }),
+        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, padding }),
+        host_layout!(PoseUniforms {
+            gaussian_count,
+            joint_count,
+            basis_count,
+            pose_offset,
+            anchored,
+            zero_sum,
+            offset_weight,
+            scale_weight,
+        }),
+        host_layout!(SumUniforms { count, left_rows, right_rows, right_offset }),
+        host_layout!(AdamUniforms {
+            count,
+            parameter_offset,
+            gradient_offset,
+            learning_rate,
+            beta_1,
+            beta_2,
+            epsilon,
+            correction_1,
+            correction_2,
+            padding_1,
+            padding_2,
+            padding_3,
+        }),
+        host_layout!(ResponseUniforms { color_components, max_scale, padding }),
+        host_layout!(MeshUniforms { clip_x, clip_y, settings, ambient, light_directions, light_colors }),
+        host_layout!(ResolveUniforms { size, supersample, padding }),
+    ]
+}
+
+/// The layout of a type if it is a struct.
+fn wgsl_layout(module: &Module, ty: &naga::Type) -> Option<Layout> {
+    let TypeInner::Struct { members, span } = &ty.inner else { return None };
+    let members = members
+        .iter()
+        .map(|m| Member {
+            name: m.name.clone().unwrap_or_default(),
+            offset: m.offset as usize,
+            size: module.types[m.ty].inner.size(module.to_ctx()) as usize,
+        })
+        .collect();
+    Some(Layout { name: ty.name.clone().unwrap_or_default(), size: *span as usize, members })
+}
+
+/// The structs that buffers of a module hold, alone or as the elements of an array.
+fn buffer_layouts(module: &Module) -> Vec<Layout> {
+    module
+        .global_variables
+        .iter()
+        .filter(|(_, v)| matches!(v.space, AddressSpace::Uniform | AddressSpace::Storage { .. }))
+        .filter_map(|(_, v)| {
+            let ty = match module.types[v.ty].inner {
+                TypeInner::Array { base, .. } => &module.types[base],
+                _ => &module.types[v.ty],
+            };
+            wgsl_layout(module, ty)
+        })
+        .collect()
+}
+
+/// What keeps a host struct from being copied over a WGSL struct.
+fn compare(host: &Layout, wgsl: &Layout) -> Result<(), String> {
+    for i in 0..host.members.len().max(wgsl.members.len()) {
+        let (h, w) = (host.members.get(i), wgsl.members.get(i));
+        if h != w {
+            return Err(format!("{}: member {i} is {h:?} on the host and {w:?} in WGSL", host.name));
+        }
+    }
+    if host.size != wgsl.size {
+        return Err(format!("{}: {} bytes on the host and {} in WGSL", host.name, host.size, wgsl.size));
+    }
+    Ok(())
+}
+
+#[test]
+fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
+    let mut unseen: BTreeMap<String, Layout> = host_layouts().into_iter().map(|l| (l.name.clone(), l)).collect();
+    let hosts = unseen.clone();
+    for (source_name, source) in sources() {
+        for wgsl in buffer_layouts(&validate(&source).unwrap()) {
+            let host = hosts.get(&wgsl.name);
+            let host =
+                host.unwrap_or_else(|| panic!("{source_name}: no host struct for {} is compared here", wgsl.name));
+            compare(host, &wgsl).unwrap_or_else(|e| panic!("{source_name}: {e}"));
+            unseen.remove(&wgsl.name);
+        }
+    }
+    assert!(unseen.is_empty(), "no shader has a buffer of {:?}", unseen.keys());
+}
+
+const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }
+    @group(0) @binding(0) var<uniform> pair: Pair;";
+
+fn layout_of(source: &str) -> Layout {
+    buffer_layouts(&validate(source).unwrap()).remove(0)
+}
+
+#[test]
+fn a_host_struct_without_the_padding_of_wgsl_is_rejected() {
+    #[repr(C)]
+    struct Pair {
+        first: u32,
+        second: [f32; 2],
+    }
+    // WGSL aligns a vec2 to 8 bytes, the host an array to 4.
+    let error = compare(&host_layout!(Pair { first, second }), &layout_of(PAIR)).unwrap_err();
+    assert!(error.contains("member 1"), "{error}");
+}
+
+#[test]
+fn a_member_of_another_name_size_or_place_and_a_missing_or_surplus_one_are_rejected() {
+    let right = layout_of(PAIR);
+    assert_eq!(compare(&right, &right), Ok(()));
+    let wrong: [fn(&mut Layout); 6] = [
+        |l| l.members[0].name = "other".into(),
+        |l| l.members[0].size += 4,
+        |l| l.members[1].offset += 4,
+        |l| l.members.swap(0, 1),
+        |l| drop(l.members.pop()),
+        |l| l.size += 8,
+    ];
+    for (i, change) in wrong.iter().enumerate() {
+        let mut layout = right.clone();
+        change(&mut layout);
+        assert!(compare(&layout, &right).is_err(), "change {i} of the host struct went unnoticed");
+        assert!(compare(&right, &layout).is_err(), "change {i} of the WGSL struct went unnoticed");
+    }
+}

@@ -1,0 +1,70 @@
+//! Every shader compiles, and every shader file is used.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use ghand_tests::shaders::{sources, validate};
+
+#[test]
+fn every_source_is_valid_on_every_webgpu_device() {
+    for (name, source) in sources() {
+        if let Err(message) = validate(&source) {
+            panic!("{name}: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_source_that_does_not_parse_is_rejected() {
+    assert!(validate("fn broken( {").is_err());
+}
+
+#[test]
+fn a_source_that_parses_but_is_invalid_is_rejected() {
+    // A uniform buffer cannot hold a runtime-sized array: only validation sees that.
+    let source = "@group(0) @binding(0) var<uniform> a: array<f32>;";
+    assert!(naga::front::wgsl::parse_str(source).is_ok());
+    assert!(validate(source).is_err());
+}
+
+#[test]
+fn names_and_entry_points_are_unique() {
+    let (mut names, mut entries) = (BTreeSet::new(), BTreeSet::new());
+    for (name, source) in sources() {
+        assert!(names.insert(name), "two sources are called {name}");
+        for entry in validate(&source).unwrap().entry_points {
+            assert!(entries.insert(entry.name.clone()), "{name}: another source has the entry point {}", entry.name);
+        }
+    }
+}
+
+#[test]
+fn every_shader_file_is_part_of_a_source() {
+    let sources = sources();
+    let files = wgsl_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders"));
+    assert!(!files.is_empty(), "no shaders were found");
+    let unused: Vec<_> = files.iter().filter(|f| !is_used(&std::fs::read_to_string(f).unwrap(), &sources)).collect();
+    assert!(unused.is_empty(), "no source contains {unused:?}");
+}
+
+#[test]
+fn a_shader_file_that_no_source_contains_is_noticed() {
+    assert!(!is_used("fn nobody_composes_this() {}", &sources()));
+}
+
+fn is_used(text: &str, sources: &[(&str, String)]) -> bool {
+    sources.iter().any(|(_, source)| source.contains(text))
+}
+
+fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.unwrap_or_else(|e| panic!("{}: {e}", folder.display())).path();
+        if path.is_dir() {
+            files.extend(wgsl_files(&path));
+        } else if path.extension().is_some_and(|e| e == "wgsl") {
+            files.push(path);
+        }
+    }
+    files
+}
