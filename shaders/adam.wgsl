@@ -34,6 +34,10 @@ fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
     let at = adam.parameter_offset + i;
     let gradient = gradients[adam.gradient_offset + i];
+    // What a view does not see keeps its moments: most of a hand is hidden in every view.
+    if gradient == 0.0 {
+        return;
+    }
     let m = mix(gradient, moments[at].x, adam.beta_1);
     let v = mix(gradient * gradient, moments[at].y, adam.beta_2);
     moments[at] = vec2(m, v);

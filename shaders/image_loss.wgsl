@@ -1,7 +1,9 @@
 // L1 + SSIM between a rendered image and an 8-bit target, value and gradient.
 //
 // SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; outside the image both pictures count as
-// zero. Every invocation makes a run of RUN outputs along the pass's direction, so that a tap is loaded once for four.
+// zero. Every invocation makes a run of four outputs along the pass's direction, so that a tap is loaded once for four. The
+// taps stand one by one with their weights: indexed by a loop, weights and sums would live in memory, four times slower
+// on a software rasteriser.
 
 struct LossUniforms {
     size: vec2<u32>,
@@ -15,33 +17,14 @@ struct LossUniforms {
 
 const RUN: u32 = 4u;
 const RADIUS: u32 = 5u;
-const TAPS: u32 = 14u;
 const C1: f32 = 0.0001;
 const C2: f32 = 0.0009;
-// Weight of tap j for each of the run's four outputs: the normalised window, shifted by one each.
-const WINDOW = array<vec4<f32>, 14>(
-    vec4(0.00102838008, 0.0, 0.0, 0.0),
-    vec4(0.00759875814, 0.00102838008, 0.0, 0.0),
-    vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0),
-    vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008),
-    vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814),
-    vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721),
-    vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069),
-    vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538),
-    vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725),
-    vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538),
-    vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069),
-    vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721),
-    vec4(0.0, 0.0, 0.00102838008, 0.00759875814),
-    vec4(0.0, 0.0, 0.0, 0.00102838008),
-);
-
 @group(0) @binding(0) var<uniform> loss: LossUniforms;
 // Rendered colour (rgb) and coverage.
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
 // Target: red in the lowest byte, then green, blue, mask.
 @group(0) @binding(2) var<storage, read> target_image: array<u32>;
-// Five blurred values a pixel: x, y, x^2, y^2, x y; later three: the gradients to mean, square and product.
+// Four blurred values a pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
 @group(0) @binding(3) var<storage, read_write> rows: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
 // |x - y| and SSIM of each pixel, summed over the channels.
@@ -68,76 +51,85 @@ fn run_in_column(index: u32) -> vec2<u32> {
     return vec2(index % loss.size.x, index / loss.size.x * RUN);
 }
 
-@compute @workgroup_size(64)
-fn loss_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-             @builtin(local_invocation_index) local: u32) {
-    let at = run_in_row(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
-    }
-    var sum_x = mat4x3<f32>();
-    var sum_y = mat4x3<f32>();
-    var sum_xx = mat4x3<f32>();
-    var sum_yy = mat4x3<f32>();
-    var sum_xy = mat4x3<f32>();
-    for (var j = 0u; j < TAPS; j++) {
-        let column = at.x + j - RADIUS;
-        // Left of the image the subtraction wraps to a huge number.
-        if column < loss.size.x {
-            let pixel = at.y * loss.size.x + column;
-            let x = image[pixel].xyz;
-            let y = target_color(pixel);
-            let w = WINDOW[j];
-            sum_x += spread(x, w);
-            sum_y += spread(y, w);
-            sum_xx += spread(x * x, w);
-            sum_yy += spread(y * y, w);
-            sum_xy += spread(x * y, w);
-        }
-    }
-    for (var o = 0u; o < RUN && at.x + o < loss.size.x; o++) {
-        let pixel = 5u * (at.y * loss.size.x + at.x + o);
-        rows[pixel] = vec4(sum_x[o], 0.0);
-        rows[pixel + 1u] = vec4(sum_y[o], 0.0);
-        rows[pixel + 2u] = vec4(sum_xx[o], 0.0);
-        rows[pixel + 3u] = vec4(sum_yy[o], 0.0);
-        rows[pixel + 4u] = vec4(sum_xy[o], 0.0);
+// Sums of a run: one column for each of its four outputs.
+struct PairSums {
+    x: mat4x3<f32>,
+    y: mat4x3<f32>,
+    squares: mat4x3<f32>,
+    product: mat4x3<f32>,
+}
+
+struct GradientSums {
+    mean: mat4x3<f32>,
+    square: mat4x3<f32>,
+    product: mat4x3<f32>,
+}
+
+// Tap number `tap` of the run that starts at `at`, with its weight for each output. Before the first pixel the
+// subtraction wraps to a huge number.
+fn pair_tap(sums: ptr<function, PairSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
+    let column = at.x + tap - RADIUS;
+    if column < loss.size.x {
+        let pixel = at.y * loss.size.x + column;
+        let x = image[pixel].xyz;
+        let y = target_color(pixel);
+        (*sums).x += spread(x, w);
+        (*sums).y += spread(y, w);
+        (*sums).squares += spread(x * x + y * y, w);
+        (*sums).product += spread(x * y, w);
     }
 }
 
-@compute @workgroup_size(64)
-fn loss_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                @builtin(local_invocation_index) local: u32) {
-    let at = run_in_column(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
+fn blurred_tap(sums: ptr<function, PairSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
+    let row = at.y + tap - RADIUS;
+    if row < loss.size.y {
+        let pixel = 4u * (row * loss.size.x + at.x);
+        (*sums).x += spread(rows[pixel].xyz, w);
+        (*sums).y += spread(rows[pixel + 1u].xyz, w);
+        (*sums).squares += spread(rows[pixel + 2u].xyz, w);
+        (*sums).product += spread(rows[pixel + 3u].xyz, w);
     }
-    var sum_x = mat4x3<f32>();
-    var sum_y = mat4x3<f32>();
-    var sum_xx = mat4x3<f32>();
-    var sum_yy = mat4x3<f32>();
-    var sum_xy = mat4x3<f32>();
-    for (var j = 0u; j < TAPS; j++) {
-        let row = at.y + j - RADIUS;
-        if row < loss.size.y {
-            let pixel = 5u * (row * loss.size.x + at.x);
-            let w = WINDOW[j];
-            sum_x += spread(rows[pixel].xyz, w);
-            sum_y += spread(rows[pixel + 1u].xyz, w);
-            sum_xx += spread(rows[pixel + 2u].xyz, w);
-            sum_yy += spread(rows[pixel + 3u].xyz, w);
-            sum_xy += spread(rows[pixel + 4u].xyz, w);
-        }
+}
+
+fn partial_tap(sums: ptr<function, GradientSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
+    let column = at.x + tap - RADIUS;
+    if column < loss.size.x {
+        let pixel = 3u * (at.y * loss.size.x + column);
+        (*sums).mean += spread(partials[pixel].xyz, w);
+        (*sums).square += spread(partials[pixel + 1u].xyz, w);
+        (*sums).product += spread(partials[pixel + 2u].xyz, w);
     }
-    let d_ssim = -loss.ssim_weight * loss.inverse_count;
-    for (var o = 0u; o < RUN && at.y + o < loss.size.y; o++) {
-        let pixel = (at.y + o) * loss.size.x + at.x;
-        let mean_x = sum_x[o];
-        let mean_y = sum_y[o];
+}
+
+fn gradient_tap(sums: ptr<function, GradientSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
+    let row = at.y + tap - RADIUS;
+    if row < loss.size.y {
+        let pixel = 3u * (row * loss.size.x + at.x);
+        (*sums).mean += spread(rows[pixel].xyz, w);
+        (*sums).square += spread(rows[pixel + 1u].xyz, w);
+        (*sums).product += spread(rows[pixel + 2u].xyz, w);
+    }
+}
+
+fn store_rows(at: vec2<u32>, x: vec3<f32>, y: vec3<f32>, squares: vec3<f32>, product: vec3<f32>) {
+    if at.x < loss.size.x {
+        let pixel = 4u * (at.y * loss.size.x + at.x);
+        rows[pixel] = vec4(x, 0.0);
+        rows[pixel + 1u] = vec4(y, 0.0);
+        rows[pixel + 2u] = vec4(squares, 0.0);
+        rows[pixel + 3u] = vec4(product, 0.0);
+    }
+}
+
+fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3<f32>, product: vec3<f32>) {
+    if at.y < loss.size.y {
+        let pixel = at.y * loss.size.x + at.x;
+        let d_ssim = -loss.ssim_weight * loss.inverse_count;
+        let mean_squares = mean_x * mean_x + mean_y * mean_y;
         let n1 = 2.0 * mean_x * mean_y + C1;
-        let n2 = 2.0 * (sum_xy[o] - mean_x * mean_y) + C2;
-        let d1 = mean_x * mean_x + mean_y * mean_y + C1;
-        let d2 = (sum_xx[o] - mean_x * mean_x) + (sum_yy[o] - mean_y * mean_y) + C2;
+        let n2 = 2.0 * (product - mean_x * mean_y) + C2;
+        let d1 = mean_squares + C1;
+        let d2 = squares - mean_squares + C2;
         let inverse = 1.0 / (d1 * d2);
         let ssim = n1 * n2 * inverse;
         partials[3u * pixel] =
@@ -149,6 +141,81 @@ fn loss_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     }
 }
 
+fn store_partials(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_product: vec3<f32>) {
+    if at.x < loss.size.x {
+        let pixel = 3u * (at.y * loss.size.x + at.x);
+        rows[pixel] = vec4(d_mean, 0.0);
+        rows[pixel + 1u] = vec4(d_square, 0.0);
+        rows[pixel + 2u] = vec4(d_product, 0.0);
+    }
+}
+
+fn store_gradient(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_product: vec3<f32>) {
+    if at.y < loss.size.y {
+        let pixel = at.y * loss.size.x + at.x;
+        let x = image[pixel].xyz;
+        let y = target_color(pixel);
+        let d_l1 = loss.l1_weight * loss.inverse_count;
+        d_image[pixel] = vec4(d_l1 * sign(x - y) + d_mean + 2.0 * x * d_square + y * d_product, 0.0);
+    }
+}
+
+@compute @workgroup_size(64)
+fn loss_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+             @builtin(local_invocation_index) local: u32) {
+    let at = run_in_row(flat_index(group, groups, local, 64u));
+    if at.y >= loss.size.y {
+        return;
+    }
+    var sums = PairSums();
+    pair_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
+    pair_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
+    pair_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
+    pair_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
+    pair_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
+    pair_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
+    pair_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
+    pair_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
+    pair_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
+    pair_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
+    pair_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
+    pair_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
+    pair_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
+    pair_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
+    store_rows(at + vec2(0u, 0u), sums.x[0], sums.y[0], sums.squares[0], sums.product[0]);
+    store_rows(at + vec2(1u, 0u), sums.x[1], sums.y[1], sums.squares[1], sums.product[1]);
+    store_rows(at + vec2(2u, 0u), sums.x[2], sums.y[2], sums.squares[2], sums.product[2]);
+    store_rows(at + vec2(3u, 0u), sums.x[3], sums.y[3], sums.squares[3], sums.product[3]);
+}
+
+@compute @workgroup_size(64)
+fn loss_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                @builtin(local_invocation_index) local: u32) {
+    let at = run_in_column(flat_index(group, groups, local, 64u));
+    if at.y >= loss.size.y {
+        return;
+    }
+    var sums = PairSums();
+    blurred_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
+    blurred_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
+    blurred_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
+    blurred_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
+    blurred_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
+    blurred_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
+    blurred_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
+    blurred_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
+    blurred_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
+    blurred_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
+    blurred_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
+    blurred_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
+    blurred_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
+    blurred_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
+    store_ssim(at + vec2(0u, 0u), sums.x[0], sums.y[0], sums.squares[0], sums.product[0]);
+    store_ssim(at + vec2(0u, 1u), sums.x[1], sums.y[1], sums.squares[1], sums.product[1]);
+    store_ssim(at + vec2(0u, 2u), sums.x[2], sums.y[2], sums.squares[2], sums.product[2]);
+    store_ssim(at + vec2(0u, 3u), sums.x[3], sums.y[3], sums.squares[3], sums.product[3]);
+}
+
 @compute @workgroup_size(64)
 fn gradient_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                  @builtin(local_invocation_index) local: u32) {
@@ -156,25 +223,25 @@ fn gradient_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
     if at.y >= loss.size.y {
         return;
     }
-    var d_mean = mat4x3<f32>();
-    var d_square = mat4x3<f32>();
-    var d_product = mat4x3<f32>();
-    for (var j = 0u; j < TAPS; j++) {
-        let column = at.x + j - RADIUS;
-        if column < loss.size.x {
-            let pixel = 3u * (at.y * loss.size.x + column);
-            let w = WINDOW[j];
-            d_mean += spread(partials[pixel].xyz, w);
-            d_square += spread(partials[pixel + 1u].xyz, w);
-            d_product += spread(partials[pixel + 2u].xyz, w);
-        }
-    }
-    for (var o = 0u; o < RUN && at.x + o < loss.size.x; o++) {
-        let pixel = 3u * (at.y * loss.size.x + at.x + o);
-        rows[pixel] = vec4(d_mean[o], 0.0);
-        rows[pixel + 1u] = vec4(d_square[o], 0.0);
-        rows[pixel + 2u] = vec4(d_product[o], 0.0);
-    }
+    var sums = GradientSums();
+    partial_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
+    partial_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
+    partial_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
+    partial_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
+    partial_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
+    partial_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
+    partial_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
+    partial_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
+    partial_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
+    partial_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
+    partial_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
+    partial_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
+    partial_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
+    partial_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
+    store_partials(at + vec2(0u, 0u), sums.mean[0], sums.square[0], sums.product[0]);
+    store_partials(at + vec2(1u, 0u), sums.mean[1], sums.square[1], sums.product[1]);
+    store_partials(at + vec2(2u, 0u), sums.mean[2], sums.square[2], sums.product[2]);
+    store_partials(at + vec2(3u, 0u), sums.mean[3], sums.square[3], sums.product[3]);
 }
 
 @compute @workgroup_size(64)
@@ -184,26 +251,25 @@ fn gradient_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if at.y >= loss.size.y {
         return;
     }
-    var d_mean = mat4x3<f32>();
-    var d_square = mat4x3<f32>();
-    var d_product = mat4x3<f32>();
-    for (var j = 0u; j < TAPS; j++) {
-        let row = at.y + j - RADIUS;
-        if row < loss.size.y {
-            let pixel = 3u * (row * loss.size.x + at.x);
-            let w = WINDOW[j];
-            d_mean += spread(rows[pixel].xyz, w);
-            d_square += spread(rows[pixel + 1u].xyz, w);
-            d_product += spread(rows[pixel + 2u].xyz, w);
-        }
-    }
-    let d_l1 = loss.l1_weight * loss.inverse_count;
-    for (var o = 0u; o < RUN && at.y + o < loss.size.y; o++) {
-        let pixel = (at.y + o) * loss.size.x + at.x;
-        let x = image[pixel].xyz;
-        let y = target_color(pixel);
-        d_image[pixel] = vec4(d_l1 * sign(x - y) + d_mean[o] + 2.0 * x * d_square[o] + y * d_product[o], 0.0);
-    }
+    var sums = GradientSums();
+    gradient_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
+    gradient_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
+    gradient_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
+    gradient_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
+    gradient_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
+    gradient_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
+    gradient_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
+    gradient_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
+    gradient_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
+    gradient_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
+    gradient_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
+    gradient_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
+    gradient_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
+    gradient_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
+    store_gradient(at + vec2(0u, 0u), sums.mean[0], sums.square[0], sums.product[0]);
+    store_gradient(at + vec2(0u, 1u), sums.mean[1], sums.square[1], sums.product[1]);
+    store_gradient(at + vec2(0u, 2u), sums.mean[2], sums.square[2], sums.product[2]);
+    store_gradient(at + vec2(0u, 3u), sums.mean[3], sums.square[3], sums.product[3]);
 }
 
 // Sums `values` over 256 contiguous strands; the host adds those up in order.

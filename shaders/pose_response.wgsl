@@ -67,31 +67,82 @@ fn response_terms(@builtin(global_invocation_id) id: vec3<u32>) {
     joint_terms[id.x] = sum;
 }
 
+fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(k * pose.gaussian_count) + p;
+    return vec4(weights[at.x], weights[at.y], weights[at.z], weights[at.w]);
+}
+
+fn appearance_row(row: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(row * pose.gaussian_count) + p;
+    return vec4(appearance[at.x], appearance[at.y], appearance[at.z], appearance[at.w]);
+}
+
+fn store_gaussian(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+    let at = vec4(row * pose.gaussian_count) + p;
+    if stored.x { gaussians[at.x] = value.x; }
+    if stored.y { gaussians[at.y] = value.y; }
+    if stored.z { gaussians[at.z] = value.z; }
+    if stored.w { gaussians[at.w] = value.w; }
+}
+
+fn sigmoid4(x: vec4<f32>) -> vec4<f32> {
+    return 1.0 / (1.0 + exp(-x));
+}
+
+// What joint k adds to the channels first to first + 3; channels beyond the last repeat it and are not used.
+fn term_block(first: u32, k: u32) -> vec4<f32> {
+    let channel = min(vec4(first) + vec4(0u, 1u, 2u, 3u), vec4(channel_count() - 1u));
+    let at = channel * pose.joint_count + k;
+    return vec4(joint_terms[at.x], joint_terms[at.y], joint_terms[at.z], joint_terms[at.w]);
+}
+
+// Stores a channel of four points and adds a colour channel's part to the colour (one column a colour channel).
+fn take_channel(channel: u32, p: vec4<u32>, stored: vec4<bool>, moved: vec4<f32>, color: ptr<function, mat3x4<f32>>) {
+    if channel >= channel_count() {
+        return;
+    }
+    let value = response[channel] + moved;
+    let at = vec4(channel * pose.gaussian_count) + p;
+    if stored.x { channels[at.x] = value.x; }
+    if stored.y { channels[at.y] = value.y; }
+    if stored.z { channels[at.z] = value.z; }
+    if stored.w { channels[at.w] = value.w; }
+    if channel >= pose.basis_count {
+        let row = ROW_COMPONENTS + 3u * (channel - pose.basis_count);
+        *color += mat3x4(value * appearance_row(row, p), value * appearance_row(row + 1u, p),
+                         value * appearance_row(row + 2u, p));
+    }
+}
+
+// Four points and four channels at a time, so that weights and terms are loaded once for sixteen products.
 @compute @workgroup_size(64)
 fn respond(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
            @builtin(local_invocation_index) local: u32) {
-    let p = flat_index(group, groups, local, 64u);
+    let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if p >= n {
+    if i >= quarter(n) {
         return;
     }
-    var color = vec3(appearance[ROW_BASE_COLOR * n + p], appearance[(ROW_BASE_COLOR + 1u) * n + p],
-                     appearance[(ROW_BASE_COLOR + 2u) * n + p]);
-    for (var i = 0u; i < channel_count(); i++) {
-        var value = response[i];
+    let p = four_points(i, n);
+    let stored = four_stored(i, n);
+    var color = mat3x4(appearance_row(ROW_BASE_COLOR, p), appearance_row(ROW_BASE_COLOR + 1u, p),
+                       appearance_row(ROW_BASE_COLOR + 2u, p));
+    for (var first = 0u; first < channel_count(); first += 4u) {
+        var moved = mat4x4<f32>();
         for (var k = 0u; k < pose.joint_count; k++) {
-            value += weights[k * n + p] * joint_terms[i * pose.joint_count + k];
+            let w = weight_row(k, p);
+            let t = term_block(first, k);
+            moved += mat4x4(w * t.x, w * t.y, w * t.z, w * t.w);
         }
-        channels[i * n + p] = value;
-        if i >= pose.basis_count {
-            let row = ROW_COMPONENTS + 3u * (i - pose.basis_count);
-            color += value * vec3(appearance[row * n + p], appearance[(row + 1u) * n + p], appearance[(row + 2u) * n + p]);
-        }
+        take_channel(first, p, stored, moved[0], &color);
+        take_channel(first + 1u, p, stored, moved[1], &color);
+        take_channel(first + 2u, p, stored, moved[2], &color);
+        take_channel(first + 3u, p, stored, moved[3], &color);
     }
-    gaussians[ROW_SCALE * n + p] = response_sizes.max_scale * sigmoid(appearance[p]);
-    gaussians[ROW_COLOR * n + p] = sigmoid(color.x);
-    gaussians[(ROW_COLOR + 1u) * n + p] = sigmoid(color.y);
-    gaussians[(ROW_COLOR + 2u) * n + p] = sigmoid(color.z);
+    store_gaussian(ROW_SCALE, p, stored, response_sizes.max_scale * sigmoid4(appearance_row(ROW_SCALE_LOGIT, p)));
+    store_gaussian(ROW_COLOR, p, stored, sigmoid4(color[0]));
+    store_gaussian(ROW_COLOR + 1u, p, stored, sigmoid4(color[1]));
+    store_gaussian(ROW_COLOR + 2u, p, stored, sigmoid4(color[2]));
 }
 
 // Gradient of the appearance tables and of the colour channels.

@@ -12,8 +12,7 @@ fn joint(k: u32) -> vec3<f32> {
     return vec3(joints[3u * k], joints[3u * k + 1u], joints[3u * k + 2u]);
 }
 
-@compute @workgroup_size(1)
-fn skeleton() {
+fn walk() {
     for (var k = 0u; k < pose.joint_count; k++) {
         let at = pose.pose_offset + 3u * k;
         let local = rotation_from_axis_angle(vec3(poses[at], poses[at + 1u], poses[at + 2u]));
@@ -38,6 +37,31 @@ fn skeleton() {
             }
             chain[base + CHAIN_WORLD + 4u * r + 3u] = origin[r];
             chain[base + CHAIN_POSED + 4u * r + 3u] = moved[r];
+        }
+    }
+}
+
+@compute @workgroup_size(1)
+fn skeleton() {
+    walk();
+}
+
+// The residual chain. Residual weights whose mean over the joints is taken off act on bones as they are just as weights
+// as they are act on bones whose mean is taken off; the latter is done once instead of for every point.
+@compute @workgroup_size(1)
+fn residual_skeleton() {
+    walk();
+    if pose.zero_sum == 0u {
+        return;
+    }
+    for (var c = 0u; c < 12u; c++) {
+        var mean = 0.0;
+        for (var k = 0u; k < pose.joint_count; k++) {
+            mean += chain[k * CHAIN_STRIDE + CHAIN_POSED + c];
+        }
+        mean /= f32(pose.joint_count);
+        for (var k = 0u; k < pose.joint_count; k++) {
+            chain[k * CHAIN_STRIDE + CHAIN_POSED + c] -= mean;
         }
     }
 }

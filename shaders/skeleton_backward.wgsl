@@ -105,8 +105,7 @@ fn walk(keep: f32) {
 @compute @workgroup_size(1)
 fn residual_skeleton_backward() {
     if pose.zero_sum != 0u {
-        // The sums over points were taken with the raw weights. Taking the mean over joints off the weights takes the
-        // mean over joints off the sums.
+        // The residual bones had their mean over the joints taken off.
         for (var c = 0u; c < 12u; c++) {
             var mean = 0.0;
             for (var k = 0u; k < pose.joint_count; k++) {

@@ -10,28 +10,46 @@
 @group(0) @binding(6) var<storage, read> poses: array<f32>;
 @group(0) @binding(7) var<storage, read_write> gaussians: array<f32>;
 
+fn store(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+    let at = vec4(row * pose.gaussian_count) + p;
+    if stored.x { gaussians[at.x] = value.x; }
+    if stored.y { gaussians[at.y] = value.y; }
+    if stored.z { gaussians[at.z] = value.z; }
+    if stored.w { gaussians[at.w] = value.w; }
+}
+
 @compute @workgroup_size(64)
 fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) local: u32) {
-    let p = flat_index(group, groups, local, 64u);
+    let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if p >= n {
+    if i >= quarter(n) {
         return;
     }
-    let x = vec4(offsets[ROW_POINT * n + p], offsets[(ROW_POINT + 1u) * n + p], offsets[(ROW_POINT + 2u) * n + p], 1.0);
-    let mean = f32(pose.zero_sum) * residual_mean(p);
-    var row_x = vec4(0.0);
-    var row_y = vec4(0.0);
-    var row_z = vec4(0.0);
+    let p = four_points(i, n);
+    // Rows of the blended map: one column for each entry of the row, one component for each point.
+    var row_x = mat4x4<f32>();
+    var row_y = mat4x4<f32>();
+    var row_z = mat4x4<f32>();
     for (var k = 0u; k < pose.joint_count; k++) {
-        let w = weights[k * n + p];
-        let v = residual_weights[k * n + p] - mean;
-        row_x += w * bone_row(k, 0u) + v * residual_bone_row(k, 0u);
-        row_y += w * bone_row(k, 1u) + v * residual_bone_row(k, 1u);
-        row_z += w * bone_row(k, 2u) + v * residual_bone_row(k, 2u);
+        let w = weight_row(k, p);
+        let v = residual_weight_row(k, p);
+        let bx = bone_row(k, 0u);
+        let by = bone_row(k, 1u);
+        let bz = bone_row(k, 2u);
+        let rx = residual_bone_row(k, 0u);
+        let ry = residual_bone_row(k, 1u);
+        let rz = residual_bone_row(k, 2u);
+        row_x += mat4x4(w * bx.x + v * rx.x, w * bx.y + v * rx.y, w * bx.z + v * rx.z, w * bx.w + v * rx.w);
+        row_y += mat4x4(w * by.x + v * ry.x, w * by.y + v * ry.y, w * by.z + v * ry.z, w * by.w + v * ry.w);
+        row_z += mat4x4(w * bz.x + v * rz.x, w * bz.y + v * rz.y, w * bz.z + v * rz.z, w * bz.w + v * rz.w);
     }
+    let x = offset_row(ROW_POINT, p);
+    let y = offset_row(ROW_POINT + 1u, p);
+    let z = offset_row(ROW_POINT + 2u, p);
+    let stored = four_stored(i, n);
     let t = pose.pose_offset + 3u * pose.joint_count;
-    gaussians[p] = dot(row_x, x) + poses[t];
-    gaussians[n + p] = dot(row_y, x) + poses[t + 1u];
-    gaussians[2u * n + p] = dot(row_z, x) + poses[t + 2u];
+    store(0u, p, stored, row_x[0] * x + row_x[1] * y + row_x[2] * z + row_x[3] + poses[t]);
+    store(1u, p, stored, row_y[0] * x + row_y[1] * y + row_y[2] * z + row_y[3] + poses[t + 1u]);
+    store(2u, p, stored, row_z[0] * x + row_z[1] * y + row_z[2] * z + row_z[3] + poses[t + 2u]);
 }

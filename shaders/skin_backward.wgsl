@@ -11,40 +11,77 @@
 @group(0) @binding(7) var<storage, read_write> d_skin: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_residual_weights: array<f32>;
 
+fn d_gaussian_row(row: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(row * pose.gaussian_count) + p;
+    return vec4(d_gaussians[at.x], d_gaussians[at.y], d_gaussians[at.z], d_gaussians[at.w]);
+}
+
+fn store_skin(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+    let at = vec4(row * pose.gaussian_count) + p;
+    if stored.x { d_skin[at.x] = value.x; }
+    if stored.y { d_skin[at.y] = value.y; }
+    if stored.z { d_skin[at.z] = value.z; }
+    if stored.w { d_skin[at.w] = value.w; }
+}
+
+fn store_weight(k: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+    let at = vec4(k * pose.gaussian_count) + p;
+    if stored.x { d_residual_weights[at.x] = value.x; }
+    if stored.y { d_residual_weights[at.y] = value.y; }
+    if stored.z { d_residual_weights[at.z] = value.z; }
+    if stored.w { d_residual_weights[at.w] = value.w; }
+}
+
 @compute @workgroup_size(64)
 fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                  @builtin(local_invocation_index) local: u32) {
-    let p = flat_index(group, groups, local, 64u);
+    let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if p >= n {
+    if i >= quarter(n) {
         return;
     }
-    let x = vec4(offsets[ROW_POINT * n + p], offsets[(ROW_POINT + 1u) * n + p], offsets[(ROW_POINT + 2u) * n + p], 1.0);
-    let d = vec3(d_gaussians[p], d_gaussians[n + p], d_gaussians[2u * n + p]);
-    let mean = f32(pose.zero_sum) * residual_mean(p);
-    var d_x = vec3(0.0);
-    var d_mean = 0.0;
+    let p = four_points(i, n);
+    let stored = four_stored(i, n);
+    let x = offset_row(ROW_POINT, p);
+    let y = offset_row(ROW_POINT + 1u, p);
+    let z = offset_row(ROW_POINT + 2u, p);
+    let dx = d_gaussian_row(0u, p);
+    let dy = d_gaussian_row(1u, p);
+    let dz = d_gaussian_row(2u, p);
+    var d_x = vec4(0.0);
+    var d_y = vec4(0.0);
+    var d_z = vec4(0.0);
     for (var k = 0u; k < pose.joint_count; k++) {
-        let w = weights[k * n + p];
-        let v = residual_weights[k * n + p] - mean;
-        let d_bone = d.x * bone_row(k, 0u) + d.y * bone_row(k, 1u) + d.z * bone_row(k, 2u);
-        let d_residual_bone =
-            d.x * residual_bone_row(k, 0u) + d.y * residual_bone_row(k, 1u) + d.z * residual_bone_row(k, 2u);
-        d_x += w * d_bone.xyz + v * d_residual_bone.xyz;
-        let d_weight = dot(d_residual_bone, x);
-        d_mean += d_weight;
-        d_residual_weights[k * n + p] = d_weight;
+        let w = weight_row(k, p);
+        let v = residual_weight_row(k, p);
+        let bx = bone_row(k, 0u);
+        let by = bone_row(k, 1u);
+        let bz = bone_row(k, 2u);
+        let rx = residual_bone_row(k, 0u);
+        let ry = residual_bone_row(k, 1u);
+        let rz = residual_bone_row(k, 2u);
+        let residual_x = dx * rx.x + dy * ry.x + dz * rz.x;
+        let residual_y = dx * rx.y + dy * ry.y + dz * rz.y;
+        let residual_z = dx * rx.z + dy * ry.z + dz * rz.z;
+        d_x += w * (dx * bx.x + dy * by.x + dz * bz.x) + v * residual_x;
+        d_y += w * (dx * bx.y + dy * by.y + dz * bz.y) + v * residual_y;
+        d_z += w * (dx * bx.z + dy * by.z + dz * bz.z) + v * residual_z;
+        let shift = dx * rx.w + dy * ry.w + dz * rz.w;
+        store_weight(k, p, stored, residual_x * x + residual_y * y + residual_z * z + shift);
     }
-    d_mean *= f32(pose.zero_sum) / f32(pose.joint_count);
-    if pose.zero_sum != 0u {
-        for (var k = 0u; k < pose.joint_count; k++) {
-            d_residual_weights[k * n + p] -= d_mean;
-        }
-    }
-    for (var c = 0u; c < 3u; c++) {
-        d_skin[(ROW_D_POINT + c) * n + p] = d_x[c];
-        for (var b = 0u; b < 4u; b++) {
-            d_skin[(ROW_MOMENT + 4u * c + b) * n + p] = d[c] * x[b];
-        }
-    }
+    store_skin(ROW_D_POINT, p, stored, d_x);
+    store_skin(ROW_D_POINT + 1u, p, stored, d_y);
+    store_skin(ROW_D_POINT + 2u, p, stored, d_z);
+    store_skin(ROW_MOMENT, p, stored, dx * x);
+    store_skin(ROW_MOMENT + 1u, p, stored, dx * y);
+    store_skin(ROW_MOMENT + 2u, p, stored, dx * z);
+    store_skin(ROW_MOMENT + 3u, p, stored, dx);
+    store_skin(ROW_MOMENT + 4u, p, stored, dy * x);
+    store_skin(ROW_MOMENT + 5u, p, stored, dy * y);
+    store_skin(ROW_MOMENT + 6u, p, stored, dy * z);
+    store_skin(ROW_MOMENT + 7u, p, stored, dy);
+    store_skin(ROW_MOMENT + 8u, p, stored, dz * x);
+    store_skin(ROW_MOMENT + 9u, p, stored, dz * y);
+    store_skin(ROW_MOMENT + 10u, p, stored, dz * z);
+    store_skin(ROW_MOMENT + 11u, p, stored, dz);
 }

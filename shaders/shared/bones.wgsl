@@ -1,4 +1,5 @@
-// Access to the two chains for the skinning stages.
+// Access to the two chains for the skinning stages, which handle four points an invocation: a bone is loaded once for
+// four points.
 
 fn bone_row(k: u32, row: u32) -> vec4<f32> {
     let at = k * CHAIN_STRIDE + CHAIN_POSED + 4u * row;
@@ -10,10 +11,17 @@ fn residual_bone_row(k: u32, row: u32) -> vec4<f32> {
     return vec4(residual_chain[at], residual_chain[at + 1u], residual_chain[at + 2u], residual_chain[at + 3u]);
 }
 
-fn residual_mean(p: u32) -> f32 {
-    var sum = 0.0;
-    for (var k = 0u; k < pose.joint_count; k++) {
-        sum += residual_weights[k * pose.gaussian_count + p];
-    }
-    return sum / f32(pose.joint_count);
+fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(k * pose.gaussian_count) + p;
+    return vec4(weights[at.x], weights[at.y], weights[at.z], weights[at.w]);
+}
+
+fn residual_weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(k * pose.gaussian_count) + p;
+    return vec4(residual_weights[at.x], residual_weights[at.y], residual_weights[at.z], residual_weights[at.w]);
+}
+
+fn offset_row(row: u32, p: vec4<u32>) -> vec4<f32> {
+    let at = vec4(row * pose.gaussian_count) + p;
+    return vec4(offsets[at.x], offsets[at.y], offsets[at.z], offsets[at.w]);
 }

@@ -164,7 +164,7 @@ const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }
     @group(0) @binding(0) var<uniform> pair: Pair;";
 
 fn layout_of(source: &str) -> Layout {
-    buffer_layouts(&validate(source).unwrap()).remove(0)
+    buffer_layouts(&validate(source).unwrap_or_else(|e| panic!("{e}"))).remove(0)
 }
 
 #[test]

@@ -196,6 +196,7 @@ impl DirectBuffers {
 pub fn shader_source() -> String {
     compose(&[
         include_str!("../../../shaders/shared/pose.wgsl"),
+        include_str!("../../../shaders/shared/four.wgsl"),
         include_str!("../../../shaders/shared/gaussian_rows.wgsl"),
         include_str!("../../../shaders/pose_response.wgsl"),
     ])
@@ -261,7 +262,8 @@ impl DirectForward {
     /// Encodes the response; the skeleton must have been encoded before.
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.response_terms.dispatch(pass, self.term_groups);
-        self.respond.dispatch(pass, self.point_groups);
+        // Four points an invocation.
+        self.respond.dispatch(pass, self.point_groups.div_ceil(4));
     }
 }
 

@@ -56,7 +56,7 @@ impl ImageLoss {
         let module = Module::new(gpu, "image_loss", &shader_sources::image_loss());
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
-        let rows = buffers::zeroed(gpu, "loss rows", 5 * 4 * max_pixels);
+        let rows = buffers::zeroed(gpu, "loss rows", 4 * 4 * max_pixels);
         let partials = buffers::zeroed(gpu, "loss partials", 3 * 4 * max_pixels);
         let values = buffers::zeroed(gpu, "loss values", 2 * max_pixels);
         let strand_sums = buffers::zeroed(gpu, "loss sums", 2 * STRANDS);

@@ -100,6 +100,11 @@ pub struct PosePipeline {
     skin: Bound,
 }
 
+/// Workgroups of stages that handle four points an invocation (`shaders/shared/four.wgsl`).
+fn groups_of_four(count: u32) -> u32 {
+    count.div_ceil(4).div_ceil(64)
+}
+
 fn groups(count: u32) -> u32 {
     count.div_ceil(64)
 }
@@ -130,10 +135,15 @@ impl PosePipeline {
         let residual_chain = buffers::zeroed(gpu, "residual chain", CHAIN_STRIDE * joint_count);
         let offsets = buffers::zeroed(gpu, "offsets", OFFSET_ROWS * count);
 
-        let skeleton = Module::new(gpu, "skeleton", &shader_sources::skeleton()).stage(gpu, "skeleton", &[]);
+        let skeletons = Module::new(gpu, "skeleton", &shader_sources::skeleton());
+        let skeleton = skeletons.stage(gpu, "skeleton", &[]);
+        let residual_skeleton = skeletons.stage(gpu, "residual_skeleton", &[]);
         let blend = Module::new(gpu, "blend_shapes", &shader_sources::blend_shapes()).stage(gpu, "blend_shapes", &[]);
-        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton())
-            .stage(gpu, "place_residual_joints", &[]);
+        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton()).stage(
+            gpu,
+            "place_residual_joints",
+            &[],
+        );
         let skin = Module::new(gpu, "skin", &shader_sources::skin()).stage(gpu, "skin", &[]);
         let regress = JointSums::new(gpu, &properties.regressor, joint_count, &offsets, 0, 3, count);
         PosePipeline {
@@ -150,7 +160,7 @@ impl PosePipeline {
             ),
             place_residual_joints: residual
                 .bind(gpu, &[(0, &uniforms), (1, &joints), (2, &regress.total), (3, &residual_joints)]),
-            residual_skeleton: skeleton.bind(
+            residual_skeleton: residual_skeleton.bind(
                 gpu,
                 &[(0, &uniforms), (1, &poses), (2, &parents), (3, &residual_joints), (4, &residual_chain)],
             ),
@@ -212,7 +222,7 @@ impl PosePipeline {
         self.regress.encode(pass);
         self.place_residual_joints.dispatch(pass, (3 * self.current.joint_count).div_ceil(32));
         self.residual_skeleton.dispatch(pass, 1);
-        self.skin.dispatch(pass, groups(n));
+        self.skin.dispatch(pass, groups_of_four(n));
     }
 }
 
@@ -269,8 +279,11 @@ impl PoseBackward {
 
         let skin = Module::new(gpu, "skin_backward", &shader_sources::skin_backward()).stage(gpu, "skin_backward", &[]);
         let skeleton = Module::new(gpu, "skeleton_backward", &shader_sources::skeleton_backward());
-        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton())
-            .stage(gpu, "residual_joints_backward", &[]);
+        let residual = Module::new(gpu, "residual_skeleton", &shader_sources::residual_skeleton()).stage(
+            gpu,
+            "residual_joints_backward",
+            &[],
+        );
         let blend =
             Module::new(gpu, "blend_shapes", &shader_sources::blend_shapes()).stage(gpu, "blend_shapes_backward", &[]);
         let uniforms = &forward.uniforms;
@@ -353,10 +366,10 @@ impl PoseBackward {
 
     /// First half: the learned tables and coefficients get their gradients, `d_local` the residual skeleton's part.
     pub fn encode_properties(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin_backward.dispatch(pass, groups(self.gaussian_count));
+        self.skin_backward.dispatch(pass, groups_of_four(self.gaussian_count));
         self.residual_bone_sums.encode(pass);
         self.residual_skeleton_backward.dispatch(pass, 1);
-        self.residual_joints_backward.dispatch(pass, groups(self.gaussian_count));
+        self.residual_joints_backward.dispatch(pass, groups_of_four(self.gaussian_count));
         self.blend_shapes_backward.dispatch(pass, groups(self.gaussian_count));
     }
 

@@ -10,6 +10,7 @@ const GAUSSIAN: &str = include_str!("../../../shaders/shared/gaussian.wgsl");
 const GAUSSIAN_ROWS: &str = include_str!("../../../shaders/shared/gaussian_rows.wgsl");
 const POSE: &str = include_str!("../../../shaders/shared/pose.wgsl");
 const ROTATION: &str = include_str!("../../../shaders/shared/rotation.wgsl");
+const FOUR: &str = include_str!("../../../shaders/shared/four.wgsl");
 const BONES: &str = include_str!("../../../shaders/shared/bones.wgsl");
 
 /// Every source of this crate with its name.
@@ -92,17 +93,17 @@ pub fn blend_shapes() -> String {
 
 /// The residual skeleton's joints, and back.
 pub fn residual_skeleton() -> String {
-    compose(&[POSE, include_str!("../../../shaders/residual_skeleton.wgsl")])
+    compose(&[POSE, FOUR, include_str!("../../../shaders/residual_skeleton.wgsl")])
 }
 
 /// Corrected linear blend skinning.
 pub fn skin() -> String {
-    compose(&[POSE, BONES, include_str!("../../../shaders/skin.wgsl")])
+    compose(&[POSE, FOUR, BONES, include_str!("../../../shaders/skin.wgsl")])
 }
 
 /// The gradient of skinning.
 pub fn skin_backward() -> String {
-    compose(&[POSE, BONES, include_str!("../../../shaders/skin_backward.wgsl")])
+    compose(&[POSE, FOUR, BONES, include_str!("../../../shaders/skin_backward.wgsl")])
 }
 
 /// Products of two tables summed over the Gaussians.

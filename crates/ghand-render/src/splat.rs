@@ -152,7 +152,7 @@ impl Splatter {
     pub fn new(gpu: &Gpu, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
         let [width, height] = max_size;
         let pixels = width as usize * height as usize;
-        // The loss keeps 80 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
+        // The loss keeps 64 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
         if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
             return Err(RenderError::Invalid(format!("an image of {width} x {height} pixels is not between 1 and 16384")));
         }

@@ -8,6 +8,9 @@ use ghand_data::{Capture, CaptureError, Split};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading};
 use glam::DVec3;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 /// Why the floor could not be made.
@@ -94,7 +97,7 @@ const DEPTH_TOLERANCE: f64 = 0.002;
 /// Texels seen at a flatter angle than this cosine are left out.
 const MIN_COSINE: f64 = 0.3;
 
-/// Mean colours over at most `view_count` of a split's views, evenly chosen, with the split's frames in `poses`.
+/// Mean colours over at most `view_count` of a split's views, chosen at random but always the same, with the split's frames in `poses`.
 ///
 /// # Errors
 /// [`FloorError`] if an image or the model is unusable.
@@ -110,13 +113,13 @@ pub fn texel_colors(
     let samples = surface::sample_surface(model, resolution)?;
     let painter = MeshPainter::new(gpu, model)?;
     let plain = Texture::plain([255; 3]);
-    let pairs: Vec<(usize, usize)> =
+    let mut pairs: Vec<(usize, usize)> =
         (0..split.frames.len()).flat_map(|f| split.cameras.iter().map(move |c| (f, *c))).collect();
-    let chosen = view_count.min(pairs.len());
+    // Shuffled, so that every camera and every frame has its turn whatever their numbers.
+    pairs.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+    pairs.truncate(view_count);
     let mut sums = vec![[0.0f64; 4]; samples.len()];
-    for i in 0..chosen {
-        // A stride that is no divisor of the number of cameras, so that all cameras and all frames have their turn.
-        let (frame, camera_index) = pairs[(i * pairs.len() / chosen + i % split.cameras.len()) % pairs.len()];
+    for (frame, camera_index) in pairs {
         let camera = &capture.cameras[camera_index];
         let view = capture.load_view(camera_index, split.frames[frame])?;
         let depth = painter.paint(&poses[frame], camera, &plain, 1)?.depth;
