@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
@@ -29,10 +30,15 @@ impl AdapterArgs {
 /// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     // The device's own failures come back as errors; the driver's chatter would only hide them.
-    let quiet = "warn,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off";
+    let quiet = "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off";
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(quiet)).init();
     let args = match A::try_parse() {
         Ok(args) => args,
+        // Without any command: the help is the best answer.
+        Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            eprint!("{e}");
+            return ExitCode::FAILURE;
+        }
         Err(e) if e.use_stderr() => {
             let message = e.to_string();
             let paragraph = message.split("\n\n").next().unwrap_or(&message);

@@ -1,5 +1,6 @@
 //! What the programs `train`, `viewer` and `ghand` are made of: commands, the viewer's parts, and reading of their input.
 
+pub mod bare_hand;
 pub mod camera_file;
 pub mod cli;
 pub mod commands;

@@ -1,1 +1,64 @@
-fn main(){}
+//! `viewer`: look at an avatar in any pose from any side.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+use ghand_app::LAST_AVATAR;
+use ghand_app::bare_hand::bare_hand;
+use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::pose_file::pose_by_name;
+use ghand_app::viewer::app::Viewer;
+use ghand_app::viewer::screenshot::screenshot;
+use ghand_app::viewer::window;
+use ghand_avatar::Avatar;
+
+/// Look at an animatable hand avatar
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    /// The avatar, a .ghand file [default: the last trained one, out/train/avatar.ghand, else a bare hand]
+    avatar: Option<PathBuf>,
+    /// The pose at first: rest, relaxed, spread, fist, pinch, point, victory or thumbs-up
+    #[arg(long, value_name = "NAME", default_value = "rest")]
+    pose: String,
+    /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
+    #[arg(long, value_name = "FILE")]
+    screenshot: Option<PathBuf>,
+    /// Size of the screenshot [default: 1280x800]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "screenshot")]
+    size: Option<[u32; 2]>,
+    #[command(flatten)]
+    adapter: AdapterArgs,
+}
+
+fn main() -> ExitCode {
+    cli::run(run)
+}
+
+fn run(arguments: Arguments) -> anyhow::Result<()> {
+    if arguments.screenshot.is_none() {
+        window::check_display()?;
+    }
+    let (avatar, source) = avatar(arguments.avatar.as_deref())?;
+    let pose = pose_by_name(&arguments.pose, &avatar.model)?;
+    let gpu = arguments.adapter.open()?;
+    let mut viewer = Viewer::new(&gpu, avatar, source.clone(), pose)?;
+    match &arguments.screenshot {
+        Some(path) => {
+            let context = egui::Context::default();
+            window::style(&context);
+            screenshot(&mut viewer, &context, arguments.size.unwrap_or(window::WINDOW_SIZE), path)
+        }
+        None => window::open(viewer, &format!("ghand - {source}")),
+    }
+}
+
+/// The avatar to show and where it is from.
+fn avatar(path: Option<&Path>) -> anyhow::Result<(Avatar, String)> {
+    let last = Path::new(LAST_AVATAR);
+    match path.or(last.exists().then_some(last)) {
+        Some(path) => Ok((Avatar::load(path)?, path.display().to_string())),
+        None => Ok((bare_hand()?, "no avatar trained yet: bare hand".into())),
+    }
+}

@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
-use ghand_core::{Camera, Pose};
+use ghand_core::Pose;
 use ghand_data::atomic_file::write_atomically;
 use ghand_render::splat::Image;
 use image::{ImageFormat, RgbImage};
@@ -22,6 +22,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand render`.
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("view").required(true))]
 pub struct RenderArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
@@ -32,10 +33,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
     /// A JSON file with one camera as in a capture.json
-    #[arg(long, value_name = "FILE", required_unless_present = "turntable", conflicts_with = "turntable")]
+    #[arg(long, value_name = "FILE", group = "view")]
     camera: Option<PathBuf>,
     /// This many views around the hand
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", group = "view", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     turntable: Option<u32>,
     /// Size of the pictures [default: the camera's, for a turntable 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -101,7 +102,8 @@ fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<Posed
 
 /// The image as 8-bit display values.
 fn to_rgb8(image: &Image) -> anyhow::Result<RgbImage> {
-    let bytes = image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
+    let bytes =
+        image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
     RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")
 }
 

@@ -2,10 +2,14 @@
 
 use crate::optimizer::{BETAS, EPSILON};
 
-/// One Adam step number `step` (from 1) on parameters with their two moments.
+/// One Adam step number `step` (from 1) on parameters with their two moments. Parameters without a gradient, which no
+/// view saw, are left with their moments.
 pub fn adam(parameters: &mut [f64], moments: &mut [[f64; 2]], gradients: &[f64], learning_rate: f64, step: u64) {
     let correction = BETAS.map(|b| 1.0 / (1.0 - b.powf(step as f64)));
     for ((p, m), g) in parameters.iter_mut().zip(moments).zip(gradients) {
+        if *g == 0.0 {
+            continue;
+        }
         m[0] = BETAS[0] * m[0] + (1.0 - BETAS[0]) * g;
         m[1] = BETAS[1] * m[1] + (1.0 - BETAS[1]) * g * g;
         *p -= learning_rate * m[0] * correction[0] / ((m[1] * correction[1]).sqrt() + f64::from(EPSILON));

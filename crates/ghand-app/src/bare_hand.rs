@@ -1,0 +1,34 @@
+//! What there is to see before anything has been trained.
+
+use ghand_avatar::{Avatar, AvatarConfig};
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::{HandModelError, surface};
+use glam::DVec3;
+
+use crate::framing::{UP, back_of_hand};
+
+/// Skin that faces the light, display values.
+const COLOR: DVec3 = DVec3::new(0.86, 0.65, 0.54);
+/// Brightness that does not depend on where the skin faces.
+const AMBIENT: f64 = 0.5;
+/// Brightness that the palm and the back of the hand have more than the sides of the fingers, so that fingers stand out.
+const FACING: f64 = 0.25;
+
+/// The built-in hand as an untrained avatar, softly lit at rest so that its shape shows.
+///
+/// # Errors
+/// [`HandModelError`] if the built-in hand cannot be built, which would be a mistake in it.
+pub fn bare_hand() -> Result<Avatar, HandModelError> {
+    let model = ProceduralHand::default().build()?;
+    let config = AvatarConfig::default();
+    let mut avatar = Avatar::untrained(&model, &config, COLOR.to_array(), 0)?;
+    let back = back_of_hand(model.side);
+    let light = (back + UP + 0.7 * DVec3::NEG_Z).normalize();
+    let shade = |normal: &DVec3| {
+        let lit = (1.0 - AMBIENT - FACING) * (0.5 + 0.5 * normal.dot(light));
+        (COLOR * (AMBIENT + FACING * normal.dot(back).abs() + lit)).to_array()
+    };
+    let samples = surface::sample_surface(&model, config.uv_resolution)?;
+    avatar.tables.set_base_colors(&samples.normals.iter().map(shade).collect::<Vec<_>>());
+    Ok(avatar)
+}

@@ -1,0 +1,140 @@
+//! A camera that moves around a point.
+
+use std::f64::consts::FRAC_PI_2;
+
+use ghand_core::{Camera, HandModel, Pose};
+use glam::{DQuat, DVec2, DVec3};
+
+use crate::framing::{UP, back_of_hand, middle, posed_vertices};
+
+/// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
+const FIELD_OF_VIEW: f64 = 0.4;
+/// Part of the shorter edge that the hand takes at first.
+const FILL: f64 = 0.9;
+/// Bounds of the distance, metres: nearer the hand is cut by the near plane, further it is a dot.
+const DISTANCES: [f64; 2] = [0.06, 4.0];
+/// Turn for a drag of one point, radians: the width of a window is about one turn.
+const TURN_PER_POINT: f64 = 0.008;
+/// Turn about [`UP`] towards the thumb and height above the horizon at first, radians: enough to see depth.
+const FIRST_TURN: DVec2 = DVec2::new(-0.5, 0.15);
+/// The camera stays this far from the poles, radians: there `UP` is no direction.
+const POLE_MARGIN: f64 = 0.01;
+
+/// Where the viewer looks from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrbitCamera {
+    target: DVec3,
+    distance: f64,
+    /// Turn about [`UP`], radians, from the back of the hand on.
+    yaw: f64,
+    /// Height above the horizon, radians.
+    pitch: f64,
+    back: DVec3,
+}
+
+impl OrbitCamera {
+    /// Sees the whole hand, its back and a little of the thumb's side, fingers up.
+    pub fn facing(model: &HandModel, pose: &Pose) -> OrbitCamera {
+        let points = posed_vertices(model, pose);
+        let target = middle(&points);
+        let back = back_of_hand(model.side);
+        // The thumb of a left hand is on the other side.
+        let yaw = FIRST_TURN.x * back.x.signum();
+        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch: FIRST_TURN.y, back };
+        let direction = orbit.direction();
+        // Every point must lie inside the cone whose picture is the inscribed circle of the shorter edge.
+        let slope = (0.5 * FIELD_OF_VIEW).tan() * FILL;
+        let needed = points.iter().map(|p| {
+            let offset = *p - target;
+            let depth = offset.dot(direction);
+            (offset - depth * direction).length() / slope + depth
+        });
+        orbit.distance = needed.fold(DISTANCES[0], f64::max).min(DISTANCES[1]);
+        orbit
+    }
+
+    /// From the target to the camera.
+    fn direction(&self) -> DVec3 {
+        let side = UP.cross(self.back);
+        DQuat::from_axis_angle(UP, self.yaw) * DQuat::from_axis_angle(side, -self.pitch) * self.back
+    }
+
+    /// Turns by a drag in points.
+    pub fn orbit(&mut self, drag: DVec2) {
+        self.yaw = (self.yaw - drag.x * TURN_PER_POINT).rem_euclid(std::f64::consts::TAU);
+        let most = FRAC_PI_2 - POLE_MARGIN;
+        self.pitch = (self.pitch + drag.y * TURN_PER_POINT).clamp(-most, most);
+    }
+
+    /// Moves by a drag in points, so that what lies at the target's depth follows the pointer; `edge` is the picture's
+    /// shorter edge in points.
+    pub fn pan(&mut self, drag: DVec2, edge: f64) {
+        let scale = 2.0 * self.distance * (0.5 * FIELD_OF_VIEW).tan() / edge.max(1.0);
+        let camera = self.camera([1, 1]);
+        self.target -= (camera.rotation.row(0) * drag.x + camera.rotation.row(1) * drag.y) * scale;
+    }
+
+    /// Moves `factor` times nearer.
+    pub fn zoom(&mut self, factor: f64) {
+        self.distance = (self.distance / factor).clamp(DISTANCES[0], DISTANCES[1]);
+    }
+
+    /// The camera for a picture of that many pixels.
+    pub fn camera(&self, [width, height]: [u32; 2]) -> Camera {
+        let slope = (0.5 * FIELD_OF_VIEW).tan() * f64::from(height) / f64::from(width.min(height));
+        let eye = self.target + self.direction() * self.distance;
+        Camera::look_at(eye, self.target, UP, 2.0 * slope.atan(), width, height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    use super::*;
+
+    fn setup() -> (HandModel, OrbitCamera) {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let camera = OrbitCamera::facing(&model, &Pose::rest(model.joint_count()));
+        (model, camera)
+    }
+
+    #[test]
+    fn the_whole_hand_is_seen_in_any_window() {
+        let (model, orbit) = setup();
+        for size in [[400, 400], [900, 300], [300, 900]] {
+            let camera = orbit.camera(size);
+            let half = f64::from(size[0].min(size[1])) * 0.5;
+            let reach = |p: &DVec3| (camera.project(*p).0 - camera.principal).length() / half;
+            let most = model.vertices.iter().map(reach).fold(0.0, f64::max);
+            assert!(most <= FILL + 1e-9 && most > 0.8 * FILL, "{size:?}: {most}");
+        }
+    }
+
+    #[test]
+    fn panning_moves_the_hand_with_the_pointer() {
+        let (_, mut orbit) = setup();
+        orbit.orbit(DVec2::new(70.0, -30.0));
+        let point = orbit.target;
+        orbit.pan(DVec2::new(12.0, -7.0), 300.0);
+        let camera = orbit.camera([400, 300]);
+        let moved = camera.project(point).0 - camera.principal;
+        assert!((moved - DVec2::new(12.0, -7.0)).length() < 1e-6, "{moved}");
+    }
+
+    #[test]
+    fn dragging_turns_the_near_side_with_the_pointer() {
+        let (_, mut orbit) = setup();
+        let near = orbit.target + orbit.direction() * 0.05;
+        for drag in [DVec2::new(9.0, 0.0), DVec2::new(0.0, 9.0)] {
+            let mut turned = orbit.clone();
+            turned.orbit(drag);
+            let camera = turned.camera([300, 300]);
+            assert!((camera.project(near).0 - camera.principal).dot(drag) > 0.0, "{drag}");
+        }
+        orbit.orbit(DVec2::new(0.0, 1e6));
+        assert!(orbit.camera([30, 30]).rotation.is_finite());
+        orbit.zoom(1e9);
+        assert_eq!(orbit.distance, DISTANCES[0]);
+    }
+}

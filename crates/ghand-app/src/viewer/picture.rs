@@ -1,0 +1,380 @@
+//! The avatar's picture as a texture, rendered without waiting for it.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::Instant;
+
+use ghand_avatar::{Avatar, AvatarRenderer};
+use ghand_core::{Camera, Pose};
+use ghand_render::{Gpu, RenderError};
+
+/// Format of the texture: display values, which is what the user interface takes.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// Times of which the median is shown.
+const TIMES: usize = 60;
+/// What is read back of a frame: four words of counters, then two timestamps of eight bytes.
+const READ_BACK_BYTES: u64 = 32;
+/// Bytes of the counters.
+const COUNTER_BYTES: u64 = 16;
+
+/// Everything that a picture depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The pose.
+    pub pose: Pose,
+    /// The camera; its size is the picture's.
+    pub camera: Camera,
+    /// Colour behind the hand, display values.
+    pub background: [f32; 3],
+}
+
+/// What has become of the last picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// It is being rendered.
+    Busy,
+    /// It is complete, or there is none yet.
+    Complete,
+    /// It lacked room for its tile intersections; there is room now, and it must be rendered again.
+    Incomplete,
+    /// The device cannot hold that many tile intersections; with fewer pixels it can.
+    TooFine,
+}
+
+/// Median of the last times.
+#[derive(Debug, Clone, Default)]
+pub struct Median {
+    times: VecDeque<f64>,
+}
+
+impl Median {
+    /// Adds a time.
+    pub fn add(&mut self, time: f64) {
+        if self.times.len() == TIMES {
+            self.times.pop_front();
+        }
+        self.times.push_back(time);
+    }
+
+    /// Forgets all times.
+    pub fn clear(&mut self) {
+        self.times.clear();
+    }
+
+    /// The median, if there is any time.
+    pub fn get(&self) -> Option<f64> {
+        let mut sorted: Vec<f64> = self.times.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied()
+    }
+}
+
+struct Timer {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    ms_per_tick: f64,
+}
+
+struct Pending {
+    done: Receiver<Result<Instant, wgpu::BufferAsyncError>>,
+    started: Instant,
+}
+
+struct Target {
+    view: wgpu::TextureView,
+    texture: wgpu::Texture,
+}
+
+/// An avatar on the device with the texture that shows it.
+pub struct Picture {
+    renderer: AvatarRenderer,
+    pipeline: wgpu::RenderPipeline,
+    group: wgpu::BindGroup,
+    columns: wgpu::Buffer,
+    read_back: wgpu::Buffer,
+    timer: Option<Timer>,
+    target: Option<Target>,
+    pending: Option<Pending>,
+    frame_ms: Median,
+    intersections: u32,
+}
+
+impl Picture {
+    /// Puts an avatar on the device, for pictures of at most `max_size` pixels.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device cannot hold it.
+    pub fn new(gpu: &Gpu, avatar: &Avatar, max_size: [u32; 2]) -> Result<Picture, RenderError> {
+        let renderer = AvatarRenderer::new(gpu, avatar, 1, max_size)?;
+        let pipeline = pipeline(gpu);
+        let buffer = |label, size, usage| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let columns = buffer("picture size", 16, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("picture"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: renderer.splatter.image().as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: columns.as_entire_binding() },
+            ],
+        });
+        let timer = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Timer {
+            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("picture"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            }),
+            resolved: buffer("timestamps", 16, wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
+            ms_per_tick: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
+        });
+        let read_back =
+            buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        gpu.check()?;
+        let (target, pending, frame_ms, intersections) = (None, None, Median::default(), 0);
+        Ok(Picture { renderer, pipeline, group, columns, read_back, timer, target, pending, frame_ms, intersections })
+    }
+
+    /// Number of Gaussians.
+    pub fn gaussian_count(&self) -> usize {
+        self.renderer.splatter.count()
+    }
+
+    /// Number of tile intersections that the last picture wanted.
+    pub fn intersections(&self) -> u32 {
+        self.intersections
+    }
+
+    /// Time that the device takes for a picture, milliseconds: median of the last 60.
+    pub fn frame_ms(&self) -> Option<f64> {
+        self.frame_ms.get()
+    }
+
+    /// Forgets the times so far.
+    pub fn clear_times(&mut self) {
+        self.frame_ms.clear();
+    }
+
+    /// The texture, once a picture has been rendered.
+    pub fn texture(&self) -> Option<&wgpu::Texture> {
+        self.target.as_ref().map(|t| &t.texture)
+    }
+
+    /// The texture's view. It is another one after a picture of another size.
+    pub fn view(&self) -> Option<&wgpu::TextureView> {
+        self.target.as_ref().map(|t| &t.view)
+    }
+
+    /// Submits the rendering of a picture; whatever is submitted later sees it in the texture. The picture before it must
+    /// not be [`Progress::Busy`]. Returns whether the texture is a new one.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed, or the pose or the size does not fit.
+    pub fn render(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
+        let (width, height) = (scene.camera.width, scene.camera.height);
+        self.renderer.set_pose(gpu, 0, &scene.pose)?;
+        self.renderer.pose.set_frame(gpu, 0, 0.0, 0.0);
+        self.renderer.set_view(gpu, &scene.camera, scene.background)?;
+        gpu.queue.write_buffer(&self.columns, 0, bytemuck::cast_slice(&[width, height, 0, 0]));
+        let renewed = self.texture().is_none_or(|t| (t.width(), t.height()) != (width, height));
+        if renewed {
+            self.target = None;
+        }
+        let target = self.target.get_or_insert_with(|| target(gpu, width, height));
+
+        let started = Instant::now();
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        if let Some(timer) = &self.timer {
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("start of the clock"),
+                timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                    query_set: &timer.queries,
+                    beginning_of_pass_write_index: Some(0),
+                    end_of_pass_write_index: None,
+                }),
+            });
+        }
+        self.renderer.encode_pose(&mut encoder);
+        self.renderer.splatter.forward(&mut encoder);
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("picture"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &target.view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                timestamp_writes: self.timer.as_ref().map(|timer| wgpu::RenderPassTimestampWrites {
+                    query_set: &timer.queries,
+                    beginning_of_pass_write_index: None,
+                    end_of_pass_write_index: Some(1),
+                }),
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.group, &[]);
+            pass.draw(0..3, 0..1);
+        }
+        encoder.copy_buffer_to_buffer(self.renderer.splatter.counters(), 0, &self.read_back, 0, COUNTER_BYTES);
+        if let Some(timer) = &self.timer {
+            encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
+            encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.read_back, COUNTER_BYTES, 16);
+        }
+        gpu.queue.submit([encoder.finish()]);
+        let (sender, done) = channel();
+        self.read_back.map_async(wgpu::MapMode::Read, .., move |result| {
+            // A closed channel means that the picture is gone, and with it who wanted to know.
+            let _ = sender.send(result.map(|()| Instant::now()));
+        });
+        self.pending = Some(Pending { done, started });
+        Ok(renewed)
+    }
+
+    /// Looks, without waiting, whether the last picture is done and whether it is complete.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed.
+    pub fn poll(&mut self, gpu: &Gpu) -> Result<Progress, RenderError> {
+        let Some(pending) = &self.pending else { return Ok(Progress::Complete) };
+        gpu.device.poll(wgpu::PollType::Poll).map_err(|e| RenderError::Device(e.to_string()))?;
+        gpu.check()?;
+        let fail = |e: &dyn std::fmt::Display| RenderError::Device(format!("the counters could not be read: {e}"));
+        let finished = match pending.done.try_recv() {
+            Err(TryRecvError::Empty) => return Ok(Progress::Busy),
+            Err(e @ TryRecvError::Disconnected) => return Err(fail(&e)),
+            Ok(result) => result.map_err(|e| fail(&e))?,
+        };
+        let elapsed_ms = (finished - pending.started).as_secs_f64() * 1e3;
+        self.pending = None;
+        let mut bytes = [0u8; READ_BACK_BYTES as usize];
+        bytes.copy_from_slice(&self.read_back.get_mapped_range(..).map_err(|e| fail(&e))?);
+        self.read_back.unmap();
+        let (counters, ticks) = bytes.split_at(COUNTER_BYTES as usize);
+        let counters: Vec<u32> = bytemuck::pod_collect_to_vec(counters);
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
+        self.frame_ms.add(match (&self.timer, &ticks[..]) {
+            (Some(timer), [start, end]) => end.saturating_sub(*start) as f64 * timer.ms_per_tick,
+            _ => elapsed_ms,
+        });
+        self.intersections = counters.get(2).copied().unwrap_or(0);
+        match self.renderer.splatter.complete_for(gpu, self.intersections) {
+            Ok(true) => Ok(Progress::Complete),
+            Ok(false) => Ok(Progress::Incomplete),
+            Err(RenderError::Invalid(_)) => Ok(Progress::TooFine),
+            Err(e) => Err(e),
+        }
+    }
+}
+
+fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("picture"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    Target { view: texture.create_view(&wgpu::TextureViewDescriptor::default()), texture }
+}
+
+fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("picture"),
+        source: wgpu::ShaderSource::Wgsl(include_str!("../../../../shaders/picture.wgsl").into()),
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("picture"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("cover"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("picture"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_render::{AdapterChoice, buffers};
+
+    use super::*;
+    use crate::bare_hand::bare_hand;
+    use crate::framing::turntable;
+
+    fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
+        let row = (4 * texture.width()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let words = (row / 4 * texture.height()) as usize;
+        let rows = buffers::zeroed(gpu, "rows", words);
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            texture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &rows,
+                layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+            },
+            texture.size(),
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let bytes: Vec<u8> = buffers::read(gpu, &rows, 4 * words).unwrap();
+        bytes.chunks(row as usize).flat_map(|r| r[..4 * texture.width() as usize].to_vec()).collect()
+    }
+
+    #[test]
+    fn the_texture_holds_what_the_splatter_rendered() {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let avatar = bare_hand().unwrap();
+        let pose = Pose::rest(avatar.model.joint_count());
+        let mut picture = Picture::new(&gpu, &avatar, [128, 128]).unwrap();
+        let mut renderer = AvatarRenderer::new(&gpu, &avatar, 1, [128, 128]).unwrap();
+        renderer.set_pose(&gpu, 0, &pose).unwrap();
+        // The second picture is smaller: rows must not be mixed up.
+        for size in [[101, 77], [50, 90]] {
+            let camera = &turntable(&avatar.model, &[&pose], 1, size)[0][0];
+            let scene = Scene { pose: pose.clone(), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
+            assert!(picture.render(&gpu, &scene).unwrap());
+            gpu.wait().unwrap();
+            assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);
+            let shown = pixels(&gpu, picture.texture().unwrap());
+            let image = renderer.render(&gpu, 0, camera, scene.background).unwrap();
+            let expected = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2], 1.0]);
+            let worst = shown.iter().zip(expected).map(|(a, b)| (f32::from(*a) - 255.0 * b).abs()).fold(0.0, f32::max);
+            // Half a step of rounding, and what the device's conversion may add.
+            assert!(worst <= 0.51, "{size:?}: {worst}");
+            assert!(shown.len() == image.rgba.len() * 4);
+        }
+    }
+
+    #[test]
+    fn the_median_is_that_of_the_last_sixty() {
+        let mut median = Median::default();
+        assert_eq!(median.get(), None);
+        (0..1000).for_each(|t| median.add(f64::from(t)));
+        assert_eq!(median.get(), Some(970.0));
+    }
+}

@@ -1,0 +1,77 @@
+//! The window around the user interface.
+
+use anyhow::{anyhow, bail};
+use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
+
+use crate::viewer::app::Viewer;
+
+/// Size of the window at first, points.
+pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
+/// Smallest window in which everything has room, points.
+const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
+/// What to do without a display.
+const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
+
+struct Window {
+    viewer: Viewer,
+}
+
+impl eframe::App for Window {
+    fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
+        if let Some(state) = frame.wgpu_render_state() {
+            self.viewer.ui(ui, &mut state.renderer.write());
+        }
+    }
+}
+
+/// Sets how the user interface looks.
+pub fn style(context: &egui::Context) {
+    context.set_theme(egui::Theme::Dark);
+}
+
+/// Fails where there can be no window.
+///
+/// # Errors
+/// One that says so and what to do.
+pub fn check_display() -> anyhow::Result<()> {
+    let unix = cfg!(all(unix, not(target_vendor = "apple"), not(target_os = "android")));
+    let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    if unix && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
+        bail!("there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set); {REMEDY}");
+    }
+    Ok(())
+}
+
+/// Opens the window and runs until it is closed.
+///
+/// # Errors
+/// One that says why there is no window and what to do.
+pub fn open(viewer: Viewer, title: &str) -> anyhow::Result<()> {
+    let gpu = viewer.gpu().clone();
+    let setup = WgpuSetupExisting {
+        instance: gpu.instance.clone(),
+        adapter: gpu.adapter.clone(),
+        device: gpu.device.clone(),
+        queue: gpu.queue.clone(),
+    };
+    let options = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_inner_size(WINDOW_SIZE.map(|v| v as f32))
+            .with_min_inner_size(SMALLEST_WINDOW)
+            .with_title(title),
+        wgpu_options: WgpuConfiguration { wgpu_setup: WgpuSetup::Existing(setup), ..Default::default() },
+        // The picture is shown as it was rendered.
+        dithering: false,
+        ..Default::default()
+    };
+    let create: eframe::AppCreator<'_> = Box::new(|context| {
+        style(&context.egui_ctx);
+        Ok(Box::new(Window { viewer }))
+    });
+    eframe::run_native("ghand", options, create).map_err(|e| {
+        // winit's messages begin with the place in its source.
+        let message = e.to_string();
+        let cause = message.rsplit(": ").next().unwrap_or(&message);
+        anyhow!("the window cannot be opened: {cause}; {REMEDY}")
+    })
+}

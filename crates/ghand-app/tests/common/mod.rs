@@ -1,0 +1,47 @@
+//! Running the built programs and looking at what they leave behind.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use ghand_avatar::{Avatar, AvatarConfig};
+use ghand_core::hand_model::procedural::ProceduralHand;
+
+/// Runs a program in a folder, without a display.
+pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(program);
+    command.current_dir(folder).args(arguments);
+    for display in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+        command.env_remove(display);
+    }
+    // The Wayland library inside of the driver complains without it.
+    command.env("XDG_RUNTIME_DIR", folder);
+    command.output().unwrap()
+}
+
+/// Asserts exit code 1 and one line on stderr, `error: ...`, that holds all of `parts`.
+pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    assert!(stderr.starts_with("error: "), "{stderr}");
+    for part in parts {
+        assert!(stderr.contains(part), "{part} is not in: {stderr}");
+    }
+}
+
+/// Writes a small untrained avatar of 16 joints.
+pub fn save_avatar(folder: &Path) -> PathBuf {
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let config = AvatarConfig { uv_resolution: 64, ..Default::default() };
+    let path = folder.join("hand.ghand");
+    Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap().save(&path).unwrap();
+    path
+}
+
+/// Names of the files in a folder, sorted; hidden ones, too.
+pub fn listing(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}

@@ -1,0 +1,121 @@
+//! `ghand render` as a user runs it.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+
+mod common;
+
+use common::{assert_one_sentence, listing, run, save_avatar};
+use image::RgbImage;
+
+const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+
+/// A camera 0.6 m in front of the back of the hand, fingers up, as written in a capture.json.
+const CAMERA: &str = r#"{"id":"c","width":96,"height":64,"intrinsics":[[120,0,48],[0,120,32],[0,0,1]],
+    "rotation":[[0,0,1],[0,1,0],[-1,0,0]],"translation":[0,0.1,0.6]}"#;
+
+fn open(path: &std::path::Path) -> RgbImage {
+    image::open(path).unwrap().into_rgb8()
+}
+
+/// Part of the pixels that differ from the background.
+fn coverage(picture: &RgbImage, background: [u8; 3]) -> f64 {
+    let count = picture.pixels().filter(|p| p.0 != background).count();
+    count as f64 / f64::from(picture.width() * picture.height())
+}
+
+/// Rows of zeros as JSON.
+fn rows(count: usize) -> String {
+    vec!["[0,0,0]"; count].join(",")
+}
+
+#[test]
+fn a_turntable_shows_the_hand_from_all_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let arguments =
+        ["render", "hand.ghand", "--turntable", "2", "--size", "120x160", "--out", "a/b", "--pose", "relaxed"];
+    let output = run(GHAND, folder.path(), &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(listing(&folder.path().join("a/b")), ["0000.png", "0001.png"]);
+    let pictures = ["a/b/0000.png", "a/b/0001.png"].map(|p| open(&folder.path().join(p)));
+    for picture in &pictures {
+        assert_eq!(picture.dimensions(), (120, 160));
+        let covered = coverage(picture, [0, 0, 0]);
+        assert!((0.1..0.8).contains(&covered), "the hand covers {covered} of the picture");
+    }
+    assert_ne!(pictures[0], pictures[1]);
+}
+
+#[test]
+fn every_frame_of_a_pose_file_is_rendered_or_the_one_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let frame = |id: &str, y: f64| format!(r#"{{"id":"{id}","pose":[{}],"translation":[0,{y},0]}}"#, rows(16));
+    let json = format!(r#"{{"fps":30,"frames":[{},{}]}}"#, frame("first", 0.0), frame("second", 0.02));
+    std::fs::write(folder.path().join("poses.json"), json).unwrap();
+    std::fs::write(folder.path().join("camera.json"), CAMERA).unwrap();
+    let shared = ["render", "hand.ghand", "--pose", "poses.json", "--camera", "camera.json", "--background", "1,0,0"];
+    let all = run(GHAND, folder.path(), &[&shared[..], &["--out", "all"]].concat());
+    assert!(all.status.success(), "{}", String::from_utf8_lossy(&all.stderr));
+    assert_eq!(listing(&folder.path().join("all")), ["0000.png", "0001.png"]);
+    let one = run(GHAND, folder.path(), &[&shared[..], &["--out", "one", "--frame", "second"]].concat());
+    assert!(one.status.success());
+    assert_eq!(listing(&folder.path().join("one")), ["0000.png"]);
+    let [first, second] = ["all/0000.png", "all/0001.png"].map(|p| open(&folder.path().join(p)));
+    assert_eq!((first.dimensions(), first.get_pixel(0, 0).0), ((96, 64), [255, 0, 0]));
+    assert!(first != second && second == open(&folder.path().join("one/0000.png")));
+    // 0.02 m down at 0.6 m through 120 pixels: the picture moves 4 pixels down.
+    let shifted = image::imageops::crop_imm(&first, 0, 0, 96, 60).to_image();
+    let lower = image::imageops::crop_imm(&second, 0, 4, 96, 60).to_image();
+    let equal =
+        shifted.pixels().zip(lower.pixels()).filter(|(a, b)| a.0.iter().zip(b.0).all(|(a, b)| a.abs_diff(b) <= 30));
+    assert!(equal.count() > 96 * 60 * 95 / 100);
+}
+
+#[test]
+fn bad_input_is_one_sentence_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let avatar = save_avatar(folder.path());
+    let write = |name: &str, contents: &[u8]| std::fs::write(folder.path().join(name), contents).unwrap();
+    let bytes = std::fs::read(&avatar).unwrap();
+    write("cut.ghand", &bytes[..bytes.len() / 2]);
+    write("text.ghand", b"not an avatar");
+    write("broken.json", b"{\"frames\":[");
+    write("short.json", format!(r#"{{"frames":[{{"id":"7","pose":[{}]}}]}}"#, rows(15)).as_bytes());
+    let names = r#"["wrist","elbow"]"#;
+    write(
+        "other.json",
+        format!(r#"{{"hand_model":{{"joints":{names}}},"frames":[{{"id":"7","pose":[{}]}}]}}"#, rows(2)).as_bytes(),
+    );
+    write("good.json", format!(r#"{{"frames":[{{"id":"7","pose":[{}]}}]}}"#, rows(16)).as_bytes());
+    write("camera.json", CAMERA.as_bytes());
+    write("mirror.json", CAMERA.replace("[0,1,0]", "[0,-1,0]").as_bytes());
+    write("file", b"");
+    let before = listing(folder.path());
+
+    let turntable = ["--turntable", "1", "--size", "32x32"];
+    let check = |arguments: &[&str], parts: &[&str]| {
+        let out = if arguments.contains(&"--out") { &[][..] } else { &["--out", "out"][..] };
+        let output = run(GHAND, folder.path(), &[&["render"], arguments, out].concat());
+        assert_one_sentence(&output, parts);
+        assert_eq!(listing(folder.path()), before, "{arguments:?}");
+    };
+    let with = |first: &[&'static str]| [first, &turntable].concat();
+    check(&with(&["missing.ghand"]), &["missing.ghand"]);
+    check(&with(&["cut.ghand"]), &["cut.ghand", "cut short"]);
+    check(&with(&["text.ghand"]), &["text.ghand"]);
+    check(&with(&["hand.ghand", "--pose", "missing.json"]), &["missing.json"]);
+    check(&with(&["hand.ghand", "--pose", "broken.json"]), &["broken.json"]);
+    check(&with(&["hand.ghand", "--pose", "short.json"]), &["short.json", "\"7\"", "15 rows", "expected 16"]);
+    check(&with(&["hand.ghand", "--pose", "other.json"]), &["other.json", "index1"]);
+    check(&with(&["hand.ghand", "--pose", "good.json", "--frame", "8"]), &["good.json", "\"8\""]);
+    check(&with(&["hand.ghand", "--pose", "salute"]), &["salute", "thumbs-up", "fist"]);
+    check(&with(&["hand.ghand", "--adapter", "no such"]), &["no such", "adapter"]);
+    check(&with(&["hand.ghand", "--out", "file"]), &["file"]);
+    check(&with(&["hand.ghand", "--background", "2,0,0"]), &["--background"]);
+    check(&["hand.ghand", "--camera", "missing.json"], &["missing.json"]);
+    check(&["hand.ghand", "--camera", "broken.json"], &["broken.json"]);
+    check(&["hand.ghand", "--camera", "mirror.json"], &["mirror.json", "rotation"]);
+    check(&["hand.ghand"], &["--camera", "--turntable"]);
+    check(&["hand.ghand", "--turntable", "0"], &["--turntable"]);
+}

@@ -1,0 +1,60 @@
+//! Adam on the device against its f64 twin.
+
+use ghand_render::optimizer::{Adam, AdamUniforms};
+use ghand_render::reference::adam::adam;
+use ghand_render::{AdapterChoice, Gpu, buffers};
+use rand::{RngExt, SeedableRng};
+
+const LENGTH: usize = 300;
+const RATE: f64 = 0.01;
+
+/// Parameters after a few steps on the device and in f64, the range `range` alone being stepped. `wanted` and `drawn` are
+/// the splatter's counters.
+fn run(range: std::ops::Range<usize>, drawn: u32, wanted: u32) -> (Vec<f32>, Vec<f64>, Vec<f32>) {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let start: Vec<f32> = (0..LENGTH).map(|_| rng.random_range(-1.0..1.0)).collect();
+    let parameters = buffers::filled(&gpu, "parameters", &start);
+    let gradients = buffers::zeroed(&gpu, "gradients", LENGTH);
+    let counters = buffers::filled(&gpu, "counters", &[0, drawn, wanted, 0]);
+    let table = Adam::new(&gpu).table(&gpu, &parameters, &gradients, &counters, LENGTH, 1);
+    let mut twin: Vec<f64> = start.iter().map(|v| f64::from(*v)).collect();
+    let mut moments = vec![[0.0; 2]; LENGTH];
+    for step in 1..=5 {
+        // Gradients over many orders of magnitude, a third of them exactly zero.
+        let gradient: Vec<f32> = (0..LENGTH)
+            .map(|i| if i % 3 == 0 { 0.0 } else { rng.random_range(-1.0f32..1.0) * 10f32.powi(-((i % 10) as i32)) })
+            .collect();
+        gpu.queue.write_buffer(&gradients, 0, bytemuck::cast_slice(&gradient));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            table.encode(&gpu, &mut pass, 0, &AdamUniforms::new(range.clone(), range.start, RATE, step));
+        }
+        gpu.queue.submit([encoder.finish()]);
+        let gradient: Vec<f64> = gradient.iter().map(|g| f64::from(*g)).collect();
+        let r = range.clone();
+        adam(&mut twin[r.clone()], &mut moments[r.clone()], &gradient[r], RATE, step);
+    }
+    (buffers::read(&gpu, &parameters, LENGTH).unwrap(), twin, start)
+}
+
+fn worst(device: &[f32], twin: &[f64]) -> f64 {
+    device.iter().zip(twin).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, |m, d| if d <= m { m } else { d })
+}
+
+#[test]
+fn adam_agrees_with_its_twin_and_keeps_to_its_range() {
+    let (device, twin, start) = run(40..250, 7, 7);
+    assert!(worst(&device, &twin) <= 1e-6, "{}", worst(&device, &twin));
+    assert_eq!((&device[..40], &device[250..]), (&start[..40], &start[250..]));
+    let mut wrong = twin.clone();
+    wrong[100] += 1e-4;
+    assert!(!(worst(&device, &wrong) <= 1e-6), "nothing is compared");
+}
+
+#[test]
+fn an_incomplete_frame_changes_nothing() {
+    let (device, _, start) = run(0..LENGTH, 7, 8);
+    assert_eq!(device, start);
+}
