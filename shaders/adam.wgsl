@@ -43,3 +43,27 @@ fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     moments[at] = vec2(m, v);
     parameters[at] -= adam.learning_rate * (m * adam.correction_1) / (sqrt(v * adam.correction_2) + adam.epsilon);
 }
+
+// The same on vectors of three that share their second moment: all of a joint's axes move in proportion to their
+// gradients, so that an axis about which the images say little is not stirred by noise as far as one that they show.
+@compute @workgroup_size(64)
+fn adam_step_vectors(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                     @builtin(local_invocation_index) local: u32) {
+    let i = 3u * flat_index(group, groups, local, 64u);
+    if i >= adam.count || counters[2] > counters[1] {
+        return;
+    }
+    let at = adam.parameter_offset + i;
+    let from_gradient = adam.gradient_offset + i;
+    let gradient = vec3(gradients[from_gradient], gradients[from_gradient + 1u], gradients[from_gradient + 2u]);
+    if all(gradient == vec3(0.0)) {
+        return;
+    }
+    let v = mix(dot(gradient, gradient) / 3.0, moments[at].y, adam.beta_2);
+    let rate = adam.learning_rate * adam.correction_1 / (sqrt(v * adam.correction_2) + adam.epsilon);
+    for (var c = 0u; c < 3u; c++) {
+        let m = mix(gradient[c], moments[at + c].x, adam.beta_1);
+        moments[at + c] = vec2(m, v);
+        parameters[at + c] -= rate * m;
+    }
+}

@@ -13,6 +13,8 @@
 @group(0) @binding(8) var<storage, read_write> d_pose: array<f32>;
 // 1 for joints whose rotation may change, 0 for the others.
 @group(0) @binding(9) var<storage, read> mobility: array<f32>;
+// dL/d(residual joints), which stand on the rest joints where they are anchored.
+@group(0) @binding(10) var<storage, read> d_residual_joints: array<f32>;
 
 fn joint(k: u32) -> vec3<f32> {
     return vec3(joints[3u * k], joints[3u * k + 1u], joints[3u * k + 2u]);
@@ -131,6 +133,9 @@ fn main_skeleton_backward() {
         d_pose[3u * pose.joint_count + c] = sum;
     }
     walk(1.0);
+    for (var i = 0u; i < 3u * pose.joint_count; i++) {
+        d_joints[i] += f32(pose.anchored) * d_residual_joints[i];
+    }
 }
 
 @compute @workgroup_size(32)

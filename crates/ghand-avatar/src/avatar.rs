@@ -64,9 +64,12 @@ impl Template {
     /// # Errors
     /// [`HandModelError`] if the model has no usable UV atlas at that resolution.
     pub fn sample(model: &HandModel, uv_resolution: u32) -> Result<Template, HandModelError> {
-        let samples: SurfaceSamples = surface::sample_surface(model, uv_resolution)?;
+        Ok(Template::from_samples(model, &surface::sample_surface(model, uv_resolution)?))
+    }
+
+    fn from_samples(model: &HandModel, samples: &SurfaceSamples) -> Template {
         let rest = (0..3).flat_map(|c| samples.positions.iter().map(move |p| p[c] as f32)).collect();
-        Ok(Template {
+        Template {
             name: model.name.clone(),
             side: model.side,
             joint_names: model.joint_names.clone(),
@@ -75,7 +78,7 @@ impl Template {
             rest,
             weights: samples.weights.iter().map(|w| *w as f32).collect(),
             spacings: samples.spacings.iter().map(|s| *s as f32).collect(),
-        })
+        }
     }
 
     /// Number of Gaussians, N.
@@ -144,8 +147,9 @@ impl Avatar {
         color: [f64; 3],
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
-        let template = Template::sample(model, config.uv_resolution)?;
-        let tables = DirectTables::untrained(&template, config, color, seed);
+        let samples = surface::sample_surface(model, config.uv_resolution)?;
+        let template = Template::from_samples(model, &samples);
+        let tables = DirectTables::untrained(&template, &samples.normals, config, color, seed);
         Ok(Avatar { template, model: model.clone(), config: config.clone(), tables, provenance: Provenance::default() })
     }
 

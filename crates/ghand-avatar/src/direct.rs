@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use ghand_render::pipeline::{Bound, Module, compose};
 use ghand_render::pose::{JointSums, PoseBackward, PosePipeline, Properties, PropertyGradients};
 use ghand_render::{Gpu, RenderError, buffers};
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
 use crate::avatar::{AvatarConfig, Template, max_scale};
@@ -52,7 +53,16 @@ fn logit(x: f32) -> f32 {
 impl DirectTables {
     /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
     /// coefficient of 1; all others and all colour components start with coefficient 0.
-    pub fn untrained(template: &Template, config: &AvatarConfig, color: [f64; 3], seed: u64) -> DirectTables {
+    ///
+    /// `normals` (N, outwards) is where the first basis pushes inwards by a Gaussian's own size: a splat reaches that far
+    /// beyond its centre, and the silhouette should start where the surface ends.
+    pub fn untrained(
+        template: &Template,
+        normals: &[DVec3],
+        config: &AvatarConfig,
+        color: [f64; 3],
+        seed: u64,
+    ) -> DirectTables {
         let (count, joints) = (template.len(), template.joint_count());
         let lengths = table_lengths(count, joints, config);
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
@@ -63,6 +73,11 @@ impl DirectTables {
         };
         let mut shape_basis = vec![0.0; lengths[0]];
         shape_basis.iter_mut().skip(3 * count).for_each(|s| *s = noise(BASIS_NOISE));
+        for (c, row) in shape_basis.chunks_exact_mut(count.max(1)).take(3).enumerate() {
+            for ((slot, normal), spacing) in row.iter_mut().zip(normals).zip(&template.spacings) {
+                *slot = -(normal[c] as f32) * START_SCALE * spacing;
+            }
+        }
         let largest = max_scale(template);
         let mut appearance: Vec<f32> =
             template.spacings.iter().map(|s| logit((START_SCALE * s / largest).clamp(0.02, 0.9))).collect();

@@ -1,10 +1,10 @@
 //! The avatar file `*.ghand`: one safetensors file with a block of JSON.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
+use ghand_core::atomic_file::write_atomically;
 use ghand_core::{HandModel, Side};
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
@@ -99,19 +99,6 @@ fn tensors(avatar: &Avatar) -> Tensors {
     out.add("mesh.face_uvs", Dtype::U32, &[m.face_uvs.len(), 3], m.face_uvs.as_flattened());
     out.add("mesh.weights", Dtype::F64, &[m.vertices.len(), joints], &m.weights);
     out
-}
-
-/// Writes bytes so that the file is either the old one or the new one, never half of one.
-///
-/// # Errors
-/// The cause, from the file system.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::Builder::new().prefix(".ghand-").suffix(".part").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
 }
 
 impl Avatar {

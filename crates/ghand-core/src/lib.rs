@@ -6,6 +6,7 @@
 //!
 //! Units are metres and radians; vectors are columns; matrices read `to_from_from` (`posed_from_rest`).
 
+pub mod atomic_file;
 pub mod blend_shapes;
 pub mod camera;
 pub mod hand_model;

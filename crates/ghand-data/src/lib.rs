@@ -4,7 +4,6 @@
 //! [`Capture`] is what the rest of the system sees. [`ghand_format`] reads and writes the project's own format;
 //! [`synthetic`] makes a small capture of a hand that is richer than the template it comes with.
 
-pub mod atomic_file;
 pub mod capture;
 pub mod ghand_format;
 pub mod synthetic;

@@ -61,9 +61,19 @@ impl AdamUniforms {
     }
 }
 
-/// The compiled Adam stage.
+/// The compiled Adam stages.
 pub struct Adam {
-    stage: Stage,
+    scalars: Stage,
+    vectors: Stage,
+}
+
+/// What shares a second moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grouping {
+    /// Every parameter has its own.
+    Scalars,
+    /// Vectors of three parameters have one together; ranges must be multiples of three.
+    Vectors,
 }
 
 /// Adam bound to one parameter table; each range of the table that has its own learning rate is a slot.
@@ -76,11 +86,13 @@ pub struct AdamTable {
 impl Adam {
     /// Compiles the stage.
     pub fn new(gpu: &Gpu) -> Adam {
-        Adam { stage: Module::new(gpu, "adam", &shader_sources::adam()).stage(gpu, "adam_step", &[]) }
+        let module = Module::new(gpu, "adam", &shader_sources::adam());
+        Adam { scalars: module.stage(gpu, "adam_step", &[]), vectors: module.stage(gpu, "adam_step_vectors", &[]) }
     }
 
     /// Binds a table of `length` parameters with `slots` ranges. `counters` are a splatter's: no step is taken while its
     /// frame is incomplete.
+    #[expect(clippy::too_many_arguments, reason = "four of them are the buffers to bind")]
     pub fn table(
         &self,
         gpu: &Gpu,
@@ -89,12 +101,17 @@ impl Adam {
         counters: &wgpu::Buffer,
         length: usize,
         slots: usize,
+        grouping: Grouping,
     ) -> AdamTable {
+        let stage = match grouping {
+            Grouping::Scalars => &self.scalars,
+            Grouping::Vectors => &self.vectors,
+        };
         let moments = buffers::zeroed(gpu, "moments", 2 * length);
         let slots = (0..slots)
             .map(|_| {
                 let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
-                let bound = self.stage.bind(
+                let bound = stage.bind(
                     gpu,
                     &[(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)],
                 );

@@ -88,7 +88,8 @@ pub struct PosePipeline {
     /// The posed chain, see `shaders/shared/pose.wgsl`.
     pub chain: wgpu::Buffer,
     parents: wgpu::Buffer,
-    joints: wgpu::Buffer,
+    /// Rest joints, `[n_b][3]`, metres.
+    pub joints: wgpu::Buffer,
     residual_joints: wgpu::Buffer,
     residual_chain: wgpu::Buffer,
     offsets: wgpu::Buffer,
@@ -243,6 +244,8 @@ pub struct PropertyGradients {
 pub struct PoseBackward {
     /// dL/d(pose), `[n_b * 3 + 3]`, of the frame.
     pub d_pose: wgpu::Buffer,
+    /// dL/d(rest joints), `[n_b][3]`.
+    pub d_joints: wgpu::Buffer,
     /// dL/d(local rotations), `[n_b][9]`; a property model adds its part between the two halves.
     pub d_local: wgpu::Buffer,
     joint_count: u32,
@@ -350,6 +353,7 @@ impl PoseBackward {
                     (6, &d_local),
                     (7, &d_joints),
                     (8, &d_pose),
+                    (10, &d_residual_joints),
                 ],
             ),
             rotation_backward: skeleton
@@ -357,6 +361,7 @@ impl PoseBackward {
                 .bind(gpu, &[(0, uniforms), (1, &forward.poses), (6, &d_local), (8, &d_pose), (9, &mobility)]),
             residual_bone_sums,
             bone_sums,
+            d_joints,
             d_pose,
             d_local,
             joint_count,

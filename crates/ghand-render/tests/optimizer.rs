@@ -1,6 +1,6 @@
 //! Adam on the device against its f64 twin.
 
-use ghand_render::optimizer::{Adam, AdamUniforms};
+use ghand_render::optimizer::{Adam, AdamUniforms, Grouping};
 use ghand_render::reference::adam::adam;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use rand::{RngExt, SeedableRng};
@@ -17,7 +17,7 @@ fn run(range: std::ops::Range<usize>, drawn: u32, wanted: u32) -> (Vec<f32>, Vec
     let parameters = buffers::filled(&gpu, "parameters", &start);
     let gradients = buffers::zeroed(&gpu, "gradients", LENGTH);
     let counters = buffers::filled(&gpu, "counters", &[0, drawn, wanted, 0]);
-    let table = Adam::new(&gpu).table(&gpu, &parameters, &gradients, &counters, LENGTH, 1);
+    let table = Adam::new(&gpu).table(&gpu, &parameters, &gradients, &counters, LENGTH, 1, Grouping::Scalars);
     let mut twin: Vec<f64> = start.iter().map(|v| f64::from(*v)).collect();
     let mut moments = vec![[0.0; 2]; LENGTH];
     for step in 1..=5 {

@@ -4,6 +4,7 @@
 pub mod evaluate;
 pub mod floor;
 pub mod metrics;
+pub mod pose_prior;
 pub mod report;
 pub mod settings;
 pub mod step;

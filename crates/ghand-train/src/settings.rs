@@ -11,8 +11,14 @@ use serde::{Deserialize, Serialize};
 pub struct TrainSettings {
     /// Iterations of both stages together; one view each.
     pub iterations: u64,
-    /// Part of the iterations that belongs to stage 1, where poses are refined; the paper's is a third.
+    /// Part of the iterations that belongs to stage 1, where poses are refined.
     pub pose_stage: f64,
+    /// How often, evenly over stage 1 and first at its start, the poses are drawn to a prior fitted to themselves.
+    pub pose_prior_rounds: u64,
+    /// Resolution of the UV raster in stage 1.
+    pub pose_uv_resolution: u32,
+    /// How many times smaller the images of stage 1 are.
+    pub pose_image_reduction: u32,
     /// Seed of everything random.
     pub seed: u64,
     /// Resolution of the UV raster whose texels are the Gaussians.
@@ -51,6 +57,8 @@ pub struct TrainSettings {
     pub rate_components: f64,
     /// Rate of the pose response.
     pub rate_response: f64,
+    /// Rate of the rest joints, metres; 0 keeps the template's skeleton, as in the paper.
+    pub rate_joints: f64,
     /// Rate of the joint rotations in stage 1, radians.
     pub rate_pose: f64,
     /// Rate of the translation in stage 1, metres.
@@ -61,7 +69,10 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             iterations: 3000,
-            pose_stage: 1.0 / 3.0,
+            pose_stage: 0.5,
+            pose_prior_rounds: 3,
+            pose_uv_resolution: 80,
+            pose_image_reduction: 2,
             seed: 1,
             uv_resolution: 128,
             shape_bases: 8,
@@ -75,14 +86,15 @@ impl Default for TrainSettings {
             crop_margin: 16,
             final_rate: 0.05,
             rate_shape_basis: 1e-4,
-            rate_residual_weights: 1e-3,
+            rate_residual_weights: 2e-4,
             rate_regressor: 1e-6,
             rate_scale: 1e-2,
             rate_color: 2e-2,
             rate_components: 5e-3,
             rate_response: 5e-3,
-            rate_pose: 5e-3,
-            rate_translation: 5e-4,
+            rate_joints: 1e-4,
+            rate_pose: 1e-2,
+            rate_translation: 1e-3,
         }
     }
 }
@@ -126,8 +138,13 @@ impl TrainSettings {
         if !(0.0..=1.0).contains(&self.pose_stage) {
             return fail("pose_stage", "must lie between 0 and 1");
         }
-        if !(8..=2048).contains(&self.uv_resolution) {
-            return fail("uv_resolution", "must lie between 8 and 2048");
+        for (name, value) in [("uv_resolution", self.uv_resolution), ("pose_uv_resolution", self.pose_uv_resolution)] {
+            if !(8..=2048).contains(&value) {
+                return fail(name, "must lie between 8 and 2048");
+            }
+        }
+        if !(1..=16).contains(&self.pose_image_reduction) {
+            return fail("pose_image_reduction", "must lie between 1 and 16");
         }
         if !(1..=32).contains(&self.shape_bases) || self.color_components > 32 {
             return fail("shape_bases, color_components", "must lie between 1 and 32, and 0 and 32");
@@ -147,6 +164,7 @@ impl TrainSettings {
             ("rate_color", self.rate_color),
             ("rate_components", self.rate_components),
             ("rate_response", self.rate_response),
+            ("rate_joints", self.rate_joints),
             ("rate_pose", self.rate_pose),
             ("rate_translation", self.rate_translation),
         ];
@@ -164,6 +182,20 @@ impl TrainSettings {
             color_components: self.color_components,
             residual_weights: self.residual_weights,
             residual_skeleton: self.residual_skeleton,
+        }
+    }
+
+    /// The settings of stage 1: one constant basis and constant colours, and no residual weights or skeleton, so that
+    /// the poses alone explain how frames differ.
+    pub fn pose_stage_settings(&self) -> TrainSettings {
+        TrainSettings {
+            uv_resolution: self.pose_uv_resolution,
+            shape_bases: 1,
+            color_components: 0,
+            rate_residual_weights: 0.0,
+            rate_regressor: 0.0,
+            rate_response: 0.0,
+            ..self.clone()
         }
     }
 

@@ -3,7 +3,7 @@
 use ghand_avatar::direct::{DirectBackward, DirectBuffers};
 use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_render::image_loss::ImageLoss;
-use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms};
+use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pose::{PoseBackward, pose_stride};
 use ghand_render::{Gpu, RenderError, buffers};
 
@@ -23,6 +23,7 @@ pub struct Step {
     appearance: AdamTable,
     response: AdamTable,
     poses: AdamTable,
+    joints: AdamTable,
     lengths: [usize; 5],
     count: usize,
     joint_count: usize,
@@ -84,7 +85,7 @@ impl Step {
         let lengths = ghand_avatar::direct::table_lengths(count, joint_count, config);
         let adam = Adam::new(gpu);
         let table = |values: &wgpu::Buffer, gradient: &wgpu::Buffer, length: usize, slots: usize| {
-            adam.table(gpu, values, gradient, splatter.counters(), length, slots)
+            adam.table(gpu, values, gradient, splatter.counters(), length, slots, Grouping::Scalars)
         };
         let (t, g) = (&renderer.tables, &gradients);
         let pose_length = frames * pose_stride(joint_count);
@@ -94,7 +95,16 @@ impl Step {
             regressor: table(&t.regressor, &g.regressor, lengths[2], 1),
             appearance: table(&t.appearance, &g.appearance, lengths[3], 3),
             response: table(&t.response, &g.response, lengths[4], 1),
-            poses: table(&renderer.pose.poses, &pose_backward.d_pose, pose_length, 2),
+            joints: table(&renderer.pose.joints, &pose_backward.d_joints, 3 * joint_count, 1),
+            poses: adam.table(
+                gpu,
+                &renderer.pose.poses,
+                &pose_backward.d_pose,
+                splatter.counters(),
+                pose_length,
+                2,
+                Grouping::Vectors,
+            ),
             renderer,
             loss,
             pose_backward,
@@ -172,6 +182,7 @@ impl Step {
             (&self.appearance, 1, n..4 * n, settings.rate_color),
             (&self.appearance, 2, 4 * n..self.lengths[3], settings.rate_components),
             (&self.response, 0, 0..self.lengths[4], settings.rate_response),
+            (&self.joints, 0, 0..3 * self.joint_count, settings.rate_joints),
         ];
         for (table, slot, range, rate) in whole {
             if rate > 0.0 && !range.is_empty() {

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use ghand_avatar::{Avatar, Provenance};
-use ghand_core::{HandModelError, Pose};
+use ghand_avatar::{Avatar, Provenance, Template};
+use ghand_core::{HandModelError, Pose, surface};
 use ghand_data::{Capture, CaptureError, Split};
 use ghand_render::pose::pose_stride;
 use ghand_render::{Gpu, RenderError, buffers};
@@ -11,9 +11,11 @@ use glam::DVec3;
 use rand::seq::SliceRandom;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
 use crate::evaluate::EvaluateError;
 use crate::floor::{FloorError, texel_colors};
+use crate::pose_prior::shrink;
 use crate::settings::{SettingsError, TrainSettings};
 use crate::step::{Rates, Step};
 use crate::views::{TrainView, load_views};
@@ -75,20 +77,16 @@ pub struct Trained {
     pub seconds: f64,
 }
 
-/// A run that can be stepped.
+/// A run over one split of a capture.
 pub struct Trainer<'a> {
     gpu: &'a Gpu,
+    capture: &'a Capture,
+    split: Split,
+    split_name: String,
     settings: TrainSettings,
-    avatar: Avatar,
-    step: Step,
     views: Vec<TrainView>,
-    order: Vec<usize>,
-    rng: ChaCha8Rng,
-    value_counts: Vec<f64>,
-    background: [f32; 3],
-    pose_steps: Vec<u64>,
-    iteration: u64,
-    frames: usize,
+    poses: Vec<Pose>,
+    gaussians: usize,
 }
 
 /// How often the loss is read for the progress bar; reading waits for the device.
@@ -103,14 +101,27 @@ pub fn moving_joints(poses: &[Pose]) -> Vec<bool> {
     (0..joints).map(|k| poses.iter().any(|p| p.rotations.get(k).is_some_and(|r| *r != DVec3::ZERO))).collect()
 }
 
+/// What a stage trains, and on what.
+struct Stage {
+    number: u32,
+    settings: TrainSettings,
+    iterations: u64,
+    /// Iterations of the stages before.
+    done: u64,
+    refine_poses: bool,
+    /// Images are this many times smaller than the capture's.
+    reduction: u32,
+    scale_weight: f64,
+}
+
 impl<'a> Trainer<'a> {
-    /// Loads the views of a split and prepares the avatar: the template's surface with mean texel colours.
+    /// Loads the views of a split.
     ///
     /// # Errors
     /// [`TrainError`] names what cannot be used.
     pub fn new(
         gpu: &'a Gpu,
-        capture: &Capture,
+        capture: &'a Capture,
         split_name: &str,
         settings: &TrainSettings,
     ) -> Result<Trainer<'a>, TrainError> {
@@ -122,119 +133,158 @@ impl<'a> Trainer<'a> {
                 return Err(TrainError::Empty { capture, split: split_name.into(), what });
             }
         }
-        let poses: Vec<Pose> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
-        let views = load_views(capture, &split, settings.crop_margin)?;
-        let mut avatar = Avatar::untrained(&capture.hand_model, &settings.avatar(), [0.5; 3], settings.seed)?;
-        let colors = texel_colors(gpu, capture, &split, &poses, settings.uv_resolution, COLOR_VIEWS)?;
-        avatar.tables.set_base_colors(&colors.colors);
-        avatar.provenance = Provenance {
-            capture: capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-            split: split_name.into(),
-            iterations: settings.iterations,
-            seed: settings.seed,
-            version: env!("CARGO_PKG_VERSION").into(),
-        };
-        let largest = |axis: usize| views.iter().map(|v| v.size[axis]).max().unwrap_or(1);
-        let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
-        let step = Step::new(gpu, &avatar, poses.len(), [largest(0), largest(1)], &mobility)?;
-        for (frame, pose) in poses.iter().enumerate() {
-            step.renderer.set_pose(gpu, frame, pose)?;
-        }
-        let value_counts =
-            capture.cameras.iter().map(|c| 3.0 * f64::from(c.width) * f64::from(c.height)).collect();
+        let gaussians = surface::sample_surface(&capture.hand_model, settings.uv_resolution)?.len();
         Ok(Trainer {
             gpu,
+            capture,
+            views: load_views(capture, &split, settings.crop_margin)?,
+            poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
+            split,
+            split_name: split_name.into(),
             settings: settings.clone(),
-            avatar,
-            step,
-            order: Vec::new(),
-            rng: ChaCha8Rng::seed_from_u64(settings.seed),
-            value_counts,
-            background: capture.background.map(|b| b as f32),
-            pose_steps: vec![0; poses.len()],
-            iteration: 0,
-            frames: poses.len(),
-            views,
+            gaussians,
         })
     }
 
-    /// Number of Gaussians.
+    /// Number of Gaussians of the avatar.
     pub fn gaussians(&self) -> usize {
-        self.avatar.template.len()
+        self.gaussians
     }
 
-    /// Runs one iteration: the next view of a shuffled pass over all views.
+    /// Runs both stages, telling `progress` after each iteration.
+    ///
+    /// Stage 1 refines the poses with a light avatar on smaller images: what it is for is the poses, and with little else
+    /// to explain the images they move where they should. Stage 2 starts afresh from the refined poses, which then stay.
     ///
     /// # Errors
-    /// [`TrainError::Render`] if the device failed.
-    pub fn advance(&mut self) -> Result<(), TrainError> {
-        if self.order.is_empty() {
-            self.order = (0..self.views.len()).collect();
-            self.order.shuffle(&mut self.rng);
-        }
-        let Some(index) = self.order.pop() else { return Ok(()) };
-        let view = &self.views[index];
-        let pose_iterations = self.settings.pose_iterations();
-        let first_stage = self.iteration < pose_iterations;
-        let decay = |part: f64| self.settings.final_rate.powf(part);
-        if first_stage {
-            self.pose_steps[view.frame] += 1;
-        }
-        let rates = Rates {
-            step: self.iteration + 1,
-            tables: decay(self.iteration as f64 / self.settings.iterations.max(1) as f64),
-            pose: if first_stage { decay(self.iteration as f64 / pose_iterations as f64) } else { 0.0 },
-            pose_step: self.pose_steps[view.frame],
-            scale_weight: if first_stage { self.settings.scale_weight } else { 0.0 },
-        };
-        let value_count = self.value_counts[view.camera_index];
-        self.step.run(self.gpu, view, value_count, self.background, &self.settings, &rates)?;
-        self.iteration += 1;
-        Ok(())
-    }
-
-    /// Runs all iterations, telling `progress` after each.
-    ///
-    /// # Errors
-    /// [`TrainError::Render`] if the device failed.
+    /// [`TrainError`] if the device failed or the avatar cannot be made.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
         let start = Instant::now();
+        let pose_iterations = self.settings.pose_iterations();
+        if pose_iterations > 0 {
+            let stage = Stage {
+                number: 1,
+                settings: self.settings.pose_stage_settings(),
+                iterations: pose_iterations,
+                done: 0,
+                refine_poses: true,
+                reduction: self.settings.pose_image_reduction,
+                scale_weight: self.settings.scale_weight,
+            };
+            self.poses = self.run(&stage, &mut progress)?.1;
+        }
+        let stage = Stage {
+            number: 2,
+            settings: self.settings.clone(),
+            iterations: self.settings.iterations - pose_iterations,
+            done: pose_iterations,
+            refine_poses: false,
+            reduction: 1,
+            scale_weight: 0.0,
+        };
+        let avatar = self.run(&stage, &mut progress)?.0;
+        Ok(Trained { avatar, poses: self.poses, seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// The avatar that a stage starts from: the template's surface with mean texel colours.
+    fn start(&self, settings: &TrainSettings) -> Result<Avatar, TrainError> {
+        let mut avatar =
+            Avatar::untrained(&self.capture.hand_model, &settings.avatar(), [0.5; 3], settings.seed)?;
+        let colors =
+            texel_colors(self.gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
+        avatar.tables.set_base_colors(&colors.colors);
+        avatar.provenance = Provenance {
+            capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            split: self.split_name.clone(),
+            iterations: self.settings.iterations,
+            seed: self.settings.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+        };
+        Ok(avatar)
+    }
+
+    /// Runs one stage: a view an iteration, in shuffled passes over all views.
+    fn run(&self, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<(Avatar, Vec<Pose>), TrainError> {
+        let gpu = self.gpu;
+        let settings = &stage.settings;
+        let avatar = self.start(settings)?;
+        let reduced: Vec<TrainView>;
+        let views = if stage.reduction > 1 {
+            reduced = self.views.par_iter().map(|v| v.reduced(stage.reduction)).collect();
+            &reduced
+        } else {
+            &self.views
+        };
+        let largest = |axis: usize| views.iter().map(|v| v.size[axis]).max().unwrap_or(1);
+        let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
+        let mut step = Step::new(gpu, &avatar, self.poses.len(), [largest(0), largest(1)], &mobility)?;
+        for (frame, pose) in self.poses.iter().enumerate() {
+            step.renderer.set_pose(gpu, frame, pose)?;
+        }
+        let background = self.capture.background.map(|b| b as f32);
+        // The means of the loss are over the whole image, so that crops of all sizes weigh the same.
+        let value_count = |view: &TrainView| {
+            let camera = &self.capture.cameras[view.camera_index];
+            3.0 * f64::from(camera.width) * f64::from(camera.height) / f64::from(stage.reduction.pow(2))
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+        let mut order: Vec<usize> = Vec::new();
+        let mut pose_steps = vec![0; self.poses.len()];
         let mut mean: Option<f64> = None;
-        while self.iteration < self.settings.iterations {
-            let next = self.order.last().copied();
-            self.advance()?;
-            if let (0, Some(index)) = (self.iteration % LOSS_EVERY, next) {
-                let [l1, _] = self.step.loss(self.gpu, &self.views[index])?;
+        for iteration in 0..stage.iterations {
+            if order.is_empty() {
+                order = (0..views.len()).collect();
+                order.shuffle(&mut rng);
+            }
+            let rounds = settings.pose_prior_rounds;
+            if stage.refine_poses && rounds > 0 && iteration % (stage.iterations / rounds).max(1) == 0 {
+                let mut poses = read_poses(gpu, &step, self.poses.len(), avatar.template.joint_count())?;
+                shrink(&mut poses);
+                for (frame, pose) in poses.iter().enumerate() {
+                    step.renderer.set_pose(gpu, frame, pose)?;
+                }
+            }
+            let Some(view) = order.pop().map(|i| &views[i]) else { break };
+            pose_steps[view.frame] += 1;
+            let decay = settings.final_rate.powf(iteration as f64 / stage.iterations as f64);
+            let rates = Rates {
+                step: iteration + 1,
+                tables: decay,
+                pose: if stage.refine_poses { decay } else { 0.0 },
+                pose_step: pose_steps[view.frame],
+                scale_weight: stage.scale_weight,
+            };
+            step.run(gpu, view, value_count(view), background, settings, &rates)?;
+            if (iteration + 1) % LOSS_EVERY == 0 {
+                let [l1, _] = step.loss(gpu, view)?;
                 mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
             }
             progress(&Progress {
-                iteration: self.iteration,
+                iteration: stage.done + iteration + 1,
                 iterations: self.settings.iterations,
-                stage: if self.iteration <= self.settings.pose_iterations() { 1 } else { 2 },
+                stage: stage.number,
                 l1: mean,
             });
         }
-        let seconds = start.elapsed().as_secs_f64();
-        let poses = self.poses()?;
-        let template = &self.avatar.template;
-        let (count, joints) = (template.len(), template.joint_count());
-        let tables = self.step.renderer.tables.download(self.gpu, count, joints, &self.avatar.config)?;
-        Ok(Trained { avatar: Avatar { tables, ..self.avatar }, poses, seconds })
+        let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
+        let tables = step.renderer.tables.download(gpu, count, joints, &avatar.config)?;
+        let moved: Vec<[f32; 3]> = buffers::read(gpu, &step.renderer.pose.joints, joints)?;
+        let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
+        let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
+        let poses = read_poses(gpu, &step, self.poses.len(), joints)?;
+        Ok((Avatar { tables, ..avatar }, poses))
     }
+}
 
-    /// The poses as refined so far.
-    ///
-    /// # Errors
-    /// [`TrainError::Render`] if the device failed.
-    pub fn poses(&self) -> Result<Vec<Pose>, TrainError> {
-        let stride = pose_stride(self.avatar.template.joint_count());
-        let values: Vec<f32> = buffers::read(self.gpu, &self.step.renderer.pose.poses, self.frames * stride)?;
-        let pose = |frame: &[f32]| {
-            let mut vectors: Vec<DVec3> =
-                frame.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect();
-            let translation = vectors.pop().unwrap_or(DVec3::ZERO);
-            Pose { rotations: vectors, translation }
-        };
-        Ok(values.chunks_exact(stride).map(pose).collect())
-    }
+/// Reads the poses of a step back.
+fn read_poses(gpu: &Gpu, step: &Step, frames: usize, joints: usize) -> Result<Vec<Pose>, RenderError> {
+    let stride = pose_stride(joints);
+    let values: Vec<f32> = buffers::read(gpu, &step.renderer.pose.poses, frames * stride)?;
+    let pose = |frame: &[f32]| {
+        let mut vectors: Vec<DVec3> =
+            frame.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect();
+        let translation = vectors.pop().unwrap_or(DVec3::ZERO);
+        Pose { rotations: vectors, translation }
+    };
+    Ok(values.chunks_exact(stride).map(pose).collect())
 }

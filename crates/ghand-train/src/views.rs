@@ -19,6 +19,37 @@ pub struct TrainView {
     pub pixels: Vec<[u8; 4]>,
 }
 
+impl TrainView {
+    /// The view at an integer fraction of its resolution, by box filter; what does not fill a whole pixel is cut off.
+    pub fn reduced(&self, factor: u32) -> TrainView {
+        let [width, height] = self.size;
+        let size = [(width / factor).max(1), (height / factor).max(1)];
+        let mut pixels = Vec::with_capacity((size[0] * size[1]) as usize);
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let (mut sum, mut n) = ([0u32; 4], 0);
+                for sy in y * factor..((y + 1) * factor).min(height) {
+                    for sx in x * factor..((x + 1) * factor).min(width) {
+                        let pixel = self.pixels[(sy * width + sx) as usize];
+                        sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += u32::from(p));
+                        n += 1;
+                    }
+                }
+                pixels.push(sum.map(|s| ((s + n / 2) / n.max(1)) as u8));
+            }
+        }
+        let scale = 1.0 / f64::from(factor);
+        let camera = Camera {
+            width: size[0],
+            height: size[1],
+            focal: self.camera.focal * scale,
+            principal: self.camera.principal * scale,
+            ..self.camera.clone()
+        };
+        TrainView { camera, size, pixels, ..*self }
+    }
+}
+
 /// The box of the mask grown by `margin` pixels and cut at the image, as x, y, width, height; the whole image if the mask
 /// is empty.
 fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {

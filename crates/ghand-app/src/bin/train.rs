@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Parser;
-use ghand_avatar::file::write_atomically;
+use ghand_core::atomic_file::write_atomically;
 use ghand_data::Capture;
 use ghand_data::synthetic::SyntheticOptions;
 use ghand_render::{AdapterChoice, Gpu};
@@ -94,6 +95,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let avatar_path = arguments.out.join("avatar.ghand");
     trained.avatar.save(&avatar_path)?;
 
+    save_poses(&capture, &train_split.frames, &trained, &arguments.out.join("poses.json"))?;
+
     let floor = Floor::new(&gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
     let test = capture.split(&arguments.test_split)?;
     let total = test.cameras.len() * test.frames.len();
@@ -141,14 +144,20 @@ fn demo_capture(gpu: &Gpu, out: &Path) -> anyhow::Result<Capture> {
     Ok(Capture::open(&folder)?)
 }
 
+/// Lines of progress that a run prints where there is no terminal for a bar.
+const PROGRESS_LINES: u64 = 20;
+
 fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {
     let bar = ProgressBar::new(iterations);
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed} (left {eta})")?);
+    let start = Instant::now();
     let trained = trainer.train(|p| {
-        bar.set_position(p.iteration);
-        if let Some(l1) = p.l1 {
-            bar.set_message(format!("stage {} L1 {l1:.4}", p.stage));
+        let message = p.l1.map_or(String::new(), |l1| format!("stage {} L1 {l1:.4}", p.stage));
+        if bar.is_hidden() && p.iteration % (iterations / PROGRESS_LINES).max(1) == 0 {
+            println!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
         }
+        bar.set_position(p.iteration);
+        bar.set_message(message);
     })?;
     bar.finish_and_clear();
     Ok(trained)
@@ -165,6 +174,24 @@ fn pose_error(capture: &Capture, frames: &[usize], trained: &Trained) -> Option<
         before: pose_error_degrees(&given, &truth, &counts),
         after: pose_error_degrees(&trained.poses, &truth, &counts),
     })
+}
+
+/// The refined poses as a pose file, joints in the hand model's order.
+fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: &Path) -> anyhow::Result<()> {
+    let frames: Vec<serde_json::Value> = frames
+        .iter()
+        .zip(&trained.poses)
+        .map(|(frame, pose)| {
+            serde_json::json!({
+                "id": capture.frames[*frame].id,
+                "pose": pose.rotations.iter().map(|r| r.to_array()).collect::<Vec<_>>(),
+                "translation": pose.translation.to_array(),
+                "shape": capture.frames[*frame].shape,
+            })
+        })
+        .collect();
+    let text = serde_json::to_string_pretty(&serde_json::json!({ "fps": 30, "frames": frames }))?;
+    write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
 }
 
 fn save_png(picture: &image::RgbImage, path: &Path) -> anyhow::Result<()> {

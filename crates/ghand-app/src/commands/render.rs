@@ -8,7 +8,7 @@ use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
 use ghand_core::Pose;
-use ghand_data::atomic_file::write_atomically;
+use ghand_core::atomic_file::write_atomically;
 use ghand_render::splat::Image;
 use image::{ImageFormat, RgbImage};
 

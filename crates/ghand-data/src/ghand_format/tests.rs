@@ -6,7 +6,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
-use crate::atomic_file::write_atomically;
+use ghand_core::atomic_file::write_atomically;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split};
 
 fn hand() -> ProceduralHand {

@@ -9,7 +9,7 @@ use super::{
     CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile,
     TruthFrameFile, UNITS, VERSION,
 };
-use crate::atomic_file::write_atomically;
+use ghand_core::atomic_file::write_atomically;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 
 impl Capture {

@@ -1,0 +1,102 @@
+//! A prior on poses, fitted to the capture's own: most joints turn about fewer than three axes.
+//!
+//! Over the frames of a capture, a joint's axis-angle vectors spread widely along the axes it really turns about and only
+//! by the noise of the pose estimate along the others. Taking the smallest spread for noise, the best linear estimate of
+//! the true rotation shrinks each principal component towards the mean by (spread - noise) / spread.
+
+use ghand_core::Pose;
+use glam::{DMat3, DVec3};
+
+/// Fewer frames than this say too little about how a joint moves.
+const MIN_FRAMES: usize = 8;
+/// A joint whose smallest spread is above this part of its largest turns freely about all axes: its smallest spread is
+/// motion, not noise.
+const FREE_RATIO: f64 = 0.3;
+
+/// Eigenvalues and orthonormal eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
+fn eigen(mut a: DMat3) -> (DVec3, DMat3) {
+    let mut vectors = DMat3::IDENTITY;
+    // Convergence is quadratic: a handful of sweeps reaches rounding.
+    for _ in 0..12 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let off = a.col(q)[p];
+            if off == 0.0 {
+                continue;
+            }
+            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * off);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            let mut rotation = DMat3::IDENTITY;
+            rotation.col_mut(p)[p] = c;
+            rotation.col_mut(q)[q] = c;
+            rotation.col_mut(q)[p] = t * c;
+            rotation.col_mut(p)[q] = -t * c;
+            a = rotation.transpose() * a * rotation;
+            vectors *= rotation;
+        }
+    }
+    (DVec3::new(a.x_axis.x, a.y_axis.y, a.z_axis.z), vectors)
+}
+
+/// Shrinks every joint's rotations towards its mean along the axes about which it hardly turns. Frames of a sequence are
+/// its samples; with few frames, and for joints that turn freely, nothing changes.
+pub fn shrink(poses: &mut [Pose]) {
+    let frames = poses.len();
+    let joints = poses.iter().map(|p| p.rotations.len()).min().unwrap_or(0);
+    if frames < MIN_FRAMES {
+        return;
+    }
+    for k in 0..joints {
+        let mean = poses.iter().map(|p| p.rotations[k]).sum::<DVec3>() / frames as f64;
+        let mut covariance = DMat3::ZERO;
+        for pose in poses.iter() {
+            let d = pose.rotations[k] - mean;
+            covariance += DMat3::from_cols(d * d.x, d * d.y, d * d.z) * (1.0 / (frames - 1) as f64);
+        }
+        let (spread, axes) = eigen(covariance);
+        let (noise, largest) = (spread.min_element(), spread.max_element());
+        if !(largest > 0.0 && noise.max(0.0).sqrt() < FREE_RATIO * largest.sqrt()) {
+            continue;
+        }
+        let keep = spread.map(|s| if s > noise { (s - noise) / s } else { 0.0 });
+        let gain = axes * DMat3::from_diagonal(keep) * axes.transpose();
+        for pose in poses.iter_mut() {
+            pose.rotations[k] = mean + gain * (pose.rotations[k] - mean);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn noise_across_a_hinge_is_taken_off_and_a_free_joint_is_left() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let axis = DVec3::new(0.6, 0.0, 0.8);
+        let mut noise = |size: f64| DVec3::from_array(std::array::from_fn(|_| rng.random_range(-size..size)));
+        let truth: Vec<[DVec3; 2]> = (0..40).map(|i| [axis * (0.02 * f64::from(i)), noise(0.5)]).collect();
+        let mut poses: Vec<Pose> = truth
+            .iter()
+            .map(|t| Pose { rotations: vec![t[0] + noise(0.1), t[1] + noise(0.1)], translation: DVec3::ZERO })
+            .collect();
+        let given = poses.clone();
+        shrink(&mut poses);
+        let error = |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| (p.rotations[0] - t[0]).length()).sum::<f64>();
+        assert!(error(&poses) < 0.7 * error(&given), "{} against {}", error(&poses), error(&given));
+        assert!(poses.iter().zip(&given).all(|(a, b)| a.rotations[1] == b.rotations[1]));
+        let mut few = given[..5].to_vec();
+        shrink(&mut few);
+        assert_eq!(few, given[..5]);
+    }
+
+    #[test]
+    fn eigenvectors_diagonalise() {
+        let a = DMat3::from_cols(DVec3::new(4.0, 1.0, -2.0), DVec3::new(1.0, 3.0, 0.5), DVec3::new(-2.0, 0.5, 7.0));
+        let (values, vectors) = eigen(a);
+        let back = vectors * DMat3::from_diagonal(values) * vectors.transpose();
+        assert!((back - a).to_cols_array().iter().all(|e| e.abs() < 1e-12));
+        assert!((vectors * vectors.transpose() - DMat3::IDENTITY).to_cols_array().iter().all(|e| e.abs() < 1e-12));
+    }
+}
