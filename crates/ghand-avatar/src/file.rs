@@ -130,7 +130,11 @@ impl Avatar {
         }
         let block = HashMap::from([(METADATA_KEY.to_owned(), metadata)]);
         let bytes = serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))?;
-        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io { path: path.into(), action: "write", source })
+        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io {
+            path: path.into(),
+            action: "write",
+            source,
+        })
     }
 
     /// Reads an avatar from a file and checks all of it.
@@ -138,7 +142,8 @@ impl Avatar {
     /// # Errors
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
     pub fn load(path: &Path) -> Result<Avatar, AvatarFileError> {
-        let bytes = std::fs::read(path).map_err(|source| AvatarFileError::Io { path: path.into(), action: "read", source })?;
+        let bytes =
+            std::fs::read(path).map_err(|source| AvatarFileError::Io { path: path.into(), action: "read", source })?;
         Reader::new(path, &bytes)?.avatar()
     }
 }
@@ -151,18 +156,24 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Reader<'a>, AvatarFileError> {
-        let invalid = |field: &str, problem: String| AvatarFileError::Invalid { path: path.into(), field: field.into(), problem };
-        let broken = |e: &dyn std::fmt::Display| invalid("file", format!("not an avatar, or cut short ({e}); export it again"));
+        let invalid =
+            |field: &str, problem: String| AvatarFileError::Invalid { path: path.into(), field: field.into(), problem };
+        let broken =
+            |e: &dyn std::fmt::Display| invalid("file", format!("not an avatar, or cut short ({e}); export it again"));
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| broken(&e))?;
         let block = header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY));
-        let block = block.ok_or_else(|| invalid("metadata", "has no `ghand` block: a safetensors file, but not an avatar".into()))?;
+        let block = block
+            .ok_or_else(|| invalid("metadata", "has no `ghand` block: a safetensors file, but not an avatar".into()))?;
         // The version comes first: an unknown version may have other fields.
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
-                return Err(invalid("version", format!("is {found}, this program reads version {VERSION}; use the ghand that wrote it")));
+                return Err(invalid(
+                    "version",
+                    format!("is {found}, this program reads version {VERSION}; use the ghand that wrote it"),
+                ));
             }
         }
         let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", e.to_string()))?;
@@ -182,11 +193,16 @@ impl<'a> Reader<'a> {
         shape: &[Option<usize>],
     ) -> Result<(Vec<usize>, Vec<T>), AvatarFileError> {
         let view = self.tensors.tensor(name).map_err(|_| self.invalid(name, "is missing; export the avatar again"))?;
-        let fits = view.shape().len() == shape.len() && view.shape().iter().zip(shape).all(|(a, b)| b.is_none_or(|b| b == *a));
+        let fits =
+            view.shape().len() == shape.len() && view.shape().iter().zip(shape).all(|(a, b)| b.is_none_or(|b| b == *a));
         if view.dtype() != dtype || !fits {
             return Err(self.invalid(
                 name,
-                format!("is {:?} {:?}, expected {dtype:?} {shape:?}; the file does not belong together", view.dtype(), view.shape()),
+                format!(
+                    "is {:?} {:?}, expected {dtype:?} {shape:?}; the file does not belong together",
+                    view.dtype(),
+                    view.shape()
+                ),
             ));
         }
         let mut values = vec![T::default(); view.data().len() / size_of::<T>()];

@@ -1,4 +1,6 @@
 //! The pose pipeline on the device, forward and backward, against the f64 mathematics of `ghand-core`.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_avatar::direct::{DirectBackward, DirectBuffers, DirectTables, table_lengths};
 use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer, Template};

@@ -109,10 +109,16 @@ impl HandModel {
         };
         let (v, n) = (self.vertices.len(), self.joints.len());
         if n == 0 || v == 0 || self.faces.is_empty() {
-            return fail("mesh", format!("has {v} vertices, {} faces and {n} joints; all must be present", self.faces.len()));
+            return fail(
+                "mesh",
+                format!("has {v} vertices, {} faces and {n} joints; all must be present", self.faces.len()),
+            );
         }
         if self.joint_names.len() != n || self.parents.len() != n {
-            return fail("joints", format!("{n} positions, {} names, {} parents", self.joint_names.len(), self.parents.len()));
+            return fail(
+                "joints",
+                format!("{n} positions, {} names, {} parents", self.joint_names.len(), self.parents.len()),
+            );
         }
         for (k, parent) in self.parents.iter().enumerate() {
             let good = match parent {
@@ -133,7 +139,14 @@ impl HandModel {
             return fail("faces", format!("an index is beyond the {v} vertices"));
         }
         if self.face_uvs.len() != self.faces.len() {
-            return fail("uv", format!("{} UV triangles for {} faces; export the model with one UV atlas", self.face_uvs.len(), self.faces.len()));
+            return fail(
+                "uv",
+                format!(
+                    "{} UV triangles for {} faces; export the model with one UV atlas",
+                    self.face_uvs.len(),
+                    self.faces.len()
+                ),
+            );
         }
         if self.face_uvs.iter().flatten().any(|&i| i as usize >= self.uvs.len()) {
             return fail("uv", format!("an index is beyond the {} UV points", self.uvs.len()));
@@ -148,7 +161,10 @@ impl HandModel {
             let row = self.vertex_weights(i);
             let sum: f64 = row.iter().sum();
             if !(row.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= 1e-6) {
-                return fail("weights", format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"));
+                return fail(
+                    "weights",
+                    format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"),
+                );
             }
         }
         Ok(())

@@ -102,7 +102,9 @@ mod tests {
     #[test]
     fn the_derivative_agrees_with_central_differences_at_every_angle() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(2);
-        for angle in [0.0, 1e-8, 1e-4, 0.1, 0.4999, 0.5001, 2.0, std::f64::consts::PI - 1e-9, 6.2832, 12.0] {
+        for angle in
+            [0.0, 1e-8, 1e-4, 0.1, 0.4999, 0.5001, 2.0, std::f64::consts::PI - 1e-9, std::f64::consts::TAU, 12.0]
+        {
             for _ in 0..50 {
                 let axis = DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))).normalize();
                 let v = axis * angle;
@@ -112,7 +114,8 @@ mod tests {
                 let numeric = DVec3::from_array(std::array::from_fn(|i| {
                     let mut e = DVec3::ZERO;
                     e[i] = h;
-                    (inner(&g, &rotation_from_axis_angle(v + e)) - inner(&g, &rotation_from_axis_angle(v - e))) / (2.0 * h)
+                    (inner(&g, &rotation_from_axis_angle(v + e)) - inner(&g, &rotation_from_axis_angle(v - e)))
+                        / (2.0 * h)
                 }));
                 let error = (analytic - numeric).length() / (1.0 + numeric.length());
                 assert!(error <= 1e-9, "angle {angle}: {analytic} against {numeric}");

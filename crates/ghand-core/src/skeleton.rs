@@ -24,7 +24,10 @@ impl Affine {
 
     /// `self + weight * other`, entry by entry.
     pub fn add_scaled(&self, weight: f64, other: &Affine) -> Affine {
-        Affine { linear: self.linear + other.linear * weight, translation: self.translation + other.translation * weight }
+        Affine {
+            linear: self.linear + other.linear * weight,
+            translation: self.translation + other.translation * weight,
+        }
     }
 }
 

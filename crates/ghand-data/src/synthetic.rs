@@ -25,8 +25,8 @@ use glam::{DVec2, DVec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use ghand_core::atomic_file::write_atomically;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, fill_template};
+use ghand_core::atomic_file::write_atomically;
 use trajectory::PoseNoise;
 use true_hand::{PosedHand, TrueHand};
 

@@ -28,7 +28,11 @@ pub fn filled<T: Pod>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu::Buffer {
         gpu.queue.write_buffer(&buffer, 0, bytes);
         return buffer;
     }
-    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents: bytes, usage: USAGE })
+    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents: bytes,
+        usage: USAGE,
+    })
 }
 
 /// A uniform buffer with this value.

@@ -51,7 +51,10 @@ pub enum DeviceError {
         found: String,
     },
     /// The adapter refused a device.
-    #[error("the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}", AdapterChoice::VARIABLE)]
+    #[error(
+        "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}",
+        AdapterChoice::VARIABLE
+    )]
     NoDevice {
         /// The adapter.
         adapter: String,

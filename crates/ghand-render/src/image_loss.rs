@@ -122,7 +122,8 @@ impl ImageLoss {
 
     /// Encodes the loss and its gradient to the image.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("loss"), ..Default::default() });
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("loss"), ..Default::default() });
         let [w, h] = self.size;
         for (stage, direction) in &self.stages {
             let runs = match direction {

@@ -111,10 +111,8 @@ impl Adam {
         let slots = (0..slots)
             .map(|_| {
                 let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
-                let bound = stage.bind(
-                    gpu,
-                    &[(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)],
-                );
+                let bound =
+                    stage.bind(gpu, &[(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)]);
                 (uniforms, bound)
             })
             .collect();

@@ -161,10 +161,8 @@ impl PosePipeline {
             ),
             place_residual_joints: residual
                 .bind(gpu, &[(0, &uniforms), (1, &joints), (2, &regress.total), (3, &residual_joints)]),
-            residual_skeleton: residual_skeleton.bind(
-                gpu,
-                &[(0, &uniforms), (1, &poses), (2, &parents), (3, &residual_joints), (4, &residual_chain)],
-            ),
+            residual_skeleton: residual_skeleton
+                .bind(gpu, &[(0, &uniforms), (1, &poses), (2, &parents), (3, &residual_joints), (4, &residual_chain)]),
             skin: skin.bind(
                 gpu,
                 &[
@@ -439,9 +437,7 @@ impl JointSums {
             strands: module
                 .stage(gpu, "joint_sums_strands", &[])
                 .bind(gpu, &[(0, &uniforms), (1, left), (2, right), (3, &strands)]),
-            finish: module
-                .stage(gpu, "joint_sums_total", &[])
-                .bind(gpu, &[(0, &uniforms), (3, &strands), (4, &total)]),
+            finish: module.stage(gpu, "joint_sums_total", &[]).bind(gpu, &[(0, &uniforms), (3, &strands), (4, &total)]),
             groups: (left_rows.div_ceil(4) * right_rows.div_ceil(4)) as u32,
             outputs: outputs as u32,
             total,

@@ -154,7 +154,9 @@ impl Splatter {
         let pixels = width as usize * height as usize;
         // The loss keeps 64 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
         if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
-            return Err(RenderError::Invalid(format!("an image of {width} x {height} pixels is not between 1 and 16384")));
+            return Err(RenderError::Invalid(format!(
+                "an image of {width} x {height} pixels is not between 1 and 16384"
+            )));
         }
         let pipelines = Pipelines::new(gpu);
         let current = View::zeroed();
@@ -216,7 +218,9 @@ impl Splatter {
         let [w, h] = view.size;
         if w == 0 || h == 0 || w > self.max_size[0] || h > self.max_size[1] {
             let [max_w, max_h] = self.max_size;
-            return Err(RenderError::Invalid(format!("an image of {w} x {h} pixels, the splatter is for {max_w} x {max_h}")));
+            return Err(RenderError::Invalid(format!(
+                "an image of {w} x {h} pixels, the splatter is for {max_w} x {max_h}"
+            )));
         }
         self.current = View { intersection_capacity: self.capacity, gaussian_count: self.count as u32, ..view };
         gpu.queue.write_buffer(&self.shared.view, 0, bytemuck::bytes_of(&self.current));
@@ -226,7 +230,8 @@ impl Splatter {
     /// Encodes the forward pass: table of Gaussians to image.
     pub fn forward(&self, encoder: &mut wgpu::CommandEncoder) {
         self.frame.bin.clear(encoder);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
         self.frame.project.forward(&mut pass);
         self.frame.depth_sort.encode(&mut pass);
         self.frame.bin.emit(&mut pass);
@@ -239,8 +244,8 @@ impl Splatter {
     /// been encoded before.
     pub fn backward(&self, encoder: &mut wgpu::CommandEncoder) {
         self.frame.rasterize.clear(encoder);
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
+        let mut pass = encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
         self.frame.rasterize.backward(&mut pass, self.current.tiles);
         self.frame.project.backward(&mut pass);
     }

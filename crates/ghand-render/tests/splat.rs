@@ -1,4 +1,6 @@
 //! The splatter on the device against its f64 twin.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_core::Camera;
 use ghand_render::reference::image_loss::{Picture, image_loss};
@@ -174,8 +176,7 @@ fn broken_gaussians_are_dropped_and_touch_nobody() {
     broken.push(Gaussian { color: DVec3::new(0.0, f64::NAN, 0.0), mean: DVec3::ZERO, ..plain });
     broken.push(Gaussian { mean: DVec3::new(0.2, -0.1, -5.0), ..plain });
     broken.push(Gaussian { mean: DVec3::new(0.0, f64::NEG_INFINITY, 0.0), ..plain });
-    let (a, b) =
-        (render(&gpu, &healthy, &camera, 1.0, &weights), render(&gpu, &broken, &camera, 1.0, &weights));
+    let (a, b) = (render(&gpu, &healthy, &camera, 1.0, &weights), render(&gpu, &broken, &camera, 1.0, &weights));
     assert!(bytemuck::cast_slice::<_, u32>(&a.image) == bytemuck::cast_slice::<_, u32>(&b.image));
     for row in 0..GAUSSIAN_ROWS {
         let (from, to) = (row * healthy.len(), row * broken.len());

@@ -107,8 +107,7 @@ pub fn evaluate(
         }
     }
     let n = views.max(1) as f64;
-    let [avatar, floor] =
-        sum.map(|s| Likeness { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });
+    let [avatar, floor] = sum.map(|s| Likeness { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });
     Ok(Evaluation { views, avatar, floor })
 }
 

@@ -125,8 +125,7 @@ pub fn texel_colors(
         let depth = painter.paint(&poses[frame], camera, &plain, 1)?.depth;
         let points = pose_points(model, &samples.positions, &samples.weights, &poses[frame]);
         // The normal is carried by posing a point a little way out along it.
-        let tips: Vec<DVec3> =
-            samples.positions.iter().zip(&samples.normals).map(|(p, n)| *p + *n * 1e-4).collect();
+        let tips: Vec<DVec3> = samples.positions.iter().zip(&samples.normals).map(|(p, n)| *p + *n * 1e-4).collect();
         let tips = pose_points(model, &tips, &samples.weights, &poses[frame]);
         sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
             let (at, z) = camera.project(points[t]);
@@ -149,8 +148,7 @@ pub fn texel_colors(
     let seen: Vec<[f64; 3]> =
         sums.iter().filter(|s| s[3] > 0.0).map(|s| [s[0] / s[3], s[1] / s[3], s[2] / s[3]]).collect();
     let mean = [0, 1, 2].map(|c| seen.iter().map(|s| s[c]).sum::<f64>() / seen.len().max(1) as f64);
-    let colors =
-        sums.iter().map(|s| if s[3] > 0.0 { [s[0] / s[3], s[1] / s[3], s[2] / s[3]] } else { mean }).collect();
+    let colors = sums.iter().map(|s| if s[3] > 0.0 { [s[0] / s[3], s[1] / s[3], s[2] / s[3]] } else { mean }).collect();
     Ok(TexelColors { colors, texels: samples.texels, resolution })
 }
 

@@ -83,7 +83,8 @@ mod tests {
             .collect();
         let given = poses.clone();
         shrink(&mut poses);
-        let error = |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| (p.rotations[0] - t[0]).length()).sum::<f64>();
+        let error =
+            |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| (p.rotations[0] - t[0]).length()).sum::<f64>();
         assert!(error(&poses) < 0.7 * error(&given), "{} against {}", error(&poses), error(&given));
         assert!(poses.iter().zip(&given).all(|(a, b)| a.rotations[1] == b.rotations[1]));
         let mut few = given[..5].to_vec();

@@ -134,7 +134,8 @@ impl TrainSettings {
     /// # Errors
     /// [`SettingsError`] names the first setting that is out of range.
     pub fn check(&self) -> Result<(), SettingsError> {
-        let fail = |setting: &str, problem: &str| Err(SettingsError { setting: setting.into(), problem: problem.into() });
+        let fail =
+            |setting: &str, problem: &str| Err(SettingsError { setting: setting.into(), problem: problem.into() });
         if !(0.0..=1.0).contains(&self.pose_stage) {
             return fail("pose_stage", "must lie between 0 and 1");
         }

@@ -193,8 +193,7 @@ impl Step {
         if rates.pose > 0.0 {
             let start = frame * pose_stride(self.joint_count);
             let middle = start + 3 * self.joint_count;
-            let rotations =
-                AdamUniforms::new(start..middle, 0, settings.rate_pose * rates.pose, rates.pose_step);
+            let rotations = AdamUniforms::new(start..middle, 0, settings.rate_pose * rates.pose, rates.pose_step);
             let translation = AdamUniforms::new(
                 middle..middle + 3,
                 3 * self.joint_count,

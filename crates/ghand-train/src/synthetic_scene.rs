@@ -28,8 +28,7 @@ const SUPERSAMPLE: u32 = 3;
 pub fn make_capture(gpu: &Gpu, options: &SyntheticOptions, folder: &Path) -> Result<(), SyntheticError> {
     let renderer = MeshRenderer::new(gpu)?;
     generate(options, folder, &mut |scene, camera| {
-        let lights =
-            scene.lighting.lights.iter().map(|l| Light { direction: l.direction, color: l.color }).collect();
+        let lights = scene.lighting.lights.iter().map(|l| Light { direction: l.direction, color: l.color }).collect();
         let shading = Shading::Lit { ambient: scene.lighting.ambient, lights, wrap: scene.lighting.wrap };
         let mesh = MeshInstance {
             positions: scene.positions,

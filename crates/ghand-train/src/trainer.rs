@@ -8,8 +8,8 @@ use ghand_data::{Capture, CaptureError, Split};
 use ghand_render::pose::pose_stride;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
-use rand::seq::SliceRandom;
 use rand::SeedableRng;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -188,8 +188,7 @@ impl<'a> Trainer<'a> {
 
     /// The avatar that a stage starts from: the template's surface with mean texel colours.
     fn start(&self, settings: &TrainSettings) -> Result<Avatar, TrainError> {
-        let mut avatar =
-            Avatar::untrained(&self.capture.hand_model, &settings.avatar(), [0.5; 3], settings.seed)?;
+        let mut avatar = Avatar::untrained(&self.capture.hand_model, &settings.avatar(), [0.5; 3], settings.seed)?;
         let colors =
             texel_colors(self.gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
         avatar.tables.set_base_colors(&colors.colors);

@@ -68,12 +68,7 @@ fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4
         return [0, 0, width, height];
     }
     let first = low.map(|v| v.saturating_sub(margin));
-    [
-        first[0],
-        first[1],
-        (high[0] + margin + 1).min(width) - first[0],
-        (high[1] + margin + 1).min(height) - first[1],
-    ]
+    [first[0], first[1], (high[0] + margin + 1).min(width) - first[0], (high[1] + margin + 1).min(height) - first[1]]
 }
 
 /// Loads and crops all views of a split, frames outermost.

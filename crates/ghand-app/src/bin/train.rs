@@ -6,10 +6,12 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Parser;
+use ghand_app::LAST_AVATAR;
+use ghand_app::cli::{self, AdapterArgs};
 use ghand_core::atomic_file::write_atomically;
 use ghand_data::Capture;
 use ghand_data::synthetic::SyntheticOptions;
-use ghand_render::{AdapterChoice, Gpu};
+use ghand_render::Gpu;
 use ghand_train::evaluate::{EvaluatedView, FloorMetrics, Metrics, PoseError, evaluate};
 use ghand_train::floor::Floor;
 use ghand_train::metrics::pose_error_degrees;
@@ -32,29 +34,21 @@ struct Arguments {
     /// Split to evaluate on.
     #[arg(long, default_value = "test")]
     test_split: String,
-    /// Folder for avatar.ghand, metrics.json and report.png.
-    #[arg(long, default_value = "out/train")]
-    out: PathBuf,
+    /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train]
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// Seed of everything random; the same seed on the same device gives the same avatar, byte for byte.
     #[arg(long)]
     seed: Option<u64>,
     /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Graphics adapter: a part of its name, `cpu` or `gpu`.
-    #[arg(long)]
-    adapter: Option<String>,
+    #[command(flatten)]
+    adapter: AdapterArgs,
 }
 
 fn main() -> ExitCode {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("off")).init();
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    cli::run(|arguments: Arguments| run(&arguments))
 }
 
 /// How many views of the test split the report shows.
@@ -70,15 +64,18 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let choice = arguments.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse);
-    let gpu = Gpu::new(&choice)?;
+    let gpu = arguments.adapter.open()?;
     println!("adapter: {}", gpu.info.name);
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("{}: cannot make the output folder", arguments.out.display()))?;
+    let avatar_path = match &arguments.out {
+        Some(out) => out.join("avatar.ghand"),
+        None => PathBuf::from(LAST_AVATAR),
+    };
+    let out = avatar_path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(out).with_context(|| format!("{}: cannot make the output folder", out.display()))?;
 
     let capture = match &arguments.capture {
         Some(path) => Capture::open(path)?,
-        None => demo_capture(&gpu, &arguments.out)?,
+        None => demo_capture(&gpu, out)?,
     };
     // A test split that is not there should fail before the training, not after it.
     capture.split(&arguments.test_split)?;
@@ -92,10 +89,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         settings.iterations
     );
     let trained = train(trainer, settings.iterations)?;
-    let avatar_path = arguments.out.join("avatar.ghand");
     trained.avatar.save(&avatar_path)?;
 
-    save_poses(&capture, &train_split.frames, &trained, &arguments.out.join("poses.json"))?;
+    save_poses(&capture, &train_split.frames, &trained, &out.join("poses.json"))?;
 
     let floor = Floor::new(&gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
     let test = capture.split(&arguments.test_split)?;
@@ -110,7 +106,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         index += 1;
     })?;
-    let report_path = arguments.out.join("report.png");
+    let report_path = out.join("report.png");
     save_png(&report(&shown), &report_path)?;
     let floor = evaluation.floor;
     let metrics = Metrics {
@@ -126,7 +122,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         gaussians,
     };
     let text = serde_json::to_string_pretty(&metrics)?;
-    let metrics_path = arguments.out.join("metrics.json");
+    let metrics_path = out.join("metrics.json");
     write_atomically(&metrics_path, text.as_bytes())
         .with_context(|| format!("{}: cannot write", metrics_path.display()))?;
     print_table(&metrics);

@@ -6,8 +6,8 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
-use ghand_core::atomic_file::write_atomically;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split};
+use ghand_core::atomic_file::write_atomically;
 
 fn hand() -> ProceduralHand {
     ProceduralHand { detail: 1, ..Default::default() }

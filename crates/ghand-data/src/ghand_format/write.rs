@@ -9,8 +9,8 @@ use super::{
     CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile,
     TruthFrameFile, UNITS, VERSION,
 };
-use ghand_core::atomic_file::write_atomically;
 use crate::capture::{Capture, CaptureError, HandModelSource};
+use ghand_core::atomic_file::write_atomically;
 
 impl Capture {
     /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must exist.

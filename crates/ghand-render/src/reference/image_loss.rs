@@ -108,8 +108,8 @@ pub fn image_loss(
     let map = ssim_map(x, y);
     let mut value = 0.0;
     for (i, s) in map.value.iter().enumerate() {
-        for c in 0..3 {
-            value += l1_weight * (x.rgb[i][c] - y.rgb[i][c]).abs() + ssim_weight * (1.0 - s[c]);
+        for (c, s) in s.iter().enumerate() {
+            value += l1_weight * (x.rgb[i][c] - y.rgb[i][c]).abs() + ssim_weight * (1.0 - s);
         }
     }
     let d = map.d.map(|d| blur(&d, x.width, x.height));
@@ -150,14 +150,14 @@ mod tests {
         let (x, y) = (random(3, 9, 14), random(4, 9, 14));
         let (_, gradient) = image_loss(&x, &y, 0.8, 0.2, 1.0 / 378.0);
         for (i, d) in gradient.iter().enumerate() {
-            for c in 0..3 {
+            for (c, d) in d.iter().enumerate() {
                 let shifted = |h: f64| {
                     let mut other = x.clone();
                     other.rgb[i][c] += h;
                     image_loss(&other, &y, 0.8, 0.2, 1.0 / 378.0).0
                 };
                 let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
-                assert!((d[c] - numeric).abs() <= 1e-8, "pixel {i}: {} against {numeric}", d[c]);
+                assert!((d - numeric).abs() <= 1e-8, "pixel {i}: {d} against {numeric}");
             }
         }
     }

@@ -86,17 +86,12 @@ pub fn project_vjp(g: &Gaussian, camera: &Camera, d_mean: DVec2, d_conic: DVec3,
     let f = camera.focal;
     let u = (g.scale / p.z).powi(2);
     let d_u = xx * f.x * f.x * (1.0 + r.x * r.x) + xy * f.x * f.y * r.x * r.y + yy * f.y * f.y * (1.0 + r.y * r.y);
-    let d_slope = u
-        * DVec2::new(
-            if free[0] { 2.0 * xx * f.x * f.x * r.x + xy * f.x * f.y * r.y } else { 0.0 },
-            if free[1] { 2.0 * yy * f.y * f.y * r.y + xy * f.x * f.y * r.x } else { 0.0 },
-        );
+    let d_slope = u * DVec2::new(
+        if free[0] { 2.0 * xx * f.x * f.x * r.x + xy * f.x * f.y * r.y } else { 0.0 },
+        if free[1] { 2.0 * yy * f.y * f.y * r.y + xy * f.x * f.y * r.x } else { 0.0 },
+    );
     let d_ratio = d_mean * f + d_slope;
     let d_z = -(d_ratio.x * p.x + d_ratio.y * p.y) / (p.z * p.z) - 2.0 * d_u * u / p.z;
     let d_p = DVec3::new(d_ratio.x / p.z, d_ratio.y / p.z, d_z);
-    Gaussian {
-        mean: camera.rotation.transpose() * d_p,
-        scale: 2.0 * d_u * g.scale / (p.z * p.z),
-        color: d_color,
-    }
+    Gaussian { mean: camera.rotation.transpose() * d_p, scale: 2.0 * d_u * g.scale / (p.z * p.z), color: d_color }
 }

@@ -117,8 +117,7 @@ impl Stages {
         let total = buffers::zeroed(gpu, "digit total", 1);
         let passes = (0..count)
             .map(|i| {
-                let uniforms =
-                    SortUniforms { shift: i * digit_bits, mask: (1 << digit_bits) - 1, strands, counter };
+                let uniforms = SortUniforms { shift: i * digit_bits, mask: (1 << digit_bits) - 1, strands, counter };
                 let uniforms = buffers::uniform(gpu, "sort", &uniforms);
                 let (from, to) = ((i % 2) as usize, ((i + 1) % 2) as usize);
                 Pass {
