@@ -33,6 +33,7 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("joint_sums", joint_sums().to_owned()),
         ("adam", adam()),
         ("mesh", mesh().to_owned()),
+        ("picture", picture().to_owned()),
     ]
 }
 
@@ -119,4 +120,9 @@ pub fn adam() -> String {
 /// The mesh rasteriser and its resolve.
 pub fn mesh() -> &'static str {
     include_str!("../../../shaders/mesh.wgsl")
+}
+
+/// The splatter's image as a texture, for a user interface.
+pub fn picture() -> &'static str {
+    include_str!("../../../shaders/picture.wgsl")
 }

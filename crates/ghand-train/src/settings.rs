@@ -68,10 +68,10 @@ pub struct TrainSettings {
 impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
-            iterations: 3000,
+            iterations: 4000,
             pose_stage: 0.5,
             pose_prior_rounds: 3,
-            pose_uv_resolution: 80,
+            pose_uv_resolution: 96,
             pose_image_reduction: 2,
             seed: 1,
             uv_resolution: 128,

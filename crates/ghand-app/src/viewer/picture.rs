@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_core::{Camera, Pose};
-use ghand_render::{Gpu, RenderError};
+use ghand_render::{Gpu, RenderError, shader_sources};
 
 /// Format of the texture: display values, which is what the user interface takes.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -294,7 +294,7 @@ fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
 fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("picture"),
-        source: wgpu::ShaderSource::Wgsl(include_str!("../../../../shaders/picture.wgsl").into()),
+        source: wgpu::ShaderSource::Wgsl(shader_sources::picture().into()),
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("picture"),

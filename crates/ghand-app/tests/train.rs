@@ -1,0 +1,143 @@
+//! `train` as a user runs it: bad input, and being killed.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use common::{assert_one_sentence, listing, run};
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::synthetic_scene::make_capture;
+
+const TRAIN: &str = env!("CARGO_BIN_EXE_train");
+
+fn small_capture(folder: &Path) {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let options = SyntheticOptions {
+        views: 5,
+        train_frames: 2,
+        test_frames: 1,
+        test_views: 1,
+        width: 64,
+        height: 96,
+        ..SyntheticOptions::default()
+    };
+    make_capture(&gpu, &options, folder).unwrap();
+}
+
+/// Changes the text of a file.
+fn edit(path: &Path, change: impl Fn(&str) -> String) {
+    let text = std::fs::read_to_string(path).unwrap();
+    let changed = change(&text);
+    assert_ne!(text, changed, "nothing to change in {}", path.display());
+    std::fs::write(path, changed).unwrap();
+}
+
+#[test]
+fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = folder.path().join("good");
+    small_capture(&good);
+    let train = |name: &str, more: &[&str], expected: &[&str]| {
+        let arguments = [&["--capture", name, "--out", "out", "--set", "iterations=2"], more].concat();
+        let output = run(TRAIN, folder.path(), &arguments);
+        assert_one_sentence(&output, expected);
+        let left = listing(&folder.path().join("out"));
+        assert!(left.iter().all(|f| !f.contains("avatar") && !f.starts_with('.')), "{name} left {left:?}");
+    };
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    train("missing", &[], &["missing"]);
+    train("good", &["--split", "nonsense"], &["nonsense", "train5"]);
+    train("good", &["--set", "nonsense=1"], &["nonsense", "iterations"]);
+    train("good", &["--set", "iterations=many"], &["iterations"]);
+    train("good", &["--adapter", "no such adapter"], &["no such adapter", "mesa-vulkan-drivers"]);
+
+    let copy = |name: &str| {
+        let to = folder.path().join(name);
+        let status = Command::new("cp").args(["-r"]).arg(&good).arg(&to).status().unwrap();
+        assert!(status.success());
+        to
+    };
+    std::fs::write(copy("broken").join("capture.json"), "{\"format\":").unwrap();
+    train("broken", &[], &["broken", "capture.json"]);
+    edit(&copy("short").join("capture.json"), |t| {
+        let mut json: serde_json::Value = serde_json::from_str(t).unwrap();
+        json["frames"][0]["pose"].as_array_mut().unwrap().pop();
+        json.to_string()
+    });
+    train("short", &[], &["capture.json", "pose", "16", "15"]);
+    let cut = copy("cut");
+    let image = cut.join("images/cam00/0000.png");
+    let bytes = std::fs::read(&image).unwrap();
+    std::fs::write(&image, &bytes[..bytes.len() / 2]).unwrap();
+    train("cut", &[], &["0000.png"]);
+    let large = copy("large");
+    image::RgbImage::new(65, 96).save(large.join("images/cam00/0000.png")).unwrap();
+    train("large", &[], &["0000.png", "65"]);
+}
+
+#[test]
+fn a_machine_without_any_adapter_gets_one_sentence_with_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(TRAIN)
+        .current_dir(folder.path())
+        .env("XDG_RUNTIME_DIR", folder.path())
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .output()
+        .unwrap();
+    if output.status.success() {
+        println!("left out: this system finds its graphics driver without Vulkan's loader");
+        return;
+    }
+    assert_one_sentence(&output, &["no graphics adapter", "mesa-vulkan-drivers"]);
+}
+
+#[test]
+fn killing_a_run_leaves_the_old_avatar_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture(&folder.path().join("capture"));
+    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set"];
+    let first = run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat());
+    assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
+    let files = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
+    assert_eq!(listing(&folder.path().join("out")), files);
+    let avatar = std::fs::read(folder.path().join("out/avatar.ghand")).unwrap();
+
+    let mut child = Command::new(TRAIN)
+        .current_dir(folder.path())
+        .args([&arguments[..], &["iterations=1000000"]].concat())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.any(|l| l.unwrap().starts_with("training:")), "the second run never started");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(listing(&folder.path().join("out")), files);
+    assert!(std::fs::read(folder.path().join("out/avatar.ghand")).unwrap() == avatar);
+}
+
+#[test]
+fn a_full_disk_is_one_sentence_and_leaves_no_half_written_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture(&folder.path().join("capture"));
+    let disk = folder.path().join("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", "size=64k", "none"]).arg(&disk).status();
+    if !mounted.is_ok_and(|s| s.success()) {
+        println!("left out: this user may not mount a small tmpfs");
+        return;
+    }
+    let output = run(TRAIN, folder.path(), &["--capture", "capture", "--out", "disk/out", "--set", "iterations=2"]);
+    let left = listing(&disk.join("out"));
+    let unmounted = Command::new("umount").arg(&disk).status().unwrap();
+    assert!(unmounted.success());
+    assert_one_sentence(&output, &["avatar.ghand"]);
+    assert!(left.is_empty(), "{left:?}");
+}
