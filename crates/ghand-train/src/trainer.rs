@@ -171,7 +171,9 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            self.poses = self.run(&stage, &mut progress)?.1;
+            let mut refined = self.run(&stage, &mut progress)?.1;
+            recenter(&mut refined, &self.poses);
+            self.poses = refined;
         }
         let stage = Stage {
             number: 2,
@@ -275,6 +277,17 @@ impl<'a> Trainer<'a> {
     }
 }
 
+/// Takes the mean correction off the translations.
+///
+/// Moving all points and joints of the rest hand one way and all translations the other changes no image, so refinement
+/// drifts along; poses from elsewhere, such as those of a test, would then be off by as much. The given translations
+/// err from frame to frame, but hardly in the mean.
+fn recenter(refined: &mut [Pose], given: &[Pose]) {
+    let drift = refined.iter().zip(given).map(|(r, g)| r.translation - g.translation).sum::<DVec3>();
+    let drift = drift / refined.len().max(1) as f64;
+    refined.iter_mut().for_each(|p| p.translation -= drift);
+}
+
 /// Reads the poses of a step back.
 fn read_poses(gpu: &Gpu, step: &Step, frames: usize, joints: usize) -> Result<Vec<Pose>, RenderError> {
     let stride = pose_stride(joints);
@@ -286,4 +299,19 @@ fn read_poses(gpu: &Gpu, step: &Step, frames: usize, joints: usize) -> Result<Ve
         Pose { rotations: vectors, translation }
     };
     Ok(values.chunks_exact(stride).map(pose).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recentring_keeps_single_corrections_and_removes_their_mean() {
+        let pose = |x: f64| Pose { rotations: vec![], translation: DVec3::new(x, 0.0, 1.0) };
+        let given = [pose(0.0), pose(1.0)];
+        let mut refined = [pose(0.5), pose(1.3)];
+        recenter(&mut refined, &given);
+        let moved: Vec<f64> = refined.iter().zip(&given).map(|(r, g)| r.translation.x - g.translation.x).collect();
+        assert!((moved[0] - 0.1).abs() < 1e-12 && (moved[1] + 0.1).abs() < 1e-12, "{moved:?}");
+    }
 }

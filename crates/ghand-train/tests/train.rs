@@ -21,8 +21,8 @@ fn small_capture(gpu: &Gpu, folder: &std::path::Path) -> Capture {
         train_frames: 6,
         test_frames: 2,
         test_views: 2,
-        width: 96,
-        height: 144,
+        width: 128,
+        height: 192,
         ..SyntheticOptions::default()
     };
     make_capture(gpu, &options, folder).unwrap();
@@ -38,7 +38,8 @@ fn the_same_seed_gives_the_same_file_and_another_seed_another() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
-    let settings = TrainSettings { iterations: 30, uv_resolution: 48, ..TrainSettings::default() };
+    let settings =
+        TrainSettings { iterations: 30, uv_resolution: 48, pose_uv_resolution: 32, ..TrainSettings::default() };
     let bytes = |settings: &TrainSettings| {
         let path = folder.path().join("avatar.ghand");
         train(&gpu, &capture, settings).avatar.save(&path).unwrap();
@@ -54,7 +55,13 @@ fn training_beats_the_floor_on_new_poses_and_views_and_mends_the_poses() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
-    let settings = TrainSettings { iterations: 600, uv_resolution: 64, ..TrainSettings::default() };
+    let settings = TrainSettings {
+        iterations: 900,
+        pose_stage: 0.4,
+        uv_resolution: 80,
+        pose_uv_resolution: 64,
+        ..TrainSettings::default()
+    };
     let trained = train(&gpu, &capture, &settings);
     let split = capture.split("train").unwrap();
     let floor = Floor::new(&gpu, &capture, split, &trained.poses, 40).unwrap();
