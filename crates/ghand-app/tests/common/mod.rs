@@ -1,5 +1,7 @@
 //! Running the built programs and looking at what they leave behind.
 
+#![allow(dead_code, reason = "every test file is its own crate and uses the part that it needs")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
