@@ -132,12 +132,15 @@ pub struct Avatar {
     pub provenance: Provenance,
 }
 
+/// How far inside of the surface Gaussians start, in standard deviations. At the silhouette a line of sight grazes about
+/// ten Gaussians in a row, and ten of them together cover half where each covers 7 %: at 2.3 standard deviations.
+pub const DEFAULT_INSET: f64 = 2.0;
 /// Largest standard deviation of a Gaussian in multiples of the mean spacing.
 const MAX_SCALE: f32 = 4.0;
 
 impl Avatar {
     /// An untrained avatar: the template's plain surface in one colour (display values 0..1). `seed` fixes the small
-    /// random numbers from which training breaks symmetry.
+    /// random numbers from which training breaks symmetry; the Gaussians start [`DEFAULT_INSET`] inside of the surface.
     ///
     /// # Errors
     /// [`HandModelError`] if the model cannot be sampled.
@@ -147,9 +150,23 @@ impl Avatar {
         color: [f64; 3],
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
+        Avatar::untrained_inset(model, config, color, DEFAULT_INSET, seed)
+    }
+
+    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size inside of the surface.
+    ///
+    /// # Errors
+    /// [`HandModelError`] if the model cannot be sampled.
+    pub fn untrained_inset(
+        model: &HandModel,
+        config: &AvatarConfig,
+        color: [f64; 3],
+        inset: f64,
+        seed: u64,
+    ) -> Result<Avatar, HandModelError> {
         let samples = surface::sample_surface(model, config.uv_resolution)?;
         let template = Template::from_samples(model, &samples);
-        let tables = DirectTables::untrained(&template, &samples.normals, config, color, seed);
+        let tables = DirectTables::untrained(&template, &samples.normals, inset, config, color, seed);
         Ok(Avatar { template, model: model.clone(), config: config.clone(), tables, provenance: Provenance::default() })
     }
 

@@ -54,11 +54,12 @@ impl DirectTables {
     /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
     /// coefficient of 1; all others and all colour components start with coefficient 0.
     ///
-    /// `normals` (N, outwards) is where the first basis pushes inwards by a Gaussian's own size: a splat reaches that far
-    /// beyond its centre, and the silhouette should start where the surface ends.
+    /// Against the `normals` (N, outwards) the first basis pushes each Gaussian inwards by `inset` times its size: splats
+    /// reach beyond their centres, and the silhouette should start where the surface ends.
     pub fn untrained(
         template: &Template,
         normals: &[DVec3],
+        inset: f64,
         config: &AvatarConfig,
         color: [f64; 3],
         seed: u64,
@@ -75,7 +76,7 @@ impl DirectTables {
         shape_basis.iter_mut().skip(3 * count).for_each(|s| *s = noise(BASIS_NOISE));
         for (c, row) in shape_basis.chunks_exact_mut(count.max(1)).take(3).enumerate() {
             for ((slot, normal), spacing) in row.iter_mut().zip(normals).zip(&template.spacings) {
-                *slot = -(normal[c] as f32) * START_SCALE * spacing;
+                *slot = -(normal[c] * inset) as f32 * START_SCALE * spacing;
             }
         }
         let largest = max_scale(template);

@@ -65,7 +65,7 @@ impl Default for SyntheticOptions {
             width: 192,
             height: 288,
             pose_noise_degrees: 4.0,
-            translation_noise: 0.002,
+            translation_noise: 0.001,
         }
     }
 }

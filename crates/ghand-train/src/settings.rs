@@ -27,6 +27,8 @@ pub struct TrainSettings {
     pub shape_bases: usize,
     /// Number of pose-dependent colour components.
     pub color_components: usize,
+    /// How far inside of the template's surface the Gaussians start, in their standard deviations.
+    pub start_inset: f64,
     /// What the residual skinning weights mean.
     pub residual_weights: ResidualWeights,
     /// Where the residual skeleton stands.
@@ -68,15 +70,17 @@ pub struct TrainSettings {
 impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
-            iterations: 4000,
-            pose_stage: 0.5,
+            iterations: 5600,
+            pose_stage: 0.45,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,
             pose_image_reduction: 2,
             seed: 1,
-            uv_resolution: 128,
+            uv_resolution: 160,
             shape_bases: 8,
             color_components: 4,
+            // A little too thin at first does better than a little too fat: nothing outside of the hand needs unlearning.
+            start_inset: 3.0,
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
             l1_weight: 0.8,
@@ -154,6 +158,7 @@ impl TrainSettings {
             return fail("final_rate", "must be above 0 and at most 1");
         }
         let numbers = [
+            ("start_inset", self.start_inset),
             ("l1_weight", self.l1_weight),
             ("ssim_weight", self.ssim_weight),
             ("offset_weight", self.offset_weight),

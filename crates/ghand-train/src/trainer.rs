@@ -190,7 +190,13 @@ impl<'a> Trainer<'a> {
 
     /// The avatar that a stage starts from: the template's surface with mean texel colours.
     fn start(&self, settings: &TrainSettings) -> Result<Avatar, TrainError> {
-        let mut avatar = Avatar::untrained(&self.capture.hand_model, &settings.avatar(), [0.5; 3], settings.seed)?;
+        let mut avatar = Avatar::untrained_inset(
+            &self.capture.hand_model,
+            &settings.avatar(),
+            [0.5; 3],
+            settings.start_inset,
+            settings.seed,
+        )?;
         let colors =
             texel_colors(self.gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
         avatar.tables.set_base_colors(&colors.colors);
