@@ -70,8 +70,8 @@ pub struct TrainSettings {
 impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
-            iterations: 5600,
-            pose_stage: 0.45,
+            iterations: 3400,
+            pose_stage: 0.62,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,
             pose_image_reduction: 2,
