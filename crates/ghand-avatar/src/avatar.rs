@@ -167,7 +167,13 @@ impl Avatar {
         let samples = surface::sample_surface(model, config.uv_resolution)?;
         let template = Template::from_samples(model, &samples);
         let tables = DirectTables::untrained(&template, &samples.normals, inset, config, color, seed);
-        Ok(Avatar { template, model: model.clone(), config: config.clone(), tables, provenance: Provenance::default() })
+        Ok(Avatar {
+            template,
+            model: model.without_blend_shapes(),
+            config: config.clone(),
+            tables,
+            provenance: Provenance::default(),
+        })
     }
 
     /// Largest standard deviation of a Gaussian, metres.

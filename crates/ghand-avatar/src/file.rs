@@ -279,6 +279,11 @@ impl<'a> Reader<'a> {
             face_uvs: triples(self.tensor("mesh.face_uvs", Dtype::U32, &[None, Some(3)])?.1),
             weights: self.doubles("mesh.weights", &[Some(vertices.len()), Some(joints)])?,
             vertices,
+            shape_directions: vec![],
+            pose_directions: vec![],
+            joint_regressor: vec![],
+            pose_space: None,
+            source_vertices: vec![],
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
         Ok(Avatar { template, model, config: config.clone(), tables, provenance: meta.provenance.clone() })

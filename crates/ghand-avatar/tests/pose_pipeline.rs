@@ -4,12 +4,12 @@
 
 use ghand_avatar::direct::{DirectBackward, DirectBuffers, DirectTables, table_lengths};
 use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer, Template};
-use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
+use ghand_core::deformation::{Deformation, deform, deform_vjp};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::pose_response::{PoseResponse, rotation_features, rotation_features_vjp};
-use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints, residual_joints_vjp};
-use ghand_core::skeleton::{pose_skeleton, pose_skeleton_vjp, rotations_vjp};
-use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
+use ghand_core::residual_skeleton::ResidualSkeleton;
+use ghand_core::skeleton::pose_skeleton;
+use ghand_core::skinning::ResidualWeights;
 use ghand_core::{Pose, Side};
 use ghand_render::pose::PoseBackward;
 use ghand_render::{AdapterChoice, Gpu, buffers};
@@ -141,20 +141,21 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let features: Vec<_> = chain.local.iter().map(rotation_features).collect();
     let channels = response.evaluate(&weights, &features, COUNT);
     let coefficients: Vec<DVec3> = channels[..bases * COUNT].iter().map(|v| DVec3::splat(*v)).collect();
-    let offsets = blend_shapes(&basis, &coefficients, COUNT);
-    let moved: Vec<DVec3> = planes(&template.rest, 0).iter().zip(&offsets).map(|(x, d)| *x + *d).collect();
-    let residual_at = residual_joints(&regressor, &offsets, &template.joints, config.residual_skeleton);
-    let residual_chain = pose_skeleton(&template.parents, &residual_at, &pose.rotations);
-    let skinning = Skinning {
-        rest: &moved,
+    let rest = planes(&template.rest, 0);
+    let deformation = Deformation {
+        parents: &template.parents,
+        joints: &template.joints,
+        canonical: &rest,
         weights: &weights,
+        shape_basis: &basis,
+        blend_coefficients: &coefficients,
+        skeleton_regressor: &regressor,
         residual_weights: &residual_weights,
-        bones: &chain.posed_from_rest,
-        residual_bones: &residual_chain.posed_from_rest,
-        translation: pose.translation,
-        mode: config.residual_weights,
+        residual_weights_mode: config.residual_weights,
+        residual_skeleton_mode: config.residual_skeleton,
     };
-    let posed = skin(&skinning);
+    let forward = deform(&deformation, pose);
+    let posed = &forward.posed;
     let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
     let largest = f64::from(avatar.max_scale());
     let scales: Vec<f64> = tables.appearance[..COUNT].iter().map(|l| largest * sigmoid(f64::from(*l))).collect();
@@ -182,27 +183,19 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
         d_appearance.extend(flat(&(0..COUNT).map(|p| d_logits[p] * value[p]).collect::<Vec<_>>()));
         d_channels.extend((0..COUNT).map(|p| component[p].dot(d_logits[p])));
     }
-    let d = skin_vjp(&skinning, &planes(d_gaussians, 0));
-    let d_residual_chain = pose_skeleton_vjp(&template.parents, &residual_at, &residual_chain, &d.residual_bones);
-    let (d_regressor, mut d_offsets) = residual_joints_vjp(&regressor, &offsets, &d_residual_chain.joints);
-    for p in 0..COUNT {
-        d_offsets[p] += d.rest[p] + offsets[p] * f64::from(OFFSET_WEIGHT);
-    }
-    let (d_basis, d_coefficients) = blend_shapes_vjp(&basis, &coefficients, &d_offsets);
-    let d_values: Vec<f64> = d_coefficients.iter().map(|c| c.element_sum()).chain(d_channels).collect();
+    let d_offsets: Vec<DVec3> = forward.offsets.iter().map(|offset| *offset * f64::from(OFFSET_WEIGHT)).collect();
+    let mut d = deform_vjp(&deformation, pose, &forward, &planes(d_gaussians, 0), &d_offsets);
+    let d_values: Vec<f64> = d.blend_coefficients.iter().map(|c| c.element_sum()).chain(d_channels).collect();
     let (d_response, d_features) = response.evaluate_vjp(&weights, &features, &d_values, COUNT);
-    let d_chain = pose_skeleton_vjp(&template.parents, &template.joints, &chain, &d.bones);
-    let d_local: Vec<_> = (0..JOINTS)
-        .map(|k| d_chain.local[k] + d_residual_chain.local[k] + rotation_features_vjp(&d_features[k]))
-        .collect();
-    let mut d_pose: Vec<f64> = rotations_vjp(&pose.rotations, &d_local).iter().flat_map(|v| v.to_array()).collect();
+    d.local.iter_mut().zip(&d_features).for_each(|(sum, features)| *sum += rotation_features_vjp(features));
+    let mut d_pose: Vec<f64> = d.rotations(pose).iter().flat_map(|v| v.to_array()).collect();
     d_pose.extend(d.translation.to_array());
     Outcome {
         parts: vec![
-            ("posed", [flat(&posed), scales, flat(&colors)].concat()),
-            ("shape basis", d_basis.chunks_exact(COUNT).flat_map(flat).collect()),
+            ("posed", [flat(posed), scales, flat(&colors)].concat()),
+            ("shape basis", d.shape_basis.chunks_exact(COUNT).flat_map(flat).collect()),
             ("residual weights", d.residual_weights),
-            ("regressor", d_regressor),
+            ("regressor", d.skeleton_regressor),
             ("appearance", d_appearance),
             ("response", [d_response.bias, d_response.gain].concat()),
             ("pose", d_pose),

@@ -1,6 +1,9 @@
 //! Hand Gaussian Blend Shapes (paper eq. 7 and 8): offsets as products of bases and coefficients.
 
 use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::parallel::CHUNK;
 
 /// Offsets `Delta = sum_i C_i (.) S_i` (metres) of N Gaussians.
 ///
@@ -8,11 +11,15 @@ use glam::DVec3;
 /// lengths must be equal and a multiple of `count` = N.
 pub fn blend_shapes(shape_basis: &[DVec3], blend_coefficients: &[DVec3], count: usize) -> Vec<DVec3> {
     let mut offsets = vec![DVec3::ZERO; count];
-    for (basis, coefficients) in shape_basis.chunks_exact(count).zip(blend_coefficients.chunks_exact(count)) {
-        for ((offset, s), c) in offsets.iter_mut().zip(basis).zip(coefficients) {
-            *offset += *c * *s;
+    offsets.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, offsets)| {
+        let products = shape_basis.chunks_exact(count).zip(blend_coefficients.chunks_exact(count));
+        for (basis, coefficients) in products {
+            let first = chunk * CHUNK;
+            for ((offset, s), c) in offsets.iter_mut().zip(&basis[first..]).zip(&coefficients[first..]) {
+                *offset += *c * *s;
+            }
         }
-    }
+    });
     offsets
 }
 
@@ -23,6 +30,8 @@ pub fn blend_shapes_vjp(
     d_offsets: &[DVec3],
 ) -> (Vec<DVec3>, Vec<DVec3>) {
     let count = d_offsets.len();
-    let product = |values: &[DVec3]| values.iter().enumerate().map(|(j, v)| *v * d_offsets[j % count]).collect();
+    let product = |values: &[DVec3]| {
+        values.par_iter().enumerate().with_min_len(CHUNK).map(|(j, v)| *v * d_offsets[j % count]).collect()
+    };
     (product(blend_coefficients), product(shape_basis))
 }

@@ -40,10 +40,20 @@ pub enum HandModelError {
     },
 }
 
+/// Mean and principal components of hand poses, as MANO has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseSpace {
+    /// Mean rotation of each joint but the root, axis-angle, radians, `n_b - 1`.
+    pub mean: Vec<DVec3>,
+    /// Principal components, `[c][n_b - 1]`, radians a unit; empty if there are none.
+    pub components: Vec<DVec3>,
+}
+
 /// A rigged hand at rest.
 ///
-/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints; every parent precedes its children and
-/// joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; all indices are in range.
+/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent precedes
+/// its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend shapes
+/// and regressor are finite; all indices are in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModel {
     /// Name for messages and files.
@@ -66,6 +76,20 @@ pub struct HandModel {
     pub face_uvs: Vec<[u32; 3]>,
     /// Skinning weights, row-major `[V][n_b]`.
     pub weights: Vec<f64>,
+    /// Shape blend shapes `[n_s][V]`: how a unit of each shape parameter moves the vertices, metres. Empty for a rig
+    /// without any.
+    pub shape_directions: Vec<DVec3>,
+    /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: how the vertices move with the entries of `R_k - I`, row by row, of
+    /// the joints but the root. Empty for a rig without any.
+    pub pose_directions: Vec<DVec3>,
+    /// Rows `[n_b]` of `(vertex, weight)`: each joint's rest position as a sum over the shaped vertices. Empty when the
+    /// joints do not follow the shape.
+    pub joint_regressor: Vec<Vec<(u32, f64)>>,
+    /// What poses of this model are measured from, if not from zero.
+    pub pose_space: Option<PoseSpace>,
+    /// The vertex of this model at each vertex of the file that it came from: seams split in a file are welded here.
+    /// Empty when the file's vertices are the model's.
+    pub source_vertices: Vec<u32>,
 }
 
 impl HandModel {
@@ -78,6 +102,32 @@ impl HandModel {
     pub fn vertex_weights(&self, vertex: usize) -> &[f64] {
         let n = self.joint_count();
         &self.weights[vertex * n..(vertex + 1) * n]
+    }
+
+    /// Number of shape directions, `n_s`.
+    pub fn shape_count(&self) -> usize {
+        self.shape_directions.len() / self.vertices.len().max(1)
+    }
+
+    /// The model reduced to what skinning needs: no blend shapes, no regressor, no pose space, no file order.
+    pub fn without_blend_shapes(&self) -> HandModel {
+        HandModel {
+            name: self.name.clone(),
+            side: self.side,
+            joint_names: self.joint_names.clone(),
+            parents: self.parents.clone(),
+            joints: self.joints.clone(),
+            vertices: self.vertices.clone(),
+            faces: self.faces.clone(),
+            uvs: self.uvs.clone(),
+            face_uvs: self.face_uvs.clone(),
+            weights: self.weights.clone(),
+            shape_directions: vec![],
+            pose_directions: vec![],
+            joint_regressor: vec![],
+            pose_space: None,
+            source_vertices: vec![],
+        }
     }
 
     /// Index of the joint of that name.
@@ -166,6 +216,34 @@ impl HandModel {
                     format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"),
                 );
             }
+        }
+        if !self.shape_directions.len().is_multiple_of(v) {
+            return fail("shape directions", format!("{} vectors are no multiple of {v}", self.shape_directions.len()));
+        }
+        let corrective_count = 9 * (n - 1) * v;
+        if !self.pose_directions.is_empty() && self.pose_directions.len() != corrective_count {
+            let found = self.pose_directions.len();
+            return fail("pose directions", format!("{found} vectors, expected none or {corrective_count}"));
+        }
+        if self.shape_directions.iter().chain(&self.pose_directions).any(|d| !d.is_finite()) {
+            return fail("blend shapes", "hold a number that is not finite".into());
+        }
+        if !self.joint_regressor.is_empty() && self.joint_regressor.len() != n {
+            return fail("joint regressor", format!("{} rows, expected none or {n}", self.joint_regressor.len()));
+        }
+        if self.joint_regressor.iter().flatten().any(|(i, w)| *i as usize >= v || !w.is_finite()) {
+            return fail("joint regressor", format!("names a vertex beyond the {v}, or a weight is not finite"));
+        }
+        if let Some(space) = &self.pose_space {
+            if space.mean.len() != n - 1 || space.components.len().checked_rem(n - 1).unwrap_or(0) != 0 {
+                return fail("pose space", format!("does not fit {n} joints"));
+            }
+            if space.mean.iter().chain(&space.components).any(|r| !r.is_finite()) {
+                return fail("pose space", "holds a number that is not finite".into());
+            }
+        }
+        if self.source_vertices.iter().any(|&i| i as usize >= v) {
+            return fail("file vertices", format!("an index is beyond the {v} vertices"));
         }
         Ok(())
     }

@@ -9,10 +9,13 @@
 pub mod atomic_file;
 pub mod blend_shapes;
 pub mod camera;
+pub mod deformation;
 pub mod hand_model;
 pub mod mesh;
+mod parallel;
 pub mod pose;
 pub mod pose_response;
+pub mod posing;
 pub mod residual_skeleton;
 pub mod rotation;
 pub mod skeleton;

@@ -1,6 +1,9 @@
 //! The Neural Residual Skeleton (paper eq. 9): joints regressed from the blend-shape offsets.
 
 use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::parallel::{CHUNK, sum_in_chunks};
 
 /// Where the residual skeleton stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -22,18 +25,15 @@ pub fn residual_joints(
     mode: ResidualSkeleton,
 ) -> Vec<DVec3> {
     let count = offsets.len();
-    joints
-        .iter()
-        .enumerate()
-        .map(|(k, joint)| {
-            let row = &skeleton_regressor[k * count..(k + 1) * count];
-            let moved: DVec3 = row.iter().zip(offsets).map(|(r, d)| *d * *r).sum();
-            match mode {
-                ResidualSkeleton::Paper => moved,
-                ResidualSkeleton::Anchored => *joint + moved,
-            }
-        })
-        .collect()
+    let residual_joint = |(k, joint): (usize, &DVec3)| {
+        let row = &skeleton_regressor[k * count..(k + 1) * count];
+        let moved = sum_in_chunks(count, DVec3::ZERO, |sum, p| sum + offsets[p] * row[p], |a, b| a + b);
+        match mode {
+            ResidualSkeleton::Paper => moved,
+            ResidualSkeleton::Anchored => *joint + moved,
+        }
+    };
+    joints.par_iter().enumerate().map(residual_joint).collect()
 }
 
 /// dL/dR (`[n_b][N]`) and dL/dDelta (N) from dL/dJ^. In the anchored mode dL/dJ equals dL/dJ^.
@@ -43,14 +43,12 @@ pub fn residual_joints_vjp(
     d_residual_joints: &[DVec3],
 ) -> (Vec<f64>, Vec<DVec3>) {
     let count = offsets.len();
-    let mut d_regressor = Vec::with_capacity(skeleton_regressor.len());
-    let mut d_offsets = vec![DVec3::ZERO; count];
-    for (k, d_joint) in d_residual_joints.iter().enumerate() {
-        let row = &skeleton_regressor[k * count..(k + 1) * count];
-        for ((r, offset), d_offset) in row.iter().zip(offsets).zip(&mut d_offsets) {
-            d_regressor.push(d_joint.dot(*offset));
-            *d_offset += *d_joint * *r;
-        }
-    }
-    (d_regressor, d_offsets)
+    let mut d_regressor = vec![0.0; skeleton_regressor.len()];
+    let rows = d_regressor.par_chunks_exact_mut(count.max(1)).zip(d_residual_joints);
+    rows.for_each(|(row, d_joint)| row.iter_mut().zip(offsets).for_each(|(d, offset)| *d = d_joint.dot(*offset)));
+    let d_offset = |p: usize| -> DVec3 {
+        let rows = skeleton_regressor.chunks_exact(count).zip(d_residual_joints);
+        rows.fold(DVec3::ZERO, |sum, (row, d_joint)| sum + *d_joint * row[p])
+    };
+    (d_regressor, (0..count).into_par_iter().with_min_len(CHUNK).map(d_offset).collect())
 }

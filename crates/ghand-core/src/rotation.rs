@@ -1,6 +1,6 @@
 //! Rotations as axis-angle vectors (Rodrigues' formula) and their derivative.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
 /// Coefficients of `R = (1 - b s) I + a [v]x + b v v^T` with `s = |v|^2`, and their derivatives to `s`.
 struct Coefficients {
@@ -71,6 +71,82 @@ pub fn rotation_from_axis_angle_vjp(v: DVec3, d_rotation: &DMat3) -> DVec3 {
     let quadratic = 0.5 * v.dot(symmetric);
     let d_s = c.a_s * v.dot(vee) + c.b_s * (quadratic - s * trace) - c.b * trace;
     vee * c.a + symmetric * c.b + v * (2.0 * d_s)
+}
+
+/// The axis-angle vector of a rotation, at most pi long: the inverse of [`rotation_from_axis_angle`]. Of the two vectors
+/// of a half turn, one is taken.
+///
+/// For a matrix that is a rotation only up to rounding, the result is as far off.
+pub fn axis_angle_from_rotation(rotation: &DMat3) -> DVec3 {
+    let quaternion = quaternion_from_rotation(rotation);
+    let (w, axis) =
+        if quaternion.w < 0.0 { (-quaternion.w, -quaternion.xyz()) } else { (quaternion.w, quaternion.xyz()) };
+    // The squares of tiny components would vanish.
+    let largest = axis.abs().max_element();
+    if largest == 0.0 {
+        return DVec3::ZERO;
+    }
+    let sin = (axis / largest).length() * largest;
+    // atan2(sin, cos) / sin is smooth down to the smallest numbers: both operands are exact there.
+    axis * (2.0 * sin.atan2(w) / sin)
+}
+
+/// The quaternion (x, y, z, w) of a rotation, from the largest of its four components, which cannot cancel.
+fn quaternion_from_rotation(r: &DMat3) -> DVec4 {
+    let (xx, yy, zz) = (r.x_axis.x, r.y_axis.y, r.z_axis.z);
+    // Four times the squares of w, x, y, z.
+    let squares = [1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz];
+    let vee = DVec3::new(r.y_axis.z - r.z_axis.y, r.z_axis.x - r.x_axis.z, r.x_axis.y - r.y_axis.x);
+    let (xy, yz, zx) = (r.x_axis.y + r.y_axis.x, r.y_axis.z + r.z_axis.y, r.z_axis.x + r.x_axis.z);
+    let largest = (1..4).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+    let row = match largest {
+        0 => vee.extend(squares[0]),
+        1 => DVec4::new(squares[1], xy, zx, vee.x),
+        2 => DVec4::new(xy, squares[2], yz, vee.y),
+        _ => DVec4::new(zx, yz, squares[3], vee.z),
+    };
+    row * (0.5 / squares[largest].sqrt())
+}
+
+/// dL/dR from dL/dv for `v = axis_angle_from_rotation(R)`.
+///
+/// A rotation can only move along the rotations: of all matrices with the same effect on such moves this is the one
+/// that is itself such a move.
+pub fn axis_angle_from_rotation_vjp(rotation: &DMat3, d_axis_angle: DVec3) -> DMat3 {
+    let v = axis_angle_from_rotation(rotation);
+    // R exp([w]x) has the logarithm v + J^-1 w with J^-1 = 1 + [v]x / 2 + c [v]x^2, c = 1/s - (1 + cos) / (2 angle sin);
+    // <R [u]x, R [w]x> = 2 u . w.
+    let c = inverse_jacobian_coefficient(v.length_squared());
+    let turned = d_axis_angle.cross(v);
+    let u = d_axis_angle + 0.5 * turned + c * turned.cross(v);
+    let half = 0.5 * u;
+    *rotation
+        * DMat3::from_cols(
+            DVec3::new(0.0, half.z, -half.y),
+            DVec3::new(-half.z, 0.0, half.x),
+            DVec3::new(half.y, -half.x, 0.0),
+        )
+}
+
+/// `(1 - (angle / 2) cot(angle / 2)) / angle^2` for angles up to pi, from the squared angle.
+fn inverse_jacobian_coefficient(s: f64) -> f64 {
+    if s < SERIES_BELOW {
+        // sum |B_2k| s^(k-1) / (2k)! with Bernoulli's numbers; the first term left out is below 0.25^8 1e-14 = 2e-19.
+        const TERMS: [f64; 8] = [
+            1.0 / 12.0,
+            1.0 / 720.0,
+            1.0 / 30_240.0,
+            1.0 / 1_209_600.0,
+            1.0 / 47_900_160.0,
+            691.0 / 1_307_674_368_000.0,
+            1.0 / 74_724_249_600.0,
+            3617.0 / 10_670_622_842_880_000.0,
+        ];
+        TERMS.iter().rev().fold(0.0, |sum, term| sum * s + term)
+    } else {
+        let half = 0.5 * s.sqrt();
+        (1.0 - half / half.tan()) / s
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,11 @@
 //! Linear blend skinning (paper eq. 4) with the residual correction (eq. 11), and its derivative.
 
-use glam::DVec3;
+use std::borrow::Cow;
 
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::parallel::{CHUNK, sum_in_chunks};
 use crate::skeleton::{Affine, outer};
 
 /// What the residual skinning weights mean.
@@ -22,11 +26,11 @@ pub struct Skinning<'a> {
     pub rest: &'a [DVec3],
     /// Skinning weights `[n_b][N]`.
     pub weights: &'a [f64],
-    /// Residual skinning weights `[n_b][N]`, before `mode` is applied.
+    /// Residual skinning weights `[n_b][N]`, before `mode` is applied. Empty for plain linear blend skinning.
     pub residual_weights: &'a [f64],
     /// `posed_from_rest` of the skeleton, `n_b`.
     pub bones: &'a [Affine],
-    /// `posed_from_rest` of the residual skeleton, `n_b`.
+    /// `posed_from_rest` of the residual skeleton, `n_b`. Empty with empty `residual_weights`.
     pub residual_bones: &'a [Affine],
     /// Global translation, metres.
     pub translation: DVec3,
@@ -39,73 +43,80 @@ pub struct Skinning<'a> {
 pub struct SkinGradients {
     /// dL/d(rest points), N.
     pub rest: Vec<DVec3>,
-    /// dL/d(residual weights before the mode), `[n_b][N]`.
+    /// dL/d(residual weights before the mode), `[n_b][N]`; empty if there are none.
     pub residual_weights: Vec<f64>,
     /// dL/dB, `n_b`.
     pub bones: Vec<Affine>,
-    /// dL/dB^, `n_b`.
+    /// dL/dB^, `n_b`; empty if there are none.
     pub residual_bones: Vec<Affine>,
     /// dL/d(translation).
     pub translation: DVec3,
 }
 
-impl Skinning<'_> {
-    fn residual_mean(&self, point: usize) -> f64 {
-        let (count, joints) = (self.rest.len(), self.bones.len());
+impl<'a> Skinning<'a> {
+    /// The residual bones that the residual weights blend as they are. Taking the mean over the joints off the weights
+    /// is the same map as taking it off the bones, which are far fewer.
+    fn effective_residual_bones(&self) -> Cow<'a, [Affine]> {
         match self.mode {
-            ResidualWeights::Paper => 0.0,
-            ResidualWeights::ZeroSum => {
-                (0..joints).map(|k| self.residual_weights[k * count + point]).sum::<f64>() / joints as f64
-            }
+            ResidualWeights::Paper => self.residual_bones.into(),
+            ResidualWeights::ZeroSum => centred(self.residual_bones).into(),
         }
     }
 
     /// The affine map that moves one point: `sum_k W_k B_k + W^_k B^_k`.
-    fn blended(&self, point: usize) -> Affine {
+    fn blended(&self, residual_bones: &[Affine], point: usize) -> Affine {
         let count = self.rest.len();
-        let mean = self.residual_mean(point);
         let mut map = Affine::ZERO;
-        for k in 0..self.bones.len() {
-            map = map.add_scaled(self.weights[k * count + point], &self.bones[k]);
-            map = map.add_scaled(self.residual_weights[k * count + point] - mean, &self.residual_bones[k]);
+        for (bone, row) in self.bones.iter().zip(self.weights.chunks_exact(count)) {
+            map = map.add_scaled(row[point], bone);
+        }
+        for (bone, row) in residual_bones.iter().zip(self.residual_weights.chunks_exact(count)) {
+            map = map.add_scaled(row[point], bone);
         }
         map
     }
 }
 
+/// The maps less their mean.
+fn centred(maps: &[Affine]) -> Vec<Affine> {
+    let share = -1.0 / maps.len() as f64;
+    let mean = maps.iter().fold(Affine::ZERO, |sum, map| sum.add_scaled(share, map));
+    maps.iter().map(|map| map.add_scaled(1.0, &mean)).collect()
+}
+
 /// Posed points (metres): `x_p = sum_k W_k B_k x + sum_k W^_k B^_k x + t`, applied as affine maps without
 /// renormalising.
 pub fn skin(s: &Skinning) -> Vec<DVec3> {
-    s.rest.iter().enumerate().map(|(p, x)| s.blended(p).apply(*x) + s.translation).collect()
+    let residual_bones = s.effective_residual_bones();
+    let move_point = |(p, x): (usize, &DVec3)| s.blended(&residual_bones, p).apply(*x) + s.translation;
+    s.rest.par_iter().enumerate().with_min_len(CHUNK).map(move_point).collect()
 }
 
-/// Gradients of all inputs from dL/d(posed points).
+/// Gradients of all inputs from dL/d(posed points). The same bits whatever the number of threads.
 pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
-    let (count, joints) = (s.rest.len(), s.bones.len());
-    let mut g = SkinGradients {
-        rest: Vec::with_capacity(count),
-        residual_weights: vec![0.0; joints * count],
-        bones: vec![Affine::ZERO; joints],
-        residual_bones: vec![Affine::ZERO; joints],
-        translation: d_posed.iter().sum(),
+    let count = s.rest.len();
+    let residual_bones = s.effective_residual_bones();
+    let d_rest = |(p, d): (usize, &DVec3)| s.blended(&residual_bones, p).linear.transpose() * *d;
+    // dL/dB_k = sum over the points of W_k dx_p [x; 1]^T.
+    let d_bone = |row: &[f64]| {
+        let moment = |p: usize| Affine { linear: outer(d_posed[p], s.rest[p]), translation: d_posed[p] };
+        sum_in_chunks(count, Affine::ZERO, |sum, p| sum.add_scaled(row[p], &moment(p)), |a, b| a.add_scaled(1.0, &b))
     };
-    for (p, (x, d)) in s.rest.iter().zip(d_posed).enumerate() {
-        g.rest.push(s.blended(p).linear.transpose() * *d);
-        let moment = Affine { linear: outer(*d, *x), translation: *d };
-        let mean = s.residual_mean(p);
-        let mut d_mean = 0.0;
-        for k in 0..joints {
-            let i = k * count + p;
-            g.bones[k] = g.bones[k].add_scaled(s.weights[i], &moment);
-            g.residual_bones[k] = g.residual_bones[k].add_scaled(s.residual_weights[i] - mean, &moment);
-            g.residual_weights[i] = s.residual_bones[k].apply(*x).dot(*d);
-            d_mean += g.residual_weights[i] / joints as f64;
+    let d_bones = |weights: &[f64]| weights.par_chunks_exact(count.max(1)).map(d_bone).collect();
+    let d_effective: Vec<Affine> = d_bones(s.residual_weights);
+    let mut d_residual_weights = vec![0.0; s.residual_weights.len()];
+    let rows = d_residual_weights.par_chunks_exact_mut(count.max(1)).zip(residual_bones.as_ref());
+    rows.for_each(|(row, bone)| {
+        for ((slot, x), d) in row.iter_mut().zip(s.rest).zip(d_posed) {
+            *slot = bone.apply(*x).dot(*d);
         }
-        if s.mode == ResidualWeights::ZeroSum {
-            for k in 0..joints {
-                g.residual_weights[k * count + p] -= d_mean;
-            }
-        }
+    });
+    SkinGradients {
+        rest: d_posed.par_iter().enumerate().with_min_len(CHUNK).map(d_rest).collect(),
+        residual_weights: d_residual_weights,
+        bones: d_bones(s.weights),
+        // Taking off the mean is its own adjoint.
+        residual_bones: if s.mode == ResidualWeights::ZeroSum { centred(&d_effective) } else { d_effective },
+        translation: sum_in_chunks(count, DVec3::ZERO, |sum, p| sum + d_posed[p], |a, b| a + b),
     }
-    g
 }

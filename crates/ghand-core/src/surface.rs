@@ -200,6 +200,11 @@ mod tests {
             uvs: corners.iter().map(|&(x, y)| DVec2::new(x, y)).collect(),
             face_uvs: vec![[0, 1, 2], [0, 2, 3]],
             weights: vec![1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
+            shape_directions: vec![],
+            pose_directions: vec![],
+            joint_regressor: vec![],
+            pose_space: None,
+            source_vertices: vec![],
         }
     }
 

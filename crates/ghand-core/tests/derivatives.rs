@@ -85,13 +85,13 @@ impl Inputs {
         let loss = posed.iter().zip(&self.loss).map(|(x, w)| x.dot(*w)).sum();
 
         let d = skin_vjp(&skinning, &self.loss);
-        let d_residual_chain = pose_skeleton_vjp(&PARENTS, &residual_at, &residual_chain, &d.residual_bones);
+        let d_residual_chain = pose_skeleton_vjp(&PARENTS, &residual_at, &residual_chain, &d.residual_bones, &[]);
         let (d_regressor, mut d_offsets) = residual_joints_vjp(regressor, &offsets, &d_residual_chain.joints);
         d_offsets.iter_mut().zip(&d.rest).for_each(|(a, b)| *a += *b);
         let (d_basis, d_coefficients) = blend_shapes_vjp(&shape_basis, &coefficients, &d_offsets);
         let d_values: Vec<f64> = d_coefficients.iter().map(|c| c.element_sum()).collect();
         let (d_response, d_features) = response.evaluate_vjp(&self.weights, &features, &d_values, POINTS);
-        let d_chain = pose_skeleton_vjp(&PARENTS, &self.joints, &chain, &d.bones);
+        let d_chain = pose_skeleton_vjp(&PARENTS, &self.joints, &chain, &d.bones, &[]);
         let d_local: Vec<_> = (0..JOINTS)
             .map(|k| d_chain.local[k] + d_residual_chain.local[k] + rotation_features_vjp(&d_features[k]))
             .collect();

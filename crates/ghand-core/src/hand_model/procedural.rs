@@ -86,6 +86,11 @@ impl ProceduralHand {
             face_uvs: glove.face_uvs,
             faces: glove.faces,
             vertices: glove.vertices,
+            shape_directions: vec![],
+            pose_directions: vec![],
+            joint_regressor: vec![],
+            pose_space: None,
+            source_vertices: vec![],
         };
         if self.left {
             mirror(&mut model);

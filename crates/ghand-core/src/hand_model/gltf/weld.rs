@@ -59,5 +59,10 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
         uvs: raw.uvs,
         face_uvs,
         weights,
+        shape_directions: vec![],
+        pose_directions: vec![],
+        joint_regressor: vec![],
+        pose_space: None,
+        source_vertices: welded_from_raw,
     })
 }

@@ -1,0 +1,176 @@
+//! A hand model in any shape and pose (paper eq. 2 to 4): shape and pose blend shapes, joints from the shaped surface,
+//! kinematic chain, linear blend skinning; and its derivative.
+
+use glam::DVec3;
+
+use crate::Pose;
+use crate::hand_model::{HandModel, HandModelError};
+use crate::pose_response::{rotation_features, rotation_features_vjp};
+use crate::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp, rotations_vjp};
+use crate::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
+
+/// A hand at rest in some shape.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ShapedHand {
+    /// Vertices before pose blend shapes, metres, model axes, `V`.
+    pub vertices: Vec<DVec3>,
+    /// Joints, metres, model axes, `n_b`.
+    pub joints: Vec<DVec3>,
+}
+
+/// A hand in a pose, with what its derivative needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PosedHand {
+    /// The hand at rest in its shape.
+    pub shaped: ShapedHand,
+    /// The vertices at rest after shape and pose blend shapes, metres, `V`.
+    pub corrected: Vec<DVec3>,
+    /// The posed skeleton, without the translation.
+    pub chain: Chain,
+    /// Posed vertices, metres, `V`.
+    pub vertices: Vec<DVec3>,
+    /// Posed joints, metres, `n_b`.
+    pub joints: Vec<DVec3>,
+}
+
+/// Gradients of [`pose_hand`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PosingGradients {
+    /// dL/d(joint rotations), `n_b`.
+    pub rotations: Vec<DVec3>,
+    /// dL/d(translation).
+    pub translation: DVec3,
+    /// dL/d(shape), `n_s`.
+    pub shape: Vec<f64>,
+    /// dL/d(`HandModel::vertices`), `V`; through the joints too, where they are regressed.
+    pub vertices: Vec<DVec3>,
+}
+
+/// Applies shape parameters: `v = v_template + sum_i shape_i S_i`, `J = J_regressor v`.
+///
+/// `shape` may be shorter than the model's `n_s`; what is missing is 0.
+///
+/// # Errors
+/// [`HandModelError::Invalid`] when `shape` is longer than `n_s` or not finite.
+pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, HandModelError> {
+    if shape.len() > model.shape_count() || shape.iter().any(|s| !s.is_finite()) {
+        let problem = match shape.iter().find(|s| !s.is_finite()) {
+            Some(bad) => format!("holds {bad}; it must be finite"),
+            None => {
+                format!("has {} numbers, the model takes {}; leave out the others", shape.len(), model.shape_count())
+            }
+        };
+        return Err(invalid(model, "shape", problem));
+    }
+    let mut vertices = model.vertices.clone();
+    for (weight, directions) in shape.iter().zip(model.shape_directions.chunks_exact(vertices.len().max(1))) {
+        vertices.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * *weight);
+    }
+    let joints = if model.joint_regressor.is_empty() {
+        model.joints.clone()
+    } else {
+        regress_joints(&model.joint_regressor, &vertices)
+    };
+    Ok(ShapedHand { vertices, joints })
+}
+
+/// Joints (metres, `n_b`) as weighted sums of vertices.
+pub fn regress_joints(regressor: &[Vec<(u32, f64)>], vertices: &[DVec3]) -> Vec<DVec3> {
+    regressor.iter().map(|row| row.iter().map(|&(i, w)| vertices[i as usize] * w).sum()).collect()
+}
+
+/// dL/d(shape) (`n_s`) and dL/d(`HandModel::vertices`) (`V`), in that order, from the gradient of [`shape_hand`]'s result.
+pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Vec<DVec3>) {
+    let mut d_vertices = d_shaped.vertices.clone();
+    for (row, d_joint) in model.joint_regressor.iter().zip(&d_shaped.joints) {
+        for &(i, w) in row {
+            d_vertices[i as usize] += *d_joint * w;
+        }
+    }
+    let directions = model.shape_directions.chunks_exact(d_vertices.len().max(1));
+    let d_shape = directions.map(|d| d.iter().zip(&d_vertices).map(|(d, g)| d.dot(*g)).sum()).collect();
+    (d_shape, d_vertices)
+}
+
+/// Poses a hand: shape and pose blend shapes, chain, linear blend skinning, translation.
+///
+/// # Errors
+/// [`HandModelError::Invalid`] as of [`shape_hand`], and when the pose has not one rotation a joint.
+pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, HandModelError> {
+    let (rows, joints) = (pose.rotations.len(), model.joint_count());
+    if rows != joints {
+        return Err(invalid(model, "pose", format!("has {rows} rotations, the model {joints} joints")));
+    }
+    let shaped = shape_hand(model, shape)?;
+    let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
+    let mut corrected = shaped.vertices.clone();
+    for (weight, directions) in pose_features(&chain).zip(model.pose_directions.chunks_exact(corrected.len().max(1))) {
+        // Most joints of most poses do not turn at all.
+        if weight != 0.0 {
+            corrected.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * weight);
+        }
+    }
+    let weights = joint_major_weights(model);
+    let vertices = skin(&skinning(&corrected, &weights, &chain, pose));
+    let joints = chain.world.iter().map(|g| g.translation + pose.translation).collect();
+    Ok(PosedHand { shaped, corrected, chain, vertices, joints })
+}
+
+/// Gradients from dL/d(posed vertices) (`V`) and dL/d(posed joints) (`n_b`); `posed` is [`pose_hand`]'s result.
+pub fn pose_hand_vjp(
+    model: &HandModel,
+    pose: &Pose,
+    posed: &PosedHand,
+    d_vertices: &[DVec3],
+    d_joints: &[DVec3],
+) -> PosingGradients {
+    let weights = joint_major_weights(model);
+    let d_skin = skin_vjp(&skinning(&posed.corrected, &weights, &posed.chain, pose), d_vertices);
+    let joints = &posed.shaped.joints;
+    let mut d_chain = pose_skeleton_vjp(&model.parents, joints, &posed.chain, &d_skin.bones, d_joints);
+    if !model.pose_directions.is_empty() {
+        let mut directions = model.pose_directions.chunks_exact(model.vertices.len());
+        for d_local in d_chain.local.iter_mut().skip(1) {
+            let d_features = std::array::from_fn(|_| {
+                let row = directions.next().unwrap_or(&[]);
+                row.iter().zip(&d_skin.rest).map(|(d, g)| d.dot(*g)).sum()
+            });
+            *d_local += rotation_features_vjp(&d_features);
+        }
+    }
+    let d_shaped = ShapedHand { vertices: d_skin.rest, joints: d_chain.joints };
+    let (shape, vertices) = shape_hand_vjp(model, &d_shaped);
+    PosingGradients {
+        rotations: rotations_vjp(&pose.rotations, &d_chain.local),
+        translation: d_skin.translation + d_joints.iter().sum::<DVec3>(),
+        shape,
+        vertices,
+    }
+}
+
+/// `vec(R_k - I)` of all joints but the root, one after the other.
+fn pose_features(chain: &Chain) -> impl Iterator<Item = f64> {
+    chain.local.iter().skip(1).flat_map(rotation_features)
+}
+
+fn skinning<'a>(corrected: &'a [DVec3], weights: &'a [f64], chain: &'a Chain, pose: &Pose) -> Skinning<'a> {
+    Skinning {
+        rest: corrected,
+        weights,
+        residual_weights: &[],
+        bones: &chain.posed_from_rest,
+        residual_bones: &[],
+        translation: pose.translation,
+        mode: ResidualWeights::Paper,
+    }
+}
+
+/// The model's weights as skinning takes them, `[n_b][V]`.
+fn joint_major_weights(model: &HandModel) -> Vec<f64> {
+    let joints = model.joint_count();
+    (0..joints).flat_map(|k| model.weights.iter().skip(k).step_by(joints).copied()).collect()
+}
+
+fn invalid(model: &HandModel, field: &str, problem: String) -> HandModelError {
+    HandModelError::Invalid { origin: model.name.clone(), field: field.into(), problem }
+}
