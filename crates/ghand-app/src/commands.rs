@@ -1,4 +1,6 @@
 //! The commands, one module each.
 
 pub mod bench;
+pub mod inspect;
+pub mod pose;
 pub mod render;

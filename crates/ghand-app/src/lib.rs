@@ -5,6 +5,7 @@ pub mod camera_file;
 pub mod cli;
 pub mod commands;
 pub mod framing;
+pub mod hand_model_file;
 pub mod pose_file;
 pub mod viewer;
 

@@ -15,6 +15,8 @@ pub struct PosedFrame {
     pub id: String,
     /// The pose, one rotation for each joint of the avatar.
     pub pose: Pose,
+    /// Shape parameters of the hand; empty for the mean shape.
+    pub shape: Vec<f64>,
 }
 
 #[derive(Deserialize)]
@@ -36,6 +38,8 @@ struct FrameFile {
     pose: Vec<Vec<f64>>,
     #[serde(default)]
     translation: [f64; 3],
+    #[serde(default)]
+    shape: Vec<f64>,
 }
 
 /// The poses that `text` stands for: one of [`POSE_NAMES`], a file of frames (`{"frames":[{"id","pose","translation"}]}`), or
@@ -45,7 +49,7 @@ struct FrameFile {
 /// One sentence that names the file and the field, or lists the names that there are.
 pub fn poses(text: &str, model: &HandModel) -> anyhow::Result<Vec<PosedFrame>> {
     if POSE_NAMES.contains(&text) {
-        return Ok(vec![PosedFrame { id: text.into(), pose: pose_by_name(text, model)? }]);
+        return Ok(vec![PosedFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] }]);
     }
     let path = Path::new(text);
     let is_path = path.extension().is_some() || path.components().count() > 1;
@@ -58,6 +62,26 @@ pub fn poses(text: &str, model: &HandModel) -> anyhow::Result<Vec<PosedFrame>> {
     let file: PoseFile = serde_json::from_str(&text)
         .with_context(|| format!("{name}: not a pose file; correct it at that place or export it again"))?;
     frames(&file, model).with_context(|| name.to_string())
+}
+
+/// The frame of that id, else of that number, counted from 0.
+///
+/// # Errors
+/// One that tells the first and the last id.
+pub fn choose_frame(mut frames: Vec<PosedFrame>, wanted: &str) -> anyhow::Result<PosedFrame> {
+    let count = frames.len();
+    let by_number = || wanted.parse().ok().filter(|n| *n < count);
+    match frames.iter().position(|f| f.id == wanted).or_else(by_number) {
+        Some(index) => Ok(frames.swap_remove(index)),
+        None => {
+            let id = |frame: Option<&PosedFrame>| frame.map_or(String::new(), |f| f.id.clone());
+            Err(anyhow!(
+                "has no frame {wanted:?} among its {count}, {:?} to {:?}",
+                id(frames.first()),
+                id(frames.last())
+            ))
+        }
+    }
 }
 
 /// The pose of that name.
@@ -94,7 +118,7 @@ fn frames(file: &PoseFile, model: &HandModel) -> anyhow::Result<Vec<PosedFrame>>
     for (number, frame) in file.frames.iter().enumerate() {
         let id = frame.id.clone().unwrap_or_else(|| format!("{number:04}"));
         let pose = pose(frame, order.as_ref(), model).with_context(|| format!("frames[{id:?}]"))?;
-        out.push(PosedFrame { id, pose });
+        out.push(PosedFrame { id, pose, shape: frame.shape.clone() });
     }
     Ok(out)
 }
@@ -173,6 +197,18 @@ mod tests {
         assert!(frames[0].pose.rotations.iter().enumerate().all(|(k, r)| r.x == (16 - k) as f64));
         let error = format!("{:#}", read(&json.replace("index2", "index9")).unwrap_err());
         assert!(error.contains("index2") && error.contains("poses.json"), "{error}");
+    }
+
+    #[test]
+    fn frames_are_chosen_by_id_or_else_by_number() {
+        let frame = |id: &str| PosedFrame { id: id.into(), pose: Pose::rest(16), shape: vec![] };
+        let frames = vec![frame("0007"), frame("2"), frame("0009")];
+        let chosen = |wanted| choose_frame(frames.clone(), wanted).map(|f| f.id);
+        assert_eq!(chosen("0009").unwrap(), "0009");
+        assert_eq!(chosen("2").unwrap(), "2");
+        assert_eq!(chosen("0").unwrap(), "0007");
+        let error = chosen("3").unwrap_err().to_string();
+        assert!(error.contains("\"3\"") && error.contains("0007") && error.contains("0009"), "{error}");
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Hand models: a skinned surface with a UV atlas and a skeleton.
 
 pub mod gltf;
+pub mod inspection;
 pub mod named_poses;
 pub mod procedural;
+pub mod read;
 
 use std::path::PathBuf;
 

@@ -46,6 +46,18 @@ impl SurfaceSamples {
         self.texels.is_empty()
     }
 
+    /// Values of the vertices at the points: `rows` is `[r][V]` (blend-shape rows, posed vertices, ...) of the model that
+    /// was sampled, the result `[r][N]`, in the unit of the rows.
+    pub fn interpolate(&self, model: &HandModel, rows: &[DVec3]) -> Vec<DVec3> {
+        let at_point = |row: &[DVec3], point: usize| -> DVec3 {
+            let corners = model.faces[self.faces[point] as usize];
+            self.barycentric[point].iter().zip(corners).map(|(b, i)| *b * row[i as usize]).sum()
+        };
+        rows.chunks_exact(model.vertices.len().max(1))
+            .flat_map(|row| (0..self.len()).map(move |point| at_point(row, point)))
+            .collect()
+    }
+
     /// Mean of `spacings`, metres; 0 without points.
     pub fn mean_spacing(&self) -> f64 {
         if self.is_empty() { 0.0 } else { self.spacings.iter().sum::<f64>() / self.len() as f64 }
@@ -223,6 +235,16 @@ mod tests {
         }
         assert!((samples.mean_spacing() - 1.0 / 8.0).abs() < 1e-15);
         assert!(samples.normals.iter().all(|n| (*n - DVec3::Z).length() < 1e-15));
+    }
+
+    #[test]
+    fn rows_of_vertex_values_are_interpolated_like_the_positions() {
+        let model = square();
+        let samples = sample_surface(&model, 8).unwrap();
+        let doubled: Vec<DVec3> = model.vertices.iter().map(|v| *v * 2.0).collect();
+        let rows = samples.interpolate(&model, &[model.vertices.clone(), doubled].concat());
+        assert_eq!(rows[..64], samples.positions);
+        assert!(rows[64..].iter().zip(&samples.positions).all(|(a, b)| *a == *b * 2.0));
     }
 
     #[test]

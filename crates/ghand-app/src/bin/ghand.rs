@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, render};
+use ghand_app::commands::{bench, inspect, pose, render};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -20,6 +20,10 @@ struct Arguments {
 enum Command {
     /// Render an avatar to PNG files
     Render(render::RenderArgs),
+    /// Write the mesh of a hand model in any pose and shape
+    Pose(pose::PoseArgs),
+    /// Tell what is in a hand model
+    Inspect(inspect::InspectArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
 }
@@ -27,6 +31,8 @@ enum Command {
 fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
+        Command::Pose(args) => pose::run(args),
+        Command::Inspect(args) => inspect::run(args),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
 }

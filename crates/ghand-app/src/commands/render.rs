@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
@@ -15,7 +15,7 @@ use image::{ImageFormat, RgbImage};
 use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_color, parse_size};
 use crate::framing::turntable;
-use crate::pose_file::{PosedFrame, poses};
+use crate::pose_file::{PosedFrame, choose_frame, poses};
 
 /// Size of a picture when neither the command line nor a camera says.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -29,7 +29,7 @@ pub struct RenderArgs {
     /// A pose's name, or a JSON file of poses, or a capture.json
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
-    /// Only the frame of this id [default: every frame of the file]
+    /// Only the frame of this id or, counted from 0, number [default: every frame of the file]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
     /// A JSON file with one camera as in a capture.json
@@ -87,17 +87,11 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 }
 
 fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<PosedFrame>> {
-    let mut frames = poses(&args.pose, &avatar.model)?;
-    if let Some(id) = &args.frame {
-        let known: Vec<&str> = frames.iter().map(|f| f.id.as_str()).collect();
-        let Some(index) = known.iter().position(|k| k == id) else {
-            let (first, last) = (known.first().unwrap_or(&""), known.last().unwrap_or(&""));
-            let count = known.len();
-            return Err(anyhow!("{}: has no frame {id:?} among its {count}, {first:?} to {last:?}", args.pose));
-        };
-        frames = vec![frames.swap_remove(index)];
+    let frames = poses(&args.pose, &avatar.model)?;
+    match &args.frame {
+        None => Ok(frames),
+        Some(wanted) => Ok(vec![choose_frame(frames, wanted).with_context(|| args.pose.clone())?]),
     }
-    Ok(frames)
 }
 
 /// The image as 8-bit display values.
