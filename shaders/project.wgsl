@@ -1,5 +1,7 @@
 // Projects Gaussians to the image, culls those that cannot be seen, and finds the tiles that each may touch.
 
+const COUNTER_BROKEN: u32 = 3u;
+
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 @group(0) @binding(2) var<storage, read_write> splats: array<Splat>;
@@ -7,37 +9,46 @@
 @group(0) @binding(3) var<storage, read_write> tile_rects: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> depth_keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> depth_order: array<u32>;
+@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 @compute @workgroup_size(64)
 fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
            @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
-    let n = view.gaussian_count;
-    if i >= n {
+    if i >= view.gaussian_count {
         return;
     }
     depth_order[i] = i;
     tile_rects[i] = vec2(0u, 0u);
     depth_keys[i] = 0xffffffffu;
 
-    let mean = vec3(gaussians[i], gaussians[n + i], gaussians[2u * n + i]);
-    let scale = gaussians[ROW_SCALE * n + i];
-    let color = vec3(gaussians[ROW_COLOR * n + i], gaussians[(ROW_COLOR + 1u) * n + i], gaussians[(ROW_COLOR + 2u) * n + i]);
-    let p = camera_from_world(view, mean);
-    let finite = is_finite(p.x) && is_finite(p.y) && is_finite(p.z) && is_finite(scale)
-        && is_finite(color.x) && is_finite(color.y) && is_finite(color.z);
-    if !finite || p.z < view.near {
+    let g = load_gaussian(i);
+    let p = camera_from_world(view, g.mean);
+    let in_front = p.z >= view.near;
+    var color = vec3(0.0);
+    if is_sound(g) && in_front {
+        color = color_sum(i, direction_to(p));
+    }
+    if !is_sound(g) || !are_finite(p) || !are_finite(color) {
+        // Whole numbers: the order of additions does not matter.
+        atomicAdd(&counters[COUNTER_BROKEN], 1u);
         return;
     }
-    let foot = footprint(view, p, scale);
+    if !in_front {
+        return;
+    }
+    if COLOR_BASES > 0u {
+        color = max(color, vec3(0.0));
+    }
+    let foot = footprint(g, p);
+    let opacity = g.opacity * compensation(foot);
+    if !is_finite(foot.determinant) || !(opacity >= ALPHA_MIN) {
+        return;
+    }
     let c = foot.covariance;
-    let determinant = c.x * c.z - c.y * c.y;
-    if !is_finite(determinant) || determinant <= 0.0 || view.opacity < ALPHA_MIN {
-        return;
-    }
     let center = p.xy / p.z * view.focal + view.principal;
     // Where opacity * exp(-q / 2) = ALPHA_MIN; a little is added so that rounding never cuts a pixel off.
-    let q = 2.0 * log(view.opacity / ALPHA_MIN) + 1e-3;
+    let q = 2.0 * log(opacity / ALPHA_MIN) + 1e-3;
     let reach = sqrt(q * c.xz) + 1e-3;
     let size = vec2<f32>(view.size);
     let first = max(ceil(center - reach - 0.5), vec2(0.0));
@@ -49,5 +60,5 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     let end_tile = vec2<u32>(last) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
     depth_keys[i] = bitcast<u32>(p.z);
-    splats[i] = Splat(center, p.z, view.opacity, vec3(c.z, -c.y, c.x) / determinant, 0.0, color, 0.0);
+    splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0.0, color, 0.0);
 }

@@ -1,6 +1,10 @@
-// Sums each Gaussian's slots in order and carries the gradient through the projection to its properties.
+// Sums each Gaussian's slots in order and carries the gradient through the projection to its properties and, if asked
+// for, to the camera.
 
 const CELLS: u32 = 4u;
+// Vectors a (slot, cell), as in rasterize_backward.wgsl.
+override SLOT_VECTORS: u32 = 2u;
+override CAMERA_GRADIENT: bool = false;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
@@ -8,63 +12,190 @@ const CELLS: u32 = 4u;
 @group(0) @binding(3) var<storage, read> slot_gradients: array<vec4<f32>>;
 // Rows as in `gaussians`.
 @group(0) @binding(4) var<storage, read_write> d_gaussians: array<f32>;
+// What each Gaussian adds to the gradient of the camera's turn and translation, six rows.
+@group(0) @binding(5) var<storage, read_write> camera_rows: array<f32>;
+
+fn store(row: u32, i: u32, value: f32) {
+    d_gaussians[row * view.gaussian_count + i] = value;
+}
+
+fn store_vector(row: u32, i: u32, value: vec3<f32>) {
+    store(row, i, value.x);
+    store(row + 1u, i, value.y);
+    store(row + 2u, i, value.z);
+}
+
+fn store_camera(i: u32, turn: vec3<f32>, translation: vec3<f32>) {
+    if CAMERA_GRADIENT {
+        let n = view.gaussian_count;
+        camera_rows[i] = turn.x;
+        camera_rows[n + i] = turn.y;
+        camera_rows[2u * n + i] = turn.z;
+        camera_rows[3u * n + i] = translation.x;
+        camera_rows[4u * n + i] = translation.y;
+        camera_rows[5u * n + i] = translation.z;
+    }
+}
+
+fn store_scale(row: u32, i: u32, scale: f32, d_scale: f32) {
+    if UNBOUNDED {
+        store(row, i, d_scale * scale);
+    } else {
+        store(row, i, d_scale);
+    }
+}
+
+// dL/d(stored quaternion x, y, z, w) from the gradients of the axes.
+fn quaternion_gradient(g: Gaussian, x_axis: vec3<f32>, y_axis: vec3<f32>, z_axis: vec3<f32>) -> vec4<f32> {
+    let q = g.quaternion;
+    let xy = y_axis.x + x_axis.y;
+    let xz = z_axis.x + x_axis.z;
+    let yz = z_axis.y + y_axis.z;
+    let turn = vec3(y_axis.z - z_axis.y, z_axis.x - x_axis.z, x_axis.y - y_axis.x);
+    let unit = 2.0 * vec4(-2.0 * q.x * (y_axis.y + z_axis.z) + q.y * xy + q.z * xz + q.w * turn.x,
+                          -2.0 * q.y * (x_axis.x + z_axis.z) + q.x * xy + q.z * yz + q.w * turn.y,
+                          -2.0 * q.z * (x_axis.x + y_axis.y) + q.x * xz + q.y * yz + q.w * turn.z,
+                          dot(q.xyz, turn));
+    return (unit - q * dot(q, unit)) / g.length;
+}
+
+// A Gaussian that nothing of the image depends on.
+fn store_nothing(i: u32) {
+    let rows = ROW_COLOR + 3u * max(COLOR_BASES, 1u);
+    for (var row = 0u; row < rows; row++) {
+        store(row, i, 0.0);
+    }
+    store_camera(i, vec3(0.0), vec3(0.0));
+}
 
 @compute @workgroup_size(64)
 fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                     @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
-    let n = view.gaussian_count;
-    if i >= n {
+    if i >= view.gaussian_count {
         return;
     }
     let slots = slot_ranges[i];
+    if slots.x >= slots.y {
+        store_nothing(i);
+        return;
+    }
     var first = vec4(0.0);
     var second = vec4(0.0);
+    var third = vec4(0.0);
     for (var s = slots.x * CELLS; s < slots.y * CELLS; s++) {
-        first += slot_gradients[2u * s];
-        second += slot_gradients[2u * s + 1u];
+        first += slot_gradients[SLOT_VECTORS * s];
+        second += slot_gradients[SLOT_VECTORS * s + 1u];
+        if SLOT_VECTORS > 2u {
+            third += slot_gradients[SLOT_VECTORS * s + 2u];
+        }
     }
-    var d_mean = vec3(0.0);
-    var d_scale = 0.0;
-    if slots.x < slots.y {
-        let mean = vec3(gaussians[i], gaussians[n + i], gaussians[2u * n + i]);
-        let scale = gaussians[ROW_SCALE * n + i];
-        let p = camera_from_world(view, mean);
-        let foot = footprint(view, p, scale);
-        let c = foot.covariance;
-        let determinant = c.x * c.z - c.y * c.y;
-        // conic = covariance^-1, so d_covariance = -conic d_conic conic with d_conic symmetric.
-        let k = vec3(c.z, -c.y, c.x) / determinant;
-        let g = vec3(second.y, 0.5 * second.z, second.w);
-        let kg_xx = k.x * g.x + k.y * g.y;
-        let kg_xy = k.x * g.y + k.y * g.z;
-        let kg_yx = k.y * g.x + k.z * g.y;
-        let kg_yy = k.y * g.y + k.z * g.z;
-        let d_xx = -(kg_xx * k.x + kg_xy * k.y);
-        let d_xy = -2.0 * (kg_xx * k.y + kg_xy * k.z);
-        let d_yy = -(kg_yx * k.y + kg_yy * k.z);
+    let d_color = vec3(first.zw, second.x);
 
-        let f = view.focal;
-        let r = foot.slope;
-        let inverse_z = 1.0 / p.z;
-        let ratio = scale * inverse_z;
-        let d_u = d_xx * f.x * f.x * (1.0 + r.x * r.x) + d_xy * f.x * f.y * r.x * r.y
-            + d_yy * f.y * f.y * (1.0 + r.y * r.y);
-        let d_slope = ratio * ratio * vec2(2.0 * d_xx * f.x * f.x * r.x + d_xy * f.x * f.y * r.y,
-                                           2.0 * d_yy * f.y * f.y * r.y + d_xy * f.x * f.y * r.x);
-        d_scale = 2.0 * d_u * ratio * inverse_z;
-        let slope = p.xy * inverse_z;
-        let free = (slope >= view.slope_min) & (slope <= view.slope_max);
-        let d_xy_over_z = first.xy * f + select(vec2(0.0), d_slope, free);
-        let d_p = vec3(d_xy_over_z * inverse_z,
-                       -dot(d_xy_over_z, slope) * inverse_z - 2.0 * d_u * ratio * ratio * inverse_z);
-        d_mean = view.row_x.xyz * d_p.x + view.row_y.xyz * d_p.y + view.row_z.xyz * d_p.z;
+    let g = load_gaussian(i);
+    let p = camera_from_world(view, g.mean);
+    let foot = footprint(g, p);
+    let c = foot.covariance;
+    // conic = covariance^-1, so d_covariance = -conic d_conic conic with d_conic symmetric.
+    let k = vec3(c.z, -c.y, c.x) / foot.determinant;
+    let h = vec3(second.y, 0.5 * second.z, second.w);
+    let kh_xx = k.x * h.x + k.y * h.y;
+    let kh_xy = k.x * h.y + k.y * h.z;
+    let kh_yx = k.y * h.x + k.z * h.y;
+    let kh_yy = k.y * h.y + k.z * h.z;
+    var d_xx = -(kh_xx * k.x + kh_xy * k.y);
+    var d_xy = -2.0 * (kh_xx * k.y + kh_xy * k.z);
+    var d_yy = -(kh_yx * k.y + kh_yy * k.z);
+    var d_row_x = vec3(0.0);
+    var d_row_y = vec3(0.0);
+    let kept = compensation(foot);
+    // The sum of d_alpha * alpha over the pixels: alpha is proportional to opacity.
+    let d_opacity = third.x / (g.opacity * kept);
+    if ANTIALIAS {
+        // kept = |X| / sqrt(det) with X = row_x x row_y.
+        let d_kept = d_opacity * g.opacity;
+        let normal = cross(foot.row_x, foot.row_y) / max(foot.area, 1e-30);
+        let d_normal = normal * (d_kept / sqrt(foot.determinant));
+        d_row_x = cross(foot.row_y, d_normal);
+        d_row_y = cross(d_normal, foot.row_x);
+        let d_determinant = -0.5 * d_kept * kept / foot.determinant;
+        d_xx += d_determinant * c.z;
+        d_xy -= 2.0 * d_determinant * c.y;
+        d_yy += d_determinant * c.x;
     }
-    d_gaussians[i] = d_mean.x;
-    d_gaussians[n + i] = d_mean.y;
-    d_gaussians[2u * n + i] = d_mean.z;
-    d_gaussians[ROW_SCALE * n + i] = d_scale;
-    d_gaussians[ROW_COLOR * n + i] = first.z;
-    d_gaussians[(ROW_COLOR + 1u) * n + i] = first.w;
-    d_gaussians[(ROW_COLOR + 2u) * n + i] = second.x;
+    d_row_x += 2.0 * d_xx * foot.row_x + d_xy * foot.row_y;
+    d_row_y += 2.0 * d_yy * foot.row_y + d_xy * foot.row_x;
+
+    // To the sizes, the axes and the Jacobian (in camera axes).
+    var d_jacobian_x: vec3<f32>;
+    var d_jacobian_y: vec3<f32>;
+    if ANISOTROPIC {
+        let axes = axes_of(g.quaternion);
+        let world_x = world_direction(foot.jacobian_x);
+        let world_y = world_direction(foot.jacobian_y);
+        let d_scales = d_row_x * (world_x * axes) + d_row_y * (world_y * axes);
+        store_scale(ROW_SCALE, i, g.scales.x, d_scales.x);
+        store_scale(ROW_SCALE + 1u, i, g.scales.y, d_scales.y);
+        store_scale(ROW_SCALE + 2u, i, g.scales.z, d_scales.z);
+        let sx = g.scales * d_row_x;
+        let sy = g.scales * d_row_y;
+        let d_q = quaternion_gradient(g, sx.x * world_x + sy.x * world_y, sx.y * world_x + sy.y * world_y,
+                                      sx.z * world_x + sy.z * world_y);
+        store(ROW_ROTATION, i, d_q.w);
+        store_vector(ROW_ROTATION + 1u, i, d_q.xyz);
+        let d_world_x = axes * sx;
+        let d_world_y = axes * sy;
+        d_jacobian_x =
+            vec3(dot(view.row_x.xyz, d_world_x), dot(view.row_y.xyz, d_world_x), dot(view.row_z.xyz, d_world_x));
+        d_jacobian_y =
+            vec3(dot(view.row_x.xyz, d_world_y), dot(view.row_y.xyz, d_world_y), dot(view.row_z.xyz, d_world_y));
+    } else {
+        d_jacobian_x = g.scales.x * d_row_x;
+        d_jacobian_y = g.scales.x * d_row_y;
+        store_scale(ROW_SCALE, i, g.scales.x, dot(d_row_x, foot.jacobian_x) + dot(d_row_y, foot.jacobian_y));
+    }
+
+    // To the camera point: jacobian_x = (fx / z) (1, 0, -slope.x) and so on, centre = (x / z, y / z) f + principal.
+    let inverse_z = 1.0 / p.z;
+    let slope = p.xy * inverse_z;
+    let free = (slope >= view.slope_min) & (slope <= view.slope_max);
+    let through = -vec2(d_jacobian_x.z, d_jacobian_y.z) * view.focal * inverse_z;
+    let d_slope = first.xy * view.focal + select(vec2(0.0), through, free);
+    let d_p = vec3(d_slope * inverse_z,
+                   -(dot(d_slope, slope) + dot(d_jacobian_x, foot.jacobian_x) + dot(d_jacobian_y, foot.jacobian_y)) * inverse_z);
+    var d_mean = world_direction(d_p);
+    var d_translation = d_p;
+
+    if COLOR_BASES == 0u {
+        store_vector(ROW_COLOR, i, d_color);
+    } else {
+        let direction = direction_to(p);
+        let d_sum = select(vec3(0.0), d_color, color_sum(i, direction) > vec3(0.0));
+        var d_direction = vec3(0.0);
+        for (var b = 0u; b < COLOR_BASES; b++) {
+            let function = harmonic(b, direction);
+            d_direction += function.gradient * dot(stored_color(b, i), d_sum);
+            store_vector(ROW_COLOR + 3u * b, i, d_sum * function.value);
+        }
+        let d_offset = (d_direction - direction * dot(direction, d_direction)) / length(p);
+        d_mean += d_offset;
+        // A turn about the camera's centre does not change the direction; a translation does.
+        d_translation +=
+            vec3(dot(view.row_x.xyz, d_offset), dot(view.row_y.xyz, d_offset), dot(view.row_z.xyz, d_offset));
+    }
+    store_vector(0u, i, d_mean);
+    if FREE_OPACITY {
+        let d_plain = d_opacity * kept;
+        if UNBOUNDED {
+            store(ROW_OPACITY, i, d_plain * g.opacity * (1.0 - g.opacity));
+        } else {
+            store(ROW_OPACITY, i, d_plain);
+        }
+    }
+    // A small turn w of the camera moves p by w x p and turns the Jacobian's rows against the Gaussian's axes.
+    var turn = cross(p, d_p);
+    if ANISOTROPIC {
+        turn += cross(d_jacobian_x, foot.jacobian_x) + cross(d_jacobian_y, foot.jacobian_y);
+    }
+    store_camera(i, turn, d_translation);
 }

@@ -10,6 +10,10 @@
 @group(0) @binding(5) var<storage, read_write> transmittances: array<f32>;
 // One past the last entry that a pixel took.
 @group(0) @binding(6) var<storage, read_write> ends: array<u32>;
+// Expected camera z of what covers a pixel, metres; 0 where nothing does.
+@group(0) @binding(7) var<storage, read_write> depths: array<f32>;
+
+override DEPTH: bool = false;
 
 @compute @workgroup_size(16)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -29,6 +33,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     var red = vec4(0.0);
     var green = vec4(0.0);
     var blue = vec4(0.0);
+    var depth = vec4(0.0);
     var end = vec4(0u);
     var live = inside;
     let range = tile_ranges[tile];
@@ -47,6 +52,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         red += weight * splat.color.x;
         green += weight * splat.color.y;
         blue += weight * splat.color.z;
+        if DEPTH {
+            depth += weight * splat.depth;
+        }
         transmittance = select(transmittance, next, take);
         end = select(end, vec4(i + 1u), take);
         if !any(live) {
@@ -62,6 +70,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
             image[pixel] = vec4(red[k], green[k], blue[k], 1.0 - transmittance[k]);
             transmittances[pixel] = transmittance[k];
             ends[pixel] = end[k];
+            if DEPTH {
+                depths[pixel] = select(0.0, depth[k] / (1.0 - transmittance[k]), end[k] > 0u);
+            }
         }
     }
 }

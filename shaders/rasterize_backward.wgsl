@@ -3,6 +3,8 @@
 // and the sum over slots and cells later has one order.
 
 const CELLS: u32 = 4u;
+// Vectors a (slot, cell): the third is for the opacity.
+override SLOT_VECTORS: u32 = 2u;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -12,7 +14,8 @@ const CELLS: u32 = 4u;
 @group(0) @binding(5) var<storage, read> ends: array<u32>;
 // dL/d(colour, coverage).
 @group(0) @binding(6) var<storage, read> d_image: array<vec4<f32>>;
-// Two vectors for each (slot, cell): (mean x, mean y, red, green), (blue, conic xx, xy, yy). Cleared before.
+// For each (slot, cell): (mean x, mean y, red, green), (blue, conic xx, xy, yy), and (opacity times its gradient, 0, 0, 0)
+// if it is wanted. Cleared before.
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
 
 @compute @workgroup_size(32)
@@ -69,6 +72,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         var d_conic_xx = vec4(0.0);
         var d_conic_xy = vec4(0.0);
         var d_conic_yy = vec4(0.0);
+        var sum_power = vec4(0.0);
         var touched = false;
         for (var r = 0u; r < 4u; r++) {
             let dy = splat.mean.y - (f32(corner.y + r) + 0.5);
@@ -89,6 +93,9 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
             transmittance[r] = select(transmittance[r], before, hit);
             // Where alpha is cut at ALPHA_MAX it does not depend on the power.
             let d_power = select(vec4(0.0), d_alpha * raw, hit & (raw <= vec4(ALPHA_MAX)));
+            if SLOT_VECTORS > 2u {
+                sum_power += d_power;
+            }
             d_mean_x -= d_power * (splat.conic.x * dx + splat.conic.y * dy);
             d_mean_y -= d_power * (splat.conic.y * dx + splat.conic.z * dy);
             d_conic_xx -= 0.5 * d_power * dx * dx;
@@ -97,10 +104,13 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         }
         if touched {
             let one = vec4(1.0);
-            let at = (entry.y * CELLS + cell) * 2u;
+            let at = (entry.y * CELLS + cell) * SLOT_VECTORS;
             slot_gradients[at] = vec4(dot(d_mean_x, one), dot(d_mean_y, one), dot(sum_red, one), dot(sum_green, one));
             slot_gradients[at + 1u] =
                 vec4(dot(sum_blue, one), dot(d_conic_xx, one), dot(d_conic_xy, one), dot(d_conic_yy, one));
+            if SLOT_VECTORS > 2u {
+                slot_gradients[at + 2u] = vec4(dot(sum_power, one), 0.0, 0.0, 0.0);
+            }
         }
     }
 }

@@ -28,8 +28,7 @@ impl HandModelArgs {
             let model = ProceduralHand::default().build()?;
             return Ok(HandModelFile { model, kind: "built-in hand", warnings: vec![] });
         };
-        let options =
-            ReadOptions { uv_obj: self.uv.clone(), left_shapes_as_published: self.left_shapes_as_published };
+        let options = ReadOptions { uv_obj: self.uv.clone(), left_shapes_as_published: self.left_shapes_as_published };
         read_hand_model(path, &options)
     }
 }

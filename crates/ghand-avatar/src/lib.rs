@@ -4,6 +4,7 @@
 pub mod avatar;
 pub mod direct;
 pub mod file;
+pub mod ply;
 pub mod renderer;
 
 pub use avatar::{Avatar, AvatarConfig, Provenance, Template};

@@ -2,7 +2,7 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::pose::{PosePipeline, Template as PoseTemplate, pose_stride};
-use ghand_render::splat::{Image, Splatter, View};
+use ghand_render::splat::{Image, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError};
 
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -34,7 +34,7 @@ impl AvatarRenderer {
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, avatar: &Avatar, frames: usize, max_size: [u32; 2]) -> Result<AvatarRenderer, RenderError> {
         let (template, config) = (&avatar.template, &avatar.config);
-        let splatter = Splatter::new(gpu, template.len(), max_size)?;
+        let splatter = Splatter::new(gpu, SplatOptions::default(), template.len(), max_size)?;
         let tables = DirectBuffers::upload(gpu, &avatar.tables, template.len(), config);
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();

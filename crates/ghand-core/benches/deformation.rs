@@ -1,6 +1,10 @@
 //! The corrected skinning of 87,779 Gaussians with 8 bases and 16 joints, forward and with its derivative, and the posing
 //! of a hand model. `cargo bench -p ghand-core --profile dev --bench deformation`
-#![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark fails by panicking; criterion's macros make functions")]
+#![allow(
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a benchmark fails by panicking; criterion's macros make functions"
+)]
 
 use std::hint::black_box;
 

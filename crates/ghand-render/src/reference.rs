@@ -6,3 +6,4 @@ pub mod image_loss;
 pub mod mesh;
 pub mod project;
 pub mod rasterize;
+pub mod spherical_harmonics;

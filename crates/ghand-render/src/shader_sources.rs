@@ -7,7 +7,8 @@ use crate::pipeline::compose;
 
 const CAMERA: &str = include_str!("../../../shaders/shared/camera.wgsl");
 const GAUSSIAN: &str = include_str!("../../../shaders/shared/gaussian.wgsl");
-const GAUSSIAN_ROWS: &str = include_str!("../../../shaders/shared/gaussian_rows.wgsl");
+const HARMONICS: &str = include_str!("../../../shaders/shared/spherical_harmonics.wgsl");
+const SPLAT: &str = include_str!("../../../shaders/shared/splat.wgsl");
 const POSE: &str = include_str!("../../../shaders/shared/pose.wgsl");
 const ROTATION: &str = include_str!("../../../shaders/shared/rotation.wgsl");
 const FOUR: &str = include_str!("../../../shaders/shared/four.wgsl");
@@ -18,6 +19,7 @@ pub fn all() -> Vec<(&'static str, String)> {
     vec![
         ("project", project()),
         ("project_backward", project_backward()),
+        ("camera_gradient", camera_gradient()),
         ("bin", bin()),
         ("sort", sort()),
         ("scan", scan()),
@@ -39,12 +41,17 @@ pub fn all() -> Vec<(&'static str, String)> {
 
 /// Gaussians to splats, tile rectangles and depth keys.
 pub fn project() -> String {
-    compose(&[CAMERA, GAUSSIAN_ROWS, GAUSSIAN, include_str!("../../../shaders/project.wgsl")])
+    compose(&[CAMERA, SPLAT, GAUSSIAN, HARMONICS, include_str!("../../../shaders/project.wgsl")])
 }
 
 /// Slot gradients to the gradient of the table of Gaussians.
 pub fn project_backward() -> String {
-    compose(&[CAMERA, GAUSSIAN_ROWS, GAUSSIAN, include_str!("../../../shaders/project_backward.wgsl")])
+    compose(&[CAMERA, GAUSSIAN, HARMONICS, include_str!("../../../shaders/project_backward.wgsl")])
+}
+
+/// The Gaussians' shares of the camera's gradient to their sum.
+pub fn camera_gradient() -> String {
+    compose(&[CAMERA, include_str!("../../../shaders/camera_gradient.wgsl")])
 }
 
 /// Which Gaussians each tile draws.
@@ -64,12 +71,12 @@ pub fn scan() -> String {
 
 /// Splats to the image.
 pub fn rasterize() -> String {
-    compose(&[CAMERA, GAUSSIAN, include_str!("../../../shaders/rasterize.wgsl")])
+    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/rasterize.wgsl")])
 }
 
 /// The image's gradient to slot gradients.
 pub fn rasterize_backward() -> String {
-    compose(&[CAMERA, GAUSSIAN, include_str!("../../../shaders/rasterize_backward.wgsl")])
+    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/rasterize_backward.wgsl")])
 }
 
 /// L1 + SSIM with its gradient.

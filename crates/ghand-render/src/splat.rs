@@ -6,6 +6,7 @@
 
 mod bin;
 mod frame;
+mod model;
 mod project;
 mod rasterize;
 mod sort;
@@ -15,6 +16,7 @@ use ghand_core::Camera;
 
 use crate::{Gpu, RenderError, buffers};
 use frame::{Frame, FrameBuffers, Pipelines};
+pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
@@ -23,6 +25,48 @@ pub const TILE_SIZE: u32 = 8;
 pub const NEAR: f32 = 0.01;
 /// Rows of the table of Gaussians: mean (3), scale, colour (3).
 pub const GAUSSIAN_ROWS: usize = 7;
+
+/// What a splatter is for. Less takes less memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Purpose {
+    /// Images.
+    Images,
+    /// Images and gradients of the Gaussians.
+    #[default]
+    Gradients,
+    /// The camera's gradient, too.
+    CameraGradients,
+}
+
+impl Purpose {
+    fn has_gradients(self) -> bool {
+        self != Purpose::Images
+    }
+}
+
+/// What a splatter is made for. The default trains hands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SplatOptions {
+    /// The kind of the Gaussians.
+    pub model: SplatModel,
+    /// Images, or gradients too.
+    pub purpose: Purpose,
+    /// Whether the expected depth is wanted beside the image.
+    pub depth: bool,
+}
+
+impl SplatOptions {
+    /// Words of gradient kept for one intersection.
+    fn gradient_words_per_slot(&self) -> usize {
+        if self.purpose.has_gradients() { rasterize::CELLS * self.model.slot_vectors() * 4 } else { 0 }
+    }
+
+    /// Largest buffer entry of one intersection, bytes: what limits how many there may be.
+    fn bytes_per_intersection(&self) -> u64 {
+        // An entry is a Gaussian and a slot.
+        (4 * self.gradient_words_per_slot() as u64).max(8)
+    }
+}
 
 /// Shader-side view, see `shaders/shared/camera.wgsl`.
 #[repr(C)]
@@ -130,6 +174,7 @@ pub struct Splatter {
     max_size: [u32; 2],
     capacity: u32,
     current: View,
+    options: SplatOptions,
 }
 
 /// Buffers that callers see and that live as long as the splatter.
@@ -140,16 +185,17 @@ struct Shared {
     d_gaussians: wgpu::Buffer,
     counters: wgpu::Buffer,
     image: wgpu::Buffer,
+    depths: wgpu::Buffer,
     d_image: wgpu::Buffer,
+    d_camera: wgpu::Buffer,
 }
 
 impl Splatter {
-    /// A splatter for the `count` Gaussians of `gaussians` (`[GAUSSIAN_ROWS][count]` floats), writing gradients to a
-    /// buffer of the same shape, for images of at most `max_size` pixels.
+    /// A splatter for `count` Gaussians of the kind that `options` say, and images of at most `max_size` pixels.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] for an image larger than the device takes.
-    pub fn new(gpu: &Gpu, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
+    pub fn new(gpu: &Gpu, options: SplatOptions, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
         let [width, height] = max_size;
         let pixels = width as usize * height as usize;
         // The loss keeps 64 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
@@ -158,23 +204,33 @@ impl Splatter {
                 "an image of {width} x {height} pixels is not between 1 and 16384"
             )));
         }
-        let pipelines = Pipelines::new(gpu);
+        let pipelines = Pipelines::new(gpu, &options);
         let current = View::zeroed();
+        let rows = options.model.rows();
+        let if_gradients = |words: usize| if options.purpose.has_gradients() { words } else { 0 };
         let shared = Shared {
             view: buffers::uniform(gpu, "view", &current),
-            gaussians: buffers::zeroed(gpu, "gaussians", GAUSSIAN_ROWS * count),
-            d_gaussians: buffers::zeroed(gpu, "d_gaussians", GAUSSIAN_ROWS * count),
+            gaussians: buffers::zeroed(gpu, "gaussians", rows * count),
+            d_gaussians: buffers::zeroed(gpu, "d_gaussians", if_gradients(rows * count)),
             counters: buffers::filled(gpu, "counters", &[count as u32, 0, 0, 0]),
             image: buffers::zeroed(gpu, "image", 4 * pixels),
-            d_image: buffers::zeroed(gpu, "d_image", 4 * pixels),
+            depths: buffers::zeroed(gpu, "depths", if options.depth { pixels } else { 0 }),
+            d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
+            d_camera: buffers::zeroed(gpu, "d_camera", project::CAMERA_ROWS),
         };
         // Hand Gaussians touch three to four tiles each; a view that needs more grows the buffer.
         let capacity = (4 * count as u32).max(1024);
-        let frame = Frame::new(gpu, &pipelines, &FrameBuffers::new(gpu, &shared, count, max_size, capacity));
-        Ok(Splatter { pipelines, shared, frame, count, max_size, capacity, current })
+        let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
+        let frame = Frame::new(gpu, &pipelines, &buffers);
+        Ok(Splatter { pipelines, shared, frame, count, max_size, capacity, current, options })
     }
 
-    /// The table of Gaussians, `[GAUSSIAN_ROWS][N]`: mean (world, metres), scale (metres), colour.
+    /// What it was made for.
+    pub fn options(&self) -> &SplatOptions {
+        &self.options
+    }
+
+    /// The table of Gaussians, [`SplatModel::rows`] rows of N numbers.
     pub fn gaussians(&self) -> &wgpu::Buffer {
         &self.shared.gaussians
     }
@@ -194,8 +250,19 @@ impl Splatter {
         &self.shared.d_image
     }
 
-    /// The counters: Gaussians, intersections drawn, intersections wanted. More wanted than drawn means that the frame
-    /// is incomplete.
+    /// Expected camera z of what covers each pixel, metres, 0 where nothing does; empty if it was not asked for.
+    pub fn depths(&self) -> &wgpu::Buffer {
+        &self.shared.depths
+    }
+
+    /// dL/d(turn, translation): the gradient to a small turn w and translation t that take the camera coordinates x to
+    /// x + w x x + t. Zero if it was not asked for.
+    pub fn d_camera(&self) -> &wgpu::Buffer {
+        &self.shared.d_camera
+    }
+
+    /// The counters: Gaussians, intersections drawn, intersections wanted, broken Gaussians (with a number that is not
+    /// finite, or a quaternion of 0; they are dropped). More wanted than drawn means that the frame is incomplete.
     pub fn counters(&self) -> &wgpu::Buffer {
         &self.shared.counters
     }
@@ -230,6 +297,8 @@ impl Splatter {
     /// Encodes the forward pass: table of Gaussians to image.
     pub fn forward(&self, encoder: &mut wgpu::CommandEncoder) {
         self.frame.bin.clear(encoder);
+        // The number of broken Gaussians.
+        encoder.clear_buffer(&self.shared.counters, 12, Some(4));
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
         self.frame.project.forward(&mut pass);
@@ -241,8 +310,11 @@ impl Splatter {
     }
 
     /// Encodes the backward pass: dL/d(image) to dL/d(table of Gaussians). The forward pass of the same view must have
-    /// been encoded before.
+    /// been encoded before. Does nothing in a splatter made for images.
     pub fn backward(&self, encoder: &mut wgpu::CommandEncoder) {
+        if !self.options.purpose.has_gradients() {
+            return;
+        }
         self.frame.rasterize.clear(encoder);
         let mut pass = encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
@@ -267,7 +339,7 @@ impl Splatter {
         if wanted <= self.capacity {
             return Ok(true);
         }
-        let limit = gpu.device.limits().max_storage_buffer_binding_size / rasterize::GRADIENT_BYTES_PER_SLOT;
+        let limit = gpu.device.limits().max_storage_buffer_binding_size / self.options.bytes_per_intersection();
         let limit = u32::try_from(limit).unwrap_or(u32::MAX);
         if wanted > limit {
             return Err(RenderError::Invalid(format!(
@@ -275,7 +347,7 @@ impl Splatter {
             )));
         }
         self.capacity = (wanted + wanted / 2).min(limit);
-        let buffers = FrameBuffers::new(gpu, &self.shared, self.count, self.max_size, self.capacity);
+        let buffers = FrameBuffers::new(gpu, &self.options, &self.shared, self.count, self.max_size, self.capacity);
         self.frame = Frame::new(gpu, &self.pipelines, &buffers);
         self.set_view(gpu, self.current)?;
         Ok(false)

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, inspect, pose, render};
+use ghand_app::commands::{bench, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -24,6 +24,8 @@ enum Command {
     Pose(pose::PoseArgs),
     /// Tell what is in a hand model
     Inspect(inspect::InspectArgs),
+    /// Render a scene of Gaussians (.ply), and the gradient of its pixels
+    Splat(splat::SplatArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
 }
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
 }

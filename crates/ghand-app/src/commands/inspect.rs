@@ -54,10 +54,7 @@ fn describe(file: &HandModelFile, found: &Inspection) -> String {
     row("size", format!("{} m", vector(found.high - found.low)));
     row("shapes", format!("{} directions", model.shape_count()));
     row("correctives", format!("{} pose directions", model.pose_directions.len() / model.vertices.len().max(1)));
-    row(
-        "joints from",
-        if model.joint_regressor.is_empty() { "fixed positions" } else { "the shaped vertices" }.into(),
-    );
+    row("joints from", if model.joint_regressor.is_empty() { "fixed positions" } else { "the shaped vertices" }.into());
     if let Some(space) = &model.pose_space {
         let components = space.components.len().checked_div(space.mean.len()).unwrap_or(0);
         row("mean pose", format!("yes, with {components} components"));

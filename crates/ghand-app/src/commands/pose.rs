@@ -58,7 +58,8 @@ pub fn run(args: &PoseArgs) -> anyhow::Result<()> {
     }
     let posed = pose_hand(model, &frame.shape, &frame.pose)
         .with_context(|| format!("{}: frame {:?}", args.pose.as_deref().unwrap_or("pose"), frame.id))?;
-    write(&args.out, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", args.out.display()))?;
+    write(&args.out, model, &posed.vertices)
+        .with_context(|| format!("{}: cannot write the mesh", args.out.display()))?;
     println!("{}: {} vertices, {} triangles", args.out.display(), model.vertices.len(), model.faces.len());
     Ok(())
 }

@@ -95,7 +95,10 @@ fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<Posed
 }
 
 /// The image as 8-bit display values.
-fn to_rgb8(image: &Image) -> anyhow::Result<RgbImage> {
+///
+/// # Errors
+/// One if the image has not as many pixels as it says.
+pub fn to_rgb8(image: &Image) -> anyhow::Result<RgbImage> {
     let bytes =
         image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
     RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")

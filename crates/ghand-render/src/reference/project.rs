@@ -1,22 +1,60 @@
-//! Twin of `project.wgsl` and `project_backward.wgsl`.
+//! Twin of `project.wgsl` and `project_backward.wgsl`, with matrices where the shaders have unrolled sums.
 
 use ghand_core::Camera;
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3, DVec4};
 
+use super::spherical_harmonics::{basis, basis_gradient};
 use crate::splat::NEAR;
 
 /// Blur added to projected covariances, pixels^2.
 const BLUR: f64 = 0.3;
 
-/// An isotropic Gaussian in the world.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A Gaussian in the world, of the most general kind. The other kinds are this one with some fields tied.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian {
     /// Centre, metres.
     pub mean: DVec3,
-    /// Standard deviation, metres.
-    pub scale: f64,
-    /// Colour.
-    pub color: DVec3,
+    /// Standard deviations along the axes of `rotation`, metres.
+    pub scales: DVec3,
+    /// Quaternion x, y, z, w of any length but 0.
+    pub rotation: DVec4,
+    /// Opacity, 0 to 1.
+    pub opacity: f64,
+    /// One plain colour, or the coefficients of 1, 4, 9 or 16 harmonics.
+    pub color: Color,
+}
+
+/// The colour of a Gaussian.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Color {
+    /// From all sides.
+    Rgb(DVec3),
+    /// By direction.
+    SphericalHarmonics(Vec<DVec3>),
+}
+
+impl Gaussian {
+    /// A round one of one colour.
+    pub fn round(mean: DVec3, scale: f64, opacity: f64, color: DVec3) -> Gaussian {
+        Gaussian { mean, scales: DVec3::splat(scale), rotation: DVec4::W, opacity, color: Color::Rgb(color) }
+    }
+
+    /// One whose gradient is to be summed: all zero.
+    pub(super) fn zero_like(&self) -> Gaussian {
+        let color = match &self.color {
+            Color::Rgb(_) => Color::Rgb(DVec3::ZERO),
+            Color::SphericalHarmonics(c) => Color::SphericalHarmonics(vec![DVec3::ZERO; c.len()]),
+        };
+        Gaussian { mean: DVec3::ZERO, scales: DVec3::ZERO, rotation: DVec4::ZERO, opacity: 0.0, color }
+    }
+
+    /// Plain colour, or the harmonics' coefficients.
+    pub fn coefficients(&self) -> &[DVec3] {
+        match &self.color {
+            Color::Rgb(color) => std::slice::from_ref(color),
+            Color::SphericalHarmonics(coefficients) => coefficients,
+        }
+    }
 }
 
 /// A Gaussian on the image plane.
@@ -30,18 +68,60 @@ pub struct Splat {
     pub conic: DVec3,
     /// Half size of the box beyond which alpha stays below 1/255, pixels.
     pub reach: DVec2,
+    /// Opacity.
+    pub opacity: f64,
     /// Colour.
     pub color: DVec3,
 }
 
-struct Footprint {
-    p: DVec3,
-    slope: DVec2,
-    free: [bool; 2],
-    covariance: DVec3,
+/// Gradients of a splat's fields.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SplatGradient {
+    /// dL/d(centre).
+    pub mean: DVec2,
+    /// dL/d(conic), as of three free numbers.
+    pub conic: DVec3,
+    /// dL/d(opacity).
+    pub opacity: f64,
+    /// dL/d(colour).
+    pub color: DVec3,
 }
 
-fn footprint(g: &Gaussian, camera: &Camera) -> Footprint {
+/// dL/d(camera).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraGradient {
+    /// dL/d(rotation), as of nine free numbers.
+    pub rotation: DMat3,
+    /// dL/d(translation).
+    pub translation: DVec3,
+}
+
+impl CameraGradient {
+    /// Where the sum starts.
+    pub const ZERO: CameraGradient = CameraGradient { rotation: DMat3::ZERO, translation: DVec3::ZERO };
+}
+
+struct Footprint {
+    p: DVec3,
+    /// The rotation's matrix.
+    axes: DMat3,
+    /// `d(pixel)/d(camera point)`, 2 x 3, as two rows.
+    jacobian: [DVec3; 2],
+    slope: DVec2,
+    free: [bool; 2],
+    /// Covariance before the blur.
+    sharp: DMat2,
+    covariance: DMat2,
+    /// sqrt(det sharp / det covariance), or 1.
+    compensation: f64,
+}
+
+/// The rotation matrix of a quaternion of any length.
+fn rotation_matrix(q: DVec4) -> DMat3 {
+    DMat3::from_quat(glam::DQuat::from_vec4(q.normalize()))
+}
+
+fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
     let p = camera.camera_from_world(g.mean);
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
     let low = -(camera.principal + 0.15 * size) / camera.focal;
@@ -49,49 +129,154 @@ fn footprint(g: &Gaussian, camera: &Camera) -> Footprint {
     let raw = DVec2::new(p.x, p.y) / p.z;
     let slope = raw.clamp(low, high);
     let f = camera.focal;
-    let u = (g.scale / p.z).powi(2);
-    let covariance = DVec3::new(
-        u * f.x * f.x * (1.0 + slope.x * slope.x) + BLUR,
-        u * f.x * f.y * slope.x * slope.y,
-        u * f.y * f.y * (1.0 + slope.y * slope.y) + BLUR,
-    );
-    Footprint { p, slope, free: [raw.x == slope.x, raw.y == slope.y], covariance }
-}
-
-fn inverse(c: DVec3) -> DVec3 {
-    DVec3::new(c.z, -c.y, c.x) / (c.x * c.z - c.y * c.y)
+    let jacobian = [DVec3::new(1.0, 0.0, -slope.x) * (f.x / p.z), DVec3::new(0.0, 1.0, -slope.y) * (f.y / p.z)];
+    let axes = rotation_matrix(g.rotation);
+    let half = camera.rotation * axes * DMat3::from_diagonal(g.scales);
+    let sigma = half * half.transpose();
+    let entry = |i: usize, j: usize| jacobian[i].dot(sigma * jacobian[j]);
+    let sharp = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
+    let covariance = sharp + DMat2::from_diagonal(DVec2::splat(BLUR));
+    let compensation = if antialias { (sharp.determinant().max(0.0) / covariance.determinant()).sqrt() } else { 1.0 };
+    let free = [raw.x == slope.x, raw.y == slope.y];
+    Footprint { p, axes, jacobian, slope, free, sharp, covariance, compensation }
 }
 
 /// The splat of a Gaussian, or nothing where it is culled.
-pub fn project(g: &Gaussian, camera: &Camera, opacity: f64) -> Option<Splat> {
-    let f = footprint(g, camera);
-    let finite = f.p.is_finite() && g.scale.is_finite() && g.color.is_finite();
-    if !finite || f.p.z < f64::from(NEAR) || opacity < 1.0 / 255.0 {
+pub fn project(g: &Gaussian, camera: &Camera, antialias: bool) -> Option<Splat> {
+    let finite = g.mean.is_finite()
+        && g.scales.is_finite()
+        && g.rotation.is_finite()
+        && g.opacity.is_finite()
+        && g.coefficients().iter().all(|c| c.is_finite());
+    if !finite || g.rotation == DVec4::ZERO {
+        return None;
+    }
+    let f = footprint(g, camera, antialias);
+    let opacity = g.opacity * f.compensation;
+    if !f.p.is_finite() || f.p.z < f64::from(NEAR) || opacity < 1.0 / 255.0 {
         return None;
     }
     let mean = DVec2::new(f.p.x, f.p.y) / f.p.z * camera.focal + camera.principal;
     let q = 2.0 * (opacity * 255.0).ln();
-    let reach = DVec2::new((q * f.covariance.x).sqrt(), (q * f.covariance.z).sqrt());
-    Some(Splat { mean, depth: f.p.z, conic: inverse(f.covariance), reach, color: g.color })
+    let c = f.covariance;
+    let reach = DVec2::new((q * c.x_axis.x).sqrt(), (q * c.y_axis.y).sqrt());
+    let conic = c.inverse();
+    let conic = DVec3::new(conic.x_axis.x, conic.x_axis.y, conic.y_axis.y);
+    Some(Splat { mean, depth: f.p.z, conic, reach, opacity, color: seen_color(g, camera) })
 }
 
-/// Gradient of a Gaussian's properties from the gradient of its splat's mean, conic and colour.
-pub fn project_vjp(g: &Gaussian, camera: &Camera, d_mean: DVec2, d_conic: DVec3, d_color: DVec3) -> Gaussian {
-    let Footprint { p, slope: r, free, covariance } = footprint(g, camera);
-    let k = inverse(covariance);
-    let k = glam::DMat2::from_cols_array(&[k.x, k.y, k.y, k.z]);
-    let d = glam::DMat2::from_cols_array(&[d_conic.x, 0.5 * d_conic.y, 0.5 * d_conic.y, d_conic.z]);
-    let d_covariance = -(k * d * k);
-    let (xx, xy, yy) = (d_covariance.x_axis.x, 2.0 * d_covariance.x_axis.y, d_covariance.y_axis.y);
-    let f = camera.focal;
-    let u = (g.scale / p.z).powi(2);
-    let d_u = xx * f.x * f.x * (1.0 + r.x * r.x) + xy * f.x * f.y * r.x * r.y + yy * f.y * f.y * (1.0 + r.y * r.y);
-    let d_slope = u * DVec2::new(
-        if free[0] { 2.0 * xx * f.x * f.x * r.x + xy * f.x * f.y * r.y } else { 0.0 },
-        if free[1] { 2.0 * yy * f.y * f.y * r.y + xy * f.x * f.y * r.x } else { 0.0 },
-    );
-    let d_ratio = d_mean * f + d_slope;
-    let d_z = -(d_ratio.x * p.x + d_ratio.y * p.y) / (p.z * p.z) - 2.0 * d_u * u / p.z;
-    let d_p = DVec3::new(d_ratio.x / p.z, d_ratio.y / p.z, d_z);
-    Gaussian { mean: camera.rotation.transpose() * d_p, scale: 2.0 * d_u * g.scale / (p.z * p.z), color: d_color }
+/// The direction from the camera to a Gaussian, and its distance.
+fn direction(g: &Gaussian, camera: &Camera) -> (DVec3, f64) {
+    let offset = g.mean - camera.center();
+    (offset.normalize(), offset.length())
+}
+
+fn seen_color(g: &Gaussian, camera: &Camera) -> DVec3 {
+    match &g.color {
+        Color::Rgb(color) => *color,
+        Color::SphericalHarmonics(coefficients) => {
+            let values = basis(direction(g, camera).0);
+            let sum: DVec3 = coefficients.iter().zip(values).map(|(c, y)| *c * y).sum();
+            (sum + 0.5).max(DVec3::ZERO)
+        }
+    }
+}
+
+/// Gradient of a Gaussian's properties from that of its splat; what reaches the camera is added to `d_camera`.
+pub fn project_vjp(
+    g: &Gaussian,
+    camera: &Camera,
+    antialias: bool,
+    d: &SplatGradient,
+    d_camera: &mut CameraGradient,
+) -> Gaussian {
+    let f = footprint(g, camera, antialias);
+    let mut gradient = g.zero_like();
+    let mut d_p = DVec3::ZERO;
+    // Opacity, and with antialiasing the covariance behind it: c = sqrt(det S / det C), dc = c/2 (tr(S^-1 dS) - tr(C^-1 dC)).
+    gradient.opacity = d.opacity * f.compensation;
+    let conic = f.covariance.inverse();
+    let d_conic = DMat2::from_cols_array(&[d.conic.x, 0.5 * d.conic.y, 0.5 * d.conic.y, d.conic.z]);
+    let mut d_covariance = -(conic * d_conic * conic);
+    if antialias && f.sharp.determinant() > 0.0 {
+        d_covariance += (f.sharp.inverse() - conic) * (0.5 * d.opacity * g.opacity * f.compensation);
+    }
+    // cov = J W A S S A^T W^T J^T with the rotation's matrix A.
+    let world = |row: DVec3| camera.rotation.transpose() * row;
+    let rows = [world(f.jacobian[0]), world(f.jacobian[1])];
+    let half = f.axes * DMat3::from_diagonal(g.scales);
+    let sigma = half * half.transpose();
+    let mut d_sigma = DMat3::ZERO;
+    let mut d_rows = [DVec3::ZERO; 2];
+    for i in 0..2 {
+        for j in 0..2 {
+            let weight = d_covariance.col(i)[j];
+            d_sigma += outer(rows[i], rows[j]) * weight;
+            d_rows[i] += 2.0 * weight * (sigma * rows[j]);
+        }
+    }
+    let d_half = 2.0 * d_sigma * half;
+    gradient.scales = DVec3::from_array(std::array::from_fn(|k| f.axes.col(k).dot(d_half.col(k))));
+    let d_axes = d_half * DMat3::from_diagonal(g.scales);
+    gradient.rotation = rotation_matrix_vjp(g.rotation, &d_axes);
+    // rows = W^T J.
+    let mut d_jacobian = [DVec3::ZERO; 2];
+    for i in 0..2 {
+        d_jacobian[i] = camera.rotation * d_rows[i];
+        d_camera.rotation += outer(f.jacobian[i], d_rows[i]);
+    }
+    // J_0 = (fx / z) (1, 0, -slope.x), J_1 = (fy / z) (0, 1, -slope.y), centre = slope f + principal.
+    for axis in 0..2 {
+        let (focal, z) = (camera.focal[axis], f.p.z);
+        d_p.z -= d_jacobian[axis].dot(f.jacobian[axis]) / z;
+        let through_jacobian = if f.free[axis] { -d_jacobian[axis].z * focal / z } else { 0.0 };
+        let d_slope = d.mean[axis] * focal + through_jacobian;
+        d_p[axis] += d_slope / z;
+        d_p.z -= d_slope * f.p[axis] / (z * z);
+        debug_assert!(!f.free[axis] || f.slope[axis] == f.p[axis] / z);
+    }
+    gradient.mean = camera.rotation.transpose() * d_p;
+    d_camera.rotation += outer(d_p, g.mean);
+    d_camera.translation += d_p;
+    match (&g.color, &mut gradient.color) {
+        (Color::SphericalHarmonics(coefficients), Color::SphericalHarmonics(d_coefficients)) => {
+            let (toward, distance) = direction(g, camera);
+            let color = seen_color(g, camera);
+            let d_sum = DVec3::select(color.cmpgt(DVec3::ZERO), d.color, DVec3::ZERO);
+            let mut d_toward = DVec3::ZERO;
+            let functions = basis(toward).into_iter().zip(basis_gradient(toward));
+            for ((c, d_c), (y, y_gradient)) in coefficients.iter().zip(d_coefficients).zip(functions) {
+                *d_c = d_sum * y;
+                d_toward += y_gradient * c.dot(d_sum);
+            }
+            let d_offset = (d_toward - toward * toward.dot(d_toward)) / distance;
+            gradient.mean += d_offset;
+            // The camera's centre is -W^T t.
+            d_camera.translation += camera.rotation * d_offset;
+            d_camera.rotation += outer(camera.translation, d_offset);
+        }
+        (_, Color::Rgb(d_color)) => *d_color = d.color,
+        _ => {}
+    }
+    gradient
+}
+
+/// dL/d(quaternion) from dL/d(its matrix), by the matrix's entries as polynomials of the unit quaternion.
+fn rotation_matrix_vjp(q: DVec4, d: &DMat3) -> DVec4 {
+    let length = q.length();
+    let DVec4 { x, y, z, w } = q / length;
+    let (c0, c1, c2) = (d.x_axis, d.y_axis, d.z_axis);
+    let unit = 2.0
+        * DVec4::new(
+            -2.0 * x * (c1.y + c2.z) + y * (c1.x + c0.y) + z * (c2.x + c0.z) + w * (c1.z - c2.y),
+            -2.0 * y * (c0.x + c2.z) + x * (c1.x + c0.y) + z * (c2.y + c1.z) + w * (c2.x - c0.z),
+            -2.0 * z * (c0.x + c1.y) + x * (c2.x + c0.z) + y * (c2.y + c1.z) + w * (c0.y - c1.x),
+            x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x),
+        );
+    let direction = q / length;
+    (unit - direction * direction.dot(unit)) / length
+}
+
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }

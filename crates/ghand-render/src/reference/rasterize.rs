@@ -4,7 +4,7 @@ use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
 use super::bin::bin;
-use super::project::{Gaussian, Splat, project, project_vjp};
+use super::project::{CameraGradient, Gaussian, Splat, SplatGradient, project, project_vjp};
 use crate::splat::TILE_SIZE;
 
 /// The cut-offs of blending. Tests that take finite differences set them so that the image is smooth.
@@ -35,16 +35,16 @@ pub struct Scene<'a> {
     pub camera: &'a Camera,
     /// Colour behind everything.
     pub background: DVec3,
-    /// Opacity of all Gaussians.
-    pub opacity: f64,
+    /// Whether opacity makes up for the screen-space blur.
+    pub antialias: bool,
     /// The cut-offs.
     pub cuts: Cuts,
 }
 
 /// Gaussian weight and alpha (before the upper cut) of a splat at a pixel centre.
-fn raw_alpha(s: &Splat, at: DVec2, opacity: f64) -> f64 {
+fn raw_alpha(s: &Splat, at: DVec2) -> f64 {
     let d = s.mean - at;
-    opacity * (-0.5 * (s.conic.x * d.x * d.x + s.conic.z * d.y * d.y) - s.conic.y * d.x * d.y).exp()
+    s.opacity * (-0.5 * (s.conic.x * d.x * d.x + s.conic.z * d.y * d.y) - s.conic.y * d.x * d.y).exp()
 }
 
 struct Lists {
@@ -54,7 +54,7 @@ struct Lists {
 
 impl Scene<'_> {
     fn lists(&self) -> Lists {
-        let mut splats: Vec<_> = self.gaussians.iter().map(|g| project(g, self.camera, self.opacity)).collect();
+        let mut splats: Vec<_> = self.gaussians.iter().map(|g| project(g, self.camera, self.antialias)).collect();
         if !self.cuts.tiled {
             splats.iter_mut().flatten().for_each(|s| s.reach = DVec2::splat(1e9));
         }
@@ -71,7 +71,7 @@ impl Scene<'_> {
         let mut transmittance = 1.0;
         for &index in &lists.tiles[tile as usize] {
             let Some(splat) = &lists.splats[index as usize] else { continue };
-            let raw = raw_alpha(splat, at, self.opacity);
+            let raw = raw_alpha(splat, at);
             let alpha = raw.min(self.cuts.alpha_max);
             if alpha < self.cuts.alpha_min {
                 continue;
@@ -103,10 +103,24 @@ impl Scene<'_> {
         image
     }
 
-    /// dL/d(Gaussians) from dL/d(image).
-    pub fn rasterize_vjp(&self, d_image: &[[f64; 4]]) -> Vec<Gaussian> {
+    /// Expected depth: the camera z of each pixel's splats, weighted as their colours are and divided by the coverage; 0
+    /// where nothing is.
+    pub fn depth(&self) -> Vec<f64> {
         let lists = self.lists();
-        let mut d_splats = vec![(DVec2::ZERO, DVec3::ZERO, DVec3::ZERO); self.gaussians.len()];
+        let pixels = (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (x, y)));
+        let depth = |(x, y)| {
+            let (taken, transmittance) = self.pixel(&lists, x, y);
+            let sum: f64 =
+                taken.iter().map(|(_, splat, raw, before)| splat.depth * raw.min(self.cuts.alpha_max) * before).sum();
+            if taken.is_empty() { 0.0 } else { sum / (1.0 - transmittance) }
+        };
+        pixels.map(depth).collect()
+    }
+
+    /// dL/d(Gaussians) and dL/d(camera) from dL/d(image).
+    pub fn rasterize_vjp(&self, d_image: &[[f64; 4]]) -> (Vec<Gaussian>, CameraGradient) {
+        let lists = self.lists();
+        let mut d_splats = vec![SplatGradient::default(); self.gaussians.len()];
         for y in 0..self.camera.height {
             for x in 0..self.camera.width {
                 let d = d_image[(y * self.camera.width + x) as usize];
@@ -120,78 +134,136 @@ impl Scene<'_> {
                     let d_alpha = before * value - behind / (1.0 - alpha);
                     behind += alpha * before * value;
                     let d_splat = &mut d_splats[index as usize];
-                    d_splat.2 += d_color * alpha * before;
+                    d_splat.color += d_color * alpha * before;
                     if raw <= self.cuts.alpha_max {
                         let d_power = d_alpha * raw;
                         let o = splat.mean - at;
-                        d_splat.0 -= d_power
+                        d_splat.mean -= d_power
                             * DVec2::new(
                                 splat.conic.x * o.x + splat.conic.y * o.y,
                                 splat.conic.y * o.x + splat.conic.z * o.y,
                             );
-                        d_splat.1 -= d_power * DVec3::new(0.5 * o.x * o.x, o.x * o.y, 0.5 * o.y * o.y);
+                        d_splat.conic -= d_power * DVec3::new(0.5 * o.x * o.x, o.x * o.y, 0.5 * o.y * o.y);
+                        d_splat.opacity += d_power / splat.opacity;
                     }
                 }
             }
         }
-        self.gaussians
-            .iter()
-            .zip(&lists.splats)
-            .zip(d_splats)
-            .map(|((g, splat), (d_mean, d_conic, d_color))| match splat {
-                Some(_) => project_vjp(g, self.camera, d_mean, d_conic, d_color),
-                None => Gaussian { mean: DVec3::ZERO, scale: 0.0, color: DVec3::ZERO },
-            })
-            .collect()
+        let mut d_camera = CameraGradient::ZERO;
+        // A splat that is culled has no gradient, and a broken one must not be looked at.
+        let d_gaussians = self.gaussians.iter().zip(&lists.splats).zip(&d_splats).map(|((g, splat), d)| match splat {
+            Some(_) => project_vjp(g, self.camera, self.antialias, d, &mut d_camera),
+            None => g.zero_like(),
+        });
+        (d_gaussians.collect(), d_camera)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use ghand_core::rotation::rotation_from_axis_angle;
+    use glam::{DMat3, DVec4};
     use rand::{RngExt, SeedableRng};
 
-    #[test]
-    fn the_gradient_agrees_with_central_differences_where_the_image_is_smooth() {
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
-        let camera = Camera {
-            focal: DVec2::new(30.0, 26.0),
-            principal: DVec2::new(7.2, 9.1),
-            ..Camera::look_at(DVec3::new(0.1, 0.2, -1.0), DVec3::ZERO, DVec3::Y, 0.6, 17, 15)
-        };
+    use super::*;
+    use crate::reference::project::Color;
+
+    /// Every number of a Gaussian, one after the other.
+    fn numbers(g: &Gaussian) -> Vec<f64> {
+        let mut all = [g.mean.to_array(), g.scales.to_array()].concat();
+        all.extend(g.rotation.to_array());
+        all.push(g.opacity);
+        all.extend(g.coefficients().iter().flat_map(|c| c.to_array()));
+        all
+    }
+
+    fn with_number(g: &Gaussian, field: usize, add: f64) -> Gaussian {
+        let mut g = g.clone();
+        match field {
+            0..3 => g.mean[field] += add,
+            3..6 => g.scales[field - 3] += add,
+            6..10 => g.rotation[field - 6] += add,
+            10 => g.opacity += add,
+            _ => match &mut g.color {
+                Color::Rgb(color) => color[field - 11] += add,
+                Color::SphericalHarmonics(c) => c[(field - 11) / 3][(field - 11) % 3] += add,
+            },
+        }
+        g
+    }
+
+    fn random_scene(rng: &mut rand_chacha::ChaCha8Rng, bases: usize) -> Vec<Gaussian> {
         let mut v = || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
-        // Some lie far outside the view, where the Jacobian is clamped.
-        let gaussians: Vec<Gaussian> = (0..12)
+        // Some lie far outside of the view, where the Jacobian is clamped; some colours are cut at 0.
+        (0..12)
             .map(|i| Gaussian {
                 mean: v() * if i < 9 { 0.2 } else { 0.7 },
-                scale: 0.06 + 0.03 * v().x,
-                color: v() * 0.5 + 0.5,
+                scales: (v() * 0.04 + 0.06) * if i % 2 == 0 { 1.0 } else { 0.2 },
+                rotation: DVec4::new(v().x, v().x, v().x, v().x) * (1.0 + 3.0 * i as f64),
+                opacity: 0.5 + 0.4 * v().x,
+                color: match bases {
+                    0 => Color::Rgb(v() * 0.5 + 0.5),
+                    _ => Color::SphericalHarmonics((0..bases).map(|_| v()).collect()),
+                },
             })
-            .collect();
-        let weights: Vec<[f64; 4]> = (0..17 * 15).map(|_| [v().x, v().x, v().x, v().x]).collect();
-        let cuts = Cuts { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
-        let background = DVec3::new(0.3, 0.1, 0.7);
-        let loss = |gaussians: &[Gaussian]| -> f64 {
-            let scene = Scene { gaussians, camera: &camera, background, opacity: 0.8, cuts };
-            scene.rasterize().iter().zip(&weights).map(|(p, w)| (0..4).map(|c| p[c] * w[c]).sum::<f64>()).sum()
-        };
-        let scene = Scene { gaussians: &gaussians, camera: &camera, background, opacity: 0.8, cuts };
-        let gradient = scene.rasterize_vjp(&weights);
-        for (i, d) in gradient.iter().enumerate() {
-            let analytic = [d.mean.x, d.mean.y, d.mean.z, d.scale, d.color.x, d.color.y, d.color.z];
-            for (field, analytic) in analytic.into_iter().enumerate() {
-                let shifted = |h: f64| {
-                    let mut other = gaussians.clone();
-                    match field {
-                        0..3 => other[i].mean[field] += h,
-                        3 => other[i].scale += h,
-                        _ => other[i].color[field - 4] += h,
-                    }
-                    loss(&other)
-                };
-                let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
+            .collect()
+    }
+
+    #[test]
+    fn the_gradients_agree_with_central_differences_where_the_image_is_smooth() {
+        for (seed, bases, antialias) in
+            [(5, 0, false), (6, 0, true), (7, 1, false), (8, 4, true), (9, 9, false), (10, 16, true)]
+        {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let camera = Camera {
+                focal: DVec2::new(30.0, 26.0),
+                principal: DVec2::new(7.2, 9.1),
+                ..Camera::look_at(DVec3::new(0.1, 0.2, -1.0), DVec3::ZERO, DVec3::Y, 0.6, 17, 15)
+            };
+            let gaussians = random_scene(&mut rng, bases);
+            let weights: Vec<[f64; 4]> =
+                (0..17 * 15).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
+            let cuts = Cuts { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
+            let background = DVec3::new(0.3, 0.1, 0.7);
+            let loss = |gaussians: &[Gaussian], camera: &Camera| -> f64 {
+                let scene = Scene { gaussians, camera, background, antialias, cuts };
+                scene.rasterize().iter().zip(&weights).map(|(p, w)| (0..4).map(|c| p[c] * w[c]).sum::<f64>()).sum()
+            };
+            let scene = Scene { gaussians: &gaussians, camera: &camera, background, antialias, cuts };
+            let (gradient, d_camera) = scene.rasterize_vjp(&weights);
+            let check = |analytic: f64, numeric: f64, what: String| {
                 let error = (analytic - numeric).abs() / (1.0 + numeric.abs());
-                assert!(error <= 1e-6, "gaussian {i} field {field}: {analytic} against {numeric}");
+                assert!(error <= 1e-6, "{bases} bases, {what}: {analytic} against {numeric}");
+            };
+            for (i, d) in gradient.iter().enumerate() {
+                for (field, analytic) in numbers(d).into_iter().enumerate() {
+                    let shifted = |h: f64| {
+                        let mut other = gaussians.clone();
+                        other[i] = with_number(&gaussians[i], field, h);
+                        loss(&other, &camera)
+                    };
+                    check(analytic, (shifted(1e-6) - shifted(-1e-6)) / 2e-6, format!("gaussian {i} field {field}"));
+                }
+            }
+            for axis in 0..3 {
+                let step = |h: f64| DVec3::from_array(std::array::from_fn(|k| if k == axis { h } else { 0.0 }));
+                let moved =
+                    |h| loss(&gaussians, &Camera { translation: camera.translation + step(h), ..camera.clone() });
+                check(d_camera.translation[axis], (moved(1e-6) - moved(-1e-6)) / 2e-6, format!("translation {axis}"));
+                // A rotation can only be turned: dR = [w]x R.
+                let turned = |h| {
+                    let rotation = rotation_from_axis_angle(step(h)) * camera.rotation;
+                    loss(&gaussians, &Camera { rotation, ..camera.clone() })
+                };
+                let turn = glam::DMat3::from_cols(
+                    step(1.0).cross(camera.rotation.x_axis),
+                    step(1.0).cross(camera.rotation.y_axis),
+                    step(1.0).cross(camera.rotation.z_axis),
+                );
+                let inner =
+                    |a: &DMat3, b: &DMat3| a.to_cols_array().iter().zip(b.to_cols_array()).map(|(x, y)| x * y).sum();
+                let numeric = (turned(1e-6) - turned(-1e-6)) / 2e-6;
+                check(inner(&d_camera.rotation, &turn), numeric, format!("rotation {axis}"));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The buffers of a frame and the stages bound to them.
 
-use super::{Shared, TILE_SIZE, bin, project, rasterize, sort};
+use super::{Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, rasterize, sort};
 use crate::{Gpu, buffers};
 
 /// The compiled stages; they outlive the buffers, which grow.
@@ -12,12 +12,13 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu) -> Pipelines {
+    pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
+        let SplatOptions { model, purpose, depth } = options;
         Pipelines {
-            project: project::Pipelines::new(gpu),
+            project: project::Pipelines::new(gpu, model, *purpose),
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
-            rasterize: rasterize::Pipelines::new(gpu),
+            rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth),
         }
     }
 }
@@ -42,12 +43,23 @@ pub struct FrameBuffers {
     pub tile_ranges: wgpu::Buffer,
     pub transmittances: wgpu::Buffer,
     pub ends: wgpu::Buffer,
+    /// Empty without gradients.
     pub slot_gradients: wgpu::Buffer,
+    /// Empty without the camera's gradient.
+    pub camera_rows: wgpu::Buffer,
+    pub camera_strands: wgpu::Buffer,
     pub count: usize,
 }
 
 impl FrameBuffers {
-    pub fn new(gpu: &Gpu, shared: &Shared, count: usize, max_size: [u32; 2], capacity: u32) -> FrameBuffers {
+    pub fn new(
+        gpu: &Gpu,
+        options: &SplatOptions,
+        shared: &Shared,
+        count: usize,
+        max_size: [u32; 2],
+        capacity: u32,
+    ) -> FrameBuffers {
         let [width, height] = max_size;
         let pixels = width as usize * height as usize;
         let tiles = width.div_ceil(TILE_SIZE) as usize * height.div_ceil(TILE_SIZE) as usize;
@@ -70,7 +82,12 @@ impl FrameBuffers {
             tile_ranges: make("tile ranges", 2 * tiles),
             transmittances: make("transmittances", pixels),
             ends: make("ends", pixels),
-            slot_gradients: make("slot gradients", capacity * (rasterize::GRADIENT_BYTES_PER_SLOT / 4) as usize),
+            slot_gradients: make("slot gradients", capacity * options.gradient_words_per_slot()),
+            camera_rows: make(
+                "camera rows",
+                if options.purpose == Purpose::CameraGradients { project::CAMERA_ROWS * count } else { 0 },
+            ),
+            camera_strands: make("camera strands", project::CAMERA_ROWS * project::CAMERA_STRANDS),
             count,
         }
     }

@@ -1,51 +1,86 @@
-//! Host part of `project.wgsl` and `project_backward.wgsl`.
+//! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
 use super::frame::FrameBuffers;
+use super::{Purpose, SplatModel};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, shader_sources};
 
+/// Rows of the camera's gradient: turn and translation.
+pub const CAMERA_ROWS: usize = 6;
+/// Strands of its sum, as in `camera_gradient.wgsl`.
+pub const CAMERA_STRANDS: usize = 64;
+
+/// What the backward pass needs, if there is one.
+struct Backward<T> {
+    project_backward: T,
+    /// Strands and their sums, if the camera's gradient is wanted.
+    camera: Option<[T; 2]>,
+}
+
 pub struct Pipelines {
     project: Stage,
-    project_backward: Stage,
+    backward: Option<Backward<Stage>>,
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu) -> Pipelines {
-        let (forward, backward) = (shader_sources::project(), shader_sources::project_backward());
-        Pipelines {
-            project: Module::new(gpu, "project", &forward).stage(gpu, "project", &[]),
-            project_backward: Module::new(gpu, "project_backward", &backward).stage(gpu, "project_backward", &[]),
-        }
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose) -> Pipelines {
+        let mut constants = model.constants();
+        let project = Module::new(gpu, "project", &shader_sources::project()).stage(gpu, "project", &constants);
+        let backward = purpose.has_gradients().then(|| {
+            constants.push(("SLOT_VECTORS", model.slot_vectors() as f64));
+            constants.push(("CAMERA_GRADIENT", f64::from(u8::from(purpose == Purpose::CameraGradients))));
+            let module = Module::new(gpu, "project_backward", &shader_sources::project_backward());
+            let camera = (purpose == Purpose::CameraGradients).then(|| {
+                let module = Module::new(gpu, "camera_gradient", &shader_sources::camera_gradient());
+                ["camera_strands", "camera_gradient"].map(|entry| module.stage(gpu, entry, &[]))
+            });
+            Backward { project_backward: module.stage(gpu, "project_backward", &constants), camera }
+        });
+        Pipelines { project, backward }
     }
 }
 
 pub struct Stages {
     project: Bound,
-    project_backward: Bound,
+    backward: Option<Backward<Bound>>,
     groups: u32,
 }
 
 impl Stages {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers) -> Stages {
         let s = &b.shared;
-        Stages {
-            project: pipelines.project.bind(
+        let project = pipelines.project.bind(
+            gpu,
+            &[
+                (0, &s.view),
+                (1, &s.gaussians),
+                (2, &b.splats),
+                (3, &b.tile_rects),
+                (4, &b.depth_keys[0]),
+                (5, &b.depth_order[0]),
+                (6, &s.counters),
+            ],
+        );
+        let backward = pipelines.backward.as_ref().map(|p| Backward {
+            project_backward: p.project_backward.bind(
                 gpu,
                 &[
                     (0, &s.view),
                     (1, &s.gaussians),
-                    (2, &b.splats),
-                    (3, &b.tile_rects),
-                    (4, &b.depth_keys[0]),
-                    (5, &b.depth_order[0]),
+                    (2, &b.slot_ranges),
+                    (3, &b.slot_gradients),
+                    (4, &s.d_gaussians),
+                    (5, &b.camera_rows),
                 ],
             ),
-            project_backward: pipelines.project_backward.bind(
-                gpu,
-                &[(0, &s.view), (1, &s.gaussians), (2, &b.slot_ranges), (3, &b.slot_gradients), (4, &s.d_gaussians)],
-            ),
-            groups: (b.count as u32).div_ceil(64),
-        }
+            camera: p.camera.as_ref().map(|[strands, sum]| {
+                [
+                    strands.bind(gpu, &[(0, &s.view), (1, &b.camera_rows), (2, &b.camera_strands)]),
+                    sum.bind(gpu, &[(2, &b.camera_strands), (3, &s.d_camera)]),
+                ]
+            }),
+        });
+        Stages { project, backward, groups: (b.count as u32).div_ceil(64) }
     }
 
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>) {
@@ -53,6 +88,10 @@ impl Stages {
     }
 
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.project_backward.dispatch(pass, self.groups);
+        let Some(backward) = &self.backward else { return };
+        backward.project_backward.dispatch(pass, self.groups);
+        for stage in backward.camera.iter().flatten() {
+            stage.dispatch(pass, CAMERA_ROWS as u32);
+        }
     }
 }

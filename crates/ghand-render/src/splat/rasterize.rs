@@ -1,30 +1,34 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
 use super::frame::FrameBuffers;
+use super::{Purpose, SplatModel};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, shader_sources};
 
-/// Bytes of gradient kept for one intersection: four cells, two vectors each.
-pub const GRADIENT_BYTES_PER_SLOT: u64 = 4 * 2 * 16;
+/// 4x4 cells of a tile, as in `rasterize_backward.wgsl`: each has gradients of its own for an intersection.
+pub const CELLS: usize = 4;
 
 pub struct Pipelines {
     rasterize: Stage,
-    rasterize_backward: Stage,
+    rasterize_backward: Option<Stage>,
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu) -> Pipelines {
-        let (forward, backward) = (shader_sources::rasterize(), shader_sources::rasterize_backward());
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool) -> Pipelines {
+        let forward = Module::new(gpu, "rasterize", &shader_sources::rasterize());
         Pipelines {
-            rasterize: Module::new(gpu, "rasterize", &forward).stage(gpu, "rasterize", &[]),
-            rasterize_backward: Module::new(gpu, "rasterize_backward", &backward).stage(gpu, "rasterize_backward", &[]),
+            rasterize: forward.stage(gpu, "rasterize", &[("DEPTH", f64::from(u8::from(depth)))]),
+            rasterize_backward: purpose.has_gradients().then(|| {
+                let module = Module::new(gpu, "rasterize_backward", &shader_sources::rasterize_backward());
+                module.stage(gpu, "rasterize_backward", &[("SLOT_VECTORS", model.slot_vectors() as f64)])
+            }),
         }
     }
 }
 
 pub struct Stages {
     rasterize: Bound,
-    rasterize_backward: Bound,
+    rasterize_backward: Option<Bound>,
     slot_gradients: wgpu::Buffer,
 }
 
@@ -42,21 +46,24 @@ impl Stages {
                     (4, &s.image),
                     (5, &b.transmittances),
                     (6, &b.ends),
+                    (7, &s.depths),
                 ],
             ),
-            rasterize_backward: pipelines.rasterize_backward.bind(
-                gpu,
-                &[
-                    (0, &s.view),
-                    (1, &b.splats),
-                    (2, &b.entries),
-                    (3, &b.tile_ranges),
-                    (4, &b.transmittances),
-                    (5, &b.ends),
-                    (6, &s.d_image),
-                    (7, &b.slot_gradients),
-                ],
-            ),
+            rasterize_backward: pipelines.rasterize_backward.as_ref().map(|stage| {
+                stage.bind(
+                    gpu,
+                    &[
+                        (0, &s.view),
+                        (1, &b.splats),
+                        (2, &b.entries),
+                        (3, &b.tile_ranges),
+                        (4, &b.transmittances),
+                        (5, &b.ends),
+                        (6, &s.d_image),
+                        (7, &b.slot_gradients),
+                    ],
+                )
+            }),
             slot_gradients: b.slot_gradients.clone(),
         }
     }
@@ -73,6 +80,8 @@ impl Stages {
 
     /// Eight tiles of four cells to a workgroup.
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
-        self.rasterize_backward.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(8));
+        if let Some(stage) = &self.rasterize_backward {
+            stage.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(8));
+        }
     }
 }

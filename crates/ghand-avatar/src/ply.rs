@@ -1,0 +1,339 @@
+//! Scenes of Gaussians as trainers of 3D Gaussian Splatting write them: `.ply` files.
+
+use std::path::{Path, PathBuf};
+
+use ghand_render::splat::SplatModel;
+
+/// What is wrong with a scene file.
+#[derive(Debug, thiserror::Error)]
+pub enum PlyError {
+    /// It could not be read.
+    #[error("{path}: cannot read the scene: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// It is not what it should be.
+    #[error("{path}: {field}: {problem}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The part that is wrong.
+        field: String,
+        /// What is wrong and what to do about it.
+        problem: String,
+    },
+}
+
+/// Gaussians as they are stored: means in metres, logarithms of sizes, quaternions (w, x, y, z) of any length, logits of
+/// opacities, coefficients of spherical harmonics.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SplatScene {
+    /// Degree of the harmonics, 0 to 3.
+    pub degree: u32,
+    /// Number of Gaussians, N.
+    pub count: usize,
+    /// The table of [`SplatModel::trained`] of that degree, `[rows][N]`.
+    pub table: Vec<f32>,
+}
+
+impl SplatScene {
+    /// The kind of the Gaussians.
+    pub fn model(&self) -> SplatModel {
+        SplatModel::trained(self.degree)
+    }
+
+    /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9, 24 or
+    /// 45 of them), `opacity`, `scale_*` and `rot_*`; others are passed over.
+    ///
+    /// # Errors
+    /// [`PlyError`] names the file, the part and a remedy.
+    pub fn read(path: &Path) -> Result<SplatScene, PlyError> {
+        let bytes = std::fs::read(path).map_err(|source| PlyError::Io { path: path.into(), source })?;
+        parse(&bytes).map_err(|(field, problem)| PlyError::Invalid { path: path.into(), field, problem })
+    }
+}
+
+/// The part that is wrong, and what is wrong with it.
+type Problem = (String, String);
+
+fn problem<T>(field: &str, text: impl Into<String>) -> Result<T, Problem> {
+    Err((field.into(), text.into()))
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Integer { bytes: usize, signed: bool },
+    Float,
+    Double,
+}
+
+impl Kind {
+    fn parse(name: &str) -> Option<Kind> {
+        let integer = |bytes, signed| Some(Kind::Integer { bytes, signed });
+        match name {
+            "char" | "int8" => integer(1, true),
+            "uchar" | "uint8" => integer(1, false),
+            "short" | "int16" => integer(2, true),
+            "ushort" | "uint16" => integer(2, false),
+            "int" | "int32" => integer(4, true),
+            "uint" | "uint32" => integer(4, false),
+            "float" | "float32" => Some(Kind::Float),
+            "double" | "float64" => Some(Kind::Double),
+            _ => None,
+        }
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Kind::Integer { bytes, .. } => bytes,
+            Kind::Float => 4,
+            Kind::Double => 8,
+        }
+    }
+
+    /// The value of exactly [`Kind::size`] bytes.
+    fn value(self, bytes: &[u8]) -> f32 {
+        let mut word = [0; 8];
+        word.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+        match self {
+            Kind::Float => f32::from_le_bytes([word[0], word[1], word[2], word[3]]),
+            Kind::Double => f64::from_le_bytes(word) as f32,
+            Kind::Integer { bytes, signed } => {
+                let unused = 64 - 8 * bytes as u32;
+                let raw = u64::from_le_bytes(word) << unused;
+                if signed { ((raw as i64) >> unused) as f32 } else { (raw >> unused) as f32 }
+            }
+        }
+    }
+}
+
+struct Header {
+    ascii: bool,
+    count: usize,
+    properties: Vec<(String, Kind)>,
+    /// Where the data begin.
+    end: usize,
+}
+
+/// Longest header: a thousand properties of a hundred letters.
+const MAX_HEADER: usize = 100_000;
+
+fn header(bytes: &[u8]) -> Result<Header, Problem> {
+    let mut at = 0;
+    let mut line = || -> Result<&str, Problem> {
+        let rest = bytes.get(at..bytes.len().min(MAX_HEADER)).unwrap_or_default();
+        let Some(length) = rest.iter().position(|b| *b == b'\n') else {
+            return problem("header", "has no end; this is no PLY file, or it is cut short");
+        };
+        at += length + 1;
+        match std::str::from_utf8(&rest[..length]) {
+            Ok(text) => Ok(text.trim()),
+            Err(_) => problem("header", "is not text; this is no PLY file"),
+        }
+    };
+    if line()? != "ply" {
+        return problem("header", "does not begin with `ply`; give a 3D Gaussian Splatting .ply file");
+    }
+    let (mut ascii, mut count, mut properties) = (None, None, Vec::new());
+    loop {
+        let words: Vec<String> = line()?.split_whitespace().map(String::from).collect();
+        match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+            ["format", "ascii", _] => ascii = Some(true),
+            ["format", "binary_little_endian", _] => ascii = Some(false),
+            ["format", other, ..] => {
+                return problem("format", format!("is {other}; save it as binary_little_endian or ascii"));
+            }
+            ["comment" | "obj_info", ..] | [] => {}
+            ["element", "vertex", number] if count.is_none() => match number.parse::<usize>() {
+                Ok(number) => count = Some(number),
+                Err(_) => return problem("element vertex", format!("has the count {number:?}")),
+            },
+            ["element", name, ..] if count.is_none() => {
+                return problem("element", format!("{name} comes before the vertices; save the Gaussians alone"));
+            }
+            // What follows the vertices is not read.
+            ["element", ..] => {
+                while line()? != "end_header" {}
+                break;
+            }
+            ["property", "list", ..] => return problem("property", "of the vertices is a list; remove it"),
+            ["property", kind, name] => match Kind::parse(kind) {
+                Some(kind) => properties.push((name.to_owned(), kind)),
+                None => return problem(&format!("property {name}"), format!("is of the unknown type {kind}")),
+            },
+            ["end_header"] => break,
+            _ => return problem("header", format!("has the line {:?}, which PLY does not know", words.join(" "))),
+        }
+    }
+    match (ascii, count) {
+        (Some(ascii), Some(count)) => Ok(Header { ascii, count, properties, end: at }),
+        (None, _) => problem("format", "is missing from the header"),
+        _ => problem("element vertex", "is missing; there are no Gaussians in the file"),
+    }
+}
+
+fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
+    let header = header(bytes)?;
+    let find = |name: &str| match header.properties.iter().position(|(n, _)| n == name) {
+        Some(column) => Ok(column),
+        None => problem(&format!("property {name}"), "is missing; give a 3D Gaussian Splatting .ply file"),
+    };
+    let rest = header.properties.iter().filter(|(name, _)| name.starts_with("f_rest_")).count();
+    let degree = match rest {
+        0 => 0,
+        9 => 1,
+        24 => 2,
+        45 => 3,
+        other => return problem("f_rest_*", format!("has {other} properties; harmonics have 0, 9, 24 or 45")),
+    };
+    // The column of each row of the table. Files have the harmonics by channel, the table by function.
+    let named = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>();
+    let mut columns = named(&["x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"])?;
+    columns.extend(named(&["opacity", "f_dc_0", "f_dc_1", "f_dc_2"])?);
+    for function in 0..rest / 3 {
+        for channel in 0..3 {
+            columns.push(find(&format!("f_rest_{}", channel * (rest / 3) + function))?);
+        }
+    }
+    let data = bytes.get(header.end..).unwrap_or_default();
+    let count = header.count;
+    let rows = columns.len();
+    let table = if header.ascii {
+        ascii_table(data, &header, &columns)?
+    } else {
+        let stride: usize = header.properties.iter().map(|(_, kind)| kind.size()).sum();
+        // Checked before anything is allocated.
+        if count.checked_mul(stride).is_none_or(|size| size > data.len()) {
+            let there = data.len() / stride.max(1);
+            return problem("data", format!("hold {there} of {count} Gaussians; the file is cut short, copy it again"));
+        }
+        let offsets: Vec<usize> = columns
+            .iter()
+            .map(|column| header.properties[..*column].iter().map(|(_, kind)| kind.size()).sum())
+            .collect();
+        let mut table = vec![0.0; rows * count];
+        for (i, vertex) in data.chunks_exact(stride).take(count).enumerate() {
+            for (row, (column, offset)) in columns.iter().zip(&offsets).enumerate() {
+                let kind = header.properties[*column].1;
+                table[row * count + i] = kind.value(&vertex[*offset..offset + kind.size()]);
+            }
+        }
+        table
+    };
+    Ok(SplatScene { degree, count, table })
+}
+
+fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f32>, Problem> {
+    let Ok(text) = std::str::from_utf8(data) else { return problem("data", "are not text, as the format says") };
+    let mut numbers = Vec::new();
+    for (i, line) in text.lines().take(header.count).enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        for column in columns {
+            match words.get(*column).and_then(|word| word.parse::<f32>().ok()) {
+                Some(number) => numbers.push(number),
+                None => {
+                    let name = &header.properties[*column].0;
+                    return problem("data", format!("Gaussian {i} has no number for {name}; save the file again"));
+                }
+            }
+        }
+    }
+    let there = numbers.len() / columns.len();
+    if there < header.count {
+        let count = header.count;
+        return problem("data", format!("hold {there} of {count} Gaussians; the file is cut short, copy it again"));
+    }
+    Ok((0..columns.len()).flat_map(|row| numbers.iter().skip(row).step_by(columns.len()).copied()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file of two Gaussians of degree 1 with an unused property, and the table that it stands for.
+    fn file(ascii: bool) -> (Vec<u8>, Vec<f32>) {
+        let mut names =
+            vec!["x", "y", "z", "nx", "f_dc_0", "f_dc_1", "f_dc_2"].into_iter().map(String::from).collect::<Vec<_>>();
+        names.extend((0..9).map(|k| format!("f_rest_{k}")));
+        names
+            .extend(["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"].map(String::from));
+        let format = if ascii { "ascii" } else { "binary_little_endian" };
+        let mut bytes = format!("ply\nformat {format} 1.0\ncomment by hand\nelement vertex 2\n").into_bytes();
+        for name in &names {
+            let kind = if name == "nx" {
+                "uchar"
+            } else if name == "y" {
+                "double"
+            } else {
+                "float"
+            };
+            bytes.extend(format!("property {kind} {name}\n").bytes());
+        }
+        bytes.extend(b"end_header\n");
+        let value = |i: usize, column: usize| (100 * i + column) as f32 + 0.5;
+        for i in 0..2 {
+            for (column, name) in names.iter().enumerate() {
+                let v = value(i, column);
+                match name.as_str() {
+                    _ if ascii => bytes.extend(format!("{v} ").bytes()),
+                    "nx" => bytes.push(7),
+                    "y" => bytes.extend(f64::from(v).to_le_bytes()),
+                    _ => bytes.extend(v.to_le_bytes()),
+                }
+            }
+            if ascii {
+                bytes.push(b'\n');
+            }
+        }
+        let column = |name: &str| names.iter().position(|n| n == name).unwrap();
+        let mut order = ["x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity"]
+            .map(column)
+            .to_vec();
+        order.extend(["f_dc_0", "f_dc_1", "f_dc_2"].map(column));
+        // Function by function: red, green, blue of the first, then of the second.
+        order.extend([0, 3, 6, 1, 4, 7, 2, 5, 8].map(|k| column(&format!("f_rest_{k}"))));
+        let table = order.iter().flat_map(|column| (0..2).map(|i| value(i, *column))).collect();
+        (bytes, table)
+    }
+
+    #[test]
+    fn both_encodings_are_read_with_the_harmonics_function_by_function() {
+        for ascii in [false, true] {
+            let (bytes, table) = file(ascii);
+            assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table });
+        }
+        let scene = parse(&file(false).0).unwrap();
+        assert_eq!(scene.table.len(), scene.model().rows() * scene.count);
+    }
+
+    #[test]
+    fn damaged_files_are_refused_with_the_part() {
+        let (bytes, _) = file(false);
+        let replaced = |from: &str, to: &str| -> Vec<u8> {
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+            [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
+        };
+        let cases = [
+            (replaced("ply\n", "plx\n"), "header"),
+            (replaced("binary_little_endian", "binary_big_endian"), "binary_little_endian"),
+            (replaced("vertex 2", "vertex 99999999999999"), "of 99999999999999 Gaussians"),
+            (replaced("vertex 2", "vertex -2"), "element vertex"),
+            (replaced("float opacity", "float opacities"), "property opacity"),
+            (replaced("float f_rest_8", "float f_test_8"), "f_rest_*"),
+            (replaced("float x", "list uchar int x"), "list"),
+            (replaced("float x", "quaternion x"), "quaternion"),
+            (replaced("end_header\n", ""), "header"),
+            (b"ply\nformat ascii 1.0\nend_header\n".to_vec(), "element vertex"),
+        ];
+        for (bytes, expected) in cases {
+            let (field, text) = parse(&bytes).unwrap_err();
+            assert!(format!("{field}: {text}").contains(expected), "wanted {expected:?}, got {field}: {text}");
+        }
+        for length in 0..bytes.len() {
+            assert!(parse(&bytes[..length]).is_err(), "{length} of {} bytes were taken", bytes.len());
+        }
+    }
+}

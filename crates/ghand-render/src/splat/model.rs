@@ -1,0 +1,136 @@
+//! What a scene's Gaussians are made of: "model only what the scene requires".
+
+/// How the sizes of Gaussians are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Shape {
+    /// One standard deviation.
+    #[default]
+    Isotropic,
+    /// Three standard deviations along the axes of a rotation (a quaternion w, x, y, z of any length but 0).
+    Anisotropic,
+}
+
+/// Where opacity comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Opacity {
+    /// One for all Gaussians, in the view.
+    #[default]
+    Shared,
+    /// One a Gaussian.
+    Free,
+}
+
+/// How colour is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Color {
+    /// The same from all sides.
+    #[default]
+    Rgb,
+    /// Spherical harmonics of a degree of 0 to 3: `max(0, 0.5 + sum c_lm Y_lm(direction from camera to Gaussian))`.
+    SphericalHarmonics(u32),
+}
+
+/// The form in which sizes and opacities are stored and get their gradients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Stored {
+    /// Metres, and 0 to 1.
+    #[default]
+    Plain,
+    /// Logarithms of metres, and logits: as trainers of Gaussian splats store them.
+    Unbounded,
+}
+
+/// The kind of a scene's Gaussians. Pipelines are made for one kind; what it leaves out costs nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SplatModel {
+    /// Sizes.
+    pub shape: Shape,
+    /// Opacity.
+    pub opacity: Opacity,
+    /// Colour.
+    pub color: Color,
+    /// How sizes and free opacities are stored.
+    pub stored: Stored,
+    /// Whether a Gaussian that the screen-space blur widens loses as much opacity, so that it adds the same light.
+    pub antialias: bool,
+}
+
+impl SplatModel {
+    /// The Gaussians of a hand: round, opaque, of one colour from all sides.
+    pub const HAND: SplatModel = SplatModel {
+        shape: Shape::Isotropic,
+        opacity: Opacity::Shared,
+        color: Color::Rgb,
+        stored: Stored::Plain,
+        antialias: false,
+    };
+
+    /// What a 3D Gaussian Splatting `.ply` holds, with harmonics of this degree.
+    pub fn trained(degree: u32) -> SplatModel {
+        SplatModel {
+            shape: Shape::Anisotropic,
+            opacity: Opacity::Free,
+            color: Color::SphericalHarmonics(degree),
+            stored: Stored::Unbounded,
+            antialias: false,
+        }
+    }
+
+    /// First row of the sizes (1 or 3) in the table of Gaussians; the mean is in the three before.
+    pub const SCALE_ROW: usize = 3;
+
+    /// Number of size rows.
+    pub fn scale_rows(&self) -> usize {
+        if self.shape == Shape::Anisotropic { 3 } else { 1 }
+    }
+
+    /// First row of the quaternion, where there is one.
+    pub fn rotation_row(&self) -> usize {
+        Self::SCALE_ROW + self.scale_rows()
+    }
+
+    /// Row of the opacity, where it is free.
+    pub fn opacity_row(&self) -> usize {
+        self.rotation_row() + if self.shape == Shape::Anisotropic { 4 } else { 0 }
+    }
+
+    /// First row of the colour: red, green, blue, or the harmonics' coefficients, three rows each.
+    pub fn color_row(&self) -> usize {
+        self.opacity_row() + usize::from(self.opacity == Opacity::Free)
+    }
+
+    /// Number of basis functions of the colour; 0 for plain colours.
+    pub fn color_bases(&self) -> usize {
+        match self.color {
+            Color::Rgb => 0,
+            Color::SphericalHarmonics(degree) => (degree as usize + 1).pow(2),
+        }
+    }
+
+    /// Rows of the table of Gaussians.
+    pub fn rows(&self) -> usize {
+        self.color_row() + 3 * self.color_bases().max(1)
+    }
+
+    /// The `override` constants of the shaders that know the table.
+    pub(super) fn constants(&self) -> Vec<(&'static str, f64)> {
+        let flag = |on: bool| f64::from(u8::from(on));
+        vec![
+            ("ANISOTROPIC", flag(self.shape == Shape::Anisotropic)),
+            ("FREE_OPACITY", flag(self.opacity == Opacity::Free)),
+            ("COLOR_BASES", self.color_bases() as f64),
+            ("UNBOUNDED", flag(self.stored == Stored::Unbounded)),
+            ("ANTIALIAS", flag(self.antialias)),
+            ("ROW_SCALE", Self::SCALE_ROW as f64),
+            ("ROW_ROTATION", self.rotation_row() as f64),
+            ("ROW_OPACITY", self.opacity_row() as f64),
+            ("ROW_COLOR", self.color_row() as f64),
+        ]
+    }
+
+    /// Vectors of gradient for each (slot, cell), as in `rasterize_backward.wgsl`. The third is for the opacity: to hand
+    /// its gradient on, or because it depends on the size.
+    pub(super) fn slot_vectors(&self) -> usize {
+        if self.opacity == Opacity::Free || self.antialias { 3 } else { 2 }
+    }
+}

@@ -1,0 +1,70 @@
+// Real spherical harmonics up to degree 3, in the order and with the signs of 3D Gaussian Splatting files, and the
+// gradient of each as a polynomial of the direction's components.
+
+struct Harmonic {
+    value: f32,
+    gradient: vec3<f32>,
+}
+
+// Basis function k in the unit direction d.
+fn harmonic(k: u32, d: vec3<f32>) -> Harmonic {
+    let x = d.x;
+    let y = d.y;
+    let z = d.z;
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    switch k {
+        case 0u: { return Harmonic(0.28209479, vec3(0.0)); }
+        case 1u: { return Harmonic(-0.48860251 * y, vec3(0.0, -0.48860251, 0.0)); }
+        case 2u: { return Harmonic(0.48860251 * z, vec3(0.0, 0.0, 0.48860251)); }
+        case 3u: { return Harmonic(-0.48860251 * x, vec3(-0.48860251, 0.0, 0.0)); }
+        case 4u: { return Harmonic(1.0925485 * x * y, 1.0925485 * vec3(y, x, 0.0)); }
+        case 5u: { return Harmonic(-1.0925485 * y * z, -1.0925485 * vec3(0.0, z, y)); }
+        case 6u: { return Harmonic(0.31539157 * (2.0 * zz - xx - yy), 0.31539157 * vec3(-2.0 * x, -2.0 * y, 4.0 * z)); }
+        case 7u: { return Harmonic(-1.0925485 * x * z, -1.0925485 * vec3(z, 0.0, x)); }
+        case 8u: { return Harmonic(0.54627422 * (xx - yy), 0.54627422 * vec3(2.0 * x, -2.0 * y, 0.0)); }
+        case 9u: {
+            return Harmonic(-0.59004359 * y * (3.0 * xx - yy), -0.59004359 * vec3(6.0 * x * y, 3.0 * (xx - yy), 0.0));
+        }
+        case 10u: { return Harmonic(2.8906114 * x * y * z, 2.8906114 * vec3(y * z, x * z, x * y)); }
+        case 11u: {
+            return Harmonic(-0.45704580 * y * (4.0 * zz - xx - yy),
+                            -0.45704580 * vec3(-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z));
+        }
+        case 12u: {
+            return Harmonic(0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+                            0.37317633 * vec3(-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * xx - 3.0 * yy));
+        }
+        case 13u: {
+            return Harmonic(-0.45704580 * x * (4.0 * zz - xx - yy),
+                            -0.45704580 * vec3(4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z));
+        }
+        case 14u: { return Harmonic(1.4453057 * z * (xx - yy), 1.4453057 * vec3(2.0 * x * z, -2.0 * y * z, xx - yy)); }
+        default: {
+            return Harmonic(-0.59004359 * x * (xx - 3.0 * yy), -0.59004359 * vec3(3.0 * (xx - yy), -6.0 * x * y, 0.0));
+        }
+    }
+}
+
+fn stored_color(k: u32, i: u32) -> vec3<f32> {
+    let row = ROW_COLOR + 3u * k;
+    return vec3(stored(row, i), stored(row + 1u, i), stored(row + 2u, i));
+}
+
+// From the camera to a point whose camera coordinates are p, in world axes.
+fn direction_to(p: vec3<f32>) -> vec3<f32> {
+    return normalize(world_direction(p));
+}
+
+// The colour of Gaussian i seen along `direction`, before it is cut at 0.
+fn color_sum(i: u32, direction: vec3<f32>) -> vec3<f32> {
+    if COLOR_BASES == 0u {
+        return stored_color(0u, i);
+    }
+    var sum = vec3(0.5);
+    for (var k = 0u; k < COLOR_BASES; k++) {
+        sum += harmonic(k, direction).value * stored_color(k, i);
+    }
+    return sum;
+}
