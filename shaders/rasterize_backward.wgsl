@@ -15,8 +15,16 @@ override SLOT_VECTORS: u32 = 2u;
 // dL/d(colour, coverage).
 @group(0) @binding(6) var<storage, read> d_image: array<vec4<f32>>;
 // For each (slot, cell): (mean x, mean y, red, green), (blue, conic xx, xy, yy), and (opacity times its gradient, 0, 0, 0)
-// if it is wanted. Cleared before.
+// if it is wanted.
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
+
+fn clear_slot(at: u32) {
+    slot_gradients[at] = vec4(0.0);
+    slot_gradients[at + 1u] = vec4(0.0);
+    if SLOT_VECTORS > 2u {
+        slot_gradients[at + 2u] = vec4(0.0);
+    }
+}
 
 @compute @workgroup_size(32)
 fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -58,6 +66,10 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
                 behind[r][c] = transmittances[pixel] * (dot(view.background.xyz, d.xyz) - d.w);
             }
         }
+    }
+    // Behind the last splat that any pixel of the cell took there is no gradient.
+    for (var i = last; i < range.y; i++) {
+        clear_slot((entries[i].y * CELLS + cell) * SLOT_VECTORS);
     }
     for (var i = last; i > range.x;) {
         i--;
@@ -102,9 +114,11 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
             d_conic_xy -= d_power * dx * dy;
             d_conic_yy -= 0.5 * d_power * dy * dy;
         }
-        if touched {
+        let at = (entry.y * CELLS + cell) * SLOT_VECTORS;
+        if !touched {
+            clear_slot(at);
+        } else {
             let one = vec4(1.0);
-            let at = (entry.y * CELLS + cell) * SLOT_VECTORS;
             slot_gradients[at] = vec4(dot(d_mean_x, one), dot(d_mean_y, one), dot(sum_red, one), dot(sum_green, one));
             slot_gradients[at + 1u] =
                 vec4(dot(sum_blue, one), dot(d_conic_xx, one), dot(d_conic_xy, one), dot(d_conic_yy, one));

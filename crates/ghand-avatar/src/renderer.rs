@@ -2,7 +2,7 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::pose::{PosePipeline, Template as PoseTemplate, pose_stride};
-use ghand_render::splat::{Image, SplatOptions, Splatter, View};
+use ghand_render::splat::{Image, Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError};
 
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -28,13 +28,20 @@ pub struct AvatarRenderer {
 }
 
 impl AvatarRenderer {
-    /// Puts an avatar on the device, with room for `frames` poses and images of at most `max_size` pixels.
+    /// Puts an avatar on the device, with room for `frames` poses and images of at most `max_size` pixels. What is only
+    /// looked at needs no gradients, and far less memory.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
-    pub fn new(gpu: &Gpu, avatar: &Avatar, frames: usize, max_size: [u32; 2]) -> Result<AvatarRenderer, RenderError> {
+    pub fn new(
+        gpu: &Gpu,
+        avatar: &Avatar,
+        purpose: Purpose,
+        frames: usize,
+        max_size: [u32; 2],
+    ) -> Result<AvatarRenderer, RenderError> {
         let (template, config) = (&avatar.template, &avatar.config);
-        let splatter = Splatter::new(gpu, SplatOptions::default(), template.len(), max_size)?;
+        let splatter = Splatter::new(gpu, SplatOptions { purpose, ..Default::default() }, template.len(), max_size)?;
         let tables = DirectBuffers::upload(gpu, &avatar.tables, template.len(), config);
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();

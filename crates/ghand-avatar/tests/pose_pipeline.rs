@@ -12,6 +12,7 @@ use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{Pose, Side};
 use ghand_render::pose::PoseBackward;
+use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -67,7 +68,7 @@ fn widen(values: &[f32]) -> Vec<f64> {
 fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (template, config) = (&avatar.template, &avatar.config);
-    let mut renderer = AvatarRenderer::new(&gpu, avatar, 2, [16, 16]).unwrap();
+    let mut renderer = AvatarRenderer::new(&gpu, avatar, Purpose::Gradients, 2, [16, 16]).unwrap();
     let gradients = DirectBuffers::zeroed(&gpu, COUNT, JOINTS, config);
     let splatter = &renderer.splatter;
     let backward = PoseBackward::new(

@@ -13,5 +13,6 @@ pub mod pose;
 pub mod reference;
 pub mod shader_sources;
 pub mod splat;
+mod timing;
 
 pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};

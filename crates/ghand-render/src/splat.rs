@@ -14,7 +14,7 @@ mod sort;
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
 
-use crate::{Gpu, RenderError, buffers};
+use crate::{Gpu, RenderError, buffers, timing};
 use frame::{Frame, FrameBuffers, Pipelines};
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
@@ -65,6 +65,55 @@ impl SplatOptions {
     fn bytes_per_intersection(&self) -> u64 {
         // An entry is a Gaussian and a slot.
         (4 * self.gradient_words_per_slot() as u64).max(8)
+    }
+}
+
+/// A part of a frame that can be timed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameStage {
+    /// Project and cull.
+    Project,
+    /// Sort by depth.
+    SortDepth,
+    /// Count tiles, prefix sum, emit intersections.
+    Bin,
+    /// Sort by tile.
+    SortTiles,
+    /// Range of each tile.
+    FindRanges,
+    /// Blend.
+    Rasterize,
+    /// Gradients of the splats, by intersection.
+    RasterizeBackward,
+    /// Gradients of the Gaussians.
+    ProjectBackward,
+}
+
+impl FrameStage {
+    /// The stages of an image, in order.
+    pub const FORWARD: [FrameStage; 6] = [
+        FrameStage::Project,
+        FrameStage::SortDepth,
+        FrameStage::Bin,
+        FrameStage::SortTiles,
+        FrameStage::FindRanges,
+        FrameStage::Rasterize,
+    ];
+    /// The stages of its gradient, in order.
+    pub const BACKWARD: [FrameStage; 2] = [FrameStage::RasterizeBackward, FrameStage::ProjectBackward];
+
+    /// Name for people and JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            FrameStage::Project => "project",
+            FrameStage::SortDepth => "sort_depth",
+            FrameStage::Bin => "bin",
+            FrameStage::SortTiles => "sort_tiles",
+            FrameStage::FindRanges => "find_ranges",
+            FrameStage::Rasterize => "rasterize",
+            FrameStage::RasterizeBackward => "rasterize_backward",
+            FrameStage::ProjectBackward => "project_backward",
+        }
     }
 }
 
@@ -296,17 +345,45 @@ impl Splatter {
 
     /// Encodes the forward pass: table of Gaussians to image.
     pub fn forward(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.clear(encoder);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
+        FrameStage::FORWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
+    }
+
+    /// Encodes what the forward pass finds empty.
+    fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         self.frame.bin.clear(encoder);
         // The number of broken Gaussians.
         encoder.clear_buffer(&self.shared.counters, 12, Some(4));
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
-        self.frame.project.forward(&mut pass);
-        self.frame.depth_sort.encode(&mut pass);
-        self.frame.bin.emit(&mut pass);
-        self.frame.tile_sort.encode(&mut pass);
-        self.frame.bin.find_ranges(&mut pass, self.capacity);
-        self.frame.rasterize.forward(&mut pass, self.current.tiles);
+    }
+
+    fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
+        let (frame, tiles) = (&self.frame, self.current.tiles);
+        match stage {
+            FrameStage::Project => frame.project.forward(pass),
+            FrameStage::SortDepth => frame.depth_sort.encode(pass),
+            FrameStage::Bin => frame.bin.emit(pass),
+            FrameStage::SortTiles => frame.tile_sort.encode(pass),
+            FrameStage::FindRanges => frame.bin.find_ranges(pass, self.capacity),
+            FrameStage::Rasterize => frame.rasterize.forward(pass, tiles),
+            FrameStage::RasterizeBackward => frame.rasterize.backward(pass, tiles),
+            FrameStage::ProjectBackward => frame.project.backward(pass),
+        }
+    }
+
+    /// Runs one frame, backward too if there are gradients, and tells how long each stage took, milliseconds: by the
+    /// device's clock where it has one, else by waiting for each.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] if the device failed.
+    pub fn time_stages(&self, gpu: &Gpu) -> Result<Vec<(FrameStage, f64)>, RenderError> {
+        let backward: &[FrameStage] = if self.options.purpose.has_gradients() { &FrameStage::BACKWARD } else { &[] };
+        let stages = [&FrameStage::FORWARD[..], backward].concat();
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.clear(&mut encoder);
+        let times = timing::time_passes(gpu, encoder, stages.len(), |k, pass| self.encode_stage(stages[k], pass))?;
+        Ok(stages.into_iter().zip(times).collect())
     }
 
     /// Encodes the backward pass: dL/d(image) to dL/d(table of Gaussians). The forward pass of the same view must have
@@ -315,11 +392,9 @@ impl Splatter {
         if !self.options.purpose.has_gradients() {
             return;
         }
-        self.frame.rasterize.clear(encoder);
         let mut pass = encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
-        self.frame.rasterize.backward(&mut pass, self.current.tiles);
-        self.frame.project.backward(&mut pass);
+        FrameStage::BACKWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
     /// Whether the last frame was complete; if not, the buffers are grown and the frame must be encoded again.

@@ -3,6 +3,7 @@
 use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_core::Pose;
 use ghand_data::{Capture, CaptureError};
+use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 use serde::Serialize;
 
@@ -71,7 +72,7 @@ pub fn evaluate(
         split.cameras.iter().map(|c| axis(&capture.cameras[*c])).max().unwrap_or(1)
     };
     let max_size = [largest(|c| c.width), largest(|c| c.height)];
-    let mut renderer = AvatarRenderer::new(gpu, avatar, 1, max_size)?;
+    let mut renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
     let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize);
     let background = capture.background;
     let mut sum = [Likeness::default(); 2];

@@ -5,6 +5,7 @@ use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_render::image_loss::ImageLoss;
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pose::{PoseBackward, pose_stride};
+use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::settings::TrainSettings;
@@ -58,7 +59,7 @@ impl Step {
     ) -> Result<Step, RenderError> {
         let (template, config) = (&avatar.template, &avatar.config);
         let (count, joint_count) = (template.len(), template.joint_count());
-        let renderer = AvatarRenderer::new(gpu, avatar, frames, max_size)?;
+        let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Gradients, frames, max_size)?;
         let splatter = &renderer.splatter;
         let loss =
             ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize);

@@ -1,16 +1,20 @@
 //! `ghand bench splat`: how long a frame and its gradient take.
 
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
+use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
-use ghand_core::HandModel;
-use ghand_core::Pose;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::surface::sample_surface;
+use ghand_core::{Camera, HandModel, Pose};
+use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
 
+use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::turntable;
 
@@ -23,28 +27,36 @@ pub struct BenchArgs {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// The splatter, forward and backward, on the procedural hand filling the image
+    /// The splatter, forward and backward, on a hand that fills the image or on a scene
     Splat(SplatArgs),
 }
 
 #[derive(Debug, Args)]
 struct SplatArgs {
-    /// About how many Gaussians; the nearest UV resolution is taken
+    /// About how many Gaussians the hand has; the nearest UV resolution is taken
     #[arg(long, default_value_t = 87_779, value_name = "N")]
     n: usize,
-    /// Image size in pixels
-    #[arg(long, default_value = "334x512", value_parser = parse_size, value_name = "WxH")]
-    size: [u32; 2],
+    /// Image size in pixels [default: the camera's, else 334x512]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<[u32; 2]>,
+    /// `hand`, the built-in one at rest, or a .ply file of Gaussians
+    #[arg(long, default_value = "hand", value_name = "hand|FILE")]
+    scene: String,
+    /// A JSON file with one camera as in a capture.json; a scene needs one
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
     /// Frames that are timed, after a few that are not
-    #[arg(long, default_value_t = 20, value_name = "N")]
-    frames: usize,
-    /// One JSON object instead of a line of text
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    frames: u32,
+    /// One JSON object instead of lines of text
     #[arg(long)]
     json: bool,
 }
 
 /// Frames that warm the caches up.
 const WARM_UP: usize = 3;
+/// Size of the image when nothing says it.
+const DEFAULT_SIZE: [u32; 2] = [334, 512];
 
 /// Runs a benchmark.
 ///
@@ -52,9 +64,6 @@ const WARM_UP: usize = 3;
 /// One sentence that says what failed.
 pub fn run(args: &BenchArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let What::Splat(args) = &args.what;
-    if args.frames == 0 {
-        bail!("--frames must be at least 1");
-    }
     splat(args, &adapter.open()?)
 }
 
@@ -73,62 +82,106 @@ struct Times {
     max: f64,
 }
 
-fn time(frames: usize, mut frame: impl FnMut() -> anyhow::Result<()>) -> anyhow::Result<Times> {
-    for _ in 0..WARM_UP {
-        frame()?;
+impl Times {
+    fn of(mut times: Vec<f64>) -> Times {
+        times.sort_by(f64::total_cmp);
+        let at = |i: usize| times.get(i).copied().unwrap_or(f64::NAN);
+        Times { median: at(times.len() / 2), min: at(0), max: at(times.len().saturating_sub(1)) }
     }
-    let mut times = Vec::with_capacity(frames);
-    for _ in 0..frames {
-        let start = Instant::now();
-        frame()?;
-        times.push(start.elapsed().as_secs_f64() * 1e3);
-    }
-    times.sort_by(f64::total_cmp);
-    let at = |i: usize| times.get(i).copied().unwrap_or(f64::NAN);
-    Ok(Times { median: at(times.len() / 2), min: at(0), max: at(times.len() - 1) })
 }
 
-fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
+#[derive(serde::Serialize)]
+struct Report {
+    adapter: String,
+    gaussians: usize,
+    intersections: u32,
+    width: u32,
+    height: u32,
+    forward_ms: Times,
+    backward_ms: Times,
+    stages: BTreeMap<&'static str, Times>,
+}
+
+/// A splatter that has just rendered the scene.
+fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
+    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    let camera = match (camera, args.size) {
+        (Some(camera), Some([width, height])) => Some(camera.resized(width, height)),
+        (camera, _) => camera,
+    };
+    if args.scene != "hand" {
+        let scene = SplatScene::read(args.scene.as_ref())?;
+        let Some(camera) = camera else { bail!("--scene {}: needs a --camera", args.scene) };
+        let size = [camera.width, camera.height];
+        let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, depth: false };
+        let mut splatter = Splatter::new(gpu, options, scene.count, size)?;
+        gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&scene.table));
+        splatter.set_view(gpu, View::new(&camera, scene.count, [0.0; 3], 1.0))?;
+        splatter.render(gpu)?;
+        return Ok((splatter, camera));
+    }
     let model = ProceduralHand::default().build()?;
     let config = AvatarConfig { uv_resolution: resolution_for(&model, args.n)?, ..Default::default() };
     let avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0)?;
     let rest = Pose::rest(model.joint_count());
-    let views = turntable(&model, &[&rest], 1, args.size);
-    let Some(camera) = views.first().and_then(|v| v.first()) else { bail!("there is no view to render") };
-    let mut renderer = AvatarRenderer::new(gpu, &avatar, 1, args.size)?;
+    let around = || turntable(&model, &[&rest], 1, args.size.unwrap_or(DEFAULT_SIZE)).into_iter().flatten().next();
+    let Some(camera) = camera.or_else(around) else { bail!("there is no view to render") };
+    let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Gradients, 1, [camera.width, camera.height])?;
     renderer.set_pose(gpu, 0, &rest)?;
-    // Makes room for all intersections, and poses the hand: what is timed is the splatter alone.
-    renderer.render(gpu, 0, camera, [0.0; 3])?;
-    let pixels = args.size[0] as usize * args.size[1] as usize;
+    renderer.render(gpu, 0, &camera, [0.0; 3])?;
+    Ok((renderer.splatter, camera))
+}
+
+fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
+    let (splatter, camera) = set_up(args, gpu)?;
+    let pixels = camera.width as usize * camera.height as usize;
     // A gradient that changes from pixel to pixel: zeros could be faster than what training meets.
     let gradient: Vec<f32> = (0..4 * pixels).map(|i| ((i * 37 % 101) as f32 - 50.0) * 1e-6).collect();
-    gpu.queue.write_buffer(renderer.splatter.d_image(), 0, bytemuck::cast_slice(&gradient));
-    let counters: Vec<u32> = buffers::read(gpu, renderer.splatter.counters(), 3)?;
-    let submit = |encode: &dyn Fn(&mut wgpu::CommandEncoder)| -> anyhow::Result<()> {
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encode(&mut encoder);
-        gpu.queue.submit([encoder.finish()]);
-        Ok(gpu.wait()?)
-    };
-    let forward = time(args.frames, || submit(&|e| renderer.splatter.forward(e)))?;
-    let backward = time(args.frames, || submit(&|e| renderer.splatter.backward(e)))?;
-    let (count, [width, height]) = (avatar.template.len(), args.size);
-    if args.json {
-        let report = serde_json::json!({
-            "adapter": gpu.info.name,
-            "gaussians": count,
-            "intersections": counters[2],
-            "width": width,
-            "height": height,
-            "forward_ms": forward,
-            "backward_ms": backward,
-        });
-        println!("{report}");
-    } else {
-        println!("{}: {count} Gaussians, {} tile intersections, {width}x{height}", gpu.info.name, counters[2]);
-        for (name, t) in [("forward", forward), ("backward", backward)] {
-            println!("{name:9} median {:.2} ms, min {:.2}, max {:.2}", t.median, t.min, t.max);
+    gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(&gradient));
+    let counters: Vec<u32> = buffers::read(gpu, splatter.counters(), 3)?;
+    let [.., wanted] = counters[..] else { bail!("the device gave no counters") };
+    ensure!(wanted <= splatter.capacity(), "the scene does not fit the device");
+    let time = |encode: &dyn Fn(&mut wgpu::CommandEncoder)| -> anyhow::Result<Times> {
+        let mut times = Vec::new();
+        for frame in 0..WARM_UP + args.frames as usize {
+            let start = Instant::now();
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            encode(&mut encoder);
+            gpu.queue.submit([encoder.finish()]);
+            gpu.wait()?;
+            if frame >= WARM_UP {
+                times.push(start.elapsed().as_secs_f64() * 1e3);
+            }
         }
+        Ok(Times::of(times))
+    };
+    let forward_ms = time(&|encoder| splatter.forward(encoder))?;
+    let backward_ms = time(&|encoder| splatter.backward(encoder))?;
+    let mut stages: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+    for _ in 0..args.frames {
+        for (stage, milliseconds) in splatter.time_stages(gpu)? {
+            stages.entry(stage.name()).or_default().push(milliseconds);
+        }
+    }
+    let report = Report {
+        adapter: gpu.info.name.clone(),
+        gaussians: splatter.count(),
+        intersections: wanted,
+        width: camera.width,
+        height: camera.height,
+        forward_ms,
+        backward_ms,
+        stages: stages.into_iter().map(|(name, times)| (name, Times::of(times))).collect(),
+    };
+    if args.json {
+        println!("{}", serde_json::to_string(&report)?);
+        return Ok(());
+    }
+    let Report { adapter, gaussians, width, height, .. } = &report;
+    println!("{adapter}: {gaussians} Gaussians, {wanted} tile intersections, {width}x{height}");
+    let totals = [("forward", &report.forward_ms), ("backward", &report.backward_ms)];
+    for (name, t) in totals.into_iter().chain(report.stages.iter().map(|(name, t)| (*name, t))) {
+        println!("{name:18} median {:.2} ms, min {:.2}, max {:.2}", t.median, t.min, t.max);
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
 use ghand_core::Pose;
 use ghand_core::atomic_file::write_atomically;
-use ghand_render::splat::Image;
+use ghand_render::splat::{Image, Purpose};
 use image::{ImageFormat, RgbImage};
 
 use crate::camera_file::read_camera;
@@ -70,7 +70,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     };
     let size = cameras.first().and_then(|c| c.first()).map_or(DEFAULT_SIZE, |c| [c.width, c.height]);
     let gpu = adapter.open()?;
-    let mut renderer = AvatarRenderer::new(&gpu, &avatar, 1, size)?;
+    let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, size)?;
     let mut number = 0;
     for (pose, views) in poses.iter().zip(&cameras) {
         renderer.set_pose(&gpu, 0, pose)?;

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_core::{Camera, Pose};
+use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, shader_sources};
 
 /// Format of the texture: display values, which is what the user interface takes.
@@ -105,7 +106,7 @@ impl Picture {
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, avatar: &Avatar, max_size: [u32; 2]) -> Result<Picture, RenderError> {
-        let renderer = AvatarRenderer::new(gpu, avatar, 1, max_size)?;
+        let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
         let pipeline = pipeline(gpu);
         let buffer = |label, size, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -351,7 +352,7 @@ mod tests {
         let avatar = bare_hand().unwrap();
         let pose = Pose::rest(avatar.model.joint_count());
         let mut picture = Picture::new(&gpu, &avatar, [128, 128]).unwrap();
-        let mut renderer = AvatarRenderer::new(&gpu, &avatar, 1, [128, 128]).unwrap();
+        let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, [128, 128]).unwrap();
         renderer.set_pose(&gpu, 0, &pose).unwrap();
         // The second picture is smaller: rows must not be mixed up.
         for size in [[101, 77], [50, 90]] {

@@ -255,7 +255,7 @@ mod tests {
                     let rotation = rotation_from_axis_angle(step(h)) * camera.rotation;
                     loss(&gaussians, &Camera { rotation, ..camera.clone() })
                 };
-                let turn = glam::DMat3::from_cols(
+                let turn = DMat3::from_cols(
                     step(1.0).cross(camera.rotation.x_axis),
                     step(1.0).cross(camera.rotation.y_axis),
                     step(1.0).cross(camera.rotation.z_axis),

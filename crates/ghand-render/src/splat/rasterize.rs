@@ -29,7 +29,6 @@ impl Pipelines {
 pub struct Stages {
     rasterize: Bound,
     rasterize_backward: Option<Bound>,
-    slot_gradients: wgpu::Buffer,
 }
 
 impl Stages {
@@ -64,18 +63,12 @@ impl Stages {
                     ],
                 )
             }),
-            slot_gradients: b.slot_gradients.clone(),
         }
     }
 
     /// A workgroup a tile.
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
         self.rasterize.dispatch(pass, tiles[0] * tiles[1]);
-    }
-
-    /// What the backward pass does not touch has no gradient.
-    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.clear_buffer(&self.slot_gradients, 0, None);
     }
 
     /// Eight tiles of four cells to a workgroup.
