@@ -2,10 +2,11 @@
 
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
-/// `R = cos I + sin [u]x + versine u u^T`, and what its derivative to `v` needs.
+/// `R = cos I + sin [u]x + versine u u^T` along a vector u, and the numbers of its derivative
+/// `dL/dv = sin_v vee + versine_v (G + G^T) u + along u`.
 ///
-/// Small angles take `u = v`, so that nothing is divided by them, with `sin`, `versine` = sin(angle) / angle,
-/// (1 - cos(angle)) / angle^2. Others take the unit axis, so that no square of a large number is needed.
+/// Small angles take `u = v`, so that nothing is divided by them: then `sin` and `versine` stand for sin(angle) / angle
+/// and (1 - cos(angle)) / angle^2. Other angles take the unit axis, so that no large number is squared.
 struct Rodrigues {
     u: DVec3,
     /// |u|^2
@@ -13,10 +14,10 @@ struct Rodrigues {
     cos: f64,
     sin: f64,
     versine: f64,
-    /// d(sin u)/dv = `sin_v` 1 + ... u u^T, and `versine_v` likewise: the coefficients divided by the angle, if u is.
+    /// d(sin u)/dv and d(versine u)/dv across u.
     sin_v: f64,
     versine_v: f64,
-    /// How `sin_v` and `versine_v` change along u, times |u|^2 / u.
+    /// What comes on top of these along u, for each unit of `u . vee` and of the rest.
     sin_along: f64,
     versine_along: f64,
 }
@@ -80,8 +81,8 @@ impl Rodrigues {
     }
 }
 
-/// The length of a vector as a number and what rounding took off it: exact to 2^-104, for every vector whose length is
-/// finite. Only for lengths that are not tiny.
+/// The length of a vector as a number and what rounding took off it: together right to about 2^-104 of it, for every vector whose
+/// length is finite. Only for lengths that are not tiny.
 fn length(v: DVec3) -> (f64, f64) {
     // Squares of larger numbers overflow; products with powers of two are exact.
     let scale = if v.abs().max_element() > 1e150 { 2.0_f64.powi(-600) } else { 1.0 };

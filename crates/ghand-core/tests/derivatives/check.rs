@@ -94,6 +94,9 @@ struct Errors {
     value: f64,
     dual: f64,
     difference: f64,
+    /// Gradients to one input that were not zero, and how many of these were compared with their terms.
+    compared: usize,
+    by_terms: usize,
 }
 
 fn worse(a: f64, b: f64) -> f64 {
@@ -173,6 +176,8 @@ fn errors(problem: &impl Problem, gradients: &[Vec<f64>]) -> Errors {
         let size = largest(right).max(SHARE_OF_TERMS * input.terms);
         let apart: Vec<f64> = found.iter().zip(right).map(|(a, b)| a - b).collect();
         errors.dual = worse(errors.dual, relative(largest(&apart), size));
+        errors.compared += usize::from(largest(right) > 0.0);
+        errors.by_terms += usize::from(largest(right) > 0.0 && largest(right) < size);
         if !right.is_empty() {
             let mut direction = vec![0.0; flat.len()];
             for one in [false, true] {
@@ -218,6 +223,8 @@ where
             all.value = worse(all.value, found.value);
             all.dual = worse(all.dual, found.dual);
             all.difference = worse(all.difference, found.difference);
+            all.compared += found.compared;
+            all.by_terms += found.by_terms;
         }
         if !accepts(&found) {
             return Err(TestCaseError::fail(format!("{found:?}")));
@@ -228,10 +235,15 @@ where
         }
         Ok(())
     });
-    let mut table =
-        format!("\n{name}\n| extreme | cases | value | dual numbers | differences |\n|---|---|---|---|---|\n");
+    let mut table = format!(
+        "\n{name}\n| extreme | cases | value | dual numbers | differences | by terms |\n|---|---|---|---|---|---|\n"
+    );
     for (extreme, (count, e)) in worst.borrow().iter() {
-        table += &format!("| {extreme} | {count} | {:.1e} | {:.1e} | {:.1e} |\n", e.value, e.dual, e.difference);
+        let by_terms = 100.0 * e.by_terms as f64 / e.compared.max(1) as f64;
+        table += &format!(
+            "| {extreme} | {count} | {:.1e} | {:.1e} | {:.1e} | {by_terms:.1} % |\n",
+            e.value, e.dual, e.difference
+        );
     }
     println!("{table}");
     outcome.unwrap_or_else(|problem| panic!("{name}: {problem}"));
