@@ -1,0 +1,254 @@
+//! Scenes, and how the device is held against its twin.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
+#![allow(dead_code, reason = "no test file needs all of it")]
+
+use ghand_core::Camera;
+use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
+use ghand_render::reference::rasterize::{Cuts, Scene};
+use ghand_render::splat::{Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
+use ghand_render::{AdapterChoice, Gpu, buffers};
+use glam::{DVec2, DVec3};
+use rand::{RngExt, SeedableRng};
+
+pub fn gpu() -> Gpu {
+    Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn rng(seed: u64) -> rand_chacha::ChaCha8Rng {
+    rand_chacha::ChaCha8Rng::seed_from_u64(seed)
+}
+
+/// A camera with unequal focal lengths, an off-centre principal point and a size that is no multiple of a tile.
+pub fn camera(width: u32, height: u32) -> Camera {
+    let look = Camera::look_at(DVec3::new(0.2, -0.1, -0.9), DVec3::ZERO, DVec3::Y, 0.5, width, height);
+    Camera { focal: look.focal * DVec2::new(1.0, 1.2), principal: look.principal + DVec2::new(3.3, -2.7), ..look }
+}
+
+pub fn vector(rng: &mut rand_chacha::ChaCha8Rng) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
+}
+
+/// Rounded to f32, so that both sides start from the same numbers.
+pub fn rounded(v: DVec3) -> DVec3 {
+    v.as_vec3().as_dvec3()
+}
+
+pub fn random_scene(seed: u64, count: usize, scale: std::ops::Range<f64>) -> Vec<Gaussian> {
+    let mut rng = rng(seed);
+    (0..count)
+        .map(|_| {
+            let mean = rounded(vector(&mut rng)) * 0.25;
+            let scale = f64::from(rng.random_range(scale.clone()) as f32);
+            Gaussian::round(mean, scale, 1.0, rounded(vector(&mut rng) * 0.5 + 0.5))
+        })
+        .collect()
+}
+
+/// Gaussians of the most general kind.
+pub fn general_scene(seed: u64, count: usize, scale: std::ops::Range<f64>, bases: usize) -> Vec<Gaussian> {
+    let mut rng = rng(seed);
+    (0..count)
+        .map(|_| {
+            let size = rng.random_range(scale.clone());
+            let length = rng.random_range(0.01..30.0);
+            Gaussian {
+                mean: rounded(vector(&mut rng)) * 0.25,
+                scales: rounded(size * (1.2 + vector(&mut rng))),
+                rotation: (vector(&mut rng).extend(rng.random_range(-1.0..1.0)) * length).as_vec4().as_dvec4(),
+                opacity: f64::from(rng.random_range(0.05f32..1.0)),
+                color: match bases {
+                    0 => Color::Rgb(rounded(vector(&mut rng) * 0.5 + 0.5)),
+                    _ => Color::SphericalHarmonics((0..bases).map(|_| rounded(vector(&mut rng))).collect()),
+                },
+            }
+        })
+        .collect()
+}
+
+/// The numbers of a Gaussian in the order of the table's rows.
+pub fn row_values(g: &Gaussian, model: &SplatModel) -> Vec<f64> {
+    let mut values = g.mean.to_array().to_vec();
+    match model.shape {
+        Shape::Isotropic => values.push(g.scales.x),
+        Shape::Anisotropic => {
+            values.extend(g.scales.to_array());
+            values.extend([g.rotation.w, g.rotation.x, g.rotation.y, g.rotation.z]);
+        }
+    }
+    if model.opacity == Opacity::Free {
+        values.push(g.opacity);
+    }
+    values.extend(g.coefficients().iter().flat_map(|c| c.to_array()));
+    values
+}
+
+/// As stored: `[rows][N]`.
+pub fn table(gaussians: &[Gaussian], model: &SplatModel) -> Vec<f32> {
+    let all: Vec<Vec<f64>> = gaussians.iter().map(|g| row_values(g, model)).collect();
+    let stored = |row: usize, value: f64| -> f32 {
+        let is_scale = (SplatModel::SCALE_ROW..SplatModel::SCALE_ROW + model.scale_rows()).contains(&row);
+        match model.stored {
+            Stored::Unbounded if is_scale => value.ln() as f32,
+            Stored::Unbounded if model.opacity == Opacity::Free && row == model.opacity_row() => {
+                (value / (1.0 - value)).ln() as f32
+            }
+            _ => value as f32,
+        }
+    };
+    (0..model.rows()).flat_map(|row| all.iter().map(move |values| stored(row, values[row]))).collect()
+}
+
+/// The twin's gradient as the table has it.
+pub fn gradient_table(gaussians: &[Gaussian], gradient: &[Gaussian], model: &SplatModel) -> Vec<f64> {
+    let mut all: Vec<Vec<f64>> = Vec::new();
+    for (g, d) in gaussians.iter().zip(gradient) {
+        let mut tied = d.clone();
+        if model.shape == Shape::Isotropic {
+            tied.scales.x = d.scales.element_sum();
+        }
+        if model.stored == Stored::Unbounded {
+            tied.scales *= g.scales;
+            tied.opacity *= g.opacity * (1.0 - g.opacity);
+        }
+        all.push(row_values(&tied, model));
+    }
+    (0..model.rows()).flat_map(|row| all.iter().map(move |values| values[row])).collect()
+}
+
+pub struct Rendered {
+    pub image: Vec<[f32; 4]>,
+    pub depths: Vec<f32>,
+    pub gradient: Vec<f32>,
+    pub d_camera: Vec<f32>,
+    pub broken: u32,
+}
+
+pub const BACKGROUND: [f32; 3] = [0.2, 0.3, 0.4];
+
+pub fn render_table(
+    gpu: &Gpu,
+    model: SplatModel,
+    table: &[f32],
+    camera: &Camera,
+    opacity: f32,
+    d_image: &[[f32; 4]],
+) -> Rendered {
+    let count = table.len() / model.rows();
+    let options = SplatOptions { model, purpose: Purpose::CameraGradients, depth: true };
+    let mut splatter = Splatter::new(gpu, options, count, [camera.width, camera.height]).unwrap();
+    gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(table));
+    splatter.set_view(gpu, View::new(camera, count, BACKGROUND, opacity)).unwrap();
+    let image = splatter.render(gpu).unwrap().rgba;
+    gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(d_image));
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    splatter.forward(&mut encoder);
+    splatter.backward(&mut encoder);
+    gpu.queue.submit([encoder.finish()]);
+    Rendered {
+        depths: buffers::read(gpu, splatter.depths(), image.len()).unwrap(),
+        gradient: buffers::read(gpu, splatter.d_gaussians(), table.len()).unwrap(),
+        d_camera: buffers::read(gpu, splatter.d_camera(), 6).unwrap(),
+        broken: buffers::read::<u32>(gpu, splatter.counters(), 4).unwrap()[3],
+        image,
+    }
+}
+
+pub fn random_weights(seed: u64, pixels: usize) -> Vec<[f32; 4]> {
+    let mut rng = rng(seed);
+    (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(-1.0f32..1.0))).collect()
+}
+
+/// How far two images are apart: the largest difference, leaving out pixels that differ by more than `flip`, and how
+/// many those are.
+pub fn compare_images(image: &[[f32; 4]], twin: &[[f64; 4]], flip: f64) -> (f64, usize) {
+    let (mut worst, mut flips) = (0.0, 0);
+    for (a, b) in image.iter().zip(twin) {
+        let difference = (0..4).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, |m, d| if d <= m { m } else { d });
+        if !(difference <= flip) {
+            flips += 1;
+        } else {
+            worst = f64::max(worst, difference);
+        }
+    }
+    (worst, flips)
+}
+
+/// Relative L2 error of some numbers.
+pub fn relative_error(got: &[f32], expected: &[f64]) -> f64 {
+    let difference: f64 = got.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum();
+    let norm: f64 = expected.iter().map(|b| b * b).sum();
+    if norm == 0.0 { difference.sqrt() } else { (difference / norm).sqrt() }
+}
+
+/// Names of the parts of the table, with their rows.
+pub fn parts(model: &SplatModel) -> Vec<(&'static str, std::ops::Range<usize>)> {
+    let mut parts = vec![("means", 0..3), ("scales", 3..3 + model.scale_rows())];
+    if model.shape == Shape::Anisotropic {
+        parts.push(("rotations", model.rotation_row()..model.rotation_row() + 4));
+    }
+    if model.opacity == Opacity::Free {
+        parts.push(("opacities", model.opacity_row()..model.opacity_row() + 1));
+    }
+    parts.push(("colors", model.color_row()..model.rows()));
+    parts
+}
+
+pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Camera, opacity: f32) {
+    let gpu = gpu();
+    let weights = random_weights(3, (camera.width * camera.height) as usize);
+    let rendered = render_table(&gpu, model, &table(gaussians, &model), camera, opacity, &weights);
+    let gaussians: Vec<Gaussian> = gaussians
+        .iter()
+        .map(|g| match model.opacity {
+            Opacity::Shared => Gaussian { opacity: f64::from(opacity), ..g.clone() },
+            Opacity::Free => g.clone(),
+        })
+        .collect();
+    let scene = Scene {
+        gaussians: &gaussians,
+        camera,
+        background: DVec3::from(BACKGROUND.map(f64::from)),
+        antialias: model.antialias,
+        cuts: Cuts::default(),
+    };
+    let twin = scene.rasterize();
+    // A contribution of just 1/255 may be taken on one side and left out on the other.
+    let (worst, flips) = compare_images(&rendered.image, &twin, 2e-4);
+    println!("{model:?}: image error {worst:.1e}, {flips} of {} pixels flipped at a cut-off", twin.len());
+    assert!(worst <= 1e-4, "image error {worst}");
+    assert!(flips * 200 <= twin.len(), "{flips} of {} pixels flipped at a cut-off", twin.len());
+    assert!(compare_images(&rendered.image, &twin, 2.5 / 255.0).1 == 0, "a flip larger than the alpha cut");
+    let depth_error = relative_error(&rendered.depths, &scene.depth());
+    assert!(depth_error <= 1e-3, "depth: {depth_error}");
+    // Rounding alone stays below 1e-4; a flip changes a contribution by 1/255 of a weight.
+    let tolerance = if flips == 0 { 1e-4 } else { 2e-3 };
+    let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
+    let (gradient, d_camera) = scene.rasterize_vjp(&d_image);
+    let expected = gradient_table(&gaussians, &gradient, &model);
+    for (name, rows) in parts(&model) {
+        let range = rows.start * gaussians.len()..rows.end * gaussians.len();
+        let error = relative_error(&rendered.gradient[range.clone()], &expected[range.clone()]);
+        println!("  {name}: relative L2 error {error:.1e}");
+        assert!(error <= tolerance, "{model:?} {name}: relative L2 error {error}");
+        let wrong: Vec<f64> = expected[range.clone()].iter().map(|d| d * 1.02).collect();
+        assert!(!(relative_error(&rendered.gradient[range], &wrong) <= tolerance), "{name} is not compared");
+    }
+    let turn = turn_gradient(camera, &d_camera);
+    let error = relative_error(&rendered.d_camera, &turn);
+    println!("  camera: relative L2 error {error:.1e}");
+    assert!(error <= tolerance, "{model:?} camera: {:?} against {turn:?}", rendered.d_camera);
+}
+
+/// The camera's gradient as the device gives it: to x + w x x + t of the camera coordinates x.
+pub fn turn_gradient(camera: &Camera, d: &CameraGradient) -> [f64; 6] {
+    let product = d.rotation * camera.rotation.transpose();
+    let vee = DVec3::new(
+        product.y_axis.z - product.z_axis.y,
+        product.z_axis.x - product.x_axis.z,
+        product.x_axis.y - product.y_axis.x,
+    );
+    let turn = vee + camera.translation.cross(d.translation);
+    [turn.x, turn.y, turn.z, d.translation.x, d.translation.y, d.translation.z]
+}
+
