@@ -1,7 +1,10 @@
 //! Hand models: a skinned surface with a UV atlas and a skeleton.
 
 pub mod gltf;
+pub mod mano;
 pub mod named_poses;
+pub mod npz;
+mod pickle;
 pub mod procedural;
 
 use std::path::PathBuf;
