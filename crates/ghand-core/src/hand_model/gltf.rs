@@ -63,6 +63,13 @@ pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Resul
 fn parse(bytes: &[u8], source: &Source) -> Result<Gltf, HandModelError> {
     let unusable =
         |error: ::gltf::Error| source.invalid("glTF", format!("{error}; export the hand again as glTF 2.0 (.glb)"));
+    // gltf 1.4.1 takes the header's 12 bytes off the length that it states, and panics when it is less.
+    if let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = bytes
+        && let Some(&length) = length.first_chunk()
+        && u32::from_le_bytes(length) < 12
+    {
+        return Err(source.invalid("glTF", "states a length below its header's; export the hand again".into()));
+    }
     // The validation of gltf-json 1.4.1 looks up POSITION accessors before it has checked that they exist, and panics.
     let json =
         if bytes.starts_with(b"glTF") { ::gltf::Glb::from_slice(bytes).map_err(unusable)?.json } else { bytes.into() };

@@ -109,7 +109,7 @@ fn rigs_with_other_joints_get_numbered_names() {
 }
 
 #[test]
-fn an_archive_in_a_row_of_columns_or_rows_gives_the_same_regressor() {
+fn a_regressor_stored_by_rows_and_out_of_order_is_the_same() {
     let hand = Hand::small();
     let flat = |code, values: &[f64]| Py::Array(array(code, &[values.len()], false, values));
     // By rows, the entries of the second row in falling order, and the shape under its older name.
@@ -138,15 +138,17 @@ fn weights_that_sum_to_one_keep_their_bits_and_others_are_divided_by_their_sum()
     assert_eq!(model.weights, weights);
 }
 
+type Change<'a> = &'a dyn Fn(&mut Entries);
+
 #[test]
 fn what_is_unusual_is_said_but_read() {
     let hand = Hand::procedural(200, (20, 10));
-    let warnings_of = |change: &dyn Fn(&mut Entries)| {
+    let warnings_of = |change: Change| {
         let mut entries = hand.published();
         change(&mut entries);
         read(&as_pickle(&entries)).warnings
     };
-    let cases: [(&dyn Fn(&mut Entries), &str); 5] = [
+    let cases: [(Change, &str); 5] = [
         (&|e| set(e, "bs_type", string("euler")), "bs_type is \"euler\""),
         (&|e| set(e, "bs_style", string("dqs")), "bs_style is \"dqs\""),
         (&|e| set(e, "J", Py::Array(array("<f8", &[16, 3], false, &[0.5; 48]))), "J is up to"),
