@@ -201,6 +201,7 @@ fn arrays_that_cannot_be_are_named() {
         ("J_regressor", sparse(&[0., 1., 1., 1., 1., 1.], &[-1.], &[1.]), "the index -1"),
         ("J_regressor", sparse(&[0., 1., 0., 1., 1., 1.], &[0.], &[1.]), "starts are not in order"),
         ("J_regressor", sparse(&[0., 2., 2., 2., 2., 2.], &[0.], &[1.]), "starts are not in order"),
+        ("J_regressor", sparse(&[1., 1., 1., 1., 1., 1.], &[0.], &[1.]), "starts are not in order"),
         ("J_regressor", sparse(&[0., 1., 1., 1., 1., 1.], &[0.], &[f64::NAN]), "NaN at [0, 0]"),
         ("v_template", select(&[15.0; 15], &[5, 3]), "number 15 of 15"),
         ("v_template", select(&[0.0; 15], &[4, 3]), "15 numbers for the shape [4, 3]"),
