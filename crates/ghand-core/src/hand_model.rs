@@ -2,7 +2,10 @@
 
 pub mod gltf;
 pub mod inspection;
+pub mod mano;
 pub mod named_poses;
+pub mod npz;
+mod pickle;
 pub mod procedural;
 pub mod read;
 

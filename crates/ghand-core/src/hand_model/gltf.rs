@@ -30,10 +30,20 @@ use joints::Rig;
 /// [`HandModelError::Io`] when a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
 /// when it is not glTF 2.0, has no skin, no UVs, unusable numbers, or buffers in `data:` URIs.
 pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
-    let source = Source { name: path.display().to_string() };
     let bytes = std::fs::read(path).map_err(|error| HandModelError::Io { path: path.to_path_buf(), source: error })?;
-    let file = parse(&bytes, &source)?;
-    let buffers = Buffers::load(&file, path, &source)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    read_gltf_bytes(&path.display().to_string(), &bytes, Some(folder))
+}
+
+/// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder` is where
+/// other files that it names lie: without one, naming a file is an error.
+///
+/// # Errors
+/// As of [`read_gltf`].
+pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<HandModel, HandModelError> {
+    let source = Source { name: name.into() };
+    let file = parse(bytes, &source)?;
+    let buffers = Buffers::load(&file, folder, &source)?;
     let (node, mesh, skin) = file
         .nodes()
         .find_map(|node| Some((node.clone(), node.mesh()?, node.skin()?)))
@@ -43,7 +53,7 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     for primitive in mesh.primitives() {
         raw.append(&primitive, &rig, &buffers, &source)?;
     }
-    let side = side(path, &node, &rig);
+    let side = side(Path::new(name), &node, &rig);
     let model = weld::weld(raw, rig, side, &source)?;
     model.validate()?;
     Ok(model)
@@ -53,6 +63,13 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
 fn parse(bytes: &[u8], source: &Source) -> Result<Gltf, HandModelError> {
     let unusable =
         |error: ::gltf::Error| source.invalid("glTF", format!("{error}; export the hand again as glTF 2.0 (.glb)"));
+    // gltf 1.4.1 takes the header's 12 bytes off the length that it states, and panics when it is less.
+    if let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = bytes
+        && let Some(&length) = length.first_chunk()
+        && u32::from_le_bytes(length) < 12
+    {
+        return Err(source.invalid("glTF", "states a length below its header's; export the hand again".into()));
+    }
     // The validation of gltf-json 1.4.1 looks up POSITION accessors before it has checked that they exist, and panics.
     let json =
         if bytes.starts_with(b"glTF") { ::gltf::Glb::from_slice(bytes).map_err(unusable)?.json } else { bytes.into() };

@@ -13,6 +13,7 @@ mod skeleton;
 
 use serde::{Deserialize, Serialize};
 
+use super::mano::{JOINT_NAMES, PARENTS};
 use super::{HandModel, HandModelError, Side};
 
 /// Lengths of the built-in hand, metres. [`Default`] is an adult's right hand.
@@ -78,8 +79,8 @@ impl ProceduralHand {
         let mut model = HandModel {
             name: "procedural hand".into(),
             side: Side::Right,
-            joint_names: skeleton::JOINT_NAMES.map(String::from).to_vec(),
-            parents: skeleton::PARENTS.to_vec(),
+            joint_names: JOINT_NAMES.map(String::from).to_vec(),
+            parents: PARENTS.to_vec(),
             joints: skeleton.joints(),
             weights: glove.skinning_weights(&skeleton),
             uvs: glove.uvs,

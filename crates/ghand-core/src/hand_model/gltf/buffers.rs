@@ -16,7 +16,7 @@ pub(super) struct Buffers<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    pub(super) fn load(file: &Gltf, path: &Path, source: &'a Source) -> Result<Buffers<'a>, HandModelError> {
+    pub(super) fn load(file: &Gltf, folder: Option<&Path>, source: &'a Source) -> Result<Buffers<'a>, HandModelError> {
         let mut data = Vec::new();
         for buffer in file.buffers() {
             let field = format!("buffer {}", buffer.index());
@@ -32,7 +32,10 @@ impl<'a> Buffers<'a> {
                     return Err(source.invalid(&field, format!("lies at {uri}; put it beside the .gltf file")));
                 }
                 BufferSource::Uri(uri) => {
-                    let beside = path.parent().unwrap_or(Path::new("")).join(uri);
+                    let folder = folder.ok_or_else(|| {
+                        source.invalid(&field, format!("is in the file {uri}; export as .glb, which is one file"))
+                    })?;
+                    let beside = folder.join(uri);
                     std::fs::read(&beside).map_err(|error| HandModelError::Io { path: beside, source: error })?
                 }
             };

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::packing::pack;
 use super::pattern::{Pattern, neighbours};
-use super::skeleton::{CLOTH_PER_RADIUS, Chain, JOINT_NAMES, Skeleton, on_cloth};
+use super::skeleton::{CLOTH_PER_RADIUS, Chain, Skeleton, on_cloth};
+use crate::hand_model::mano::JOINT_NAMES;
 
 /// The closed skin of the hand with its atlas.
 #[derive(Debug, Clone)]

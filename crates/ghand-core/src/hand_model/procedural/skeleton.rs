@@ -4,32 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::ProceduralHand;
 use super::flesh::{Capsule, Flesh, Group};
-
-/// MANO's joints in MANO's order.
-pub(super) const JOINT_NAMES: [&str; 16] = [
-    "wrist", "index1", "index2", "index3", "middle1", "middle2", "middle3", "pinky1", "pinky2", "pinky3", "ring1",
-    "ring2", "ring3", "thumb1", "thumb2", "thumb3",
-];
-
-/// Parents of [`JOINT_NAMES`].
-pub(super) const PARENTS: [Option<usize>; 16] = [
-    None,
-    Some(0),
-    Some(1),
-    Some(2),
-    Some(0),
-    Some(4),
-    Some(5),
-    Some(0),
-    Some(7),
-    Some(8),
-    Some(0),
-    Some(10),
-    Some(11),
-    Some(0),
-    Some(13),
-    Some(14),
-];
+use crate::hand_model::mano::JOINT_NAMES;
 
 /// A row of bones from the forearm to a finger's tip, in space and on the cloth.
 #[derive(Debug, Clone)]

@@ -105,7 +105,7 @@ fn default_hand_has_an_adults_size_and_the_documented_frame() {
     let joint = |name: &str| model.joints[model.joint_index(name).unwrap()];
     assert!(joint("index1").z < joint("middle1").z && joint("ring1").z < joint("pinky1").z);
     assert!(joint("thumb3").z < joint("index1").z - 0.02 && joint("thumb2").x < 0.0);
-    assert_eq!(model.parents, skeleton::PARENTS);
+    assert_eq!(model.parents, PARENTS);
 }
 
 #[test]

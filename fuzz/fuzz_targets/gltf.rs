@@ -1,0 +1,11 @@
+//! Any bytes, read as a glTF hand, give a sound model or an error.
+#![no_main]
+
+use ghand_core::hand_model::gltf::read_gltf_bytes;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    if let Ok(model) = read_gltf_bytes("hand.glb", bytes, None) {
+        model.validate().expect("a model that was read is sound");
+    }
+});
