@@ -96,16 +96,9 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let p = camera_from_world(view, g.mean);
     let foot = footprint(g, p);
     let c = foot.covariance;
-    // conic = covariance^-1, so d_covariance = -conic d_conic conic with d_conic symmetric.
-    let k = vec3(c.z, -c.y, c.x) / foot.determinant;
-    let h = vec3(second.y, 0.5 * second.z, second.w);
-    let kh_xx = k.x * h.x + k.y * h.y;
-    let kh_xy = k.x * h.y + k.y * h.z;
-    let kh_yx = k.y * h.x + k.z * h.y;
-    let kh_yy = k.y * h.y + k.z * h.z;
-    var d_xx = -(kh_xx * k.x + kh_xy * k.y);
-    var d_xy = -2.0 * (kh_xx * k.y + kh_xy * k.z);
-    var d_yy = -(kh_yx * k.y + kh_yy * k.z);
+    var d_xx = second.y;
+    var d_xy = second.z;
+    var d_yy = second.w;
     var d_row_x = vec3(0.0);
     var d_row_y = vec3(0.0);
     let kept = compensation(foot);

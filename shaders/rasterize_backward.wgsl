@@ -14,17 +14,9 @@ override SLOT_VECTORS: u32 = 2u;
 @group(0) @binding(5) var<storage, read> ends: array<u32>;
 // dL/d(colour, coverage).
 @group(0) @binding(6) var<storage, read> d_image: array<vec4<f32>>;
-// For each (slot, cell): (mean x, mean y, red, green), (blue, conic xx, xy, yy), and (opacity times its gradient, 0, 0, 0)
-// if it is wanted.
+// For each (slot, cell): (mean x, mean y, red, green), (blue, covariance xx, xy, yy), and (opacity times its gradient, 0, 0, 0)
+// if it is wanted. Cleared before.
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
-
-fn clear_slot(at: u32) {
-    slot_gradients[at] = vec4(0.0);
-    slot_gradients[at + 1u] = vec4(0.0);
-    if SLOT_VECTORS > 2u {
-        slot_gradients[at + 2u] = vec4(0.0);
-    }
-}
 
 @compute @workgroup_size(32)
 fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -67,10 +59,6 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
             }
         }
     }
-    // Behind the last splat that any pixel of the cell took there is no gradient.
-    for (var i = last; i < range.y; i++) {
-        clear_slot((entries[i].y * CELLS + cell) * SLOT_VECTORS);
-    }
     for (var i = last; i > range.x;) {
         i--;
         let entry = entries[i];
@@ -81,9 +69,9 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         var sum_red = vec4(0.0);
         var sum_green = vec4(0.0);
         var sum_blue = vec4(0.0);
-        var d_conic_xx = vec4(0.0);
-        var d_conic_xy = vec4(0.0);
-        var d_conic_yy = vec4(0.0);
+        var d_xx = vec4(0.0);
+        var d_xy = vec4(0.0);
+        var d_yy = vec4(0.0);
         var sum_power = vec4(0.0);
         var touched = false;
         for (var r = 0u; r < 4u; r++) {
@@ -108,20 +96,24 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
             if SLOT_VECTORS > 2u {
                 sum_power += d_power;
             }
-            d_mean_x -= d_power * (splat.conic.x * dx + splat.conic.y * dy);
-            d_mean_y -= d_power * (splat.conic.y * dx + splat.conic.z * dy);
-            d_conic_xx -= 0.5 * d_power * dx * dx;
-            d_conic_xy -= d_power * dx * dy;
-            d_conic_yy -= 0.5 * d_power * dy * dy;
+            // With k = conic d: d(power)/d(mean) = -k and d(power)/d(covariance) = k k^T / 2. By the conic it would be -d d^T / 2,
+            // whose way back to the covariance cancels when a splat is long and thin.
+            let k_x = splat.conic.x * dx + splat.conic.y * dy;
+            let k_y = splat.conic.y * dx + splat.conic.z * dy;
+            let d_x = d_power * k_x;
+            let d_y = d_power * k_y;
+            d_mean_x -= d_x;
+            d_mean_y -= d_y;
+            d_xx += 0.5 * d_x * k_x;
+            d_xy += d_x * k_y;
+            d_yy += 0.5 * d_y * k_y;
         }
-        let at = (entry.y * CELLS + cell) * SLOT_VECTORS;
-        if !touched {
-            clear_slot(at);
-        } else {
+        if touched {
             let one = vec4(1.0);
+            let at = (entry.y * CELLS + cell) * SLOT_VECTORS;
             slot_gradients[at] = vec4(dot(d_mean_x, one), dot(d_mean_y, one), dot(sum_red, one), dot(sum_green, one));
             slot_gradients[at + 1u] =
-                vec4(dot(sum_blue, one), dot(d_conic_xx, one), dot(d_conic_xy, one), dot(d_conic_yy, one));
+                vec4(dot(sum_blue, one), dot(d_xx, one), dot(d_xy, one), dot(d_yy, one));
             if SLOT_VECTORS > 2u {
                 slot_gradients[at + 2u] = vec4(dot(sum_power, one), 0.0, 0.0, 0.0);
             }

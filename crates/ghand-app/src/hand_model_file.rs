@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use ghand_core::HandModelError;
+use ghand_core::hand_model::mano::LeftShapes;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
 
@@ -28,7 +29,8 @@ impl HandModelArgs {
             let model = ProceduralHand::default().build()?;
             return Ok(HandModelFile { model, kind: "built-in hand", warnings: vec![] });
         };
-        let options = ReadOptions { uv_obj: self.uv.clone(), left_shapes_as_published: self.left_shapes_as_published };
+        let left_shapes = if self.left_shapes_as_published { LeftShapes::AsPublished } else { LeftShapes::Fixed };
+        let options = ReadOptions { uv_obj: self.uv.clone(), left_shapes };
         read_hand_model(path, &options)
     }
 }

@@ -1,10 +1,12 @@
 //! Hand models: a skinned surface with a UV atlas and a skeleton.
 
+pub mod glb;
 pub mod gltf;
 pub mod inspection;
 pub mod mano;
 pub mod named_poses;
 pub mod npz;
+pub mod obj;
 mod pickle;
 pub mod procedural;
 pub mod read;

@@ -382,6 +382,7 @@ impl Splatter {
         let stages = [&FrameStage::FORWARD[..], backward].concat();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.clear(&mut encoder);
+        self.frame.rasterize.clear(&mut encoder);
         let times = timing::time_passes(gpu, encoder, stages.len(), |k, pass| self.encode_stage(stages[k], pass))?;
         Ok(stages.into_iter().zip(times).collect())
     }
@@ -392,6 +393,7 @@ impl Splatter {
         if !self.options.purpose.has_gradients() {
             return;
         }
+        self.frame.rasterize.clear(encoder);
         let mut pass = encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
         FrameStage::BACKWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));

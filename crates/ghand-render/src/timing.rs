@@ -56,5 +56,10 @@ pub fn time_passes(
     gpu.queue.submit([encoder.finish()]);
     let ticks: Vec<u64> = buffers::read(gpu, &resolved, stamps as usize)?;
     let milliseconds_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-    Ok(ticks.as_chunks::<2>().0.iter().map(|[from, to]| to.saturating_sub(*from) as f64 * milliseconds_per_tick).collect())
+    Ok(ticks
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .map(|[from, to]| to.saturating_sub(*from) as f64 * milliseconds_per_tick)
+        .collect())
 }

@@ -29,6 +29,7 @@ impl Pipelines {
 pub struct Stages {
     rasterize: Bound,
     rasterize_backward: Option<Bound>,
+    slot_gradients: wgpu::Buffer,
 }
 
 impl Stages {
@@ -63,7 +64,13 @@ impl Stages {
                     ],
                 )
             }),
+            slot_gradients: b.slot_gradients.clone(),
         }
+    }
+
+    /// What the backward pass does not touch has no gradient.
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.clear_buffer(&self.slot_gradients, 0, None);
     }
 
     /// A workgroup a tile.

@@ -251,4 +251,3 @@ pub fn turn_gradient(camera: &Camera, d: &CameraGradient) -> [f64; 6] {
     let turn = vee + camera.translation.cross(d.translation);
     [turn.x, turn.y, turn.z, d.translation.x, d.translation.y, d.translation.z]
 }
-
