@@ -1,0 +1,126 @@
+//! `ghand pose` and `ghand inspect` as a user runs them.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{assert_one_sentence, run};
+use ghand_core::Pose;
+use ghand_core::hand_model::mano::{ManoOptions, read_mano};
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::posing::pose_hand;
+use glam::DVec3;
+
+const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+
+/// A tiny model in MANO's layout: three vertices, two joints.
+fn tiny_mano() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../ghand-core/tests/data/mano/protocol2.pkl")
+}
+
+/// Vertices of an OBJ file.
+fn vertices(path: &Path) -> Vec<DVec3> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let numbers = |line: &str| line.split(' ').map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+    text.lines().filter_map(|line| line.strip_prefix("v ")).map(|line| DVec3::from_slice(&numbers(line))).collect()
+}
+
+fn assert_near(found: &[DVec3], expected: &[DVec3]) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        // Written with nine significant digits.
+        assert!((*a - *b).length() < 1e-8 * (1.0 + b.length()), "{a} against {b}");
+    }
+}
+
+#[test]
+fn the_built_in_hand_is_posed_by_a_file_with_its_shape_and_translation() {
+    let folder = tempfile::tempdir().unwrap();
+    let rotations: Vec<DVec3> = (0..16).map(|k| DVec3::new(0.1, -0.02 * f64::from(k), 0.3)).collect();
+    let rows: Vec<[f64; 3]> = rotations.iter().map(|r| r.to_array()).collect();
+    let json = serde_json::json!({"fps": 30, "frames": [
+        {"id": "a", "pose": vec![[0.0; 3]; 16]},
+        {"id": "b", "pose": rows, "translation": [0.1, 0.2, 0.3]},
+    ]});
+    std::fs::write(folder.path().join("poses.json"), json.to_string()).unwrap();
+    let output = run(GHAND, folder.path(), &["pose", "--pose", "poses.json", "--frame", "1", "--out", "mesh.obj"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let hand = ProceduralHand::default().build().unwrap();
+    let pose = Pose { rotations, translation: DVec3::new(0.1, 0.2, 0.3) };
+    assert_near(&vertices(&folder.path().join("mesh.obj")), &pose_hand(&hand, &[], &pose).unwrap().vertices);
+}
+
+#[test]
+fn a_mano_models_mean_pose_is_added_unless_the_pose_is_from_the_flat_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = read_mano(&tiny_mano(), &ManoOptions::default()).unwrap();
+    let given = Pose { rotations: vec![DVec3::new(0.1, 0.2, 0.3), DVec3::new(-0.4, 0.1, 0.2)], translation: DVec3::X };
+    let shape = vec![0.5; model.shape_count()];
+    let rows: Vec<[f64; 3]> = given.rotations.iter().map(|r| r.to_array()).collect();
+    let json = serde_json::json!({"frames": [{"pose": rows, "translation": [1, 0, 0], "shape": shape}]});
+    std::fs::write(folder.path().join("poses.json"), json.to_string()).unwrap();
+    let path = tiny_mano().display().to_string();
+    let posed = |flat: &[&str]| {
+        let arguments = ["pose", "--hand-model", &path, "--pose", "poses.json", "--out", "mesh.obj"];
+        let output = run(GHAND, folder.path(), &[&arguments[..], flat].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        vertices(&folder.path().join("mesh.obj"))
+    };
+    assert_near(&posed(&["--flat-mean"]), &pose_hand(&model, &shape, &given).unwrap().vertices);
+    let mut full = given;
+    full.rotations[1] += model.pose_space.as_ref().unwrap().mean[0];
+    assert_near(&posed(&[]), &pose_hand(&model, &shape, &full).unwrap().vertices);
+    assert_ne!(posed(&[]), posed(&["--flat-mean"]));
+}
+
+#[test]
+fn a_posed_hand_is_written_as_gltf_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(GHAND, folder.path(), &["pose", "--pose", "fist", "--out", "fist.glb"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let bytes = std::fs::read(folder.path().join("fist.glb")).unwrap();
+    assert!(bytes.starts_with(b"glTF") && bytes.len() > 100_000);
+}
+
+#[test]
+fn what_cannot_be_posed_is_one_sentence_and_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("not.pkl"), "plain text").unwrap();
+    std::fs::write(folder.path().join("long.json"), r#"{"frames":[{"pose":[[0,0,0]]}]}"#).unwrap();
+    let shape = serde_json::json!({"frames": [{"pose": vec![[0.0; 3]; 16], "shape": vec![0.0; 99]}]});
+    std::fs::write(folder.path().join("shape.json"), shape.to_string()).unwrap();
+    for (arguments, expected) in [
+        (&["--out", "mesh.stl"][..], "mesh.stl"),
+        (&["--out", "mesh.obj", "--hand-model", "absent.pkl"], "absent.pkl"),
+        (&["--out", "mesh.obj", "--hand-model", "not.pkl"], "not.pkl"),
+        (&["--out", "mesh.obj", "--pose", "long.json"], "1 rows"),
+        (&["--out", "mesh.obj", "--pose", "shape.json"], "99 numbers"),
+        (&["--out", "mesh.obj", "--pose", "shape.json", "--frame", "7"], "\"7\""),
+        (&["--out", "mesh.obj", "--frame", "7"], "--pose"),
+    ] {
+        let output = run(GHAND, folder.path(), &[&["pose"], arguments].concat());
+        assert_one_sentence(&output, &[expected]);
+        assert!(!folder.path().join("mesh.obj").exists() && !folder.path().join("mesh.stl").exists());
+    }
+}
+
+#[test]
+fn inspect_tells_what_is_in_a_model_and_what_is_odd() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |arguments: &[&str]| {
+        let output = run(GHAND, folder.path(), &[&["inspect"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let built_in = told(&[]);
+    for expected in ["right", "joints       16", "thumb3", "closed", "at 512", "warnings     none"] {
+        assert!(built_in.contains(expected), "no {expected:?} in {built_in}");
+    }
+    let mano = told(&[&tiny_mano().display().to_string()]);
+    for expected in ["MANO model", "joints       2", "the shaped vertices", "warning      is 3.0000 m long"] {
+        assert!(mano.contains(expected), "no {expected:?} in {mano}");
+    }
+    assert_one_sentence(&run(GHAND, folder.path(), &["inspect", "absent.glb"]), &["absent.glb"]);
+}
