@@ -1,4 +1,4 @@
-// L1 + SSIM between a rendered image and an 8-bit target, value and gradient.
+// L1, SSIM and squared error between a rendered image and an 8-bit target, value and gradient.
 //
 // SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; outside the image both pictures count as
 // zero. Every invocation makes a run of four outputs along the pass's direction, so that a tap is loaded once for four. The
@@ -12,6 +12,10 @@ struct LossUniforms {
     ssim_weight: f32,
     // One over the number of values (pixels times three) that the means are taken over.
     inverse_count: f32,
+    // Weight of mean (x - y)^2.
+    squared_weight: f32,
+    // Whether each pixel counts by its mask (SSIM: by that in the middle of its window).
+    masked: u32,
     padding: u32,
 }
 
@@ -27,13 +31,17 @@ const C2: f32 = 0.0009;
 // Four blurred values a pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
 @group(0) @binding(3) var<storage, read_write> rows: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
-// |x - y| and SSIM of each pixel, summed over the channels.
-@group(0) @binding(5) var<storage, read_write> values: array<vec2<f32>>;
+// |x - y|, SSIM and (x - y)^2 of each pixel, summed over the channels, times its mask.
+@group(0) @binding(5) var<storage, read_write> values: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> d_image: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> strand_sums: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read_write> strand_sums: array<vec4<f32>>;
 
 fn target_color(pixel: u32) -> vec3<f32> {
     return unpack4x8unorm(target_image[pixel]).xyz;
+}
+
+fn mask_weight(pixel: u32) -> f32 {
+    return select(1.0, unpack4x8unorm(target_image[pixel]).w, loss.masked != 0u);
 }
 
 fn spread(value: vec3<f32>, w: vec4<f32>) -> mat4x3<f32> {
@@ -124,7 +132,8 @@ fn store_rows(at: vec2<u32>, x: vec3<f32>, y: vec3<f32>, squares: vec3<f32>, pro
 fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3<f32>, product: vec3<f32>) {
     if at.y < loss.size.y {
         let pixel = at.y * loss.size.x + at.x;
-        let d_ssim = -loss.ssim_weight * loss.inverse_count;
+        let weight = mask_weight(pixel);
+        let d_ssim = -loss.ssim_weight * loss.inverse_count * weight;
         let mean_squares = mean_x * mean_x + mean_y * mean_y;
         let n1 = 2.0 * mean_x * mean_y + C1;
         let n2 = 2.0 * (product - mean_x * mean_y) + C2;
@@ -137,7 +146,7 @@ fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3
         partials[3u * pixel + 1u] = vec4(d_ssim * -ssim / d2, 0.0);
         partials[3u * pixel + 2u] = vec4(d_ssim * 2.0 * n1 * inverse, 0.0);
         let error = abs(image[pixel].xyz - target_color(pixel));
-        values[pixel] = vec2(error.x + error.y + error.z, ssim.x + ssim.y + ssim.z);
+        values[pixel] = weight * vec4(error.x + error.y + error.z, ssim.x + ssim.y + ssim.z, dot(error, error), 0.0);
     }
 }
 
@@ -155,8 +164,10 @@ fn store_gradient(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_produ
         let pixel = at.y * loss.size.x + at.x;
         let x = image[pixel].xyz;
         let y = target_color(pixel);
-        let d_l1 = loss.l1_weight * loss.inverse_count;
-        d_image[pixel] = vec4(d_l1 * sign(x - y) + d_mean + 2.0 * x * d_square + y * d_product, 0.0);
+        let d_l1 = loss.l1_weight * loss.inverse_count * mask_weight(pixel);
+        let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * mask_weight(pixel);
+        let d_pixel = d_l1 * sign(x - y) + d_squared * (x - y);
+        d_image[pixel] = vec4(d_pixel + d_mean + 2.0 * x * d_square + y * d_product, 0.0);
     }
 }
 
@@ -277,7 +288,7 @@ fn gradient_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
 fn loss_sums(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = loss.size.x * loss.size.y;
     let length = (count + 255u) / 256u;
-    var sum = vec2(0.0);
+    var sum = vec4(0.0);
     for (var i = min(id.x * length, count); i < min((id.x + 1u) * length, count); i++) {
         sum += values[i];
     }

@@ -1,4 +1,4 @@
-//! Host part of `image_loss.wgsl`: L1 + SSIM between the splatted image and an 8-bit target.
+//! Host part of `image_loss.wgsl`: L1, SSIM and squared error between the splatted image and an 8-bit target.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -20,8 +20,25 @@ pub struct LossUniforms {
     pub ssim_weight: f32,
     /// One over the number of values that the means are over.
     pub inverse_count: f32,
+    /// Weight of mean (x - y)^2.
+    pub squared_weight: f32,
+    /// Whether pixels count by their mask.
+    pub masked: u32,
     /// Unused.
     pub padding: u32,
+}
+
+/// What the loss is: `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LossWeights {
+    /// Weight of the absolute error.
+    pub l1: f32,
+    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside of the image).
+    pub ssim: f32,
+    /// Weight of the squared error.
+    pub squared: f32,
+    /// Whether a pixel counts by its mask / 255. SSIM counts by the mask in the middle of its window.
+    pub masked: bool,
 }
 
 /// Value of the loss over the pixels of an image.
@@ -31,6 +48,15 @@ pub struct LossValue {
     pub l1_sum: f64,
     /// Sum of SSIM over pixels and channels.
     pub ssim_sum: f64,
+    /// Sum of (x - y)^2 over pixels and channels.
+    pub squared_sum: f64,
+}
+
+impl LossValue {
+    /// Peak signal-to-noise ratio in dB for a peak of 1, if the sums are over `value_count` values.
+    pub fn psnr(&self, value_count: f64) -> f64 {
+        -10.0 * (self.squared_sum / value_count).log10()
+    }
 }
 
 /// The loss stages, bound to a splatter's image and gradient.
@@ -58,8 +84,8 @@ impl ImageLoss {
         let target = buffers::zeroed(gpu, "target", max_pixels);
         let rows = buffers::zeroed(gpu, "loss rows", 4 * 4 * max_pixels);
         let partials = buffers::zeroed(gpu, "loss partials", 3 * 4 * max_pixels);
-        let values = buffers::zeroed(gpu, "loss values", 2 * max_pixels);
-        let strand_sums = buffers::zeroed(gpu, "loss sums", 2 * STRANDS);
+        let values = buffers::zeroed(gpu, "loss values", 4 * max_pixels);
+        let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
         let stage = |entry, numbers: &[u32]| {
             let all = [
                 (0, &uniforms),
@@ -85,7 +111,7 @@ impl ImageLoss {
     }
 
     /// Sets the target and the weights of the passes encoded from now on. `pixels` holds the target's bytes (red, green,
-    /// blue, mask) row by row; the means are over `value_count` values.
+    /// blue, mask) row by row; the means are over `value_count` values (with masks: three times the sum of mask / 255).
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the target has the wrong length or is too large.
@@ -94,7 +120,7 @@ impl ImageLoss {
         gpu: &Gpu,
         size: [u32; 2],
         pixels: &[[u8; 4]],
-        weights: [f32; 2],
+        weights: LossWeights,
         value_count: f64,
     ) -> Result<(), RenderError> {
         let count = size[0] as usize * size[1] as usize;
@@ -109,9 +135,11 @@ impl ImageLoss {
         }
         let uniforms = LossUniforms {
             size,
-            l1_weight: weights[0],
-            ssim_weight: weights[1],
+            l1_weight: weights.l1,
+            ssim_weight: weights.ssim,
             inverse_count: (1.0 / value_count) as f32,
+            squared_weight: weights.squared,
+            masked: u32::from(weights.masked),
             padding: 0,
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
@@ -140,8 +168,8 @@ impl ImageLoss {
     /// # Errors
     /// [`RenderError::Device`] if the device failed.
     pub fn value(&self, gpu: &Gpu) -> Result<LossValue, RenderError> {
-        let sums: Vec<[f32; 2]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
+        let sums: Vec<[f32; 4]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
         let total = |i: usize| sums.iter().map(|s| f64::from(s[i])).sum();
-        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1) })
+        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1), squared_sum: total(2) })
     }
 }

@@ -6,47 +6,64 @@ mod common;
 
 use common::{gpu, rng};
 use ghand_render::buffers;
-use ghand_render::image_loss::ImageLoss;
-use ghand_render::reference::image_loss::{Picture, image_loss};
+use ghand_render::image_loss::{ImageLoss, LossWeights};
+use ghand_render::reference::image_loss::{Picture, image_loss, psnr};
 use rand::RngExt;
 
-#[test]
-fn the_image_loss_agrees_with_its_twin() {
-    let gpu = gpu();
-    for (width, height) in [(37u32, 29u32), (1, 1), (64, 3), (5, 70)] {
-        let pixels = (width * height) as usize;
-        let mut rng = rng(9);
-        let x: Vec<[f32; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(0.0..1.0))).collect();
-        let y: Vec<[u8; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(0..=255))).collect();
-        let image = buffers::filled(&gpu, "image", &x);
-        let d_image = buffers::zeroed(&gpu, "d_image", 4 * pixels);
-        let mut loss = ImageLoss::new(&gpu, &image, &d_image, pixels);
-        let count = 3.0 * pixels as f64;
-        loss.set_target(&gpu, [width, height], &y, [0.8, 0.2], count).unwrap();
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        loss.encode(&mut encoder);
-        gpu.queue.submit([encoder.finish()]);
-        let value = loss.value(&gpu).unwrap();
-        let got: Vec<[f32; 4]> = buffers::read(&gpu, &d_image, pixels).unwrap();
+/// Relative L2 error of a gradient.
+fn error(got: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
+    let (mut difference, mut norm) = (0.0, 0.0);
+    for (a, b) in got.iter().zip(expected) {
+        for c in 0..3 {
+            difference += (f64::from(a[c]) - b[c]).powi(2);
+            norm += b[c] * b[c];
+        }
+    }
+    (difference / norm).sqrt()
+}
 
-        let picture = |rgb: Vec<[f64; 3]>| Picture { width: width as usize, height: height as usize, rgb };
-        let x = picture(x.iter().map(|p| [0, 1, 2].map(|c| f64::from(p[c]))).collect());
-        let y = picture(y.iter().map(|p| [0, 1, 2].map(|c| f64::from(p[c]) / 255.0)).collect());
-        let (expected, gradient) = image_loss(&x, &y, 0.8, 0.2, 1.0 / count);
-        let total = 0.8 * value.l1_sum / count + 0.2 * (1.0 - value.ssim_sum / count);
-        assert!((total - expected).abs() <= 1e-6, "{total} against {expected}");
-        let error = |gradient: &[[f64; 3]]| {
-            let (mut difference, mut norm) = (0.0, 0.0);
-            for (a, b) in got.iter().zip(gradient) {
-                for c in 0..3 {
-                    difference += (f64::from(a[c]) - b[c]).powi(2);
-                    norm += b[c] * b[c];
-                }
-            }
-            (difference / norm).sqrt()
-        };
-        assert!(error(&gradient) <= 1e-5, "{width}x{height}: relative L2 error {}", error(&gradient));
-        let wrong: Vec<_> = gradient.iter().map(|g| [g[0], g[1] * 1.001, g[2]]).collect();
-        assert!(!(error(&wrong) <= 1e-5), "the gradient is not compared");
+fn check(size: [u32; 2], weights: LossWeights) {
+    let gpu = gpu();
+    let pixels = (size[0] * size[1]) as usize;
+    let mut rng = rng(9);
+    let x: Vec<[f32; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(0.0..1.0))).collect();
+    let y: Vec<[u8; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(0..=255))).collect();
+    let image = buffers::filled(&gpu, "image", &x);
+    let d_image = buffers::zeroed(&gpu, "d_image", 4 * pixels);
+    let mut loss = ImageLoss::new(&gpu, &image, &d_image, pixels);
+    let mask: Vec<f64> = y.iter().map(|p| if weights.masked { f64::from(p[3]) / 255.0 } else { 1.0 }).collect();
+    let count = 3.0 * mask.iter().sum::<f64>();
+    loss.set_target(&gpu, size, &y, weights, count).unwrap();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    loss.encode(&mut encoder);
+    gpu.queue.submit([encoder.finish()]);
+    let value = loss.value(&gpu).unwrap();
+    let got: Vec<[f32; 4]> = buffers::read(&gpu, &d_image, pixels).unwrap();
+
+    let picture = |rgb: Vec<[f64; 3]>| Picture { width: size[0] as usize, height: size[1] as usize, rgb };
+    let x = picture(x.iter().map(|p| [0, 1, 2].map(|c| f64::from(p[c]))).collect());
+    let y = picture(y.iter().map(|p| [0, 1, 2].map(|c| f64::from(p[c]) / 255.0)).collect());
+    let factors = [weights.l1, weights.ssim, weights.squared].map(f64::from);
+    let (expected, gradient) = image_loss(&x, &y, &mask, factors, 1.0 / count);
+    let parts = [value.l1_sum / count, 1.0 - value.ssim_sum / count, value.squared_sum / count];
+    let total: f64 = parts.iter().zip(factors).map(|(part, factor)| part * factor).sum();
+    assert!((total - expected).abs() <= 1e-6, "{size:?} {weights:?}: {total} against {expected}");
+    if !weights.masked {
+        assert!((value.psnr(count) - psnr(&x, &y, |_| true)).abs() <= 1e-4);
+    }
+    assert!(error(&got, &gradient) <= 1e-5, "{size:?} {weights:?}: relative L2 error {}", error(&got, &gradient));
+    let wrong: Vec<_> = gradient.iter().map(|g| [g[0], g[1] * 1.001, g[2]]).collect();
+    assert!(!(error(&got, &wrong) <= 1e-5), "the gradient is not compared");
+}
+
+#[test]
+fn every_loss_agrees_with_its_twin_with_and_without_masks() {
+    for size in [[37, 29], [1, 1], [64, 3], [5, 70]] {
+        for masked in [false, true] {
+            let none = LossWeights { masked, ..Default::default() };
+            check(size, LossWeights { l1: 0.8, ssim: 0.2, ..none });
+            check(size, LossWeights { squared: 1.0, ..none });
+            check(size, LossWeights { l1: 0.3, ssim: 0.5, squared: 2.0, masked });
+        }
     }
 }

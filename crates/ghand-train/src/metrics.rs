@@ -2,7 +2,7 @@
 
 use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle;
-use ghand_render::image_loss::ImageLoss;
+use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::{Gpu, RenderError, buffers};
 
 /// How like its truth a picture is.
@@ -67,7 +67,7 @@ impl Comparator {
             picture.iter().map(|p| [p[0], p[1], p[2], 255].map(|v| f32::from(v) / 255.0)).collect();
         gpu.queue.write_buffer(&self.image, 0, bytemuck::cast_slice(&values));
         let count = 3.0 * picture.len() as f64;
-        self.loss.set_target(gpu, size, truth, [0.8, 0.2], count)?;
+        self.loss.set_target(gpu, size, truth, LossWeights { l1: 0.8, ssim: 0.2, ..Default::default() }, count)?;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.loss.encode(&mut encoder);
         gpu.queue.submit([encoder.finish()]);

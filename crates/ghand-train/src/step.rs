@@ -2,7 +2,7 @@
 
 use ghand_avatar::direct::{DirectBackward, DirectBuffers};
 use ghand_avatar::{Avatar, AvatarRenderer};
-use ghand_render::image_loss::ImageLoss;
+use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pose::{PoseBackward, pose_stride};
 use ghand_render::splat::Purpose;
@@ -130,7 +130,8 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) -> Result<(), RenderError> {
-        let weights = [settings.l1_weight as f32, settings.ssim_weight as f32];
+        let weights =
+            LossWeights { l1: settings.l1_weight as f32, ssim: settings.ssim_weight as f32, ..Default::default() };
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;

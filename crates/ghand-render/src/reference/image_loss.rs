@@ -97,29 +97,32 @@ pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
     -10.0 * (sum / n.max(1) as f64).log10()
 }
 
-/// `l1_weight * sum |x - y| + ssim_weight * sum (1 - SSIM)`, both times `inverse_count`, and its gradient to x.
+/// `sum_p mask_p (l1 |x - y| + ssim (1 - SSIM) + squared (x - y)^2)`, over pixels and channels, times `inverse_count`, and
+/// its gradient to x. `mask` is one number a pixel in 0..1.
 pub fn image_loss(
     x: &Picture,
     y: &Picture,
-    l1_weight: f64,
-    ssim_weight: f64,
+    mask: &[f64],
+    [l1, ssim, squared]: [f64; 3],
     inverse_count: f64,
 ) -> (f64, Vec<[f64; 3]>) {
     let map = ssim_map(x, y);
     let mut value = 0.0;
     for (i, s) in map.value.iter().enumerate() {
         for (c, s) in s.iter().enumerate() {
-            value += l1_weight * (x.rgb[i][c] - y.rgb[i][c]).abs() + ssim_weight * (1.0 - s);
+            let error = x.rgb[i][c] - y.rgb[i][c];
+            value += mask[i] * (l1 * error.abs() + ssim * (1.0 - s) + squared * error * error);
         }
     }
-    let d = map.d.map(|d| blur(&d, x.width, x.height));
+    let masked = |d: Vec<[f64; 3]>| d.iter().zip(mask).map(|(d, m)| d.map(|d| d * m)).collect::<Vec<_>>();
+    let d = map.d.map(|d| blur(&masked(d), x.width, x.height));
     let gradient = (0..x.rgb.len())
         .map(|i| {
             std::array::from_fn(|c| {
                 let (a, b) = (x.rgb[i][c], y.rgb[i][c]);
                 let sign = if a == b { 0.0 } else { (a - b).signum() };
                 let d_ssim = d[0][i][c] + 2.0 * a * d[1][i][c] + b * d[2][i][c];
-                inverse_count * (l1_weight * sign - ssim_weight * d_ssim)
+                inverse_count * (mask[i] * (l1 * sign + 2.0 * squared * (a - b)) - ssim * d_ssim)
             })
         })
         .collect();
@@ -148,13 +151,15 @@ mod tests {
     #[test]
     fn the_gradient_agrees_with_central_differences() {
         let (x, y) = (random(3, 9, 14), random(4, 9, 14));
-        let (_, gradient) = image_loss(&x, &y, 0.8, 0.2, 1.0 / 378.0);
+        let mask: Vec<f64> = (0..126).map(|i| f64::from(i % 7) / 6.0).collect();
+        let loss = |x: &Picture| image_loss(x, &y, &mask, [0.8, 0.2, 0.3], 1.0 / 378.0);
+        let (_, gradient) = loss(&x);
         for (i, d) in gradient.iter().enumerate() {
             for (c, d) in d.iter().enumerate() {
                 let shifted = |h: f64| {
                     let mut other = x.clone();
                     other.rgb[i][c] += h;
-                    image_loss(&other, &y, 0.8, 0.2, 1.0 / 378.0).0
+                    loss(&other).0
                 };
                 let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
                 assert!((d - numeric).abs() <= 1e-8, "pixel {i}: {d} against {numeric}");
