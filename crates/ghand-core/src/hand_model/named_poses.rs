@@ -22,7 +22,9 @@ const STRAIGHT: [f64; 4] = [0.0; 4];
 fn gesture(name: &str) -> Option<Gesture> {
     // Curled fingers point at one spot of the palm, which turns the outer ones inwards.
     let [index, middle, ring, little] = [0.10, 0.02, -0.10, -0.24].map(|side| [CURLED[0], CURLED[1], CURLED[2], side]);
-    let folded_thumb = [0.55, 0.42, 0.60, 0.75];
+    // Beside a straight finger the web holds a knuckle back.
+    let bent_alone = [1.25, CURLED[1], CURLED[2], -0.10];
+    let folded_thumb = [0.16, 0.12, 0.88, 1.09];
     Some(match name {
         "rest" => Gesture { fingers: [STRAIGHT; 4], thumb: [0.0; 4] },
         "relaxed" => Gesture {
@@ -45,8 +47,8 @@ fn gesture(name: &str) -> Option<Gesture> {
         },
         "point" => Gesture { fingers: [STRAIGHT, middle, ring, little], thumb: folded_thumb },
         "victory" => Gesture {
-            fingers: [[0.0, 0.0, 0.0, -0.14], [0.0, 0.0, 0.0, 0.12], ring, little],
-            thumb: [0.60, 0.48, 0.55, 0.70],
+            fingers: [[0.0, 0.0, 0.0, -0.14], [0.0, 0.0, 0.0, 0.12], bent_alone, little],
+            thumb: [-0.08, 0.69, 0.60, 0.87],
         },
         "thumbs-up" => Gesture { fingers: [index, middle, ring, little], thumb: [-0.15, -0.35, -0.1, -0.15] },
         _ => return None,

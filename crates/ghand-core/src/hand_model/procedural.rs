@@ -1,20 +1,48 @@
 //! The built-in hand, made by code from a few lengths.
 //!
-//! It is made like a glove. Two equal pieces of cloth are cut along one outline ([`pattern`]), sewn together at it, and
-//! pulled over a solid hand ([`flesh`]), on which the cloth then evens itself out. The flat pieces are the UV atlas,
+//! It is made like a glove. Two equal pieces of cloth are cut along one outline (`pattern`), sewn together at it, and
+//! pulled over a solid hand (`flesh`), on which the cloth then evens itself out. The flat pieces are the UV atlas,
 //! so that it is one-to-one by construction, and the texels are about equally dense on the palm and on the sides of
 //! the fingers.
+//!
+//! # Shape
+//!
+//! Ten shape directions ([`HandModel::shape_directions`]); a unit is about a standard deviation among adults, and the
+//! wrist joint stays where it is:
+//!
+//! | | direction | a unit changes | of the default hand |
+//! |---|---|---|---|
+//! | 0 | hand size | all lengths by 5 % | 9.5 mm from wrist to tip |
+//! | 1 | palm length | wrist to knuckles by 3.3 % of `palm_length`; fingers and thumb are carried along | 3.0 mm |
+//! | 2 | palm width | index to little knuckle by 4 % of `palm_width`; the wrist by less | 2.4 mm |
+//! | 3 | thickness | palm to back by 6 %, fingers and forearm too | 1.6 mm at the knuckles |
+//! | 4 | finger girth | width and thickness of fingers and thumb beyond the webs by 5 % | 1.0 mm |
+//! | 5 to 9 | length of thumb, index, middle, ring, little finger | joint at the base to tip by 3.6 % | 3.8, 3.1, 3.5, 3.3, 2.6 mm |
+//!
+//! The joints follow: [`HandModel::joint_regressor`] finds them in the shaped skin (`regressor`).
+//!
+//! # Pose
+//!
+//! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone lets collapse
+//! (`correctives`).
 
+mod cholesky;
+mod correctives;
 mod flesh;
 mod glove;
 mod packing;
 mod pattern;
+mod regressor;
+mod shapes;
 mod skeleton;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::mano::{JOINT_NAMES, PARENTS};
 use super::{HandModel, HandModelError, Side};
+use crate::posing::regress_joints;
+use glove::Glove;
 
 /// Lengths of the built-in hand, metres. [`Default`] is an adult's right hand.
 ///
@@ -42,8 +70,8 @@ pub struct ProceduralHand {
     /// Width of the thumb's last joint.
     pub thumb_width: f64,
     /// Fineness of the mesh: an edge is about 7.4 mm / `detail` long, on a hand of the default size. From 1 to 6;
-    /// 2 gives about 4,800 vertices in a
-    /// fraction of a second, 6 about 42,000 in several seconds.
+    /// 2 gives about 4,800 vertices in half a second, 6 about 42,000 in some ten seconds. The blend shapes take
+    /// 3.5 kB a vertex: 17 MB at 2, 145 MB at 6.
     pub detail: u32,
 }
 
@@ -73,23 +101,26 @@ impl ProceduralHand {
     pub fn build(&self) -> Result<HandModel, HandModelError> {
         self.check()?;
         let skeleton = skeleton::Skeleton::new(self);
-        let glove = glove::Glove::sew(&skeleton, self.scale(), self.detail).ok_or_else(|| {
+        let glove = Glove::sew(&skeleton, self.scale(), self.detail).ok_or_else(|| {
             invalid("proportions", "the fingers run into each other; make them thinner or the palm wider".into())
         })?;
+        let weights = glove.skinning_weights(&skeleton, self.detail);
+        let shapes = shapes::Shapes::new(self, &skeleton, &glove);
+        let joint_regressor = regressor::joint_regressor(&skeleton, &glove.vertices, &shapes);
         let mut model = HandModel {
             name: "procedural hand".into(),
             side: Side::Right,
             joint_names: JOINT_NAMES.map(String::from).to_vec(),
             parents: PARENTS.to_vec(),
-            joints: skeleton.joints(),
-            weights: glove.skinning_weights(&skeleton),
+            joints: regress_joints(&joint_regressor, &glove.vertices),
+            pose_directions: correctives::pose_directions(&skeleton, &glove, &weights),
+            weights,
             uvs: glove.uvs,
             face_uvs: glove.face_uvs,
             faces: glove.faces,
             vertices: glove.vertices,
-            shape_directions: vec![],
-            pose_directions: vec![],
-            joint_regressor: vec![],
+            shape_directions: shapes.skin,
+            joint_regressor,
             pose_space: None,
             source_vertices: vec![],
         };
@@ -151,13 +182,22 @@ fn invalid(field: &str, problem: String) -> HandModelError {
 /// Turns a right hand into a left one: mirrored in x, triangles turned round.
 fn mirror(model: &mut HandModel) {
     model.side = Side::Left;
-    for p in model.vertices.iter_mut().chain(&mut model.joints) {
+    for p in model.vertices.iter_mut().chain(&mut model.joints).chain(&mut model.shape_directions) {
         p.x = -p.x;
+    }
+    // The mirrored rotation is M R M with M = diag(-1, 1, 1): entries with one index x change sign.
+    let count = model.vertices.len();
+    for (feature, directions) in model.pose_directions.chunks_exact_mut(count).enumerate() {
+        let (row, column) = (feature % 9 / 3, feature % 3);
+        let sign = if (row == 0) != (column == 0) { -1.0 } else { 1.0 };
+        directions.iter_mut().for_each(|d| *d *= DVec3::new(-sign, sign, sign));
     }
     for t in model.faces.iter_mut().chain(&mut model.face_uvs) {
         t.swap(1, 2);
     }
 }
 
+#[cfg(test)]
+mod blend_shape_tests;
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,8 @@ pub(super) struct Glove {
 
 /// Edge of the cloth's lattice at detail 1, metres, for a hand of the default size.
 const EDGE: f64 = 0.0074;
+/// The part of a web's middle that moves with the palm instead of with the fingers.
+const WEB_HOLD: f64 = 0.6;
 
 impl Glove {
     /// `None` when the outline of the cloth is not a disc.
@@ -103,18 +105,28 @@ impl Glove {
         }
     }
 
+    /// How much of each vertex belongs to each chain, `[V][5]`; rows sum to 1. `softness` is the width of the borders,
+    /// metres on a hand of the default size.
+    pub(super) fn shares(&self, skeleton: &Skeleton, softness: f64) -> Vec<Vec<f64>> {
+        self.cloth.iter().map(|&p| memberships(skeleton, p, softness * self.scale)).collect()
+    }
+
     /// Skinning weights `[V][16]`, rows sum to 1.
     ///
     /// Which finger a vertex belongs to is decided on the cloth, where fingers are far apart; how far along the finger
     /// it is, in space.
-    pub(super) fn skinning_weights(&self, skeleton: &Skeleton) -> Vec<f64> {
+    pub(super) fn skinning_weights(&self, skeleton: &Skeleton, detail: u32) -> Vec<f64> {
         let n = JOINT_NAMES.len();
         let mut weights = vec![0.0; self.vertices.len() * n];
         for (i, row) in weights.chunks_exact_mut(n).enumerate() {
-            for (chain, membership) in
-                skeleton.chains.iter().zip(memberships(skeleton, self.cloth[i], 0.0025 * self.scale))
-            {
-                let mut above = membership;
+            let shares = memberships(skeleton, self.cloth[i], 0.0035 * self.scale);
+            // A web hangs on the palm more than on either finger: pulled along by a finger that bends alone, it would
+            // turn inside out.
+            let belonging = shares.iter().copied().fold(0.0, f64::max);
+            let free = 1.0 - WEB_HOLD * (1.0 - smooth_step(2.0 * belonging - 1.0));
+            for (chain, share) in skeleton.chains.iter().zip(shares) {
+                let mut above = share * free;
+                row[0] += share - above;
                 let bends = chain.bends(self.vertices[i]);
                 row[0] += above * (1.0 - bends[0]);
                 for k in 0..3 {
@@ -124,14 +136,15 @@ impl Glove {
             }
         }
         let neighbours = neighbours(self.vertices.len(), &self.faces);
-        for _ in 0..3 {
+        // Rounds of averaging reach as far as the square root of their number, in edges.
+        for _ in 0..2 * detail * detail {
             let before = weights.clone();
-            for (i, row) in weights.chunks_exact_mut(n).enumerate() {
+            weights.par_chunks_exact_mut(n).enumerate().for_each(|(i, row)| {
                 for (k, w) in row.iter_mut().enumerate() {
                     let sum: f64 = neighbours[i].iter().map(|&j| before[j as usize * n + k]).sum();
                     *w = 0.5 * *w + 0.5 * sum / neighbours[i].len().max(1) as f64;
                 }
-            }
+            });
         }
         for row in weights.chunks_exact_mut(n) {
             let mut largest = row.to_vec();
@@ -173,12 +186,18 @@ impl Chain {
             let to = (self.points[at + 1] - joint).normalize();
             let from = (joint - self.points[at - 1]).normalize();
             let along = (p - joint).dot((to + from).normalize());
-            // The root joints move a wide area of the palm, the others about a finger's width.
-            let reach = if k == 0 { 1.4 } else { 0.7 } * radius;
-            let t = ((along + reach) / (2.0 * reach)).clamp(0.0, 1.0);
-            t * t * (3.0 - 2.0 * t)
+            // The root joints move a wide area of the palm, the others, once the weights are evened out, about a
+            // finger's width.
+            let reach = if k == 0 { 1.4 } else { 0.55 } * radius;
+            smooth_step((along + reach) / (2.0 * reach))
         })
     }
+}
+
+/// 0 below 0, 1 above 1, smooth between.
+pub(super) fn smooth_step(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
 }
 
 /// How much of a point of the cloth belongs to each chain; sums to 1. `softness` (metres) is the width of the borders.

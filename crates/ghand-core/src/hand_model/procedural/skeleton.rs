@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::ProceduralHand;
-use super::flesh::{Capsule, Flesh, Group};
+use super::flesh::{Capsule, Flesh, Group, Row};
 use crate::hand_model::mano::JOINT_NAMES;
 
 /// A row of bones from the forearm to a finger's tip, in space and on the cloth.
@@ -110,7 +110,7 @@ fn finger_chain(hand: &ProceduralHand, finger: usize) -> Chain {
     };
     for k in 0..4 {
         chain.points.push(knuckle + at(way[k] * spread.x, way[k] * spread.y, -bend[k]));
-        chain.radii.push(base * [1.03, 0.95, 0.86, 0.75][k]);
+        chain.radii.push(base * [0.97, 0.94, 0.86, 0.75][k]);
         chain.flat.push(flat_knuckle + way[k] * heading(CLOTH_SPREAD[finger]));
     }
     chain
@@ -147,10 +147,7 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     for (finger, chain) in chains.iter().enumerate().take(4) {
         let head = hand.palm_thickness * [0.425, 0.44, 0.415, 0.37][finger];
         let (stub, carpal, knuckle) = (chain.points[0], chain.points[1], chain.points[2]);
-        palm.push(vec![
-            Capsule::new(stub, chain.radii[0], carpal, chain.radii[1]),
-            Capsule::new(carpal, chain.radii[1], knuckle, head),
-        ]);
+        palm.push(curved_row([(stub, chain.radii[0]), (carpal, chain.radii[1]), (knuckle, head)]));
         let base = chain.radii[2];
         // The finger's root runs out in the palm, so that the knuckle does not stand on a step.
         let root = Capsule::new(carpal.lerp(knuckle, 0.40), 0.55 * base, knuckle, chain.radii[2]);
@@ -169,18 +166,26 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     }
     let thumb = &chains[4];
     let knuckle_of = |finger: usize| chains[finger].points[2];
+    let in_forearm = |across: f64, height: f64| at(-0.010, across, height) * scale;
+    // Pads come out of the forearm gradually, or their ends would stand on the wrist like steps.
+    let mut pad = |root: DVec3, from: DVec3, from_radius: f64, to: DVec3, to_radius: f64| {
+        let (from_radius, to_radius) = (from_radius * scale, to_radius * scale);
+        let rise = Capsule::new(root, 0.0125 * scale, from, from_radius);
+        palm.push(vec![rise, Capsule::new(from, from_radius, to, to_radius)]);
+    };
+    // The ball of the thumb, the edge of the hand, and the hollow of the palm.
+    let ball_end = thumb.points[1].lerp(thumb.points[2], 0.75);
+    pad(in_forearm(-0.008, -0.003), at(0.032, -0.013, -0.0080) * scale, 0.0140, ball_end, 0.0122);
+    let edge_end = knuckle_of(3) + at(-0.012, 0.0, -0.002) * scale;
+    pad(in_forearm(0.009, -0.003), at(0.024, 0.0145, -0.0055) * scale, 0.0142, edge_end, 0.0118);
+    let hollow_end = knuckle_of(1) + at(-0.020, 0.007, -0.0045) * scale;
+    pad(in_forearm(0.001, -0.003), at(0.020, 0.001, -0.0055) * scale, 0.0130, hollow_end, 0.0105);
+    // The pads below the fingers.
     let mut pad = |from: DVec3, from_radius: f64, to: DVec3, to_radius: f64| {
         palm.push(vec![Capsule::new(from, from_radius * scale, to, to_radius * scale)]);
     };
-    // The ball of the thumb, the edge of the hand, the pads below the fingers, and the hollow of the palm.
-    let ball_end = thumb.points[1].lerp(thumb.points[2], 0.75);
-    pad(at(0.032, -0.013, -0.0080) * scale, 0.0140, ball_end, 0.0122);
-    let edge_end = knuckle_of(3) + at(-0.012, 0.0, -0.002) * scale;
-    pad(at(0.024, 0.0145, -0.0055) * scale, 0.0142, edge_end, 0.0118);
     let (index_side, little_side) = (at(-0.004, 0.001, -0.0035) * scale, at(-0.002, -0.002, -0.0030) * scale);
     pad(knuckle_of(0) + index_side, 0.0088, knuckle_of(3) + little_side, 0.0078);
-    let hollow_end = knuckle_of(1) + at(-0.020, 0.007, -0.0045) * scale;
-    pad(at(0.020, 0.001, -0.0055) * scale, 0.0130, hollow_end, 0.0105);
     // The skin between thumb and index finger.
     let metacarpal = chains[0].points[1].lerp(knuckle_of(0), 0.62);
     pad(thumb.points[2].lerp(thumb.points[1], 0.35), 0.0085, metacarpal, 0.0080);
@@ -188,7 +193,24 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     let thumb_pad = thumb.points[3].lerp(thumb.points[4], 0.6) + at(0.0, 0.0, -0.0018 * scale);
     let rows = vec![(1..4).map(|k| bone(thumb, k)).collect(), vec![Capsule::ball(thumb_pad, 0.62 * thumb.radii[3])]];
     groups.push(Group { fillet: 0.006 * scale, rows });
-    Flesh { groups, web: 0.009 * scale }
+    Flesh { groups, web: 0.005 * scale }
+}
+
+/// Capsules along a curve from the first ball to the last, drawn towards the one between: no crease is left at it.
+fn curved_row([(from, from_radius), (middle, middle_radius), (to, to_radius)]: [(DVec3, f64); 3]) -> Row {
+    const PARTS: usize = 4;
+    // The parabola of these three control points touches both bones; it starts half way along each.
+    let (start, end) = (from.midpoint(middle), middle.midpoint(to));
+    let (start_radius, end_radius) = (0.5 * (from_radius + middle_radius), 0.5 * (middle_radius + to_radius));
+    let bend = |way: f64| {
+        let (a, b, c) = ((1.0 - way) * (1.0 - way), 2.0 * way * (1.0 - way), way * way);
+        (a * start + b * middle + c * end, a * start_radius + b * middle_radius + c * end_radius)
+    };
+    let balls: Vec<(DVec3, f64)> = std::iter::once((from, from_radius))
+        .chain((0..=PARTS).map(|i| bend(i as f64 / PARTS as f64)))
+        .chain([(to, to_radius)])
+        .collect();
+    balls.windows(2).map(|pair| Capsule::new(pair[0].0, pair[0].1, pair[1].0, pair[1].1)).collect()
 }
 
 fn bone(chain: &Chain, k: usize) -> Capsule {
