@@ -3,6 +3,7 @@
 pub mod gltf;
 pub mod named_poses;
 pub mod procedural;
+pub mod uv_atlas;
 
 use std::path::PathBuf;
 
