@@ -10,6 +10,7 @@ pub mod obj;
 mod pickle;
 pub mod procedural;
 pub mod read;
+pub mod uv_atlas;
 
 use std::path::PathBuf;
 

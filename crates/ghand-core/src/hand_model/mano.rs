@@ -11,8 +11,10 @@ mod side;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
+use super::obj::read_obj_uvs;
+use super::uv_atlas::build_atlas;
 use super::{HandModel, HandModelError, Side};
 use fields::Fields;
 
@@ -134,20 +136,19 @@ pub fn read_mano_bytes(
     Ok(ManoFile { model, has_left_shape_bug, warnings })
 }
 
-/// Gives the model texture coordinates.
+/// Gives the model texture coordinates: the file's with its triangles, or a built atlas.
 fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandModelError> {
     if let Some(path) = &options.uv_obj {
-        let problem = "texture coordinates from OBJ files are not read; leave the option out".into();
-        return Err(HandModelError::Invalid { origin: path.display().to_string(), field: "uv".into(), problem });
+        let found = read_obj_uvs(path, model.vertices.len())?;
+        (model.faces, model.uvs, model.face_uvs) = (found.faces, found.uvs, found.face_uvs);
+        return Ok(());
     }
-    // Each triangle in a cell of its own.
-    let cells = (model.faces.len() as f64).sqrt().ceil().max(1.0);
-    for k in 0..model.faces.len() {
-        let corner = DVec2::new(k as f64 % cells, (k as f64 / cells).floor());
-        let first = model.uvs.len() as u32;
-        model.uvs.extend([DVec2::ZERO, DVec2::X, DVec2::Y].map(|offset| (corner + 0.9 * offset) / cells));
-        model.face_uvs.push([first, first + 1, first + 2]);
-    }
+    let atlas = build_atlas(&model.vertices, &model.faces).map_err(|error| HandModelError::Invalid {
+        origin: model.name.clone(),
+        field: "f".into(),
+        problem: error.to_string(),
+    })?;
+    (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
     Ok(())
 }
 

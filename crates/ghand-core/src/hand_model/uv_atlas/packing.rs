@@ -1,0 +1,188 @@
+//! Packs charts into the unit square, as closely as their outlines allow.
+
+use glam::DVec2;
+
+use super::charts::Chart;
+use super::raster::touched_cells;
+
+/// Cells of the grid that charts are packed on; each is a texel of an atlas of 512. Finer grids are for surfaces with so
+/// many charts that the gutters alone would fill a coarser one.
+const GRIDS: [usize; 4] = [512, 1024, 2048, 4096];
+/// Free cells around each chart: a bilinear lookup at a chart's border reads half a texel beyond it, and the next level
+/// of a mip chain twice that.
+const GUTTER: usize = 2;
+/// Places are tried at every second cell in both axes, which is four times faster and loses half a cell a chart.
+const STEP: usize = 2;
+/// Halvings of the interval of scales: about 1% of the size at the end.
+const HALVINGS: usize = 6;
+/// Turns within a quarter that are tried to stand a chart upright.
+const TURNS: usize = 16;
+/// Charts beyond this number, the smallest ones, start looking for a place where the one before has found its own.
+const THOROUGH: usize = 100;
+
+/// UV points of the charts, one for each of their points; `None` if there are more charts than fit.
+pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
+    let mut upright: Vec<(usize, Vec<DVec2>)> =
+        charts.iter().map(|chart| stand_up(&chart.points)).enumerate().collect();
+    let area = |chart: &Chart| -> f64 {
+        let doubled = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| chart.points[i as usize]);
+            (b - a).perp_dot(c - a)
+        };
+        chart.triangles.iter().map(doubled).sum::<f64>() * 0.5
+    };
+    let areas: Vec<f64> = charts.iter().map(area).collect();
+    upright.sort_by(|a, b| areas[b.0].total_cmp(&areas[a.0]).then(a.0.cmp(&b.0)));
+    let total: f64 = areas.iter().sum();
+    for grid in GRIDS {
+        // Cells a unit: the scale at which the charts' areas alone would fill the grid is too large.
+        let (mut fits, mut high) = (0.0, grid as f64 / total.sqrt());
+        let mut best = None;
+        for _ in 0..HALVINGS {
+            let scale = if best.is_none() { 0.5 * high } else { 0.5 * (fits + high) };
+            match place_all(charts, &upright, scale, grid) {
+                Some(places) => {
+                    fits = scale;
+                    best = Some(places);
+                }
+                None => high = scale,
+            }
+        }
+        if best.is_some() {
+            return best;
+        }
+    }
+    None
+}
+
+/// The points turned so that the box around them is smallest.
+fn stand_up(points: &[DVec2]) -> Vec<DVec2> {
+    let turned = |turn: usize| {
+        let rotation = DVec2::from_angle(std::f64::consts::FRAC_PI_2 * turn as f64 / TURNS as f64);
+        points.iter().map(move |p| rotation.rotate(*p))
+    };
+    let box_area = |turn: usize| {
+        let (low, high) = bounds(turned(turn));
+        (high - low).element_product()
+    };
+    let best = (0..TURNS).min_by(|&a, &b| box_area(a).total_cmp(&box_area(b))).unwrap_or(0);
+    turned(best).collect()
+}
+
+fn bounds(points: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
+    points.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+}
+
+/// Places the charts one after the other, each where it rises least; `None` when one does not fit.
+fn place_all(charts: &[Chart], upright: &[(usize, Vec<DVec2>)], scale: f64, grid: usize) -> Option<Vec<Vec<DVec2>>> {
+    let mut taken = Bitmap::new(grid, grid);
+    let mut places = vec![vec![]; charts.len()];
+    let mut first_row = GUTTER;
+    for (rank, (chart, points)) in upright.iter().enumerate() {
+        let turns = if rank < THOROUGH { 4 } else { 1 };
+        let mut best: Option<(usize, usize, usize, Bitmap, Vec<DVec2>)> = None;
+        for turn in 0..turns {
+            let (points, bitmap) = draw(points, &charts[*chart].triangles, scale, turn);
+            if bitmap.rows + 2 * GUTTER > grid || bitmap.columns + 2 * GUTTER > grid {
+                continue;
+            }
+            let start = if rank < THOROUGH { GUTTER } else { first_row };
+            let highest = best.as_ref().map_or(usize::MAX, |(top, ..)| *top);
+            let rows = (start..=grid - GUTTER - bitmap.rows).step_by(STEP);
+            let place = rows.take_while(|row| row + bitmap.rows < highest).find_map(|row| {
+                let columns = (GUTTER..=grid - GUTTER - bitmap.columns).step_by(STEP);
+                columns.into_iter().find(|&column| !taken.collides(&bitmap, row, column)).map(|column| (row, column))
+            });
+            if let Some((row, column)) = place {
+                best = Some((row + bitmap.rows, row, column, bitmap, points));
+            }
+        }
+        let (_, row, column, bitmap, points) = best?;
+        first_row = row;
+        taken.add_widened(&bitmap, row, column);
+        let corner = DVec2::new(column as f64, row as f64);
+        places[*chart] = points.iter().map(|p| (*p + corner) / grid as f64).collect();
+    }
+    Some(places)
+}
+
+/// A chart in cells from its own corner, turned by quarters and with y down, and the cells that it touches.
+fn draw(points: &[DVec2], triangles: &[[u32; 3]], scale: f64, turn: usize) -> (Vec<DVec2>, Bitmap) {
+    let turned = points.iter().map(|p| {
+        let p = (0..turn).fold(*p, |p, _| p.perp());
+        DVec2::new(p.x, -p.y) * scale
+    });
+    let (low, high) = bounds(turned.clone());
+    let points: Vec<DVec2> = turned.map(|p| p - low).collect();
+    let size = high - low;
+    let mut bitmap = Bitmap::new(size.y as usize + 2, size.x as usize + 2);
+    for t in triangles {
+        for (row, columns) in touched_cells(t.map(|i| points[i as usize])) {
+            bitmap.set(row, *columns.start(), *columns.end());
+        }
+    }
+    (points, bitmap)
+}
+
+/// Cells of a grid, 64 to a word.
+struct Bitmap {
+    rows: usize,
+    columns: usize,
+    /// Words a row.
+    width: usize,
+    words: Vec<u64>,
+}
+
+impl Bitmap {
+    fn new(rows: usize, columns: usize) -> Bitmap {
+        // One word more, so that a shifted row never ends beyond it.
+        let width = columns / 64 + 2;
+        Bitmap { rows, columns, width, words: vec![0; rows * width] }
+    }
+
+    fn row(&self, row: usize) -> &[u64] {
+        &self.words[row * self.width..(row + 1) * self.width]
+    }
+
+    fn set(&mut self, row: usize, first: usize, last: usize) {
+        for column in first..=last.min(self.columns - 1) {
+            self.words[row * self.width + column / 64] |= 1 << (column % 64);
+        }
+    }
+
+    /// The words of one row, shifted by columns, with their numbers.
+    fn shifted(&self, row: usize, column: usize) -> impl Iterator<Item = (usize, u64)> {
+        let (skip, shift) = (column / 64, column % 64);
+        let words = self.row(row);
+        let below = std::iter::once(0).chain(words.iter().copied());
+        words.iter().zip(below).enumerate().map(move |(k, (word, below))| {
+            let carried = if shift == 0 { 0 } else { below >> (64 - shift) };
+            (skip + k, (word << shift) | carried)
+        })
+    }
+
+    /// Whether `other`, with its corner at that row and column, shares a cell with this one.
+    fn collides(&self, other: &Bitmap, row: usize, column: usize) -> bool {
+        // Wide parts collide first; they tend to lie in the middle.
+        let middle = other.rows / 2;
+        (middle..other.rows).chain(0..middle).any(|k| {
+            let taken = self.row(row + k);
+            other.shifted(k, column).any(|(at, word)| word != 0 && taken[at] & word != 0)
+        })
+    }
+
+    /// Takes the cells of `other`, with its corner at that row and column, and those within the gutter around them.
+    fn add_widened(&mut self, other: &Bitmap, row: usize, column: usize) {
+        for k in 0..other.rows {
+            for to in row + k - GUTTER..=row + k + GUTTER {
+                for shift in column - GUTTER..=column + GUTTER {
+                    for (at, word) in other.shifted(k, shift) {
+                        if word != 0 {
+                            self.words[to * self.width + at] |= word;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
