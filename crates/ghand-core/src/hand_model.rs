@@ -1,7 +1,10 @@
 //! Hand models: a skinned surface with a UV atlas and a skeleton.
 
+mod export;
+pub mod glb;
 pub mod gltf;
 pub mod named_poses;
+pub mod obj;
 pub mod procedural;
 pub mod uv_atlas;
 
@@ -24,6 +27,14 @@ pub enum HandModelError {
     /// The file could not be read.
     #[error("{path}: cannot read the hand model: {source}")]
     Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The file could not be written.
+    #[error("{path}: cannot write the hand model: {source}")]
+    Write {
         /// The file.
         path: PathBuf,
         /// The cause.
