@@ -64,8 +64,8 @@ fn of_a_huge_buffer_only_what_the_file_names_is_read() {
     hand.put("huge.bin").set_len(10 << 30).unwrap();
     let start = std::time::Instant::now();
     hand.read().unwrap();
-    // Ten gigabytes take longer from anywhere.
-    assert!(start.elapsed().as_secs_f64() < 0.5);
+    // Ten gigabytes take longer from anywhere but a very fast memory.
+    assert!(start.elapsed().as_secs_f64() < 1.0);
 }
 
 #[test]
