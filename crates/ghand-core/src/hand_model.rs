@@ -1,5 +1,6 @@
 //! Hand models: a skinned surface with a UV atlas and a skeleton.
 
+mod export;
 pub mod glb;
 pub mod gltf;
 pub mod inspection;
@@ -31,6 +32,14 @@ pub enum HandModelError {
     /// The file could not be read.
     #[error("{path}: cannot read the hand model: {source}")]
     Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The file could not be written.
+    #[error("{path}: cannot write the hand model: {source}")]
+    Write {
         /// The file.
         path: PathBuf,
         /// The cause.

@@ -1,124 +1,175 @@
-//! Writes posed hands as binary glTF 2.0.
+//! Writes a posed hand as a binary glTF 2.0 file.
 
-use std::io;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use serde_json::json;
 
-use super::HandModel;
-use crate::atomic_file::write_atomically;
+use super::{HandModel, HandModelError, export};
 use crate::mesh::RenderMesh;
 
-/// glTF's codes for component types and buffer targets.
+// Numbers of the glTF standard.
 const F32: u32 = 5126;
 const U32: u32 = 5125;
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
+const VERTEX_BUFFER: u32 = 34962;
+const INDEX_BUFFER: u32 = 34963;
 
-/// Writes a hand with its vertices at `positions` (metres, `V`) as a mesh without bones, with normals and texture
-/// coordinates, whole or not at all. Vertices on UV seams are split.
+/// The bytes of a GLB file: one static mesh, its vertices at `positions` (`V`, metres, model axes), with normals and UVs,
+/// split along the seams of the atlas.
 ///
 /// # Errors
-/// Any error of the file system; `path` is then as it was before.
-pub fn write_glb(path: &Path, model: &HandModel, positions: &[DVec3]) -> io::Result<()> {
-    write_atomically(path, &glb(model, positions)?)
-}
-
-fn glb(model: &HandModel, positions: &[DVec3]) -> io::Result<Vec<u8>> {
+/// [`HandModelError::Invalid`] when the model breaks its invariants, `positions` are not finite or not one a vertex, or
+/// the mesh is larger than GLB's 4 GiB.
+pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, HandModelError> {
+    export::check(model, positions)?;
     let mesh = RenderMesh::from_model(model);
-    let corners = mesh.gather(positions);
+    let points: Vec<Vec3> = mesh.gather(positions).iter().map(|p| p.as_vec3()).collect();
+    // glTF demands a unit vector even where there is no area to have a direction.
     let normals = mesh.gather(&model.vertex_normals(positions));
-    let floats =
-        |values: &mut dyn Iterator<Item = f64>| values.flat_map(|v| (v as f32).to_le_bytes()).collect::<Vec<u8>>();
-    let parts = [
-        (floats(&mut corners.iter().flat_map(|v| v.to_array())), F32, "VEC3", corners.len(), VERTICES),
-        // A vertex without area has no normal; glTF wants unit vectors.
-        (
-            floats(&mut normals.iter().flat_map(|n| if *n == DVec3::ZERO { DVec3::X } else { *n }.to_array())),
-            F32,
-            "VEC3",
-            corners.len(),
-            VERTICES,
-        ),
-        (floats(&mut mesh.uvs.iter().flat_map(|uv| uv.to_array())), F32, "VEC2", corners.len(), VERTICES),
-        (
-            mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect(),
-            U32,
-            "SCALAR",
-            3 * mesh.triangles.len(),
-            INDICES,
-        ),
+    let normals = normals.iter().map(|n| if *n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() });
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for p in &points {
+        low = low.min(*p);
+        high = high.max(*p);
+    }
+    // All entries are of four bytes, so that every part of the buffer begins where it must.
+    let parts: [Vec<u8>; 4] = [
+        points.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect(),
+        normals.flat_map(|n| n.to_array()).flat_map(f32::to_le_bytes).collect(),
+        mesh.uvs.iter().flat_map(|uv| uv.as_vec2().to_array()).flat_map(f32::to_le_bytes).collect(),
+        mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect(),
     ];
-    let (mut views, mut accessors, mut data) = (Vec::new(), Vec::new(), Vec::new());
-    for (bytes, component_type, kind, count, target) in &parts {
-        views.push(json!({"buffer": 0, "byteOffset": data.len(), "byteLength": bytes.len(), "target": target}));
-        accessors.push(
-            json!({"bufferView": accessors.len(), "componentType": component_type, "count": count, "type": kind}),
-        );
-        data.extend_from_slice(bytes);
+    let mut views = vec![];
+    let mut binary: Vec<u8> = vec![];
+    for (k, part) in parts.iter().enumerate() {
+        let target = if k < 3 { VERTEX_BUFFER } else { INDEX_BUFFER };
+        views.push(json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": part.len(), "target": target}));
+        binary.extend(part);
     }
-    // The bounds of what is stored, which is rounded.
-    let stored: Vec<DVec3> = corners.iter().map(|v| v.as_vec3().as_dvec3()).collect();
-    let bound = |start: DVec3, pick: fn(DVec3, DVec3) -> DVec3| stored.iter().copied().fold(start, pick).to_array();
-    if let Some(of_positions) = accessors.first_mut() {
-        of_positions["min"] = json!(bound(DVec3::INFINITY, DVec3::min));
-        of_positions["max"] = json!(bound(DVec3::NEG_INFINITY, DVec3::max));
-    }
-    let root = json!({
+    let count = points.len();
+    let document = json!({
         "asset": {"version": "2.0", "generator": "ghand"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": "hand"}],
-        "meshes": [{"primitives": [{
-            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3, "material": 0
-        }]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.6, 0.5, 1.0], "metallicFactor": 0.0}}],
-        "buffers": [{"byteLength": data.len()}],
+        "nodes": [{"mesh": 0, "name": model.name}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
+        "buffers": [{"byteLength": binary.len()}],
         "bufferViews": views,
-        "accessors": accessors,
+        "accessors": [
+            {"bufferView": 0, "componentType": F32, "count": count, "type": "VEC3",
+                "min": low.to_array(), "max": high.to_array()},
+            {"bufferView": 1, "componentType": F32, "count": count, "type": "VEC3"},
+            {"bufferView": 2, "componentType": F32, "count": count, "type": "VEC2"},
+            {"bufferView": 3, "componentType": U32, "count": 3 * mesh.triangles.len(), "type": "SCALAR"}
+        ]
     });
-    let mut text = serde_json::to_vec(&root)?;
+    let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
-    let word = |n: usize| u32::try_from(n).map(u32::to_le_bytes).map_err(|_| io::Error::other("the mesh is too large"));
-    let mut file = b"glTF".to_vec();
-    file.extend(2u32.to_le_bytes());
-    file.extend(word(12 + 8 + text.len() + 8 + data.len())?);
-    file.extend(word(text.len())?);
-    file.extend(b"JSON");
-    file.extend(text);
-    // All parts are of whole words.
-    file.extend(word(data.len())?);
-    file.extend(b"BIN\0");
-    file.extend(data);
-    Ok(file)
+    // File header, and a header for each of the two chunks.
+    let total = 12 + 8 + text.len() + 8 + binary.len();
+    let too_large = |_| HandModelError::Invalid {
+        origin: model.name.clone(),
+        field: "mesh".into(),
+        problem: format!("takes {total} bytes, more than a GLB file can hold; write it as OBJ"),
+    };
+    let mut glb = Vec::with_capacity(total);
+    glb.extend(b"glTF");
+    glb.extend(2u32.to_le_bytes());
+    glb.extend(u32::try_from(total).map_err(too_large)?.to_le_bytes());
+    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &binary)] {
+        glb.extend(u32::try_from(chunk.len()).map_err(too_large)?.to_le_bytes());
+        glb.extend(kind);
+        glb.extend(chunk);
+    }
+    Ok(glb)
+}
+
+/// Writes [`glb_bytes`] to a file, whole or not at all.
+///
+/// # Errors
+/// As [`glb_bytes`]; [`HandModelError::Write`] when the file cannot be written.
+pub fn write_glb(path: &Path, model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
+    export::write(path, &glb_bytes(model, positions)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::hand_model::procedural::ProceduralHand;
+    use crate::pose::Pose;
+    use crate::posing::pose_hand;
+
+    fn posed_hand() -> (HandModel, Vec<DVec3>) {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let mut pose = Pose::rest(model.joint_count());
+        pose.rotations[1..].fill(DVec3::new(0.1, -0.2, 0.6));
+        let positions = pose_hand(&model, &[], &pose).unwrap().vertices;
+        (model, positions)
+    }
 
     #[test]
-    fn the_file_is_valid_gltf_that_holds_the_mesh() {
-        let hand = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-        let moved: Vec<DVec3> = hand.vertices.iter().map(|v| *v + DVec3::Y).collect();
-        let bytes = glb(&hand, &moved).unwrap();
-        // Validates against the specification.
-        let file = gltf::Gltf::from_slice(&bytes).unwrap();
-        let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+    fn another_reader_finds_the_posed_surface_with_normals_and_uvs() {
+        let (model, positions) = posed_hand();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.glb");
+        write_glb(&path, &model, &positions).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        // With the reader's validation, which knows min and max, ranges and alignments.
+        let file = ::gltf::Gltf::from_slice(&bytes).unwrap();
         let blob = file.blob.clone().unwrap();
+        assert!(file.buffers().all(|b| b.length() == blob.len()));
+        assert!(file.views().all(|v| v.offset() % 4 == 0 && v.offset() + v.length() <= blob.len()));
+        assert_eq!(file.skins().count(), 0);
+        let mesh = file.meshes().next().unwrap();
+        let primitive = mesh.primitives().next().unwrap();
         let reader = primitive.reader(|_| Some(&blob));
-        let positions: Vec<_> = reader.read_positions().unwrap().collect();
-        let triangles: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
-        assert_eq!(triangles.len(), 3 * hand.faces.len());
-        for (corner, vertex) in triangles.iter().zip(hand.faces.as_flattened()) {
-            assert_eq!(positions[*corner as usize], moved[*vertex as usize].as_vec3().to_array());
+        let found: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
+        let normals: Vec<Vec3> = reader.read_normals().unwrap().map(Vec3::from).collect();
+        let uvs: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+        let corners: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        assert_eq!((normals.len(), uvs.len()), (found.len(), found.len()));
+        assert!(normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6));
+        assert_eq!(corners.len(), 3 * model.faces.len());
+        let outwards = model.vertex_normals(&positions);
+        for (corners, (face, face_uv)) in corners.chunks_exact(3).zip(model.faces.iter().zip(&model.face_uvs)) {
+            for c in 0..3 {
+                let at = corners[c] as usize;
+                assert_eq!(found[at], positions[face[c] as usize].as_vec3());
+                assert_eq!(normals[at], outwards[face[c] as usize].as_vec3());
+                assert_eq!(uvs[at], model.uvs[face_uv[c] as usize].as_vec2().to_array());
+            }
         }
-        assert_eq!(reader.read_tex_coords(0).unwrap().into_f32().count(), positions.len());
-        let unit = |n: [f32; 3]| (n.iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-5;
-        assert!(reader.read_normals().unwrap().all(unit));
         let bounds = primitive.bounding_box();
-        assert!(positions.iter().all(|p| (0..3).all(|c| bounds.min[c] <= p[c] && p[c] <= bounds.max[c])));
+        let least = found.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let most = found.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        assert_eq!((bounds.min, bounds.max), (least.to_array(), most.to_array()));
+    }
+
+    #[test]
+    fn the_file_is_whole_words_and_as_long_as_it_says() {
+        let (mut model, positions) = posed_hand();
+        for name in ["a", "ab", "abc", "\"quoted\" \u{e9}\n"] {
+            model.name = name.into();
+            let glb = glb_bytes(&model, &positions).unwrap();
+            let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+            assert_eq!((&glb[..4], word(4), word(8)), (b"glTF".as_slice(), 2, glb.len()));
+            assert!(glb.len().is_multiple_of(4) && word(12).is_multiple_of(4));
+            let file = ::gltf::Gltf::from_slice(&glb).unwrap();
+            assert_eq!(file.nodes().next().unwrap().name(), Some(name));
+        }
+    }
+
+    #[test]
+    fn positions_that_do_not_fit_are_refused() {
+        let (model, mut positions) = posed_hand();
+        let message = glb_bytes(&model, &positions[1..]).unwrap_err().to_string();
+        assert!(message.contains("positions: 1242 of them, the model has 1243"), "{message}");
+        positions[5].x = 1e300;
+        let message = glb_bytes(&model, &positions).unwrap_err().to_string();
+        assert!(message.contains("vertex 5"), "{message}");
+        positions[5].x = 0.0;
+        let folder = tempfile::tempdir().unwrap();
+        let message = write_glb(&folder.path().join("no/hand.glb"), &model, &positions).unwrap_err().to_string();
+        assert!(message.contains("no/hand.glb: cannot write"), "{message}");
     }
 }

@@ -8,6 +8,8 @@ mod buffers;
 mod joints;
 mod weld;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use ::gltf::json::validation::Checked;
@@ -16,8 +18,15 @@ use ::gltf::{Gltf, Node, Semantic};
 use glam::{DVec2, DVec3};
 
 use super::{HandModel, HandModelError, Side};
-use buffers::Buffers;
+use buffers::{Buffers, MAX_BYTES};
 use joints::Rig;
+
+/// Most weights (vertices x joints), half a gigabyte: a million vertices with 64 joints.
+const MAX_WEIGHTS: usize = 1 << 26;
+/// Most triangles.
+const MAX_TRIANGLES: usize = 1 << 24;
+/// Most sets of four joints that a vertex may be bound to.
+const MAX_SETS: u32 = 64;
 
 /// Reads the first skinned mesh of a `.glb` file, or of a `.gltf` file with its buffers beside it.
 ///
@@ -28,11 +37,18 @@ use joints::Rig;
 ///
 /// # Errors
 /// [`HandModelError::Io`] when a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
-/// when it is not glTF 2.0, has no skin, no UVs, unusable numbers, or buffers in `data:` URIs.
+/// when it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
+/// hand, or has buffers outside of its folder.
 pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
-    let bytes = std::fs::read(path).map_err(|error| HandModelError::Io { path: path.to_path_buf(), source: error })?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    read_gltf_bytes(&path.display().to_string(), &bytes, Some(folder))
+    let name = path.display().to_string();
+    let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
+    let mut bytes = Vec::new();
+    File::open(path).map_err(io)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let source = Source { name };
+        return Err(source.invalid("size", format!("is more than {MAX_BYTES} bytes; export the hand alone")));
+    }
+    read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 
 /// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder` is where
@@ -43,12 +59,12 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
 pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<HandModel, HandModelError> {
     let source = Source { name: name.into() };
     let file = parse(bytes, &source)?;
-    let buffers = Buffers::load(&file, folder, &source)?;
+    let buffers = Buffers::new(&file, folder, &source);
     let (node, mesh, skin) = file
         .nodes()
         .find_map(|node| Some((node.clone(), node.mesh()?, node.skin()?)))
         .ok_or_else(|| source.invalid("skin", "no mesh has one; export the hand with its armature".into()))?;
-    let rig = Rig::read(&skin, &buffers, &source)?;
+    let rig = Rig::read(&file, &skin, &buffers, &source)?;
     let mut raw = RawMesh::default();
     for primitive in mesh.primitives() {
         raw.append(&primitive, &rig, &buffers, &source)?;
@@ -63,17 +79,26 @@ pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Resul
 fn parse(bytes: &[u8], source: &Source) -> Result<Gltf, HandModelError> {
     let unusable =
         |error: ::gltf::Error| source.invalid("glTF", format!("{error}; export the hand again as glTF 2.0 (.glb)"));
-    // gltf 1.4.1 takes the header's 12 bytes off the length that it states, and panics when it is less.
-    if let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = bytes
-        && let Some(&length) = length.first_chunk()
-        && u32::from_le_bytes(length) < 12
-    {
-        return Err(source.invalid("glTF", "states a length below its header's; export the hand again".into()));
-    }
     // The validation of gltf-json 1.4.1 looks up POSITION accessors before it has checked that they exist, and panics.
+    // Its reader of GLB headers subtracts their own 12 bytes from the length that they state.
+    if let Some(&[a, b, c, d]) = bytes.strip_prefix(b"glTF").and_then(|header| header.get(4..8))
+        && u32::from_le_bytes([a, b, c, d]) < 12
+    {
+        return Err(source.invalid("glTF", "the GLB header is damaged; copy or export the hand again".into()));
+    }
     let json =
         if bytes.starts_with(b"glTF") { ::gltf::Glb::from_slice(bytes).map_err(unusable)?.json } else { bytes.into() };
     let root = ::gltf::json::Root::from_slice(&json).map_err(|error| unusable(error.into()))?;
+    for name in &root.extensions_required {
+        let remedy = match name.as_str() {
+            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                "export without mesh compression"
+            }
+            "KHR_mesh_quantization" => "export without quantization",
+            _ => continue,
+        };
+        return Err(source.invalid("extensionsRequired", format!("names {name}, which is not supported; {remedy}")));
+    }
     let positions = Checked::Valid(Semantic::Positions);
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     for accessor in primitives.filter_map(|primitive| primitive.attributes.get(&positions)) {
@@ -133,6 +158,10 @@ impl RawMesh {
             return Err(mismatch("TEXCOORD_0", uvs.len()));
         }
         let n_b = rig.names.len();
+        if (first + count).saturating_mul(n_b) > MAX_WEIGHTS {
+            let problem = format!("has {} vertices for {n_b} joints, too many; decimate the mesh", first + count);
+            return Err(source.invalid("mesh", problem));
+        }
         let mut weights = vec![0.0; count * n_b];
         let mut set = 0;
         while let Some(indices) = primitive.get(&Semantic::Joints(set)) {
@@ -168,6 +197,9 @@ impl RawMesh {
                 }
             }
             set += 1;
+            if set > MAX_SETS {
+                return Err(source.invalid("JOINTS_n", format!("more than {MAX_SETS} sets; bind to fewer joints")));
+            }
         }
         if set == 0 {
             return Err(source.invalid("JOINTS_0", "is missing; export the mesh with its skin weights".into()));
@@ -185,6 +217,9 @@ impl RawMesh {
         };
         if let Some(bad) = corners.iter().find(|&&i| i as usize >= count) {
             return Err(source.invalid("indices", format!("name vertex {bad} of {count}; export the hand again")));
+        }
+        if self.triangles.len() + corners.len() / 3 > MAX_TRIANGLES {
+            return Err(source.invalid("mesh", format!("has more than {MAX_TRIANGLES} triangles; decimate the mesh")));
         }
         self.positions.extend(positions);
         self.uvs.extend(uvs.iter().map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1]))));

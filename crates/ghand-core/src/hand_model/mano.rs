@@ -139,7 +139,7 @@ pub fn read_mano_bytes(
 /// Gives the model texture coordinates: the file's with its triangles, or a built atlas.
 fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandModelError> {
     if let Some(path) = &options.uv_obj {
-        let found = read_obj_uvs(path, model.vertices.len())?;
+        let found = read_obj_uvs(path, model.vertices.len(), &model.faces)?;
         (model.faces, model.uvs, model.face_uvs) = (found.faces, found.uvs, found.face_uvs);
         return Ok(());
     }

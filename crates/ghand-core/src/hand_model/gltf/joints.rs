@@ -1,8 +1,8 @@
 //! The joints of a glTF skin: their names, hierarchy, order and rest positions.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
-use ::gltf::{Node, Skin};
+use ::gltf::{Gltf, Node, Skin};
 use glam::{DMat4, DVec3};
 
 use super::Source;
@@ -38,6 +38,9 @@ pub(super) const WEBXR_JOINTS: [&str; 25] = [
     "pinky-finger-tip",
 ];
 
+/// Most joints of a skin: ten hands of WebXR's in one armature.
+const MAX_JOINTS: usize = 256;
+
 /// Joints in the model's order.
 pub(super) struct Rig {
     pub names: Vec<String>,
@@ -49,8 +52,13 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    pub(super) fn read(skin: &Skin, buffers: &Buffers, source: &Source) -> Result<Rig, HandModelError> {
-        let nodes: Vec<Node> = skin.joints().collect();
+    pub(super) fn read(file: &Gltf, skin: &Skin, buffers: &Buffers, source: &Source) -> Result<Rig, HandModelError> {
+        let nodes: Vec<Node> = skin.joints().take(MAX_JOINTS + 1).collect();
+        if nodes.len() > MAX_JOINTS {
+            let problem = format!("has more than {MAX_JOINTS} joints; export the hand's armature alone");
+            return Err(source.invalid("skin", problem));
+        }
+        // Without them each joint has its part of the mesh in axes of its own: there is no rest surface.
         let accessor = skin.inverse_bind_matrices().ok_or_else(|| {
             source.invalid("inverseBindMatrices", "are missing; export the armature in its bind pose".into())
         })?;
@@ -70,7 +78,7 @@ impl Rig {
         let name = |k: usize| nodes[k].name().map_or_else(|| format!("joint{k}"), String::from);
         let (order, parents) = match webxr_order(&nodes, source)? {
             Some(order) => (order, (0..WEBXR_JOINTS.len()).map(webxr_parent).collect()),
-            None => tree_order(&nodes, source)?,
+            None => tree_order(file, &nodes, source)?,
         };
         let mut model_from_skin = vec![None; nodes.len()];
         for (to, &from) in order.iter().enumerate() {
@@ -114,23 +122,20 @@ fn webxr_order(nodes: &[Node], source: &Source) -> Result<Option<Vec<usize>>, Ha
 type Order = (Vec<usize>, Vec<Option<usize>>);
 
 /// The node tree as the hierarchy. A joint's parent is its nearest ancestor that is a joint of the skin.
-fn tree_order(nodes: &[Node], source: &Source) -> Result<Order, HandModelError> {
+fn tree_order(file: &Gltf, nodes: &[Node], source: &Source) -> Result<Order, HandModelError> {
     let joint_of_node: HashMap<usize, usize> = nodes.iter().enumerate().map(|(k, node)| (node.index(), k)).collect();
-    let mut skin_parents: Vec<Option<usize>> = vec![None; nodes.len()];
-    for (k, node) in nodes.iter().enumerate() {
-        // Nodes between two joints are passed through; `seen` stops at a damaged tree that bites its tail.
-        let mut pending: Vec<Node> = node.children().collect();
-        let mut seen = HashSet::new();
-        while let Some(child) = pending.pop() {
-            if !seen.insert(child.index()) {
-                continue;
-            }
-            match joint_of_node.get(&child.index()) {
-                Some(&joint) => skin_parents[joint] = Some(k),
-                None => pending.extend(child.children()),
-            }
+    let mut node_parents: Vec<Option<usize>> = vec![None; file.nodes().len()];
+    for node in file.nodes() {
+        for child in node.children() {
+            node_parents[child.index()] = Some(node.index());
         }
     }
+    let parent = |node: &Node| {
+        // A damaged tree may bite its tail; no path is longer than the number of nodes.
+        let mut ancestors = std::iter::successors(node_parents[node.index()], |&n| node_parents[n]);
+        ancestors.by_ref().take(node_parents.len()).find_map(|n| joint_of_node.get(&n).copied())
+    };
+    let skin_parents: Vec<Option<usize>> = nodes.iter().map(parent).collect();
     let roots: Vec<usize> = (0..nodes.len()).filter(|&k| skin_parents[k].is_none()).collect();
     if roots.len() != 1 {
         let names: Vec<&str> = roots.iter().take(4).map(|&k| nodes[k].name().unwrap_or("unnamed")).collect();

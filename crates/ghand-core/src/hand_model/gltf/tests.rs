@@ -1,3 +1,6 @@
+mod skinning;
+mod storage;
+
 use std::path::PathBuf;
 
 use super::joints::WEBXR_JOINTS;
@@ -132,6 +135,13 @@ fn buffers_beside_a_gltf_file_are_found() {
 #[test]
 fn bad_files_are_refused_with_the_part_and_a_remedy() {
     let small = SmallHand::new;
+    let uri = |uri: &str| small().replace(r#""byteLength":432}"#, &format!(r#""byteLength":432,"uri":"{uri}"}}"#));
+    let required = |name: &str| {
+        small().replace(
+            r#""scene":0"#,
+            &format!(r#""scene":0,"extensionsUsed":["{name}"],"extensionsRequired":["{name}"]"#),
+        )
+    };
     let cases: Vec<(SmallHand, &str)> = vec![
         (small().replace(r#","skin":0"#, ""), "skin: no mesh has one"),
         (small().replace(r#""TEXCOORD_0":1,"#, ""), "unwrap the mesh"),
@@ -140,9 +150,25 @@ fn bad_files_are_refused_with_the_part_and_a_remedy() {
         (small().replace(r#""TEXCOORD_0":1"#, r#""TEXCOORD_0":0"#), "has 3 components, expected 2"),
         (small().replace(r#""POSITION":0"#, r#""POSITION":9"#), "POSITION: names accessor 9 of 5"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":4,"type":"MAT4""#), "beyond its buffer"),
-        (small().replace(r#""count":3,"type":"MAT4""#, r#""count":99999999999,"type":"MAT4""#), "beyond its buffer"),
+        (small().replace(r#""count":3,"type":"MAT4""#, r#""count":99999999999,"type":"MAT4""#), "more than any hand"),
+        (small().replace(r#""count":3,"type":"MAT4""#, r#""count":999999,"type":"MAT4""#), "beyond its buffer"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":2,"type":"MAT4""#), "2 for 3 joints"),
-        (small().replace(r#""byteLength":432}"#, r#""byteLength":432,"uri":"data:;base64,AA=="}"#), "data: URI"),
+        (uri("data:;base64,AA=="), "buffer 0: has 1 of 432 bytes"),
+        (uri("data:;base64,A!=="), "buffer 0: is no base64"),
+        (uri("data:text/plain,hello"), "buffer 0: is a data: URI without base64"),
+        (uri("../secret.bin"), "buffer 0: lies at '../secret.bin', outside of the .gltf file's folder"),
+        (uri("a/%2e%2E/%2e./secret.bin"), "outside of the .gltf file's folder; put it beside the .gltf file"),
+        (uri("/etc/passwd"), "lies at '/etc/passwd', outside"),
+        (uri("file:///etc/passwd"), "lies at 'file:///etc/passwd', outside"),
+        (uri("https://example.org/a.bin"), "lies at 'https://example.org/a.bin', outside"),
+        (uri("%FF.bin"), "is no UTF-8"),
+        (uri("."), "it is no file; put '.' beside the .gltf file"),
+        (uri("none.bin"), "put 'none.bin' beside the .gltf file"),
+        (small().replace(r#""byteLength":432}"#, r#""byteLength":4320000000}"#), "more than 1073741824"),
+        (required("KHR_draco_mesh_compression"), "extensionsRequired: names KHR_draco_mesh_compression"),
+        (required("EXT_meshopt_compression"), "export without mesh compression"),
+        (required("KHR_mesh_quantization"), "export without quantization"),
+        (required("EXT_unknown"), "EXT_unknown"),
         (small().replace(r#""children":[2]"#, r#""children":[]"#), "2 root joints (middle, root)"),
         (
             small().replace(r#""name":"tip""#, r#""name":"wrist""#).replace("middle", "thumb-tip"),
