@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use ghand_core::hand_model::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
+use ghand_core::hand_model::obj::write_obj;
 use ghand_core::{HandModelError, Side};
 
 use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};
@@ -52,7 +53,15 @@ fn a_file_cut_anywhere_is_refused() {
 
 #[test]
 fn a_file_with_any_byte_changed_never_panics_and_gives_a_sound_model_or_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let uv_obj = folder.path().join("uv.obj");
+    let model = read(&small_files()[0]).unwrap().model;
+    write_obj(&uv_obj, &model, &model.vertices).unwrap();
+    // Texture coordinates are given so that no time goes into building an atlas.
+    let options = ManoOptions { side: Some(Side::Right), uv_obj: Some(uv_obj), ..Default::default() };
+    let read = |bytes: &[u8]| read_mano_bytes("some/file", bytes, None, &options);
     for bytes in small_files() {
+        assert!(read(&bytes).is_ok());
         let mut bytes = bytes;
         for at in 0..bytes.len() {
             for flip in [0xff, 0x01] {

@@ -34,9 +34,11 @@ pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
     let areas: Vec<f64> = charts.iter().map(area).collect();
     upright.sort_by(|a, b| areas[b.0].total_cmp(&areas[a.0]).then(a.0.cmp(&b.0)));
     let total: f64 = areas.iter().sum();
+    let longest = upright.iter().map(|(_, points)| longest_side(points)).fold(0.0, f64::max);
     for grid in GRIDS {
-        // Cells a unit: the scale at which the charts' areas alone would fill the grid is too large.
-        let (mut fits, mut high) = (0.0, grid as f64 / total.sqrt());
+        // Cells a unit: the scale at which the charts' areas alone would fill the grid is too large, and so is that at
+        // which the longest of them reaches from end to end. Slivers have a length, but hardly an area.
+        let (mut fits, mut high) = (0.0, grid as f64 / total.sqrt().max(longest));
         let mut best = None;
         for _ in 0..HALVINGS {
             let scale = if best.is_none() { 0.5 * high } else { 0.5 * (fits + high) };
@@ -67,6 +69,11 @@ fn stand_up(points: &[DVec2]) -> Vec<DVec2> {
     };
     let best = (0..TURNS).min_by(|&a, &b| box_area(a).total_cmp(&box_area(b))).unwrap_or(0);
     turned(best).collect()
+}
+
+fn longest_side(points: &[DVec2]) -> f64 {
+    let (low, high) = bounds(points.iter().copied());
+    (high - low).max_element()
 }
 
 fn bounds(points: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {

@@ -35,6 +35,8 @@ def count(*shape):
     return np.arange(1, np.prod(shape) + 1).reshape(shape) / 3.0
 
 
+# On a parabola, so that the triangles have an area.
+template = count(V, 3) ** 2
 shapes = Ch()
 shapes.x, shapes._dirty_vars, shapes._itr = count(V, 3, SHAPES), {"x"}, None
 selected = Select()
@@ -44,12 +46,12 @@ selected.preferred_shape = (V, 3, USED)
 regressor = np.array([[0.25, 0.75, 0, 0], [0, 0, 0.5, 0.5]])
 
 hand = {
-    "v_template": np.asfortranarray(count(V, 3)),
+    "v_template": np.asfortranarray(template),
     "f": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32),
     "weights": np.array([[1, 0], [0.5, 0.5], [0.25, 0.75], [0, 1]]),
     "kintree_table": np.array([[2**32 - 1, 0], [0, 1]], dtype=np.uint32),
     "J_regressor": scipy.sparse.csc_matrix(regressor),
-    "J": regressor @ count(V, 3),
+    "J": regressor @ template,
     "shapedirs": selected,
     "posedirs": np.asfortranarray(count(V, 3, 9 * (N - 1))),
     "hands_mean": count(3).astype(">f8"),
