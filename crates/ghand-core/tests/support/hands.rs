@@ -43,13 +43,17 @@ impl Hand {
     }
 
     /// A hand of MANO's joints with so many vertices, spread over the built-in hand; the triangles between them are made
-    /// up.
+    /// up unless all vertices are asked for.
     pub fn procedural(count: usize, shapes: (usize, usize)) -> Hand {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let chosen: Vec<usize> = (0..count).map(|k| k * model.vertices.len() / count).collect();
         let vertices: Vec<DVec3> = chosen.iter().map(|i| model.vertices[*i]).collect();
         let weights = chosen.iter().flat_map(|i| model.vertex_weights(*i).to_vec()).collect();
-        let faces = (0..2 * count - 4).flat_map(|k| [k, k + 1, k + 2].map(|i| (i % count) as f64)).collect();
+        let faces = if count == model.vertices.len() {
+            model.faces.iter().flatten().map(|i| f64::from(*i)).collect()
+        } else {
+            (0..2 * count - 4).flat_map(|k| [k, k + 1, k + 2].map(|i| (i % count) as f64)).collect()
+        };
         // The mean of the vertices around a joint is near to it; a regressor of MANO has about as many.
         let regressor = model.joints.iter().map(|joint| {
             let mut near: Vec<u32> = (0..count as u32).collect();
