@@ -13,7 +13,11 @@
 // Expected camera z of what covers a pixel, metres; 0 where nothing does.
 @group(0) @binding(7) var<storage, read_write> depths: array<f32>;
 
+@group(0) @binding(8) var<storage, read_write> counters: array<atomic<u32>>;
+
 override DEPTH: bool = false;
+// Of the tiles whose loop the driver ended early, the largest number of entries.
+const COUNTER_CUT_SHORT: u32 = 4u;
 
 @compute @workgroup_size(16)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -37,7 +41,8 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     var end = vec4(0u);
     var live = inside;
     let range = tile_ranges[tile];
-    for (var i = range.x; i < range.y; i++) {
+    var i = range.x;
+    for (; i < range.y; i++) {
         let splat = splats[entries[i].x];
         let dx = splat.mean.x - x;
         let dy = splat.mean.y - y;
@@ -60,6 +65,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         if !any(live) {
             break;
         }
+    }
+    if i < range.y && any(live) {
+        atomicMax(&counters[COUNTER_CUT_SHORT], range.y - range.x);
     }
     red += transmittance * view.background.x;
     green += transmittance * view.background.y;

@@ -21,6 +21,8 @@ pub use sort::{ScanUniforms, SortUniforms};
 
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
 pub const TILE_SIZE: u32 = 8;
+/// Number of the splatter's counters, 32-bit words.
+pub const COUNTERS: usize = 5;
 /// Near plane, metres.
 pub const NEAR: f32 = 0.01;
 /// Rows of the table of Gaussians: mean (3), scale, colour (3).
@@ -310,8 +312,9 @@ impl Splatter {
         &self.shared.d_camera
     }
 
-    /// The counters: Gaussians, intersections drawn, intersections wanted, broken Gaussians (with a number that is not
-    /// finite, or a quaternion of 0; they are dropped). More wanted than drawn means that the frame is incomplete.
+    /// The [`COUNTERS`] counters: Gaussians, intersections drawn, intersections wanted, broken Gaussians (with a number that
+    /// is not finite, or a quaternion of 0; they are dropped), Gaussians on the largest tile that a
+    /// driver did not go through to its end. More wanted than drawn means that the frame is incomplete.
     pub fn counters(&self) -> &wgpu::Buffer {
         &self.shared.counters
     }
@@ -354,8 +357,8 @@ impl Splatter {
     /// Encodes what the forward pass finds empty.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         self.frame.bin.clear(encoder);
-        // The number of broken Gaussians.
-        encoder.clear_buffer(&self.shared.counters, 12, Some(4));
+        // The number of broken Gaussians and of those on a tile that was cut short.
+        encoder.clear_buffer(&self.shared.counters, 12, Some(8));
     }
 
     fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
@@ -404,15 +407,26 @@ impl Splatter {
     /// # Errors
     /// [`RenderError`] if the device failed or cannot hold that many intersections.
     pub fn complete(&mut self, gpu: &Gpu) -> Result<bool, RenderError> {
-        let counters: Vec<u32> = buffers::read(gpu, &self.shared.counters, 3)?;
-        self.complete_for(gpu, counters[2])
+        let counters: Vec<u32> = buffers::read(gpu, &self.shared.counters, COUNTERS)?;
+        self.complete_for(gpu, &counters)
     }
 
-    /// As [`Splatter::complete`], with the wanted number of intersections already read from the counters.
+    /// As [`Splatter::complete`], with the counters already read.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the device cannot hold that many intersections.
-    pub fn complete_for(&mut self, gpu: &Gpu, wanted: u32) -> Result<bool, RenderError> {
+    /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians.
+    pub fn complete_for(&mut self, gpu: &Gpu, counters: &[u32]) -> Result<bool, RenderError> {
+        let &[_, _, wanted, _, cut_short, ..] = counters else {
+            return Err(RenderError::Invalid(format!("{} counters, expected {COUNTERS}", counters.len())));
+        };
+        if cut_short > 0 {
+            // Mesa's software rasteriser ends the loops of a shader after 65,535 rounds.
+            return Err(RenderError::Invalid(format!(
+                "{cut_short} Gaussians lie on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render \
+                 a larger image, fewer Gaussians, or on a GPU",
+                gpu.info.name
+            )));
+        }
         if wanted <= self.capacity {
             return Ok(true);
         }

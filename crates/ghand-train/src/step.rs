@@ -5,7 +5,7 @@ use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pose::{PoseBackward, pose_stride};
-use ghand_render::splat::Purpose;
+use ghand_render::splat::{COUNTERS, Purpose};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::settings::TrainSettings;
@@ -159,8 +159,8 @@ impl Step {
             }
             gpu.queue.submit([encoder.finish()]);
             // An incomplete frame has changed nothing (Adam checks the counters too): grow and repeat.
-            let counters: Vec<u32> = buffers::read(gpu, self.renderer.splatter.counters(), 3)?;
-            if self.renderer.splatter.complete_for(gpu, counters[2])? {
+            let counters: Vec<u32> = buffers::read(gpu, self.renderer.splatter.counters(), COUNTERS)?;
+            if self.renderer.splatter.complete_for(gpu, &counters)? {
                 return Ok(());
             }
         }

@@ -13,10 +13,10 @@ use ghand_render::{Gpu, RenderError, shader_sources};
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Times of which the median is shown.
 const TIMES: usize = 60;
-/// What is read back of a frame: four words of counters, then two timestamps of eight bytes.
+/// What is read back of a frame: eight words of counters, then two timestamps of eight bytes.
 const READ_BACK_BYTES: u64 = 32;
 /// Bytes of the counters.
-const COUNTER_BYTES: u64 = 16;
+const COUNTER_BYTES: u64 = 32;
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
@@ -267,7 +267,7 @@ impl Picture {
             _ => elapsed_ms,
         });
         self.intersections = counters.get(2).copied().unwrap_or(0);
-        match self.renderer.splatter.complete_for(gpu, self.intersections) {
+        match self.renderer.splatter.complete_for(gpu, &counters) {
             Ok(true) => Ok(Progress::Complete),
             Ok(false) => Ok(Progress::Incomplete),
             Err(RenderError::Invalid(_)) => Ok(Progress::TooFine),

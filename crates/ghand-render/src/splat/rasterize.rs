@@ -47,6 +47,7 @@ impl Stages {
                     (5, &b.transmittances),
                     (6, &b.ends),
                     (7, &s.depths),
+                    (8, &s.counters),
                 ],
             ),
             rasterize_backward: pipelines.rasterize_backward.as_ref().map(|stage| {
