@@ -16,8 +16,46 @@
 @group(0) @binding(8) var<storage, read_write> counters: array<atomic<u32>>;
 
 override DEPTH: bool = false;
-// Of the tiles whose loop the driver ended early, the largest number of entries.
+// How many entries of a tile the backward pass can go through.
+override BACKWARD_ENTRIES: u32 = 0xffffffffu;
+// Of the tiles with too many entries for the driver, the largest number.
 const COUNTER_CUT_SHORT: u32 = 4u;
+
+// What four pixels have gathered so far.
+struct Pixels {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    transmittance: vec4<f32>,
+    red: vec4<f32>,
+    green: vec4<f32>,
+    blue: vec4<f32>,
+    depth: vec4<f32>,
+    end: vec4<u32>,
+    live: vec4<bool>,
+}
+
+fn blend(pixels: ptr<function, Pixels>, i: u32) {
+    let splat = splats[entries[i].x];
+    let dx = splat.mean.x - (*pixels).x;
+    let dy = splat.mean.y - (*pixels).y;
+    let power = -0.5 * (splat.conic.x * dx * dx + splat.conic.z * dy * dy) - splat.conic.y * dx * dy;
+    let alpha = min(vec4(ALPHA_MAX), splat.opacity * exp(power));
+    let transmittance = (*pixels).transmittance;
+    let next = transmittance * (1.0 - alpha);
+    let hit = (*pixels).live & (alpha >= vec4(ALPHA_MIN));
+    let enough = next > vec4(TRANSMITTANCE_MIN);
+    let take = hit & enough;
+    (*pixels).live = (*pixels).live & (enough | !hit);
+    let weight = select(vec4(0.0), alpha * transmittance, take);
+    (*pixels).red += weight * splat.color.x;
+    (*pixels).green += weight * splat.color.y;
+    (*pixels).blue += weight * splat.color.z;
+    if DEPTH {
+        (*pixels).depth += weight * splat.depth;
+    }
+    (*pixels).transmittance = select(transmittance, next, take);
+    (*pixels).end = select((*pixels).end, vec4(i + 1u), take);
+}
 
 @compute @workgroup_size(16)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -30,56 +68,41 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     let column = vec4<u32>(corner.x, corner.x + 1u, corner.x, corner.x + 1u);
     let row = vec4<u32>(corner.y, corner.y, corner.y + 1u, corner.y + 1u);
     let inside = (column < vec4(view.size.x)) & (row < vec4(view.size.y));
-    let x = vec4<f32>(column) + 0.5;
-    let y = vec4<f32>(row) + 0.5;
 
-    var transmittance = vec4(1.0);
-    var red = vec4(0.0);
-    var green = vec4(0.0);
-    var blue = vec4(0.0);
-    var depth = vec4(0.0);
-    var end = vec4(0u);
-    var live = inside;
+    var pixels = Pixels();
+    pixels.x = vec4<f32>(column) + 0.5;
+    pixels.y = vec4<f32>(row) + 0.5;
+    pixels.transmittance = vec4(1.0);
+    pixels.live = inside;
     let range = tile_ranges[tile];
+    // Two entries a round: half as many rounds, of which software rasterisers allow only so many.
     var i = range.x;
-    for (; i < range.y; i++) {
-        let splat = splats[entries[i].x];
-        let dx = splat.mean.x - x;
-        let dy = splat.mean.y - y;
-        let power = -0.5 * (splat.conic.x * dx * dx + splat.conic.z * dy * dy) - splat.conic.y * dx * dy;
-        let alpha = min(vec4(ALPHA_MAX), splat.opacity * exp(power));
-        let next = transmittance * (1.0 - alpha);
-        let hit = live & (alpha >= vec4(ALPHA_MIN));
-        let enough = next > vec4(TRANSMITTANCE_MIN);
-        let take = hit & enough;
-        live = live & (enough | !hit);
-        let weight = select(vec4(0.0), alpha * transmittance, take);
-        red += weight * splat.color.x;
-        green += weight * splat.color.y;
-        blue += weight * splat.color.z;
-        if DEPTH {
-            depth += weight * splat.depth;
-        }
-        transmittance = select(transmittance, next, take);
-        end = select(end, vec4(i + 1u), take);
-        if !any(live) {
+    for (; i + 1u < range.y; i += 2u) {
+        blend(&pixels, i);
+        blend(&pixels, i + 1u);
+        if !any(pixels.live) {
             break;
         }
     }
-    if i < range.y && any(live) {
+    let cut_short = i + 1u < range.y && any(pixels.live);
+    if !cut_short && i < range.y && any(pixels.live) {
+        blend(&pixels, i);
+    }
+    let last = max(max(pixels.end.x, pixels.end.y), max(pixels.end.z, pixels.end.w));
+    if cut_short || last > range.x && last - range.x > BACKWARD_ENTRIES {
         atomicMax(&counters[COUNTER_CUT_SHORT], range.y - range.x);
     }
-    red += transmittance * view.background.x;
-    green += transmittance * view.background.y;
-    blue += transmittance * view.background.z;
+    let red = pixels.red + pixels.transmittance * view.background.x;
+    let green = pixels.green + pixels.transmittance * view.background.y;
+    let blue = pixels.blue + pixels.transmittance * view.background.z;
     for (var k = 0; k < 4; k++) {
         if inside[k] {
             let pixel = row[k] * view.size.x + column[k];
-            image[pixel] = vec4(red[k], green[k], blue[k], 1.0 - transmittance[k]);
-            transmittances[pixel] = transmittance[k];
-            ends[pixel] = end[k];
+            image[pixel] = vec4(red[k], green[k], blue[k], 1.0 - pixels.transmittance[k]);
+            transmittances[pixel] = pixels.transmittance[k];
+            ends[pixel] = pixels.end[k];
             if DEPTH {
-                depths[pixel] = select(0.0, depth[k] / (1.0 - transmittance[k]), end[k] > 0u);
+                depths[pixel] = select(0.0, pixels.depth[k] / (1.0 - pixels.transmittance[k]), pixels.end[k] > 0u);
             }
         }
     }

@@ -8,6 +8,9 @@ use crate::{Gpu, shader_sources};
 /// 4x4 cells of a tile, as in `rasterize_backward.wgsl`: each has gradients of its own for an intersection.
 pub const CELLS: usize = 4;
 
+/// Mesa's software rasteriser ends the loops of a shader after so many rounds; the backward pass takes one for an entry.
+const SOFTWARE_ROUNDS: u32 = 65_535;
+
 pub struct Pipelines {
     rasterize: Stage,
     rasterize_backward: Option<Stage>,
@@ -16,8 +19,11 @@ pub struct Pipelines {
 impl Pipelines {
     pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool) -> Pipelines {
         let forward = Module::new(gpu, "rasterize", &shader_sources::rasterize());
+        let limited = gpu.is_cpu() && purpose.has_gradients();
+        let entries = if limited { SOFTWARE_ROUNDS } else { u32::MAX };
+        let constants = [("DEPTH", f64::from(u8::from(depth))), ("BACKWARD_ENTRIES", f64::from(entries))];
         Pipelines {
-            rasterize: forward.stage(gpu, "rasterize", &[("DEPTH", f64::from(u8::from(depth)))]),
+            rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
                 let module = Module::new(gpu, "rasterize_backward", &shader_sources::rasterize_backward());
                 module.stage(gpu, "rasterize_backward", &[("SLOT_VECTORS", model.slot_vectors() as f64)])
