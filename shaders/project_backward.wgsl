@@ -83,11 +83,17 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var first = vec4(0.0);
     var second = vec4(0.0);
     var third = vec4(0.0);
-    for (var s = slots.x * CELLS; s < slots.y * CELLS; s++) {
-        first += slot_gradients[SLOT_VECTORS * s];
-        second += slot_gradients[SLOT_VECTORS * s + 1u];
+    // The four cells of a slot stand one by one: software rasterisers end a loop after 65,535 rounds.
+    let stride = CELLS * SLOT_VECTORS;
+    for (var s = slots.x; s < slots.y; s++) {
+        let at = s * stride;
+        first += slot_gradients[at] + slot_gradients[at + SLOT_VECTORS]
+            + slot_gradients[at + 2u * SLOT_VECTORS] + slot_gradients[at + 3u * SLOT_VECTORS];
+        second += slot_gradients[at + 1u] + slot_gradients[at + SLOT_VECTORS + 1u]
+            + slot_gradients[at + 2u * SLOT_VECTORS + 1u] + slot_gradients[at + 3u * SLOT_VECTORS + 1u];
         if SLOT_VECTORS > 2u {
-            third += slot_gradients[SLOT_VECTORS * s + 2u];
+            third += slot_gradients[at + 2u] + slot_gradients[at + SLOT_VECTORS + 2u]
+                + slot_gradients[at + 2u * SLOT_VECTORS + 2u] + slot_gradients[at + 3u * SLOT_VECTORS + 2u];
         }
     }
     let d_color = vec3(first.zw, second.x);

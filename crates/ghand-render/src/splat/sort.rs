@@ -7,6 +7,8 @@ use crate::{Gpu, buffers, shader_sources};
 
 /// Strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
+/// Most pairs of a strand: half of what the loops of software rasterisers go through.
+const MOST_PAIRS: u64 = 32_768;
 
 /// See `shaders/shared/scan.wgsl`.
 #[repr(C)]
@@ -112,7 +114,9 @@ impl Stages {
     ) -> Stages {
         let count = bits.div_ceil(8);
         let digit_bits = bits.div_ceil(count);
-        let strands = pipelines.strands;
+        // A strand takes a round of a loop for each pair, and software rasterisers end loops after 65,535.
+        let pairs = keys[0].size() / 4;
+        let strands = pipelines.strands.max(u32::try_from(pairs.div_ceil(MOST_PAIRS)).unwrap_or(u32::MAX));
         let digits = buffers::zeroed(gpu, "digit counts", (strands as usize) << digit_bits);
         let total = buffers::zeroed(gpu, "digit total", 1);
         let passes = (0..count)
