@@ -216,7 +216,8 @@ fn every_face_of_a_hand_of_manos_fineness_gets_texels() {
     }
     println!("{} faces, fewest texels {:?}", mesh.1.len(), texels.iter().min());
     assert!(texels.iter().all(|&n| n >= 4));
-    assert!(samples.len() > 130_000);
+    // MANO's own atlas has 87,780.
+    assert!(samples.len() > 120_000);
 }
 
 #[test]
