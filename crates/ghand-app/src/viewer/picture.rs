@@ -14,7 +14,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Times of which the median is shown.
 const TIMES: usize = 60;
 /// What is read back of a frame: eight words of counters, then two timestamps of eight bytes.
-const READ_BACK_BYTES: u64 = 32;
+const READ_BACK_BYTES: u64 = COUNTER_BYTES + 16;
 /// Bytes of the counters.
 const COUNTER_BYTES: u64 = 32;
 
