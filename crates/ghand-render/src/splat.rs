@@ -25,8 +25,6 @@ pub const TILE_SIZE: u32 = 8;
 pub const COUNTERS: usize = 5;
 /// Near plane, metres.
 pub const NEAR: f32 = 0.01;
-/// Rows of the table of Gaussians: mean (3), scale, colour (3).
-pub const GAUSSIAN_ROWS: usize = 7;
 
 /// What a splatter is for. Less takes less memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

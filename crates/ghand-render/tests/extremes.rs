@@ -40,13 +40,13 @@ fn plain(mean: DVec3, scales: DVec3, opacity: f64) -> Gaussian {
     Gaussian { mean: rounded(mean), scales: rounded(scales), rotation, opacity: f64::from(opacity as f32), color }
 }
 
-/// Largest difference of the images, and the worst relative L2 error of the gradient's parts. Panics where anything is
-/// not finite.
-fn errors(model: SplatModel, gaussians: &[Gaussian], camera: &Camera) -> (f64, f64) {
+/// Largest difference of the images of the device and of the twin, each with its Gaussians, and the worst relative L2 error
+/// of the gradient's parts. Panics where anything is not finite.
+fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera: &Camera) -> (f64, f64) {
     let pixels = (camera.width * camera.height) as usize;
     let weights = random_weights(11, pixels);
     let gpu = gpu();
-    let rendered = render_table(&gpu, model, &table(gaussians, &model), camera, 1.0, &weights);
+    let rendered = render_table(&gpu, model, &table(device, &model), camera, 1.0, &weights);
     assert_eq!(rendered.broken, 0);
     let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
     assert!(finite(rendered.image.as_flattened()) && finite(&rendered.gradient) && finite(&rendered.d_camera));
@@ -70,16 +70,29 @@ fn errors(model: SplatModel, gaussians: &[Gaussian], camera: &Camera) -> (f64, f
             let scale = if name == "rotations" { norm.max(of_sizes) / norm } else { 1.0 };
             if norm == 0.0 { 0.0 } else { relative_error(got, &expected[range]) / scale }
         })
-        .fold(0.0, |m, e| if e <= m { m } else { e });
+        .fold(0.0, larger);
     (image_error, worst)
 }
 
 /// Checks both errors and prints them for the table in `docs/numerics.md`.
 fn check(what: &str, model: SplatModel, gaussians: &[Gaussian], camera: &Camera, image: f64, gradient: f64) {
-    let (image_error, gradient_error) = errors(model, gaussians, camera);
+    let (image_error, gradient_error) = errors(model, gaussians, gaussians, camera);
     println!("{what}: image {image_error:.1e}, gradients {gradient_error:.1e}");
     assert!(image_error <= image, "{what}: image error {image_error}");
     assert!(gradient_error <= gradient, "{what}: gradient error {gradient_error}");
+}
+
+#[test]
+fn the_comparison_rejects_other_gaussians_and_nan() {
+    let camera = at_origin(40, 50.0);
+    let mut rng = rng(1);
+    let scene: Vec<Gaussian> =
+        (0..20).map(|_| plain(vector(&mut rng) * 0.3 + DVec3::Z, DVec3::new(0.1, 0.05, 0.02), 0.5)).collect();
+    let mut other = scene.clone();
+    other.iter_mut().for_each(|g| g.scales.x *= 1.002);
+    let (image, gradient) = errors(GENERAL, &scene, &other, &camera);
+    assert!(image > 1e-4 && gradient > 2e-3, "image {image}, gradients {gradient}");
+    assert!([0.0, f64::NAN, 1.0].into_iter().fold(0.0, larger).is_nan());
 }
 
 #[test]

@@ -78,7 +78,7 @@ fn published_scenes_come_out_as_gsplat_renders_them() {
         let image = splatter.render(&gpu).unwrap().rgba;
         let expected: Vec<f64> = floats(&file, "out_img").iter().map(|v| f64::from(*v)).collect();
         let worst =
-            image.as_flattened().iter().zip(&expected).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
+            image.as_flattened().iter().zip(&expected).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, larger);
         println!("{name}: {count} Gaussians, largest difference {worst:.1e}");
         assert!(worst <= 1e-5, "{name}: {worst}");
     }

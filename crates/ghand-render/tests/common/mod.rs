@@ -159,12 +159,17 @@ pub fn random_weights(seed: u64, pixels: usize) -> Vec<[f32; 4]> {
     (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(-1.0f32..1.0))).collect()
 }
 
+/// The larger of two errors, where NaN is the largest of all and is never lost again.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
+}
+
 /// How far two images are apart: the largest difference, leaving out pixels that differ by more than `flip`, and how
 /// many those are.
 pub fn compare_images(image: &[[f32; 4]], twin: &[[f64; 4]], flip: f64) -> (f64, usize) {
     let (mut worst, mut flips) = (0.0, 0);
     for (a, b) in image.iter().zip(twin) {
-        let difference = (0..4).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, |m, d| if d <= m { m } else { d });
+        let difference = (0..4).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, larger);
         if !(difference <= flip) {
             flips += 1;
         } else {
@@ -238,6 +243,8 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     let error = relative_error(&rendered.d_camera, &turn);
     println!("  camera: relative L2 error {error:.1e}");
     assert!(error <= tolerance, "{model:?} camera: {:?} against {turn:?}", rendered.d_camera);
+    let wrong = turn.map(|d| d * 1.02);
+    assert!(!(relative_error(&rendered.d_camera, &wrong) <= tolerance), "the camera is not compared");
 }
 
 /// The camera's gradient as the device gives it: to x + w x x + t of the camera coordinates x.
