@@ -15,8 +15,8 @@ const COUNTER_WANTED: u32 = 2u;
 @group(0) @binding(6) var<storage, read_write> tile_keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> slots: array<u32>;
 @group(0) @binding(8) var<storage, read_write> slot_gaussians: array<u32>;
-@group(0) @binding(9) var<storage, read_write> entries: array<vec2<u32>>;
-@group(0) @binding(10) var<storage, read_write> tile_ranges: array<vec2<u32>>;
+// By tile: first intersection and one past the last.
+@group(0) @binding(9) var<storage, read_write> tile_ranges: array<vec2<u32>>;
 
 fn tile_count(rect: vec2<u32>) -> u32 {
     return ((rect.y & 0xffffu) - (rect.x & 0xffffu)) * ((rect.y >> 16u) - (rect.x >> 16u));
@@ -60,23 +60,27 @@ fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     }
 }
 
-// After the sort: the entries (Gaussian, slot) in drawing order and the range of each tile. Tiles without entries keep
-// the empty range that they were cleared to.
+// The first intersection whose tile is not before this one; they are sorted.
+fn first_of(tile: u32) -> u32 {
+    var low = 0u;
+    var high = counters[COUNTER_INTERSECTIONS];
+    while low < high {
+        let middle = (low + high) / 2u;
+        if tile_keys[middle] < tile {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// After the sort: the intersections of each tile.
 @compute @workgroup_size(64)
 fn find_tile_ranges(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                     @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local, 64u);
-    let count = counters[COUNTER_INTERSECTIONS];
-    if i >= count {
-        return;
-    }
-    let slot = slots[i];
-    entries[i] = vec2(slot_gaussians[slot], slot);
-    let tile = tile_keys[i];
-    if i == 0u || tile_keys[i - 1u] != tile {
-        tile_ranges[tile].x = i;
-    }
-    if i + 1u == count || tile_keys[i + 1u] != tile {
-        tile_ranges[tile].y = i + 1u;
+    let tile = flat_index(group, groups, local, 64u);
+    if tile < view.tiles.x * view.tiles.y {
+        tile_ranges[tile] = vec2(first_of(tile), first_of(tile + 1u));
     }
 }

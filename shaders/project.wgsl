@@ -1,6 +1,8 @@
 // Projects Gaussians to the image, culls those that cannot be seen, and finds the tiles that each may touch.
 
 const COUNTER_BROKEN: u32 = 3u;
+// Depth keys have 30 bits.
+const DEPTH_KEY_MAX: u32 = 0x3fffffffu;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
@@ -20,7 +22,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     }
     depth_order[i] = i;
     tile_rects[i] = vec2(0u, 0u);
-    depth_keys[i] = 0xffffffffu;
+    depth_keys[i] = DEPTH_KEY_MAX;
 
     let g = load_gaussian(i);
     let p = camera_from_world(view, g.mean);
@@ -59,6 +61,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     let first_tile = vec2<u32>(first) / TILE_SIZE;
     let end_tile = vec2<u32>(last) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
-    depth_keys[i] = bitcast<u32>(p.z);
+    // In order of the depth: the bits of positive floats are. Beyond 3e36 m all are one.
+    depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX);
     splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0.0, color, 0.0);
 }

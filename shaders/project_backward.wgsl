@@ -1,19 +1,22 @@
 // Sums each Gaussian's slots in order and carries the gradient through the projection to its properties and, if asked
 // for, to the camera.
 
-const CELLS: u32 = 4u;
-// Vectors a (slot, cell), as in rasterize_backward.wgsl.
-override SLOT_VECTORS: u32 = 2u;
+// Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
+override SLOT_OPACITY: bool = false;
+// How many places a slot has, as there: 4 for cells of their own, or 1.
+override SLOT_PLACES: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 @group(0) @binding(2) var<storage, read> slot_ranges: array<vec2<u32>>;
+// As in rasterize_backward.wgsl.
 @group(0) @binding(3) var<storage, read> slot_gradients: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> slot_marks: array<u32>;
 // Rows as in `gaussians`.
-@group(0) @binding(4) var<storage, read_write> d_gaussians: array<f32>;
+@group(0) @binding(5) var<storage, read_write> d_gaussians: array<f32>;
 // What each Gaussian adds to the gradient of the camera's turn and translation, six rows.
-@group(0) @binding(5) var<storage, read_write> camera_rows: array<f32>;
+@group(0) @binding(6) var<storage, read_write> camera_rows: array<f32>;
 
 fn store(row: u32, i: u32, value: f32) {
     d_gaussians[row * view.gaussian_count + i] = value;
@@ -59,6 +62,30 @@ fn quaternion_gradient(g: Gaussian, x_axis: vec3<f32>, y_axis: vec3<f32>, z_axis
     return (unit - q * dot(q, unit)) / g.length;
 }
 
+// What a place of a slot holds.
+struct SlotGradient {
+    first: vec4<f32>,
+    second: vec4<f32>,
+    power: f32,
+}
+
+fn slot_place(place: u32) -> SlotGradient {
+    var gradient: SlotGradient;
+    let mark = select(place, 2u * place, SLOT_OPACITY);
+    if slot_marks[mark] != 0u {
+        gradient.first = slot_gradients[2u * place];
+        gradient.second = slot_gradients[2u * place + 1u];
+        if SLOT_OPACITY {
+            gradient.power = bitcast<f32>(slot_marks[mark + 1u]);
+        }
+    }
+    return gradient;
+}
+
+fn joined(a: SlotGradient, b: SlotGradient) -> SlotGradient {
+    return SlotGradient(a.first + b.first, a.second + b.second, a.power + b.power);
+}
+
 // A Gaussian that nothing of the image depends on.
 fn store_nothing(i: u32) {
     let rows = ROW_COLOR + 3u * max(COLOR_BASES, 1u);
@@ -82,19 +109,17 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     }
     var first = vec4(0.0);
     var second = vec4(0.0);
-    var third = vec4(0.0);
-    // The four cells of a slot stand one by one: software rasterisers end a loop after 65,535 rounds.
-    let stride = CELLS * SLOT_VECTORS;
+    var d_power = 0.0;
     for (var s = slots.x; s < slots.y; s++) {
-        let at = s * stride;
-        first += slot_gradients[at] + slot_gradients[at + SLOT_VECTORS]
-            + slot_gradients[at + 2u * SLOT_VECTORS] + slot_gradients[at + 3u * SLOT_VECTORS];
-        second += slot_gradients[at + 1u] + slot_gradients[at + SLOT_VECTORS + 1u]
-            + slot_gradients[at + 2u * SLOT_VECTORS + 1u] + slot_gradients[at + 3u * SLOT_VECTORS + 1u];
-        if SLOT_VECTORS > 2u {
-            third += slot_gradients[at + 2u] + slot_gradients[at + SLOT_VECTORS + 2u]
-                + slot_gradients[at + 2u * SLOT_VECTORS + 2u] + slot_gradients[at + 3u * SLOT_VECTORS + 2u];
+        var sum = slot_place(s * SLOT_PLACES);
+        // The places of a slot stand one by one: software rasterisers end a loop after 65,535 rounds.
+        if SLOT_PLACES == 4u {
+            sum = joined(joined(sum, slot_place(s * SLOT_PLACES + 1u)),
+                         joined(slot_place(s * SLOT_PLACES + 2u), slot_place(s * SLOT_PLACES + 3u)));
         }
+        first += sum.first;
+        second += sum.second;
+        d_power += sum.power;
     }
     let d_color = vec3(first.zw, second.x);
 
@@ -109,7 +134,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var d_row_y = vec3(0.0);
     let kept = compensation(foot);
     // The sum of d_alpha * alpha over the pixels: alpha is proportional to opacity.
-    let d_opacity = third.x / (g.opacity * kept);
+    let d_opacity = d_power / (g.opacity * kept);
     if ANTIALIAS {
         // kept = |X| / sqrt(det) with X = row_x x row_y.
         let d_kept = d_opacity * g.opacity;

@@ -26,7 +26,7 @@ fn strand_range(strand: u32) -> vec2<u32> {
     return vec2(start, min(start + length, count));
 }
 
-@compute @workgroup_size(16)
+@compute @workgroup_size(8)
 fn sort_count(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= sort.strands {
         return;
@@ -41,7 +41,7 @@ fn sort_count(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-@compute @workgroup_size(16)
+@compute @workgroup_size(8)
 fn sort_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= sort.strands {
         return;

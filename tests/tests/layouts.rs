@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use ghand_avatar::direct::ResponseUniforms;
+use ghand_render::Tier;
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms};
 use ghand_render::optimizer::AdamUniforms;
@@ -150,8 +151,8 @@ fn compare(host: &Layout, wgsl: &Layout) -> Result<(), String> {
 fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
     let mut unseen: BTreeMap<String, Layout> = host_layouts().into_iter().map(|l| (l.name.clone(), l)).collect();
     let hosts = unseen.clone();
-    for (source_name, source) in sources() {
-        for wgsl in buffer_layouts(&validate(&source).unwrap()) {
+    for (source_name, tier, source) in sources() {
+        for wgsl in buffer_layouts(&validate(tier, &source).unwrap()) {
             let host = hosts.get(&wgsl.name);
             let host =
                 host.unwrap_or_else(|| panic!("{source_name}: no host struct for {} is compared here", wgsl.name));
@@ -166,7 +167,7 @@ const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }
     @group(0) @binding(0) var<uniform> pair: Pair;";
 
 fn layout_of(source: &str) -> Layout {
-    buffer_layouts(&validate(source).unwrap_or_else(|e| panic!("{e}"))).remove(0)
+    buffer_layouts(&validate(Tier::Baseline, source).unwrap_or_else(|e| panic!("{e}"))).remove(0)
 }
 
 #[test]

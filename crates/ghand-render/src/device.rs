@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
+use crate::tier::Tier;
+
 /// Which adapter to use.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum AdapterChoice {
@@ -50,6 +52,20 @@ pub enum DeviceError {
         /// What there is.
         found: String,
     },
+    /// The adapter lacks what a tier needs.
+    #[error("the graphics adapter {adapter} lacks what the tier `{tier}` needs; use {}=baseline", Tier::VARIABLE)]
+    NoTier {
+        /// The adapter.
+        adapter: String,
+        /// The tier.
+        tier: &'static str,
+    },
+    /// [`Tier::VARIABLE`] names no tier.
+    #[error("{}={text} is no tier; it may be `baseline` or `fast`", Tier::VARIABLE)]
+    UnknownTier {
+        /// What it holds.
+        text: String,
+    },
     /// The adapter refused a device.
     #[error(
         "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}",
@@ -87,6 +103,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// What the adapter is.
     pub info: wgpu::AdapterInfo,
+    /// How much of it is used.
+    pub tier: Tier,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -101,16 +119,35 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
 }
 
 impl Gpu {
-    /// Opens a device without a window.
+    /// Opens a device without a window, of the tier in [`Tier::VARIABLE`], else of the one that suits the adapter best.
     ///
     /// # Errors
     /// [`DeviceError`] when no adapter fits or the adapter gives no device.
     pub fn new(choice: &AdapterChoice) -> Result<Gpu, DeviceError> {
+        Gpu::open(Self::instance(), choice, Self::tier_from_env()?)
+    }
+
+    /// Opens a device of a tier without a window.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`], and when the adapter lacks what the tier needs.
+    pub fn with_tier(choice: &AdapterChoice, tier: Tier) -> Result<Gpu, DeviceError> {
+        Gpu::open(Self::instance(), choice, Some(tier))
+    }
+
+    fn instance() -> wgpu::Instance {
         let descriptor = wgpu::InstanceDescriptor {
             backends: wgpu::Backends::PRIMARY,
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         };
-        Gpu::with_instance(wgpu::Instance::new(descriptor), choice)
+        wgpu::Instance::new(descriptor)
+    }
+
+    fn tier_from_env() -> Result<Option<Tier>, DeviceError> {
+        match std::env::var(Tier::VARIABLE) {
+            Ok(text) if !text.is_empty() => Tier::parse(&text).map(Some).ok_or(DeviceError::UnknownTier { text }),
+            _ => Ok(None),
+        }
     }
 
     /// Opens a device of an instance that the caller made (one with a display handle, for a window).
@@ -118,6 +155,10 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::new`].
     pub fn with_instance(instance: wgpu::Instance, choice: &AdapterChoice) -> Result<Gpu, DeviceError> {
+        Gpu::open(instance, choice, Self::tier_from_env()?)
+    }
+
+    fn open(instance: wgpu::Instance, choice: &AdapterChoice, tier: Option<Tier>) -> Result<Gpu, DeviceError> {
         let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         adapters.sort_by_key(|a| rank(a.get_info().device_type));
         let found: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
@@ -141,19 +182,12 @@ impl Gpu {
             return Err(DeviceError::NoAdapter { wanted, found });
         };
         let info = adapter.get_info();
-        let offered = adapter.limits();
-        let required_limits = wgpu::Limits {
-            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-            max_buffer_size: offered.max_buffer_size,
-            max_texture_dimension_2d: offered.max_texture_dimension_2d,
-            ..wgpu::Limits::default()
+        let tier = match tier {
+            Some(tier) if tier.is_offered_by(&adapter) => tier,
+            Some(tier) => return Err(DeviceError::NoTier { adapter: info.name, tier: tier.name() }),
+            None => Tier::best_for(&adapter),
         };
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("ghand"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            required_limits,
-            ..Default::default()
-        };
+        let descriptor = tier.descriptor(&adapter);
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|e| DeviceError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
         let failure = Arc::new(Mutex::new(None));
@@ -171,7 +205,7 @@ impl Gpu {
                 record(&slot, format!("the device was lost: {message}"));
             }
         });
-        Ok(Gpu { instance, adapter, device, queue, info, failure })
+        Ok(Gpu { instance, adapter, device, queue, info, tier, failure })
     }
 
     /// Whether the adapter is a software rasteriser.

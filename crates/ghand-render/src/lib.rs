@@ -13,6 +13,8 @@ pub mod pose;
 pub mod reference;
 pub mod shader_sources;
 pub mod splat;
+pub mod tier;
 mod timing;
 
 pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};
+pub use tier::Tier;

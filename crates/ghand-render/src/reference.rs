@@ -6,4 +6,5 @@ pub mod image_loss;
 pub mod mesh;
 pub mod project;
 pub mod rasterize;
+pub mod sort;
 pub mod spherical_harmonics;

@@ -1,8 +1,9 @@
 //! The WGSL of every stage, composed from its pieces as the device gets it.
 //!
-//! Host parts take their source from here and nowhere else, so that what is checked without a device ([`all`]) is what
+//! Host parts take their source from here and nowhere else, so that what is checked without a device ([`baseline`], [`fast`]) is what
 //! runs on one.
 
+use crate::Tier;
 use crate::pipeline::compose;
 
 const CAMERA: &str = include_str!("../../../shaders/shared/camera.wgsl");
@@ -14,8 +15,8 @@ const ROTATION: &str = include_str!("../../../shaders/shared/rotation.wgsl");
 const FOUR: &str = include_str!("../../../shaders/shared/four.wgsl");
 const BONES: &str = include_str!("../../../shaders/shared/bones.wgsl");
 
-/// Every source of this crate with its name.
-pub fn all() -> Vec<(&'static str, String)> {
+/// Every source of this crate that the baseline tier can run, with its name.
+pub fn baseline() -> Vec<(&'static str, String)> {
     vec![
         ("project", project()),
         ("project_backward", project_backward()),
@@ -23,8 +24,8 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("bin", bin()),
         ("sort", sort()),
         ("scan", scan()),
-        ("rasterize", rasterize()),
-        ("rasterize_backward", rasterize_backward()),
+        ("rasterize", rasterize(Tier::Baseline)),
+        ("rasterize_backward", rasterize_backward(Tier::Baseline)),
         ("image_loss", image_loss()),
         ("skeleton", skeleton()),
         ("skeleton_backward", skeleton_backward()),
@@ -36,6 +37,16 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("adam", adam()),
         ("mesh", mesh().to_owned()),
         ("picture", picture().to_owned()),
+    ]
+}
+
+/// Those of the fast tier, which take the place of baseline ones.
+pub fn fast() -> Vec<(&'static str, String)> {
+    vec![
+        ("sort_blocks", sort_blocks()),
+        ("scan_blocks", scan_blocks()),
+        ("rasterize_fast", rasterize(Tier::Fast)),
+        ("rasterize_backward_fast", rasterize_backward(Tier::Fast)),
     ]
 }
 
@@ -64,19 +75,37 @@ pub fn sort() -> String {
     compose(&[include_str!("../../../shaders/sort.wgsl")])
 }
 
+/// The same by blocks, for the fast tier on hardware.
+pub fn sort_blocks() -> String {
+    compose(&[include_str!("../../../shaders/sort_blocks.wgsl")])
+}
+
 /// A prefix sum.
 pub fn scan() -> String {
     compose(&[include_str!("../../../shaders/shared/scan.wgsl")])
 }
 
+/// The same by blocks, for the fast tier on hardware.
+pub fn scan_blocks() -> String {
+    compose(&[include_str!("../../../shaders/shared/scan_blocks.wgsl")])
+}
+
 /// Splats to the image.
-pub fn rasterize() -> String {
-    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/rasterize.wgsl")])
+pub fn rasterize(tier: Tier) -> String {
+    let stage = match tier {
+        Tier::Baseline => include_str!("../../../shaders/rasterize.wgsl"),
+        Tier::Fast => include_str!("../../../shaders/rasterize_fast.wgsl"),
+    };
+    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/shared/blend.wgsl"), stage])
 }
 
 /// The image's gradient to slot gradients.
-pub fn rasterize_backward() -> String {
-    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/rasterize_backward.wgsl")])
+pub fn rasterize_backward(tier: Tier) -> String {
+    let stage = match tier {
+        Tier::Baseline => include_str!("../../../shaders/rasterize_backward.wgsl"),
+        Tier::Fast => include_str!("../../../shaders/rasterize_backward_fast.wgsl"),
+    };
+    compose(&[CAMERA, SPLAT, include_str!("../../../shaders/shared/blend_backward.wgsl"), stage])
 }
 
 /// L1 + SSIM with its gradient.

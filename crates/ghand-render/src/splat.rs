@@ -14,7 +14,7 @@ mod sort;
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
 
-use crate::{Gpu, RenderError, buffers, timing};
+use crate::{Gpu, RenderError, Tier, buffers, timing};
 use frame::{Frame, FrameBuffers, Pipelines};
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
@@ -56,15 +56,9 @@ pub struct SplatOptions {
 }
 
 impl SplatOptions {
-    /// Words of gradient kept for one intersection.
-    fn gradient_words_per_slot(&self) -> usize {
-        if self.purpose.has_gradients() { rasterize::CELLS * self.model.slot_vectors() * 4 } else { 0 }
-    }
-
     /// Largest buffer entry of one intersection, bytes: what limits how many there may be.
-    fn bytes_per_intersection(&self) -> u64 {
-        // An entry is a Gaussian and a slot.
-        (4 * self.gradient_words_per_slot() as u64).max(8)
+    fn bytes_per_intersection(&self, tier: Tier) -> u64 {
+        if self.purpose.has_gradients() { 32 * u64::from(rasterize::places(tier)) } else { 4 }
     }
 }
 
@@ -354,7 +348,6 @@ impl Splatter {
 
     /// Encodes what the forward pass finds empty.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.frame.bin.clear(encoder);
         // The number of broken Gaussians and of those on a tile that was cut short.
         encoder.clear_buffer(&self.shared.counters, 12, Some(8));
     }
@@ -366,7 +359,7 @@ impl Splatter {
             FrameStage::SortDepth => frame.depth_sort.encode(pass),
             FrameStage::Bin => frame.bin.emit(pass),
             FrameStage::SortTiles => frame.tile_sort.encode(pass),
-            FrameStage::FindRanges => frame.bin.find_ranges(pass, self.capacity),
+            FrameStage::FindRanges => frame.bin.find_ranges(pass, tiles),
             FrameStage::Rasterize => frame.rasterize.forward(pass, tiles),
             FrameStage::RasterizeBackward => frame.rasterize.backward(pass, tiles),
             FrameStage::ProjectBackward => frame.project.backward(pass),
@@ -428,7 +421,7 @@ impl Splatter {
         if wanted <= self.capacity {
             return Ok(true);
         }
-        let limit = gpu.device.limits().max_storage_buffer_binding_size / self.options.bytes_per_intersection();
+        let limit = gpu.device.limits().max_storage_buffer_binding_size / self.options.bytes_per_intersection(gpu.tier);
         let limit = u32::try_from(limit).unwrap_or(u32::MAX);
         if wanted > limit {
             return Err(RenderError::Invalid(format!(

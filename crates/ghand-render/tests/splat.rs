@@ -5,6 +5,10 @@ mod common;
 
 use common::*;
 use ghand_core::Camera;
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::surface::sample_surface;
+use ghand_render::Gpu;
+use ghand_render::reference::project::Gaussian;
 use ghand_render::splat::{Color as SplatColor, Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};
 use glam::{DVec2, DVec3};
 
@@ -85,13 +89,32 @@ fn published_scenes_come_out_as_gsplat_renders_them() {
 }
 
 #[test]
+fn a_hand_agrees_with_the_twin() {
+    let hand = ProceduralHand::default().build().unwrap();
+    let surface = sample_surface(&hand, 512).unwrap();
+    let color = |p: DVec3| DVec3::from((p * 300.0).to_array().map(|v| 0.5 + 0.4 * v.sin()));
+    let gaussians: Vec<Gaussian> = (surface.positions.iter().zip(&surface.spacings))
+        .map(|(p, spacing)| Gaussian::round(rounded(*p), f64::from((0.6 * spacing) as f32), 1.0, rounded(color(*p))))
+        .collect();
+    println!("{} Gaussians", gaussians.len());
+    let center = gaussians.iter().map(|g| g.mean).sum::<DVec3>() / gaussians.len() as f64;
+    let camera = Camera::look_at(center + DVec3::new(0.05, 0.45, 0.1), center, DVec3::Z, 0.45, 334, 512);
+    check_against_twin(SplatModel::HAND, &gaussians, &camera, 1.0);
+}
+
+#[test]
 fn two_runs_give_the_same_bits() {
-    let gpu = gpu();
+    for gpu in devices() {
+        two_runs_of_one_device(&gpu);
+    }
+}
+
+fn two_runs_of_one_device(gpu: &Gpu) {
     let camera = camera(64, 64);
     let weights = random_weights(5, 64 * 64);
     let model = SplatModel { antialias: true, ..SplatModel::trained(3) };
     let table = table(&general_scene(4, 2000, 0.002..0.02, 16), &model);
-    let runs: Vec<_> = (0..3).map(|_| render_table(&gpu, model, &table, &camera, 1.0, &weights)).collect();
+    let runs: Vec<_> = (0..3).map(|_| render_table(gpu, model, &table, &camera, 1.0, &weights)).collect();
     for run in &runs[1..] {
         assert!(bytemuck::cast_slice::<_, u32>(&runs[0].image) == bytemuck::cast_slice::<_, u32>(&run.image));
         assert!(bytemuck::cast_slice::<_, u32>(&runs[0].gradient) == bytemuck::cast_slice::<_, u32>(&run.gradient));
@@ -109,14 +132,19 @@ fn a_full_intersection_buffer_grows_instead_of_truncating() {
 
 #[test]
 fn a_broken_number_in_any_field_drops_its_gaussian_and_touches_nobody() {
-    let gpu = gpu();
+    for gpu in devices() {
+        broken_numbers(&gpu);
+    }
+}
+
+fn broken_numbers(gpu: &Gpu) {
     let camera = camera(48, 40);
     let weights = random_weights(7, 48 * 40);
     let model = SplatModel::trained(3);
     let rows = model.rows();
     let healthy = general_scene(8, 60, 0.01..0.03, 16);
     let good = table(&healthy, &model);
-    let before = render_table(&gpu, model, &good, &camera, 1.0, &weights);
+    let before = render_table(gpu, model, &good, &camera, 1.0, &weights);
     assert_eq!(before.broken, 0);
     let plain = row_values(&healthy[0], &model);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -131,7 +159,7 @@ fn a_broken_number_in_any_field_drops_its_gaussian_and_touches_nobody() {
                 || (bad == f32::NEG_INFINITY && (3..3 + model.scale_rows()).contains(&row));
             expected += u32::from(bad.is_nan() || !is_number);
         }
-        let after = render_table(&gpu, model, &worse, &camera, 1.0, &weights);
+        let after = render_table(gpu, model, &worse, &camera, 1.0, &weights);
         assert_eq!(after.broken, expected, "{bad}");
         assert!(after.gradient.iter().all(|d| d.is_finite()));
         if bad.is_nan() {

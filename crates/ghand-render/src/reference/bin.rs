@@ -1,4 +1,4 @@
-//! Twin of `bin.wgsl` and `sort.wgsl`: the splats of each tile, front to back.
+//! Twin of `bin.wgsl` with the sorts about it: the splats of each tile, front to back.
 
 use ghand_core::Camera;
 

@@ -33,7 +33,6 @@ pub struct Stages {
     limit_intersections: Bound,
     emit_intersections: Bound,
     find_tile_ranges: Bound,
-    tile_ranges: wgpu::Buffer,
     gaussian_groups: u32,
 }
 
@@ -68,25 +67,11 @@ impl Stages {
                     (8, &b.slot_gaussians),
                 ],
             ),
-            find_tile_ranges: pipelines.find_tile_ranges.bind(
-                gpu,
-                &[
-                    (4, counters),
-                    (6, &b.tile_keys[sorted]),
-                    (7, &b.slots[sorted]),
-                    (8, &b.slot_gaussians),
-                    (9, &b.entries),
-                    (10, &b.tile_ranges),
-                ],
-            ),
-            tile_ranges: b.tile_ranges.clone(),
+            find_tile_ranges: pipelines
+                .find_tile_ranges
+                .bind(gpu, &[(0, view), (4, counters), (6, &b.tile_keys[sorted]), (9, &b.tile_ranges)]),
             gaussian_groups: (b.count as u32).div_ceil(64),
         }
-    }
-
-    /// Empties all tiles.
-    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.clear_buffer(&self.tile_ranges, 0, None);
     }
 
     /// After the depth sort: the intersections, unsorted.
@@ -97,8 +82,8 @@ impl Stages {
         self.emit_intersections.dispatch(pass, self.gaussian_groups);
     }
 
-    /// After the tile sort: entries and ranges.
-    pub fn find_ranges(&self, pass: &mut wgpu::ComputePass<'_>, capacity: u32) {
-        self.find_tile_ranges.dispatch(pass, capacity.div_ceil(64));
+    /// After the tile sort: the range of each tile.
+    pub fn find_ranges(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
+        self.find_tile_ranges.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(64));
     }
 }

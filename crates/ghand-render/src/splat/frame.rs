@@ -3,6 +3,9 @@
 use super::{Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, rasterize, sort};
 use crate::{Gpu, buffers};
 
+/// Bits of a depth key, as in `project.wgsl`.
+const DEPTH_BITS: u32 = 30;
+
 /// The compiled stages; they outlive the buffers, which grow.
 pub struct Pipelines {
     pub project: project::Pipelines,
@@ -39,12 +42,11 @@ pub struct FrameBuffers {
     pub tile_keys: [wgpu::Buffer; 2],
     pub slots: [wgpu::Buffer; 2],
     pub tile_bits: u32,
-    pub entries: wgpu::Buffer,
     pub tile_ranges: wgpu::Buffer,
-    pub transmittances: wgpu::Buffer,
-    pub ends: wgpu::Buffer,
-    /// Empty without gradients.
+    pub pixel_states: wgpu::Buffer,
+    /// Empty without gradients, like the marks.
     pub slot_gradients: wgpu::Buffer,
+    pub slot_marks: wgpu::Buffer,
     /// Empty without the camera's gradient.
     pub camera_rows: wgpu::Buffer,
     pub camera_strands: wgpu::Buffer,
@@ -64,6 +66,7 @@ impl FrameBuffers {
         let pixels = width as usize * height as usize;
         let tiles = width.div_ceil(TILE_SIZE) as usize * height.div_ceil(TILE_SIZE) as usize;
         let capacity = capacity as usize;
+        let places = if options.purpose.has_gradients() { capacity * rasterize::places(gpu.tier) as usize } else { 0 };
         let make = |label: &str, words: usize| buffers::zeroed(gpu, label, words);
         FrameBuffers {
             shared: shared.clone(),
@@ -78,11 +81,10 @@ impl FrameBuffers {
             slots: [make("slots", capacity), make("slots sorted", capacity)],
             // As many bits as the largest tile index has, at least one.
             tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
-            entries: make("entries", 2 * capacity),
             tile_ranges: make("tile ranges", 2 * tiles),
-            transmittances: make("transmittances", pixels),
-            ends: make("ends", pixels),
-            slot_gradients: make("slot gradients", capacity * options.gradient_words_per_slot()),
+            pixel_states: make("pixel states", 2 * pixels),
+            slot_gradients: make("slot gradients", 8 * places),
+            slot_marks: make("slot marks", places * if options.model.slot_opacity() { 2 } else { 1 }),
             camera_rows: make(
                 "camera rows",
                 if options.purpose == Purpose::CameraGradients { project::CAMERA_ROWS * count } else { 0 },
@@ -105,12 +107,13 @@ pub struct Frame {
 impl Frame {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers) -> Frame {
         let counters = &b.shared.counters;
-        let depth_sort = sort::Stages::new(gpu, &pipelines.sort, counters, 0, 32, &b.depth_keys, &b.depth_order);
+        let depth_sort =
+            sort::Stages::new(gpu, &pipelines.sort, counters, 0, DEPTH_BITS, &b.depth_keys, &b.depth_order);
         let tile_sort = sort::Stages::new(gpu, &pipelines.sort, counters, 1, b.tile_bits, &b.tile_keys, &b.slots);
         Frame {
             project: project::Stages::new(gpu, &pipelines.project, b),
             bin: bin::Stages::new(gpu, &pipelines.bin, &pipelines.sort, b, &depth_sort, &tile_sort),
-            rasterize: rasterize::Stages::new(gpu, &pipelines.rasterize, b),
+            rasterize: rasterize::Stages::new(gpu, &pipelines.rasterize, b, &tile_sort),
             depth_sort,
             tile_sort,
         }

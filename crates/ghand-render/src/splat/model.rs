@@ -128,9 +128,8 @@ impl SplatModel {
         ]
     }
 
-    /// Vectors of gradient for each (slot, cell), as in `rasterize_backward.wgsl`. The third is for the opacity: to hand
-    /// its gradient on, or because it depends on the size.
-    pub(super) fn slot_vectors(&self) -> usize {
-        if self.opacity == Opacity::Free || self.antialias { 3 } else { 2 }
+    /// Whether slots keep the gradient of the opacity: to hand it on, or because the opacity depends on the size.
+    pub(super) fn slot_opacity(&self) -> bool {
+        self.opacity == Opacity::Free || self.antialias
     }
 }

@@ -1,6 +1,7 @@
 //! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
 use super::frame::FrameBuffers;
+use super::rasterize::places;
 use super::{Purpose, SplatModel};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, shader_sources};
@@ -27,7 +28,8 @@ impl Pipelines {
         let mut constants = model.constants();
         let project = Module::new(gpu, "project", &shader_sources::project()).stage(gpu, "project", &constants);
         let backward = purpose.has_gradients().then(|| {
-            constants.push(("SLOT_VECTORS", model.slot_vectors() as f64));
+            constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));
+            constants.push(("SLOT_PLACES", f64::from(places(gpu.tier))));
             constants.push(("CAMERA_GRADIENT", f64::from(u8::from(purpose == Purpose::CameraGradients))));
             let module = Module::new(gpu, "project_backward", &shader_sources::project_backward());
             let camera = (purpose == Purpose::CameraGradients).then(|| {
@@ -69,8 +71,9 @@ impl Stages {
                     (1, &s.gaussians),
                     (2, &b.slot_ranges),
                     (3, &b.slot_gradients),
-                    (4, &s.d_gaussians),
-                    (5, &b.camera_rows),
+                    (4, &b.slot_marks),
+                    (5, &s.d_gaussians),
+                    (6, &b.camera_rows),
                 ],
             ),
             camera: p.camera.as_ref().map(|[strands, sum]| {

@@ -1,15 +1,35 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
 use super::frame::FrameBuffers;
-use super::{Purpose, SplatModel};
+use super::{Purpose, SplatModel, sort};
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, shader_sources};
+use crate::{Gpu, Tier, shader_sources};
 
-/// 4x4 cells of a tile, as in `rasterize_backward.wgsl`: each has gradients of its own for an intersection.
-pub const CELLS: usize = 4;
+/// Places that an intersection has for its gradients: one for each cell of 4x4 pixels, or one where invocations add up what
+/// they find.
+pub fn places(tier: Tier) -> u32 {
+    match tier {
+        Tier::Baseline => 4,
+        Tier::Fast => 1,
+    }
+}
 
-/// Mesa's software rasteriser ends the loops of a shader after so many rounds; the backward pass takes one for an entry.
-const SOFTWARE_ROUNDS: u32 = 65_535;
+/// How many tiles a workgroup takes forward and backward, as in the stages' shaders.
+fn tiles_a_group(tier: Tier) -> [u32; 2] {
+    match tier {
+        Tier::Baseline => [1, 8],
+        Tier::Fast => [2, 4],
+    }
+}
+
+/// How many entries of a tile the backward pass goes through on Mesa's software rasteriser, which ends the loops of a shader
+/// after 65,535 rounds: one or eight entries each.
+fn software_entries(tier: Tier) -> u32 {
+    match tier {
+        Tier::Baseline => 65_535,
+        Tier::Fast => 8 * 65_535,
+    }
+}
 
 pub struct Pipelines {
     rasterize: Stage,
@@ -18,15 +38,16 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool) -> Pipelines {
-        let forward = Module::new(gpu, "rasterize", &shader_sources::rasterize());
+        let forward = Module::new(gpu, "rasterize", &shader_sources::rasterize(gpu.tier));
         let limited = gpu.is_cpu() && purpose.has_gradients();
-        let entries = if limited { SOFTWARE_ROUNDS } else { u32::MAX };
+        let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
         let constants = [("DEPTH", f64::from(u8::from(depth))), ("BACKWARD_ENTRIES", f64::from(entries))];
         Pipelines {
             rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
-                let module = Module::new(gpu, "rasterize_backward", &shader_sources::rasterize_backward());
-                module.stage(gpu, "rasterize_backward", &[("SLOT_VECTORS", model.slot_vectors() as f64)])
+                let module = Module::new(gpu, "rasterize_backward", &shader_sources::rasterize_backward(gpu.tier));
+                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity())))];
+                module.stage(gpu, "rasterize_backward", &constants)
             }),
         }
     }
@@ -35,23 +56,25 @@ impl Pipelines {
 pub struct Stages {
     rasterize: Bound,
     rasterize_backward: Option<Bound>,
-    slot_gradients: wgpu::Buffer,
+    slot_marks: wgpu::Buffer,
+    tiles_a_group: [u32; 2],
 }
 
 impl Stages {
-    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers) -> Stages {
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers, tile_sort: &sort::Stages) -> Stages {
         let s = &b.shared;
+        let entries = &b.slots[tile_sort.sorted()];
         Stages {
             rasterize: pipelines.rasterize.bind(
                 gpu,
                 &[
                     (0, &s.view),
                     (1, &b.splats),
-                    (2, &b.entries),
-                    (3, &b.tile_ranges),
-                    (4, &s.image),
-                    (5, &b.transmittances),
-                    (6, &b.ends),
+                    (2, entries),
+                    (3, &b.slot_gaussians),
+                    (4, &b.tile_ranges),
+                    (5, &s.image),
+                    (6, &b.pixel_states),
                     (7, &s.depths),
                     (8, &s.counters),
                 ],
@@ -62,33 +85,33 @@ impl Stages {
                     &[
                         (0, &s.view),
                         (1, &b.splats),
-                        (2, &b.entries),
-                        (3, &b.tile_ranges),
-                        (4, &b.transmittances),
-                        (5, &b.ends),
+                        (2, entries),
+                        (3, &b.slot_gaussians),
+                        (4, &b.tile_ranges),
+                        (5, &b.pixel_states),
                         (6, &s.d_image),
                         (7, &b.slot_gradients),
+                        (8, &b.slot_marks),
                     ],
                 )
             }),
-            slot_gradients: b.slot_gradients.clone(),
+            slot_marks: b.slot_marks.clone(),
+            tiles_a_group: tiles_a_group(gpu.tier),
         }
     }
 
-    /// What the backward pass does not touch has no gradient.
+    /// What the backward pass does not mark has no gradient.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.clear_buffer(&self.slot_gradients, 0, None);
+        encoder.clear_buffer(&self.slot_marks, 0, None);
     }
 
-    /// A workgroup a tile.
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
-        self.rasterize.dispatch(pass, tiles[0] * tiles[1]);
+        self.rasterize.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(self.tiles_a_group[0]));
     }
 
-    /// Eight tiles of four cells to a workgroup.
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
         if let Some(stage) = &self.rasterize_backward {
-            stage.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(8));
+            stage.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(self.tiles_a_group[1]));
         }
     }
 }

@@ -1,14 +1,22 @@
-//! Host part of `sort.wgsl` and `scan.wgsl`: a stable radix sort whose length only the GPU knows.
+//! Host part of `sort.wgsl` and `scan.wgsl`, and of `sort_blocks.wgsl` and `scan_blocks.wgsl` on the fast tier: a stable
+//! radix sort whose length only the GPU knows.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, buffers, shader_sources};
+use crate::{Gpu, Tier, buffers, shader_sources};
 
 /// Strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
+/// Values of a block of a prefix sum, as in `scan_blocks.wgsl`.
+const SCAN_BLOCK: u32 = 2048;
+/// Pairs of a block of the sort, as in `sort_blocks.wgsl`.
+const SORT_BLOCK: u64 = 2048;
 /// Most pairs of a strand: half of what the loops of software rasterisers go through.
 const MOST_PAIRS: u64 = 32_768;
+
+/// Strands of a workgroup, as in `sort.wgsl`.
+const SORT_THREADS: u32 = 8;
 
 /// See `shaders/shared/scan.wgsl`.
 #[repr(C)]
@@ -42,30 +50,68 @@ pub struct Pipelines {
     scan_sums: Stage,
     scan_strands: Stage,
     scan_apply: Stage,
-    strands: u32,
+    by_blocks: bool,
+    is_cpu: bool,
 }
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        let sort = Module::new(gpu, "sort", &shader_sources::sort());
-        let scan = Module::new(gpu, "scan", &shader_sources::scan());
+        // A software rasteriser runs a workgroup's invocations in turns: barriers cost it more than they save.
+        Pipelines::of_kind(gpu, gpu.tier == Tier::Fast && !gpu.is_cpu())
+    }
+
+    /// By blocks, which needs the fast tier, or by strands.
+    fn of_kind(gpu: &Gpu, by_blocks: bool) -> Pipelines {
+        let (sort, scan) = match by_blocks {
+            false => (shader_sources::sort(), shader_sources::scan()),
+            true => (shader_sources::sort_blocks(), shader_sources::scan_blocks()),
+        };
+        let (sort, scan) = (Module::new(gpu, "sort", &sort), Module::new(gpu, "scan", &scan));
         Pipelines {
             sort_count: sort.stage(gpu, "sort_count", &[]),
             sort_scatter: sort.stage(gpu, "sort_scatter", &[]),
             scan_sums: scan.stage(gpu, "scan_sums", &[]),
             scan_strands: scan.stage(gpu, "scan_strands", &[]),
             scan_apply: scan.stage(gpu, "scan_apply", &[]),
-            // Enough strands to fill the machine, few enough that counting digits stays cheap beside moving pairs.
-            strands: if gpu.is_cpu() { 128 } else { 4096 },
+            by_blocks,
+            is_cpu: gpu.is_cpu(),
         }
+    }
+
+    /// Most bits of a digit.
+    fn digit_bits(&self) -> u32 {
+        // By blocks, as many digits as `sort_blocks.wgsl` counts. On a software rasteriser counting digits is cheap beside
+        // moving pairs, so that few passes are best.
+        match (self.by_blocks, self.is_cpu) {
+            (true, _) => 4,
+            (false, false) => 8,
+            (false, true) => 13,
+        }
+    }
+
+    /// Into how many pieces that are sorted on their own so many pairs are cut.
+    fn pieces(&self, pairs: u64) -> u32 {
+        let enough_for_all_cores = || std::thread::available_parallelism().map_or(8, |n| n.get() as u64) * 16;
+        let pieces = match (self.by_blocks, self.is_cpu) {
+            (true, _) => pairs.div_ceil(SORT_BLOCK).max(1),
+            // A strand takes a round of a loop for each pair.
+            (false, true) => pairs.div_ceil(MOST_PAIRS).max(enough_for_all_cores().clamp(32, 128)),
+            (false, false) => pairs.div_ceil(MOST_PAIRS).max(4096),
+        };
+        u32::try_from(pieces).unwrap_or(u32::MAX)
     }
 
     /// An exclusive prefix sum of the first `length` words of `values`; the total goes to `totals[total_index]`.
     pub fn scan(&self, gpu: &Gpu, values: &wgpu::Buffer, length: u32, totals: &wgpu::Buffer, total_index: u32) -> Scan {
         let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index, padding: [0; 2] });
-        let sums = buffers::zeroed(gpu, "strand sums", SCAN_STRANDS as usize);
+        let (pieces, groups) = match self.by_blocks {
+            false => (SCAN_STRANDS, SCAN_STRANDS / 64),
+            true => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
+        };
+        let sums = buffers::zeroed(gpu, "strand sums", pieces as usize);
         let piece = [(0, &uniforms), (1, values), (2, &sums)];
         Scan {
+            groups,
             sums: self.scan_sums.bind(gpu, &piece),
             strands: self.scan_strands.bind(gpu, &[(0, &uniforms), (2, &sums), (3, totals)]),
             apply: self.scan_apply.bind(gpu, &piece),
@@ -75,6 +121,7 @@ impl Pipelines {
 
 /// A prefix sum, bound.
 pub struct Scan {
+    groups: u32,
     sums: Bound,
     strands: Bound,
     apply: Bound,
@@ -82,9 +129,9 @@ pub struct Scan {
 
 impl Scan {
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.sums.dispatch(pass, SCAN_STRANDS / 64);
+        self.sums.dispatch(pass, self.groups);
         self.strands.dispatch(pass, 1);
-        self.apply.dispatch(pass, SCAN_STRANDS / 64);
+        self.apply.dispatch(pass, self.groups);
     }
 }
 
@@ -97,7 +144,7 @@ struct Pass {
 /// A sort of key and value buffers by the lowest `bits` of the keys, bound.
 pub struct Stages {
     passes: Vec<Pass>,
-    strands: u32,
+    groups: u32,
 }
 
 impl Stages {
@@ -112,23 +159,22 @@ impl Stages {
         keys: &[wgpu::Buffer; 2],
         values: &[wgpu::Buffer; 2],
     ) -> Stages {
-        let count = bits.div_ceil(8);
+        let count = bits.div_ceil(pipelines.digit_bits());
         let digit_bits = bits.div_ceil(count);
-        // A strand takes a round of a loop for each pair, and software rasterisers end loops after 65,535.
-        let pairs = keys[0].size() / 4;
-        let strands = pipelines.strands.max(u32::try_from(pairs.div_ceil(MOST_PAIRS)).unwrap_or(u32::MAX));
-        let digits = buffers::zeroed(gpu, "digit counts", (strands as usize) << digit_bits);
+        let pieces = pipelines.pieces(keys[0].size() / 4);
+        let digits = buffers::zeroed(gpu, "digit counts", (pieces as usize) << digit_bits);
         let total = buffers::zeroed(gpu, "digit total", 1);
         let passes = (0..count)
             .map(|i| {
-                let uniforms = SortUniforms { shift: i * digit_bits, mask: (1 << digit_bits) - 1, strands, counter };
+                let uniforms =
+                    SortUniforms { shift: i * digit_bits, mask: (1 << digit_bits) - 1, strands: pieces, counter };
                 let uniforms = buffers::uniform(gpu, "sort", &uniforms);
                 let (from, to) = ((i % 2) as usize, ((i + 1) % 2) as usize);
                 Pass {
                     count: pipelines
                         .sort_count
                         .bind(gpu, &[(0, &uniforms), (1, counters), (2, &keys[from]), (4, &digits)]),
-                    scan: pipelines.scan(gpu, &digits, strands << digit_bits, &total, 0),
+                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, 0),
                     scatter: pipelines.sort_scatter.bind(
                         gpu,
                         &[
@@ -144,7 +190,11 @@ impl Stages {
                 }
             })
             .collect();
-        Stages { passes, strands }
+        let groups = match pipelines.by_blocks {
+            false => pieces.div_ceil(SORT_THREADS),
+            true => pieces,
+        };
+        Stages { passes, groups }
     }
 
     /// Which of the two buffers holds the sorted pairs.
@@ -154,9 +204,96 @@ impl Stages {
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         for p in &self.passes {
-            p.count.dispatch(pass, self.strands.div_ceil(16));
+            p.count.dispatch(pass, self.groups);
             p.scan.encode(pass);
-            p.scatter.dispatch(pass, self.strands.div_ceil(16));
+            p.scatter.dispatch(pass, self.groups);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+    use crate::{AdapterChoice, reference};
+
+    /// Every kind of pipelines that the adapter runs.
+    fn kinds() -> Vec<(Gpu, Pipelines)> {
+        let open = |tier| Gpu::with_tier(&AdapterChoice::from_env(), tier);
+        let baseline = open(Tier::Baseline).unwrap_or_else(|e| panic!("{e}"));
+        let strands = Pipelines::of_kind(&baseline, false);
+        let mut kinds = vec![(baseline, strands)];
+        match open(Tier::Fast) {
+            Ok(gpu) => {
+                let blocks = Pipelines::of_kind(&gpu, true);
+                kinds.push((gpu, blocks));
+            }
+            Err(e) => println!("left out: sorting by blocks: {e}"),
+        }
+        kinds
+    }
+
+    fn sorted(gpu: &Gpu, pipelines: &Pipelines, pairs: &[(u32, u32)], room: usize, bits: u32) -> Vec<(u32, u32)> {
+        let buffer = |of: fn(&(u32, u32)) -> u32| {
+            let mut numbers: Vec<u32> = pairs.iter().map(of).collect();
+            // What lies behind the pairs must not be sorted among them.
+            numbers.resize(room, 0);
+            [buffers::filled(gpu, "test", &numbers), buffers::zeroed(gpu, "test", room)]
+        };
+        let (keys, values) = (buffer(|p| p.0), buffer(|p| p.1));
+        let counters = buffers::filled(gpu, "counters", &[7, pairs.len() as u32]);
+        let stages = Stages::new(gpu, pipelines, &counters, 1, bits, &keys, &values);
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        stages.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
+        gpu.queue.submit([encoder.finish()]);
+        let read = |buffers: &[wgpu::Buffer; 2]| buffers::read(gpu, &buffers[stages.sorted()], pairs.len()).unwrap();
+        let (keys, values): (Vec<u32>, Vec<u32>) = (read(&keys), read(&values));
+        keys.into_iter().zip(values).collect()
+    }
+
+    #[test]
+    fn pairs_come_out_as_the_twin_sorts_them() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        for (gpu, pipelines) in kinds() {
+            for (count, bits) in
+                [(0, 5), (1, 12), (2, 1), (7, 30), (2047, 4), (2048, 13), (2049, 14), (100_003, 30), (50_000, 3)]
+            {
+                let pairs: Vec<(u32, u32)> = (0..count).map(|i| (rng.random_range(0..1 << bits), i)).collect();
+                let expected = reference::sort::sort(&pairs, bits);
+                let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits);
+                assert!(got == expected, "{count} pairs, {bits} bits, by blocks: {}", pipelines.by_blocks);
+                if count == 2048 {
+                    let unsorted = sorted(&gpu, &pipelines, &pairs, pairs.len(), bits - 5);
+                    assert!(unsorted != expected, "the order is not compared");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sums_come_out_as_the_twin_forms_them() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(2);
+        for (gpu, pipelines) in kinds() {
+            for count in [1, 2, 1023, 1024, 2048, 2049, 600_001] {
+                let values: Vec<u32> = (0..count).map(|_| rng.random_range(0..100)).collect();
+                let buffer = buffers::filled(&gpu, "test", &values);
+                let totals = buffers::zeroed(&gpu, "totals", 16);
+                let scan = pipelines.scan(&gpu, &buffer, count, &totals, 2);
+                let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                scan.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
+                gpu.queue.submit([encoder.finish()]);
+                let got: Vec<u32> = buffers::read(&gpu, &buffer, count as usize).unwrap();
+                let total = buffers::read::<u32>(&gpu, &totals, 3).unwrap()[2];
+                let expected = reference::sort::exclusive_scan(&values);
+                assert!(
+                    (&got, total) == (&expected.0, expected.1),
+                    "{count} values, by blocks: {}",
+                    pipelines.by_blocks
+                );
+            }
         }
     }
 }

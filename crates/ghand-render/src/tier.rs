@@ -1,0 +1,90 @@
+//! What a device can do, in two steps and no more: every stage runs on both.
+
+/// How much of a device is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Tier {
+    /// What every WebGPU device has.
+    Baseline,
+    /// Subgroups of eight invocations or more, and 32 KiB of workgroup memory.
+    Fast,
+}
+
+impl Tier {
+    /// Environment variable that chooses the tier: `baseline` or `fast`.
+    pub const VARIABLE: &'static str = "GHAND_TIER";
+
+    /// Workgroup memory of the fast tier, bytes: a block of pairs in `sort_blocks.wgsl`.
+    const WORKGROUP_BYTES: u32 = 32_768;
+
+    /// Fewest invocations of a subgroup on the fast tier: in the rasteriser eight share what they load.
+    const SUBGROUP_SIZE: u32 = 8;
+
+    /// `baseline` or `fast`, whatever the case.
+    pub fn parse(text: &str) -> Option<Tier> {
+        match text.trim().to_lowercase().as_str() {
+            "baseline" => Some(Tier::Baseline),
+            "fast" => Some(Tier::Fast),
+            _ => None,
+        }
+    }
+
+    /// The tier's name, as in [`Tier::parse`].
+    pub fn name(self) -> &'static str {
+        match self {
+            Tier::Baseline => "baseline",
+            Tier::Fast => "fast",
+        }
+    }
+
+    /// Whether the adapter has what the tier needs.
+    pub fn is_offered_by(self, adapter: &wgpu::Adapter) -> bool {
+        match self {
+            Tier::Baseline => true,
+            Tier::Fast => {
+                adapter.features().contains(wgpu::Features::SUBGROUP)
+                    && adapter.get_info().subgroup_min_size >= Self::SUBGROUP_SIZE
+                    && adapter.limits().max_compute_workgroup_storage_size >= Self::WORKGROUP_BYTES
+            }
+        }
+    }
+
+    /// The tier that suits an adapter best.
+    pub fn best_for(adapter: &wgpu::Adapter) -> Tier {
+        if Tier::Fast.is_offered_by(adapter) { Tier::Fast } else { Tier::Baseline }
+    }
+
+    /// The device to ask an adapter for. Both tiers have timestamps where they are offered, and buffers and images as large
+    /// as the adapter takes: no stage depends on them.
+    pub(crate) fn descriptor(self, adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+        let offered = adapter.limits();
+        let default = wgpu::Limits::default();
+        let (features, workgroup_bytes) = match self {
+            Tier::Baseline => (wgpu::Features::empty(), default.max_compute_workgroup_storage_size),
+            Tier::Fast => (wgpu::Features::SUBGROUP, Self::WORKGROUP_BYTES),
+        };
+        wgpu::DeviceDescriptor {
+            label: Some("ghand"),
+            required_features: features | (adapter.features() & wgpu::Features::TIMESTAMP_QUERY),
+            required_limits: wgpu::Limits {
+                max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+                max_buffer_size: offered.max_buffer_size,
+                max_texture_dimension_2d: offered.max_texture_dimension_2d,
+                max_compute_workgroup_storage_size: workgroup_bytes,
+                ..default
+            },
+            ..Default::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiers_are_read_from_text() {
+        assert_eq!(Tier::parse(" FAST "), Some(Tier::Fast));
+        assert_eq!(Tier::parse(Tier::Baseline.name()), Some(Tier::Baseline));
+        assert_eq!(Tier::parse("quick"), None);
+    }
+}

@@ -1,0 +1,117 @@
+// What both tiers' rasterize have in common, so that they see the same bits: blending splats front to back into 2x2 pixels,
+// held as the components of vectors. What is loaded of a splat serves four pixels, and selects instead of branches keep
+// lanes together.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> splats: array<Splat>;
+// Intersections (slots) by tile, front to back, and the Gaussian of each slot.
+@group(0) @binding(2) var<storage, read> entries: array<u32>;
+@group(0) @binding(3) var<storage, read> slot_gaussians: array<u32>;
+@group(0) @binding(4) var<storage, read> tile_ranges: array<vec2<u32>>;
+// Colour over the background, and coverage.
+@group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
+// For the backward pass: the bits of the transmittance, and one past the last entry that a pixel took.
+@group(0) @binding(6) var<storage, read_write> pixel_states: array<vec2<u32>>;
+// Expected camera z of what covers a pixel, metres; 0 where nothing does.
+@group(0) @binding(7) var<storage, read_write> depths: array<f32>;
+@group(0) @binding(8) var<storage, read_write> counters: array<atomic<u32>>;
+
+override DEPTH: bool = false;
+// How many entries of a tile the backward pass can go through.
+override BACKWARD_ENTRIES: u32 = 0xffffffffu;
+// Of the tiles with too many entries for the driver, the largest number.
+const COUNTER_CUT_SHORT: u32 = 4u;
+
+// Leaves word of a tile that could not be gone through to its end, now or in the backward pass.
+fn report_cut_short(range: vec2<u32>, last: u32, cut_short: bool) {
+    if cut_short || last > range.x && last - range.x > BACKWARD_ENTRIES {
+        atomicMax(&counters[COUNTER_CUT_SHORT], range.y - range.x);
+    }
+}
+
+// What four pixels have gathered so far.
+struct Pixels {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    transmittance: vec4<f32>,
+    red: vec4<f32>,
+    green: vec4<f32>,
+    blue: vec4<f32>,
+    depth: vec4<f32>,
+    // One past the last entry that each took.
+    end: vec4<u32>,
+    live: vec4<bool>,
+}
+
+// Column and row of the four pixels of an invocation of a tile.
+struct Area {
+    column: vec4<u32>,
+    row: vec4<u32>,
+    inside: vec4<bool>,
+}
+
+fn area_of(tile: u32, local: u32) -> Area {
+    let corner = vec2(tile % view.tiles.x, tile / view.tiles.x) * TILE_SIZE + vec2(local & 3u, local >> 2u) * 2u;
+    let column = vec4(corner.x, corner.x + 1u, corner.x, corner.x + 1u);
+    let row = vec4(corner.y, corner.y, corner.y + 1u, corner.y + 1u);
+    return Area(column, row, (column < vec4(view.size.x)) & (row < vec4(view.size.y)));
+}
+
+fn empty_pixels(area: Area) -> Pixels {
+    var pixels = Pixels();
+    pixels.x = vec4<f32>(area.column) + 0.5;
+    pixels.y = vec4<f32>(area.row) + 0.5;
+    pixels.transmittance = vec4(1.0);
+    pixels.live = area.inside;
+    return pixels;
+}
+
+fn splat_at(i: u32) -> Splat {
+    return splats[slot_gaussians[entries[i]]];
+}
+
+// Blends the splat of entry i.
+fn blend(pixels: ptr<function, Pixels>, i: u32, splat: Splat) {
+    let dx = splat.mean.x - (*pixels).x;
+    let dy = splat.mean.y - (*pixels).y;
+    let power = -0.5 * (splat.conic.x * dx * dx + splat.conic.z * dy * dy) - splat.conic.y * dx * dy;
+    let alpha = min(vec4(ALPHA_MAX), splat.opacity * exp(power));
+    let transmittance = (*pixels).transmittance;
+    let next = transmittance * (1.0 - alpha);
+    let hit = (*pixels).live & (alpha >= vec4(ALPHA_MIN));
+    let enough = next > vec4(TRANSMITTANCE_MIN);
+    let take = hit & enough;
+    (*pixels).live = (*pixels).live & (enough | !hit);
+    let weight = select(vec4(0.0), alpha * transmittance, take);
+    (*pixels).red += weight * splat.color.x;
+    (*pixels).green += weight * splat.color.y;
+    (*pixels).blue += weight * splat.color.z;
+    if DEPTH {
+        (*pixels).depth += weight * splat.depth;
+    }
+    (*pixels).transmittance = select(transmittance, next, take);
+    (*pixels).end = select((*pixels).end, vec4(i + 1u), take);
+}
+
+fn last_end(pixels: ptr<function, Pixels>) -> u32 {
+    let end = (*pixels).end;
+    return max(max(end.x, end.y), max(end.z, end.w));
+}
+
+fn store_pixels(pixels: ptr<function, Pixels>, area: Area) {
+    let transmittance = (*pixels).transmittance;
+    let red = (*pixels).red + transmittance * view.background.x;
+    let green = (*pixels).green + transmittance * view.background.y;
+    let blue = (*pixels).blue + transmittance * view.background.z;
+    for (var k = 0; k < 4; k++) {
+        if area.inside[k] {
+            let pixel = area.row[k] * view.size.x + area.column[k];
+            let coverage = 1.0 - transmittance[k];
+            image[pixel] = vec4(red[k], green[k], blue[k], coverage);
+            pixel_states[pixel] = vec2(bitcast<u32>(transmittance[k]), (*pixels).end[k]);
+            if DEPTH {
+                depths[pixel] = select(0.0, (*pixels).depth[k] / coverage, (*pixels).end[k] > 0u);
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+// One pass of a stable radix sort of (key, value) pairs, for devices that run thousands of invocations at once. The array
+// is cut into blocks of consecutive pairs, one workgroup each: a block counts its digits, the counts (digit-major) are
+// scanned, and the block then orders its pairs in workgroup memory and writes them out, neighbours together.
+// The order of a stable sort is unique: the result is that of `sort.wgsl`, bit for bit.
+
+struct SortUniforms {
+    // The digit is (key >> shift) & mask; the mask has at most four bits.
+    shift: u32,
+    mask: u32,
+    // Into how many blocks the keys are cut.
+    strands: u32,
+    // Which counter holds the number of pairs.
+    counter: u32,
+}
+
+const THREADS: u32 = 256u;
+const PAIRS: u32 = 8u;
+const BLOCK: u32 = THREADS * PAIRS;
+const DIGITS: u32 = 16u;
+// Subgroups have four invocations or more.
+const MOST_SUBGROUPS: u32 = THREADS / 4u;
+
+@group(0) @binding(0) var<uniform> sort: SortUniforms;
+@group(0) @binding(1) var<storage, read> counters: array<u32>;
+@group(0) @binding(2) var<storage, read> keys_in: array<u32>;
+@group(0) @binding(3) var<storage, read> values_in: array<u32>;
+@group(0) @binding(4) var<storage, read_write> digit_counts: array<u32>;
+@group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
+@group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
+
+// How often each of the sixteen digits occurs: two to a word, 0 to 7 in `low`, 8 to 15 in `high`. A block has fewer than 2^16.
+struct Counts {
+    low: vec4<u32>,
+    high: vec4<u32>,
+}
+
+var<workgroup> subgroup_totals: array<Counts, MOST_SUBGROUPS>;
+var<workgroup> digit_starts: array<u32, DIGITS>;
+var<workgroup> block_keys: array<u32, BLOCK>;
+var<workgroup> block_values: array<u32, BLOCK>;
+
+fn once(digit: u32) -> Counts {
+    let value = vec4(1u << ((digit & 1u) * 16u));
+    let words = vec4(0u, 1u, 2u, 3u);
+    let word = digit >> 1u;
+    return Counts(select(vec4(0u), value, words == vec4(word)), select(vec4(0u), value, words + 4u == vec4(word)));
+}
+
+fn sum(a: Counts, b: Counts) -> Counts {
+    return Counts(a.low + b.low, a.high + b.high);
+}
+
+fn count_of(counts: Counts, digit: u32) -> u32 {
+    let word = digit >> 1u;
+    let half = select(counts.high, counts.low, word < 4u);
+    return (half[word & 3u] >> ((digit & 1u) * 16u)) & 0xffffu;
+}
+
+fn digit_of(key: u32) -> u32 {
+    return (key >> sort.shift) & sort.mask;
+}
+
+// The pairs of a block: its start and how many there are.
+fn block_range(block: u32) -> vec2<u32> {
+    let count = counters[sort.counter];
+    let start = min(block * BLOCK, count);
+    return vec2(start, min(BLOCK, count - start));
+}
+
+@compute @workgroup_size(256)
+fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+              @builtin(subgroup_id) subgroup: u32, @builtin(num_subgroups) subgroups: u32,
+              @builtin(subgroup_size) lanes: u32, @builtin(subgroup_invocation_id) lane: u32) {
+    let block = group.x + group.y * groups.x;
+    if block >= sort.strands {
+        return;
+    }
+    let range = block_range(block);
+    let thread = subgroup * lanes + lane;
+    var mine = Counts();
+    for (var k = 0u; k < PAIRS; k++) {
+        // The order does not matter here: neighbours read neighbours.
+        let i = thread + k * THREADS;
+        if i < range.y {
+            mine = sum(mine, once(digit_of(keys_in[range.x + i])));
+        }
+    }
+    let total = Counts(subgroupAdd(mine.low), subgroupAdd(mine.high));
+    if lane == 0u {
+        subgroup_totals[subgroup] = total;
+    }
+    workgroupBarrier();
+    if thread <= sort.mask {
+        var occurrences = 0u;
+        for (var s = 0u; s < subgroups; s++) {
+            occurrences += count_of(subgroup_totals[s], thread);
+        }
+        digit_counts[thread * sort.strands + block] = occurrences;
+    }
+}
+
+@compute @workgroup_size(256)
+fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                @builtin(subgroup_id) subgroup: u32, @builtin(num_subgroups) subgroups: u32,
+                @builtin(subgroup_size) lanes: u32, @builtin(subgroup_invocation_id) lane: u32) {
+    let block = group.x + group.y * groups.x;
+    if block >= sort.strands {
+        return;
+    }
+    let range = block_range(block);
+    let thread = subgroup * lanes + lane;
+    // Consecutive pairs, so that the order of invocations is that of the pairs.
+    var keys: array<u32, PAIRS>;
+    var ranks: array<u32, PAIRS>;
+    var mine = Counts();
+    for (var k = 0u; k < PAIRS; k++) {
+        let i = thread * PAIRS + k;
+        if i < range.y {
+            keys[k] = keys_in[range.x + i];
+            let digit = digit_of(keys[k]);
+            ranks[k] = count_of(mine, digit);
+            mine = sum(mine, once(digit));
+        }
+    }
+    var before = Counts(subgroupExclusiveAdd(mine.low), subgroupExclusiveAdd(mine.high));
+    let total = Counts(subgroupAdd(mine.low), subgroupAdd(mine.high));
+    if lane == 0u {
+        subgroup_totals[subgroup] = total;
+    }
+    workgroupBarrier();
+    for (var s = 0u; s < subgroup; s++) {
+        before = sum(before, subgroup_totals[s]);
+    }
+    if thread < DIGITS {
+        var start = 0u;
+        for (var s = 0u; s < subgroups; s++) {
+            for (var digit = 0u; digit < thread; digit++) {
+                start += count_of(subgroup_totals[s], digit);
+            }
+        }
+        digit_starts[thread] = start;
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < PAIRS; k++) {
+        let i = thread * PAIRS + k;
+        if i < range.y {
+            let digit = digit_of(keys[k]);
+            let rank = digit_starts[digit] + count_of(before, digit) + ranks[k];
+            block_keys[rank] = keys[k];
+            block_values[rank] = values_in[range.x + i];
+        }
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < PAIRS; k++) {
+        let rank = thread + k * THREADS;
+        if rank < range.y {
+            let key = block_keys[rank];
+            let digit = digit_of(key);
+            let place = digit_counts[digit * sort.strands + block] + rank - digit_starts[digit];
+            keys_out[place] = key;
+            values_out[place] = block_values[rank];
+        }
+    }
+}
