@@ -91,7 +91,7 @@ fn published_scenes_come_out_as_gsplat_renders_them() {
 #[test]
 fn a_hand_agrees_with_the_twin() {
     let hand = ProceduralHand::default().build().unwrap();
-    let surface = sample_surface(&hand, 512).unwrap();
+    let surface = sample_surface(&hand, 421).unwrap();
     let color = |p: DVec3| DVec3::from((p * 300.0).to_array().map(|v| 0.5 + 0.4 * v.sin()));
     let gaussians: Vec<Gaussian> = (surface.positions.iter().zip(&surface.spacings))
         .map(|(p, spacing)| Gaussian::round(rounded(*p), f64::from((0.6 * spacing) as f32), 1.0, rounded(color(*p))))

@@ -221,6 +221,8 @@ pub fn cosine(got: &[f32], expected: &[f64]) -> f64 {
 
 /// Largest error of a gradient's part, and of the image away from flips.
 pub const TOLERANCE: f64 = 1e-4;
+/// Rounding changes a pixel by less than this, unless it decides about a Gaussian: that changes it by up to 1/255.
+pub const FLIP: f64 = 2e-5;
 
 /// Renders on the devices of both tiers and compares images, depths and gradients with the twin.
 pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Camera, opacity: f32) {
@@ -245,7 +247,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     // A contribution of just 1/255 may be taken on one side and left out on the other, and of two Gaussians at almost one depth
     // either may be in front. Such pixels are counted, and not part of the loss.
     let flipped = |image: &[[f32; 4]], pixel: usize| {
-        !(compare_images(&image[pixel..=pixel], &twin[pixel..=pixel], 1e9).0 <= TOLERANCE)
+        !(compare_images(&image[pixel..=pixel], &twin[pixel..=pixel], 1e9).0 <= FLIP)
     };
     let flips = (0..twin.len()).filter(|pixel| flipped(&first.image, *pixel)).count();
     assert!(flips * 200 <= twin.len(), "{flips} of {} pixels flipped", twin.len());
@@ -257,7 +259,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     for gpu in devices() {
         let rendered = render_table(&gpu, model, &numbers, camera, opacity, &weights);
         assert!(rendered.image == first.image, "the tiers' images differ");
-        let worst = compare_images(&rendered.image, &twin, TOLERANCE).0;
+        let worst = compare_images(&rendered.image, &twin, FLIP).0;
         let depth_error = relative_error(&rendered.depths, &depth);
         println!(
             "{} on the {} tier: image {worst:.1e}, {flips} of {} pixels flipped, depth {depth_error:.1e}",
