@@ -22,7 +22,7 @@ pub use sort::{ScanUniforms, SortUniforms};
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
 pub const TILE_SIZE: u32 = 8;
 /// Number of the splatter's counters, 32-bit words.
-pub const COUNTERS: usize = 5;
+pub const COUNTERS: usize = 6;
 /// Near plane, metres.
 pub const NEAR: f32 = 0.01;
 
@@ -255,7 +255,7 @@ impl Splatter {
             view: buffers::uniform(gpu, "view", &current),
             gaussians: buffers::zeroed(gpu, "gaussians", rows * count),
             d_gaussians: buffers::zeroed(gpu, "d_gaussians", if_gradients(rows * count)),
-            counters: buffers::filled(gpu, "counters", &[count as u32, 0, 0, 0]),
+            counters: buffers::filled(gpu, "counters", &[count as u32, 0, 0, 0, 0, 0]),
             image: buffers::zeroed(gpu, "image", 4 * pixels),
             depths: buffers::zeroed(gpu, "depths", if options.depth { pixels } else { 0 }),
             d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
@@ -305,8 +305,9 @@ impl Splatter {
     }
 
     /// The [`COUNTERS`] counters: Gaussians, intersections drawn, intersections wanted, broken Gaussians (with a number that
-    /// is not finite, or a quaternion of 0; they are dropped), Gaussians on the largest tile that a
-    /// driver did not go through to its end. More wanted than drawn means that the frame is incomplete.
+    /// is not finite, or a quaternion of 0; they are dropped), Gaussians on the largest tile that a driver did not go through
+    /// to its end, tiles of the widest Gaussian if they are too many for it. More wanted than drawn means that the frame is
+    /// incomplete.
     pub fn counters(&self) -> &wgpu::Buffer {
         &self.shared.counters
     }
@@ -348,8 +349,8 @@ impl Splatter {
 
     /// Encodes what the forward pass finds empty.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        // The number of broken Gaussians and of those on a tile that was cut short.
-        encoder.clear_buffer(&self.shared.counters, 12, Some(8));
+        // The numbers of broken Gaussians, of those on a tile that was cut short, and of tiles of one that is too wide.
+        encoder.clear_buffer(&self.shared.counters, 12, Some(12));
     }
 
     fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
@@ -407,7 +408,7 @@ impl Splatter {
     /// # Errors
     /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians.
     pub fn complete_for(&mut self, gpu: &Gpu, counters: &[u32]) -> Result<bool, RenderError> {
-        let &[_, _, wanted, _, cut_short, ..] = counters else {
+        let &[_, _, wanted, _, cut_short, too_wide, ..] = counters else {
             return Err(RenderError::Invalid(format!("{} counters, expected {COUNTERS}", counters.len())));
         };
         if cut_short > 0 {
@@ -415,6 +416,13 @@ impl Splatter {
             return Err(RenderError::Invalid(format!(
                 "{cut_short} Gaussians lie on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render \
                  a larger image, fewer Gaussians, or on a GPU",
+                gpu.info.name
+            )));
+        }
+        if too_wide > 0 {
+            return Err(RenderError::Invalid(format!(
+                "a Gaussian lies on {too_wide} tiles of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render a \
+                 smaller image, or on a GPU",
                 gpu.info.name
             )));
         }

@@ -218,6 +218,22 @@ fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_refused(
 }
 
 #[test]
+fn a_gaussian_on_more_tiles_than_a_driver_goes_through_is_drawn_or_refused() {
+    let camera = at_origin(2056, 1500.0);
+    let scene = [plain(DVec3::Z, DVec3::splat(5.0), 0.7)];
+    for gpu in devices() {
+        let options = SplatOptions { model: GENERAL, purpose: Purpose::Images, depth: false };
+        let mut splatter = Splatter::new(&gpu, options, 1, [2056, 2056]).unwrap();
+        gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table(&scene, &GENERAL)));
+        splatter.set_view(&gpu, View::new(&camera, 1, BACKGROUND, 1.0)).unwrap();
+        match splatter.render(&gpu) {
+            Err(error) => assert!(gpu.is_cpu() && error.to_string().contains("lies on 66049 tiles"), "{error}"),
+            Ok(image) => assert!(!gpu.is_cpu() && image.rgba.iter().all(|p| p[3] > 0.5)),
+        }
+    }
+}
+
+#[test]
 fn equal_depths_are_drawn_in_the_order_of_the_table() {
     let camera = at_origin(16, 20.0);
     let colors = [DVec3::X, DVec3::Y, DVec3::Z];

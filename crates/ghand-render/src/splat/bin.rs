@@ -7,6 +7,9 @@ use crate::{Gpu, shader_sources};
 
 /// Index in the counters of the number of intersections wanted, as in `bin.wgsl`.
 const COUNTER_WANTED: u32 = 2;
+/// On how many tiles a Gaussian may lie with Mesa's software rasteriser, which ends the loops of a shader after 65,535 rounds;
+/// the rows of tiles count, too.
+const SOFTWARE_TILES: u32 = 60_000;
 
 pub struct Pipelines {
     count_tiles: Stage,
@@ -17,9 +20,10 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
+        let most_tiles = if gpu.is_cpu() { SOFTWARE_TILES } else { u32::MAX };
         let bin = Module::new(gpu, "bin", &shader_sources::bin());
         Pipelines {
-            count_tiles: bin.stage(gpu, "count_tiles", &[]),
+            count_tiles: bin.stage(gpu, "count_tiles", &[("MOST_TILES", f64::from(most_tiles))]),
             limit_intersections: bin.stage(gpu, "limit_intersections", &[]),
             emit_intersections: bin.stage(gpu, "emit_intersections", &[]),
             find_tile_ranges: bin.stage(gpu, "find_tile_ranges", &[]),
@@ -51,7 +55,7 @@ impl Stages {
         Stages {
             count_tiles: pipelines
                 .count_tiles
-                .bind(gpu, &[(0, view), (1, &b.tile_rects), (2, depth_order), (3, &b.slot_offsets)]),
+                .bind(gpu, &[(0, view), (1, &b.tile_rects), (2, depth_order), (3, &b.slot_offsets), (4, counters)]),
             scan: sort.scan(gpu, &b.slot_offsets, b.count as u32, counters, COUNTER_WANTED),
             limit_intersections: pipelines.limit_intersections.bind(gpu, &[(0, view), (4, counters)]),
             emit_intersections: pipelines.emit_intersections.bind(
