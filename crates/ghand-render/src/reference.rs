@@ -7,3 +7,4 @@ pub mod mesh;
 pub mod project;
 pub mod rasterize;
 pub mod spherical_harmonics;
+mod wireframe;
