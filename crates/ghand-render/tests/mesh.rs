@@ -107,10 +107,10 @@ fn extremes() -> Vec<(&'static str, Model, Camera, usize, [bool; 2])> {
     let torus = torus(40, 24);
     let behind: Vec<DVec3> = torus.positions.iter().map(|p| *p + 2.0 * camera.center()).collect();
     // A vertex inside of the outline lies on a pixel's centre, so that some sample sees the skin.
-    let center = at(30.5, 20.5, 0.4) - torus.positions[106] * 1e-4;
-    let fine: Vec<DVec3> = torus.positions.iter().map(|p| *p * 1e-4 + center).collect();
+    let center = at(30.5, 20.5, 0.4) - torus.positions[106] * 5e-3;
+    let fine: Vec<DVec3> = torus.positions.iter().map(|p| *p * 5e-3 + center).collect();
     let wide = [at(-1e4, -2e4, 0.3), at(3e4, -1e4, 0.5), at(0.0, 3e4, 0.7)];
-    let tiny = Camera { width: 1, height: 1, principal: camera.principal - DVec2::new(20.0, 20.0), ..camera.clone() };
+    let tiny = camera.cropped(53, 36, 1, 1);
     let inside = camera_inside();
     let point = at(30.2, 20.7, 0.4);
     let line = [at(10.0, 10.0, 0.4), at(50.0, 30.0, 0.4), at(30.0, 20.0, 0.4)];

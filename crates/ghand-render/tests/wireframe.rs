@@ -212,7 +212,8 @@ fn nothing_hidden_shows_through_a_closed_surface() {
         let [front, _] = draw(&near, &camera, &style);
         let ink = |image: &MeshImage| image.rgba.iter().map(|p| f64::from(p[3])).sum::<f64>();
         let more = ink(&all) / ink(&front) - 1.0;
-        assert!(more.abs() < 0.01, "{more} more ink with the triangles that face away");
+        // A line goes on for up to a sample after it went behind a face.
+        assert!(more.abs() < 0.02, "{k}: {more} more ink with the triangles that face away");
         let [shown, _] = draw(&full, &camera, &lines(k, Shading::Transparent, 1.0, Some(HIDDEN)));
         assert!(ink(&shown) > 1.1 * ink(&all), "the check sees lines that show through");
     }
