@@ -49,7 +49,7 @@ pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, heigh
     let ring = |target: DVec3, fov_y: f64| -> Vec<Camera> {
         let camera = |view: usize| {
             let angle = std::f64::consts::TAU * view as f64 / views as f64;
-            let direction = glam::DQuat::from_axis_angle(UP, angle) * back;
+            let direction = DQuat::from_axis_angle(UP, angle) * back;
             Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, UP, fov_y, width, height)
         };
         (0..views).map(camera).collect()
@@ -118,7 +118,7 @@ mod tests {
                         assert!(knuckle.y < wrist.y, "the fingers point down");
                         for p in &points {
                             let (p, _) = camera.project(*p);
-                            let edge = (p / glam::DVec2::new(size[0].into(), size[1].into()) - 0.5).abs().max_element();
+                            let edge = (p / DVec2::new(size[0].into(), size[1].into()) - 0.5).abs().max_element();
                             most = most.max(edge);
                         }
                     }

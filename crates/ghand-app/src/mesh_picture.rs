@@ -6,7 +6,9 @@ use anyhow::{Context, bail};
 use ghand_core::{Camera, HandModel};
 use ghand_render::Gpu;
 use ghand_render::mesh::weights::{joint_heat, joint_mix};
-use ghand_render::mesh::{Light, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface, Wireframe};
+use ghand_render::mesh::{
+    Light, MeshImage, MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe,
+};
 use glam::DVec3;
 use image::RgbImage;
 
@@ -48,8 +50,9 @@ const SKIN: DVec3 = DVec3::new(0.87, 0.67, 0.56);
 const PALE: DVec3 = DVec3::new(0.82, 0.83, 0.85);
 /// Lines alone, and lines on faces, display values.
 const LINES: DVec3 = DVec3::new(0.1, 0.12, 0.16);
-/// Pixels.
-const LINE_WIDTH: f64 = 1.0;
+/// Width of a line as a part of the median edge of the picture, and its bounds, pixels: fine meshes keep their faces.
+const LINE_SHARE: f64 = 0.08;
+const LINE_WIDTHS: [f64; 2] = [0.5, 3.0];
 
 /// Draws a hand model's mesh with its vertices at `positions` (world, metres).
 ///
@@ -72,13 +75,14 @@ pub fn draw(
         }
     };
     let shading = match style {
-        PictureStyle::Solid | PictureStyle::SolidWireframe => soft_light(camera, 0.3),
+        PictureStyle::Solid | PictureStyle::SolidWireframe => soft_light(camera, 0.4),
         // Colours mean something: just enough shade to see the shape.
         PictureStyle::Weights | PictureStyle::JointWeights(_) => soft_light(camera, 0.55),
         PictureStyle::Wireframe => Shading::Transparent,
     };
     let has_lines = matches!(style, PictureStyle::Wireframe | PictureStyle::SolidWireframe);
-    let wireframe = has_lines.then_some(Wireframe { width: LINE_WIDTH, color: LINES, hidden: None });
+    let width = line_width(model, positions, camera);
+    let wireframe = has_lines.then_some(Wireframe { width, color: LINES, hidden: None });
     let mesh = MeshInstance {
         positions,
         normals: &model.vertex_normals(positions),
@@ -90,10 +94,26 @@ pub fn draw(
     Ok(MeshRenderer::new(gpu)?.render(&mesh, camera, &style)?)
 }
 
-/// A light above the photographer's left shoulder, and as much from everywhere as said; white where it falls in squarely.
+/// A line width, pixels, that suits the mesh as the camera sees it.
+fn line_width(model: &HandModel, positions: &[DVec3], camera: &Camera) -> f64 {
+    let [thinnest, widest] = LINE_WIDTHS;
+    let pixels: Vec<_> = positions.iter().map(|p| camera.project(*p)).collect();
+    let sides = model.faces.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let ends = sides.filter_map(|side| {
+        let [a, b] = side.map(|i| pixels.get(*i as usize));
+        let ((a, _), (b, _)) = (a.filter(|p| p.1 > NEAR_PLANE)?, b.filter(|p| p.1 > NEAR_PLANE)?);
+        Some(a.distance(*b))
+    });
+    let mut lengths: Vec<f64> = ends.collect();
+    lengths.sort_unstable_by(f64::total_cmp);
+    lengths.get(lengths.len() / 2).map_or(thinnest, |median| (LINE_SHARE * median).clamp(thinnest, widest))
+}
+
+/// A light above the photographer's left shoulder, and as much from everywhere as said; a little more than white where it
+/// falls in squarely, since hardly any skin is there.
 fn soft_light(camera: &Camera, ambient: f64) -> Shading {
     let direction = camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0);
-    let key = Light { direction, color: DVec3::splat(1.0 - ambient) };
+    let key = Light { direction, color: DVec3::splat(1.1 - ambient) };
     Shading::Lit { ambient: DVec3::splat(ambient), lights: vec![key], wrap: 0.3 }
 }
 
