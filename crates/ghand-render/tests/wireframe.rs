@@ -1,5 +1,7 @@
 //! The mesh rasteriser's lines: on the device against their twin, and what they promise.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+
 mod common;
 
 use std::sync::LazyLock;

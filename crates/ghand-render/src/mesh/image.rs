@@ -53,16 +53,18 @@ impl MeshImage {
         let SplatLayer { image, depths, background } = splats;
         let (width, height) = (self.width, self.height);
         let pixels = self.rgba.len();
-        if (image.width, image.height) != (width, height) || [image.rgba.len(), depths.len()] != [pixels; 2] {
+        let counts = [image.rgba.len(), depths.len(), self.depth.len()];
+        if (image.width, image.height) != (width, height) || counts != [pixels; 3] {
             let found = format!("{} x {} with {} depths", image.width, image.height, depths.len());
             return MeshError::invalid("splats", format!("{found} do not fit the mesh's {width} x {height} pixels"));
         }
         if !bias.is_finite() {
             return MeshError::invalid("bias", format!("{bias} is not finite; give metres"));
         }
-        let pixel = |((mesh, z), (splat, depth)): ((&[f32; 4], &f32), (&[f32; 4], &f32))| {
+        let pixel = |i: usize| {
+            let (mesh, splat) = (self.rgba[i], image.rgba[i]);
             let ([mesh_coverage, splat_coverage], mut out) = ([mesh[3], splat[3]], [0.0; 4]);
-            let mesh_is_nearer = *depth == 0.0 || *z <= *depth + bias;
+            let mesh_is_nearer = depths[i] == 0.0 || self.depth[i] <= depths[i] + bias;
             for c in 0..3 {
                 out[c] = if mesh_is_nearer {
                     mesh[c] + (1.0 - mesh_coverage) * splat[c]
@@ -74,8 +76,7 @@ impl MeshImage {
             out[3] = mesh_coverage + splat_coverage - mesh_coverage * splat_coverage;
             out
         };
-        let (mesh, splats) = (self.rgba.iter().zip(&self.depth), image.rgba.iter().zip(*depths));
-        Ok(Image { width, height, rgba: mesh.zip(splats).map(pixel).collect() })
+        Ok(Image { width, height, rgba: (0..pixels).map(pixel).collect() })
     }
 }
 

@@ -170,11 +170,11 @@ fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
         }
     }
     for (i, position) in mesh.positions.iter().enumerate() {
-        if !position.is_finite() {
+        let distance = camera.camera_from_world(*position).abs().max_element();
+        if !position.is_finite() || !distance.is_finite() {
             return MeshError::invalid("positions", format!("vertex {i} is not finite; check the pose"));
         }
-        let distance = camera.camera_from_world(*position).abs().max_element();
-        if !(distance <= FARTHEST) {
+        if distance > FARTHEST {
             let problem =
                 format!("vertex {i} is {distance:.1e} m from the camera; give metres, at most {FARTHEST:.0e}");
             return MeshError::invalid("positions", problem);
