@@ -1,5 +1,5 @@
 // Edges of a mesh as lines of an even width, each a rectangle around its middle: how much of a sample lines cover
-// (`cover`), and how deep they lie (`depth`). CPU twin: `reference/wireframe.rs`.
+// (`line_coverage`), and how deep they lie (`line_depth`). CPU twin: `reference/wireframe.rs`.
 
 struct WireframeUniforms {
     // Size of the target, samples.
@@ -28,7 +28,7 @@ struct Varyings {
 }
 
 @vertex
-fn vertex(
+fn line_vertex(
     @builtin(vertex_index) index: u32,
     @location(0) ends: vec4f,
     @location(1) inverse_depths: vec3f,
@@ -84,7 +84,7 @@ fn line_at(in: Varyings) -> Line {
 // Coverage by lines in sight, and by lines behind faces. Targets keep the larger value, so that lines that meet or
 // repeat each other are drawn once, in any order.
 @fragment
-fn cover(in: Varyings) -> @location(0) vec2f {
+fn line_coverage(in: Varyings) -> @location(0) vec2f {
     let line = line_at(in);
     if line.in_sight {
         return vec2f(line.coverage, 0.0);
@@ -93,7 +93,7 @@ fn cover(in: Varyings) -> @location(0) vec2f {
 }
 
 @fragment
-fn depth(in: Varyings) -> @builtin(frag_depth) f32 {
+fn line_depth(in: Varyings) -> @builtin(frag_depth) f32 {
     let line = line_at(in);
     if line.coverage == 0.0 || !(line.in_sight || uniforms.hidden != 0u) {
         discard;

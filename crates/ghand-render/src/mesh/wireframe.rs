@@ -59,7 +59,7 @@ impl Lines {
                 layout: None,
                 vertex: wgpu::VertexState {
                     module: &module,
-                    entry_point: Some("vertex"),
+                    entry_point: Some("line_vertex"),
                     compilation_options: Default::default(),
                     buffers: &[Some(wgpu::VertexBufferLayout {
                         array_stride: size_of::<LineInstance>() as u64,
@@ -100,7 +100,10 @@ impl Lines {
             stencil: Default::default(),
             bias: Default::default(),
         };
-        Lines { cover: pipeline("cover", &[Some(coverage)], None), depth: pipeline("depth", &[], Some(nearest)) }
+        Lines {
+            cover: pipeline("line_coverage", &[Some(coverage)], None),
+            depth: pipeline("line_depth", &[], Some(nearest)),
+        }
     }
 
     /// Fills `targets.coverage` and `targets.line_depth`; `targets.face_depth` must have been drawn before. `half_width`
