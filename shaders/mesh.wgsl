@@ -1,24 +1,25 @@
-// Textured, lit triangles at k times the image's size (`vertex`, `fragment`), then the box filter that makes the image
-// of them (`resolve`). CPU twin: `reference/mesh.rs`.
+// Textured or coloured, lit triangles at k times the image's size. Lines are drawn over them by `wireframe.wgsl`, and
+// `mesh_resolve.wgsl` makes the image of both. CPU twin: `reference/mesh.rs`.
 
 struct MeshUniforms {
     // clip_from_camera without its depth row: x_clip = clip_x.xy . (x, z), y_clip = clip_y.xy . (y, z).
     clip_x: vec4f,
     clip_y: vec4f,
-    // x: near plane, metres; y: how far diffuse light wraps around; z: number of lights; w: 1 for lit, 0 for unlit.
+    // x: near plane, metres; y: how far diffuse light wraps around; z: number of lights.
     settings: vec4f,
+    // x: SHADING_*; y: SURFACE_*.
+    modes: vec4u,
     ambient: vec4f,
     // Unit vectors towards the lights, world axes, and their colours.
     light_directions: array<vec4f, 4>,
     light_colors: array<vec4f, 4>,
 }
 
-struct ResolveUniforms {
-    // Size of the image, pixels.
-    size: vec2u,
-    supersample: u32,
-    padding: u32,
-}
+const SHADING_UNLIT: u32 = 0u;
+const SHADING_LIT: u32 = 1u;
+const SHADING_TRANSPARENT: u32 = 2u;
+const SURFACE_TEXTURE: u32 = 0u;
+const SURFACE_COLOR: u32 = 1u;
 
 @group(0) @binding(0) var<uniform> uniforms: MeshUniforms;
 @group(0) @binding(1) var color_texture: texture_2d<f32>;
@@ -26,7 +27,8 @@ struct ResolveUniforms {
 struct Varyings {
     @builtin(position) clip: vec4f,
     @location(0) normal: vec3f,
-    @location(1) uv: vec2f,
+    // UV and nothing, or a colour.
+    @location(1) surface: vec3f,
     @location(2) depth: f32,
     @location(3) exposure: f32,
 }
@@ -40,7 +42,7 @@ struct Targets {
 fn vertex(
     @location(0) position_camera: vec3f,
     @location(1) normal_world: vec3f,
-    @location(2) uv: vec2f,
+    @location(2) surface: vec3f,
     @location(3) exposure: f32,
 ) -> Varyings {
     let z = position_camera.z;
@@ -53,7 +55,7 @@ fn vertex(
         z,
     );
     out.normal = normal_world;
-    out.uv = uv;
+    out.surface = surface;
     out.depth = z;
     out.exposure = exposure;
     return out;
@@ -94,41 +96,16 @@ fn shade(normal: vec3f) -> vec3f {
 
 @fragment
 fn fragment(in: Varyings) -> Targets {
-    var color = sample_color(in.uv);
-    if uniforms.settings.w > 0.5 {
+    if uniforms.modes.x == SHADING_TRANSPARENT {
+        // Only the depth is kept, for lines to hide behind.
+        return Targets(vec4f(0.0), in.depth);
+    }
+    var color = in.surface;
+    if uniforms.modes.y == SURFACE_TEXTURE {
+        color = sample_color(in.surface.xy);
+    }
+    if uniforms.modes.x == SHADING_LIT {
         color = min(color * shade(in.normal) * in.exposure, vec3f(1.0));
     }
     return Targets(vec4f(color, 1.0), in.depth);
-}
-
-@group(0) @binding(0) var<uniform> resolve_uniforms: ResolveUniforms;
-@group(0) @binding(1) var sample_colors: texture_2d<f32>;
-@group(0) @binding(2) var sample_depths: texture_2d<f32>;
-@group(0) @binding(3) var<storage, read_write> image: array<vec4f>;
-@group(0) @binding(4) var<storage, read_write> depths: array<f32>;
-
-@compute @workgroup_size(8, 8)
-fn resolve(@builtin(global_invocation_id) id: vec3u) {
-    let size = resolve_uniforms.size;
-    if any(id.xy >= size) {
-        return;
-    }
-    let k = resolve_uniforms.supersample;
-    var sum = vec4f(0.0);
-    // 0 marks an empty pixel (nothing in front of the near plane has it); the host reads it as infinity.
-    var nearest = 0.0;
-    for (var y = 0u; y < k; y++) {
-        for (var x = 0u; x < k; x++) {
-            let at = vec2i(id.xy * k + vec2u(x, y));
-            let color = textureLoad(sample_colors, at, 0);
-            sum += color;
-            if color.a > 0.0 {
-                let depth = textureLoad(sample_depths, at, 0).r;
-                nearest = select(min(nearest, depth), depth, nearest == 0.0);
-            }
-        }
-    }
-    let pixel = id.y * size.x + id.x;
-    image[pixel] = sum / f32(k * k);
-    depths[pixel] = nearest;
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use ghand_avatar::direct::ResponseUniforms;
 use ghand_render::Tier;
 use ghand_render::image_loss::LossUniforms;
-use ghand_render::mesh::{MeshUniforms, ResolveUniforms};
+use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::pose::{PoseUniforms, SumUniforms};
 use ghand_render::splat::{ScanUniforms, SortUniforms, Splat, View};
@@ -98,8 +98,9 @@ fn host_layouts() -> Vec<Layout> {
             padding_3,
         }),
         host_layout!(ResponseUniforms { color_components, max_scale, padding }),
-        host_layout!(MeshUniforms { clip_x, clip_y, settings, ambient, light_directions, light_colors }),
-        host_layout!(ResolveUniforms { size, supersample, padding }),
+        host_layout!(MeshUniforms { clip_x, clip_y, settings, modes, ambient, light_directions, light_colors }),
+        host_layout!(WireframeUniforms { size, half_width, near, hidden, padding_1, padding_2, padding_3 }),
+        host_layout!(ResolveUniforms { size, supersample, margin, line_color, hidden_color, lines, near, padding }),
     ]
 }
 

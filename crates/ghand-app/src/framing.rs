@@ -1,13 +1,19 @@
 //! Where cameras stand so that a hand fills the picture.
 
+use ghand_core::hand_model::named_poses::hand_directions;
+use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use glam::DVec3;
+use glam::{DQuat, DVec2, DVec3};
 
 /// Distance of a turntable's cameras from the middle of the hand, metres.
 pub const TURNTABLE_DISTANCE: f64 = 0.6;
 /// Part of the picture, from edge to edge, that the hand may take.
 const FILL: f64 = 0.9;
+/// Field of view of a portrait's height, radians: about that of a portrait lens.
+const PORTRAIT_FIELD: f64 = 0.4;
+/// Turn of a portrait's camera towards the thumb and above the horizon, radians: enough to see depth.
+const PORTRAIT_TURN: DVec2 = DVec2::new(0.4, 0.1);
 /// Fingers of a hand at rest point along -Y, and up in the picture.
 pub const UP: DVec3 = DVec3::NEG_Y;
 
@@ -43,7 +49,7 @@ pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, heigh
     let ring = |target: DVec3, fov_y: f64| -> Vec<Camera> {
         let camera = |view: usize| {
             let angle = std::f64::consts::TAU * view as f64 / views as f64;
-            let direction = glam::DQuat::from_axis_angle(UP, angle) * back;
+            let direction = DQuat::from_axis_angle(UP, angle) * back;
             Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, UP, fov_y, width, height)
         };
         (0..views).map(camera).collect()
@@ -61,6 +67,27 @@ pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, heigh
     }
     let fov_y = 2.0 * (slope.clamp(1e-3, 10.0) / FILL).atan();
     targets.iter().map(|target| ring(*target, fov_y)).collect()
+}
+
+/// A camera that sees the back of the hand and a little of the thumb's side, fingers up, whichever way the hand is turned;
+/// `points` (world, metres) fill the picture. Hands whose joints have unknown names are taken to stand as the built-in one.
+pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height]: [u32; 2]) -> Camera {
+    let (forward, back) = hand_directions(model).map_or((UP, back_of_hand(model.side)), |d| (d.forward, d.back));
+    let turn = pose.rotations.first().map_or(glam::DMat3::IDENTITY, |root| rotation_from_axis_angle(*root));
+    let (up, back) = (turn * forward, turn * back);
+    let to_thumb = if model.side == Side::Right { -PORTRAIT_TURN.x } else { PORTRAIT_TURN.x };
+    let raised = DQuat::from_axis_angle(up.cross(back).normalize_or(DVec3::X), -PORTRAIT_TURN.y) * back;
+    let direction = DQuat::from_axis_angle(up, to_thumb) * raised;
+    let target = middle(points);
+    let far = Camera::look_at(target + direction, target, up, PORTRAIT_FIELD, width, height);
+    // Slopes of the picture's edges, and the least distance at which every point lies within.
+    let slopes = DVec2::new(f64::from(width), f64::from(height)) / (2.0 * far.focal) * FILL;
+    let needed = points.iter().map(|p| {
+        let offset = far.rotation * (*p - target);
+        (offset.truncate().abs() / slopes).max_element() - offset.z
+    });
+    let distance = needed.fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+    Camera::look_at(target + direction * distance, target, up, PORTRAIT_FIELD, width, height)
 }
 
 #[cfg(test)]
@@ -91,12 +118,40 @@ mod tests {
                         assert!(knuckle.y < wrist.y, "the fingers point down");
                         for p in &points {
                             let (p, _) = camera.project(*p);
-                            let edge = (p / glam::DVec2::new(size[0].into(), size[1].into()) - 0.5).abs().max_element();
+                            let edge = (p / DVec2::new(size[0].into(), size[1].into()) - 0.5).abs().max_element();
                             most = most.max(edge);
                         }
                     }
                 }
                 assert!((most - 0.5 * FILL).abs() < 1e-6, "{size:?}: {most}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_portrait_fills_the_picture_with_the_back_of_the_hand_however_it_is_turned() {
+        for left in [false, true] {
+            let model = ProceduralHand { detail: 1, left, ..Default::default() }.build().unwrap();
+            let mut pose = named_pose("fist", &model).unwrap();
+            for root in [DVec3::ZERO, DVec3::new(1.0, -2.0, 0.5)] {
+                pose.rotations[0] = root;
+                pose.translation = root;
+                let points = posed_vertices(&model, &pose);
+                for size in [[320, 320], [100, 400], [400, 100]] {
+                    let camera = portrait(&model, &pose, &points, size);
+                    let picture = DVec2::new(size[0].into(), size[1].into());
+                    let edge = |p: &DVec3| (camera.project(*p).0 / picture - 0.5).abs().max_element();
+                    let most = points.iter().map(edge).fold(0.0, f64::max);
+                    assert!((most - 0.5 * FILL).abs() < 1e-9, "{most}");
+                    let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
+                    let seen =
+                        |k: usize| camera.project(chain.posed_from_rest[k].apply(model.joints[k]) + pose.translation);
+                    let at = |name: &str| seen(model.joint_index(name).unwrap());
+                    assert!(at("middle1").0.y < seen(0).0.y, "the fingers point up");
+                    assert!(at("middle3").1 > at("middle2").1, "a fist's fingertips are behind the hand's back");
+                    let thumb_is_left = at("index1").0.x < at("pinky1").0.x;
+                    assert_eq!(thumb_is_left, !left, "a right hand seen on its back has its thumb on the left");
+                }
             }
         }
     }

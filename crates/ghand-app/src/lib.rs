@@ -6,6 +6,7 @@ pub mod cli;
 pub mod commands;
 pub mod framing;
 pub mod hand_model_file;
+pub mod mesh_picture;
 pub mod pose_file;
 pub mod viewer;
 

@@ -12,6 +12,7 @@ use ghand_core::hand_model::mano::{ManoOptions, read_mano};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::posing::pose_hand;
 use glam::DVec3;
+use image::RgbImage;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
@@ -84,6 +85,47 @@ fn a_posed_hand_is_written_as_gltf_too() {
     assert!(bytes.starts_with(b"glTF") && bytes.len() > 100_000);
 }
 
+/// Part of the pixels that differ from white.
+fn coverage(picture: &RgbImage) -> f64 {
+    let count = picture.pixels().filter(|p| p.0 != [255; 3]).count();
+    count as f64 / f64::from(picture.width() * picture.height())
+}
+
+#[test]
+fn a_posed_hand_is_drawn_in_every_style_that_fills_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let draw = |more: &[&str]| {
+        let output = run(GHAND, folder.path(), &[&["pose", "--pose", "relaxed", "--picture", "a.png"], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        image::open(folder.path().join("a.png")).unwrap().into_rgb8()
+    };
+    let colors = |picture: &RgbImage| picture.pixels().map(|p| p.0).collect::<std::collections::HashSet<_>>().len();
+    let size = ["--size", "160x240"];
+    let [solid, wireframe, both, weights, joint, number] =
+        ["solid", "wireframe", "solid-wireframe", "weights", "weights=index1", "weights=1"]
+            .map(|style| draw(&[&size[..], &["--style", style]].concat()));
+    for picture in [&solid, &wireframe, &both, &weights, &joint] {
+        assert_eq!(picture.dimensions(), (160, 240));
+        assert!((0.2..0.8).contains(&coverage(picture)), "{}", coverage(picture));
+    }
+    let model = ProceduralHand::default().build().unwrap();
+    assert_eq!(joint == number, model.joint_index("index1") == Some(1));
+    // Lines alone leave white between them; weights are more colourful than skin; one joint leaves most of the hand grey.
+    let mean = |p: &RgbImage| p.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / f64::from(p.width() * p.height());
+    assert!(mean(&both) < mean(&wireframe) && mean(&both) < mean(&solid));
+    assert!(colors(&weights) > 2 * colors(&wireframe));
+    let grey = |p: &RgbImage| p.pixels().filter(|p| p.0[0] == p.0[1] && p.0[1] == p.0[2] && p.0[0] < 255).count();
+    assert!(grey(&joint) > 5000 && grey(&weights) < 500, "{} {}", grey(&joint), grey(&weights));
+    assert_eq!(solid, draw(&size), "solid is the default");
+    // A camera of one's own, another background, and the mesh beside the picture.
+    let camera = r#"{"id":"c","width":96,"height":64,"intrinsics":[[120,0,48],[0,120,32],[0,0,1]],
+        "rotation":[[0,0,1],[0,1,0],[-1,0,0]],"translation":[0,0.1,0.6]}"#;
+    std::fs::write(folder.path().join("camera.json"), camera).unwrap();
+    let seen = draw(&["--camera", "camera.json", "--background", "1,0,0", "--out", "mesh.obj"]);
+    assert_eq!((seen.dimensions(), seen.get_pixel(0, 0).0), ((96, 64), [255, 0, 0]));
+    assert!(!vertices(&folder.path().join("mesh.obj")).is_empty());
+}
+
 #[test]
 fn what_cannot_be_posed_is_one_sentence_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -99,10 +141,19 @@ fn what_cannot_be_posed_is_one_sentence_and_leaves_no_file() {
         (&["--out", "mesh.obj", "--pose", "shape.json"], "99 numbers"),
         (&["--out", "mesh.obj", "--pose", "shape.json", "--frame", "7"], "\"7\""),
         (&["--out", "mesh.obj", "--frame", "7"], "--pose"),
+        (&["--out", "mesh.obj", "--picture", "a.jpg"], "a.jpg: must end in .png"),
+        (&["--out", "mesh.obj", "--picture", "a.png", "--style", "pretty"], "solid-wireframe"),
+        (&["--out", "mesh.obj", "--picture", "a.png", "--style", "weights=elbow"], "thumb1"),
+        (&["--out", "mesh.obj", "--picture", "a.png", "--camera", "absent.json"], "absent.json"),
+        (&["--out", "mesh.obj", "--picture", "a.png", "--adapter", "no such"], "no such"),
+        (&["--out", "mesh.obj", "--style", "weights"], "--picture"),
+        (&["--pose", "fist"], "--picture"),
     ] {
         let output = run(GHAND, folder.path(), &[&["pose"], arguments].concat());
         assert_one_sentence(&output, &[expected]);
-        assert!(!folder.path().join("mesh.obj").exists() && !folder.path().join("mesh.stl").exists());
+        for name in ["mesh.obj", "mesh.stl", "a.png", "a.jpg"] {
+            assert!(!folder.path().join(name).exists(), "{arguments:?} left {name}");
+        }
     }
 }
 

@@ -36,6 +36,8 @@ pub fn baseline() -> Vec<(&'static str, String)> {
         ("joint_sums", joint_sums().to_owned()),
         ("adam", adam()),
         ("mesh", mesh().to_owned()),
+        ("wireframe", wireframe().to_owned()),
+        ("mesh_resolve", mesh_resolve().to_owned()),
         ("picture", picture().to_owned()),
     ]
 }
@@ -153,9 +155,19 @@ pub fn adam() -> String {
     compose(&[include_str!("../../../shaders/adam.wgsl")])
 }
 
-/// The mesh rasteriser and its resolve.
+/// A mesh's faces to samples.
 pub fn mesh() -> &'static str {
     include_str!("../../../shaders/mesh.wgsl")
+}
+
+/// A mesh's edges to samples.
+pub fn wireframe() -> &'static str {
+    include_str!("../../../shaders/wireframe.wgsl")
+}
+
+/// Samples of faces and edges to the image.
+pub fn mesh_resolve() -> &'static str {
+    include_str!("../../../shaders/mesh_resolve.wgsl")
 }
 
 /// The splatter's image as a texture, for a user interface.

@@ -6,7 +6,7 @@ use ghand_core::skinning::{ResidualWeights, Skinning, skin};
 use ghand_core::{Camera, HandModel, HandModelError, Pose, surface};
 use ghand_data::{Capture, CaptureError, Split};
 use ghand_render::Gpu;
-use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading};
+use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -72,12 +72,12 @@ impl<'a> MeshPainter<'a> {
         let instance = MeshInstance {
             positions: &self.mesh.gather(&positions),
             normals: &self.mesh.gather(&normals),
-            uvs: &self.mesh.uvs,
             exposure: None,
             triangles: &self.mesh.triangles,
-            texture,
+            surface: Surface::Texture { uvs: &self.mesh.uvs, texture },
         };
-        self.renderer.render(&instance, camera, &MeshStyle { supersample, shading: Shading::Unlit })
+        let style = MeshStyle { supersample, shading: Shading::Unlit, wireframe: None };
+        self.renderer.render(&instance, camera, &style)
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use ghand_data::CaptureError;
 use ghand_data::synthetic::{SyntheticOptions, generate};
 use ghand_render::Gpu;
-use ghand_render::mesh::{Light, MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading};
+use ghand_render::mesh::{Light, MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 
 /// Why a synthetic capture could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -33,12 +33,11 @@ pub fn make_capture(gpu: &Gpu, options: &SyntheticOptions, folder: &Path) -> Res
         let mesh = MeshInstance {
             positions: scene.positions,
             normals: scene.normals,
-            uvs: scene.uvs,
             exposure: Some(scene.exposure),
             triangles: scene.triangles,
-            texture: scene.texture,
+            surface: Surface::Texture { uvs: scene.uvs, texture: scene.texture },
         };
-        let style = MeshStyle { supersample: SUPERSAMPLE, shading };
+        let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe: None };
         Ok(renderer.render(&mesh, camera, &style).map_err(|e| e.to_string())?.to_straight_rgba8())
     })?;
     Ok(())

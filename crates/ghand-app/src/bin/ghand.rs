@@ -20,7 +20,7 @@ struct Arguments {
 enum Command {
     /// Render an avatar to PNG files
     Render(render::RenderArgs),
-    /// Write the mesh of a hand model in any pose and shape
+    /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
     /// Tell what is in a hand model
     Inspect(inspect::InspectArgs),
@@ -33,7 +33,7 @@ enum Command {
 fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
-        Command::Pose(args) => pose::run(args),
+        Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),

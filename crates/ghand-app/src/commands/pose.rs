@@ -1,6 +1,6 @@
-//! `ghand pose`: the mesh of a hand model in any pose and shape.
+//! `ghand pose`: the mesh of a hand model in any pose and shape, as a file or as a picture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -8,13 +8,24 @@ use ghand_core::hand_model::glb::write_glb;
 use ghand_core::hand_model::named_poses::POSE_NAMES;
 use ghand_core::hand_model::obj::write_obj;
 use ghand_core::posing::pose_hand;
-use ghand_core::{HandModel, Pose};
+use ghand_core::{HandModel, HandModelError, Pose};
+use glam::DVec3;
+use image::RgbImage;
 
+use crate::camera_file::read_camera;
+use crate::cli::{AdapterArgs, parse_color, parse_size};
+use crate::commands::render::write_png;
+use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
+use crate::mesh_picture::{PictureStyle, draw, over};
 use crate::pose_file::{PosedFrame, choose_frame, poses};
+
+/// Size of a picture when neither the command line nor a camera says.
+const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand pose`.
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
 pub struct PoseArgs {
     /// The hand model: MANO (.pkl, .npz) or rigged glTF (.glb, .gltf) [default: the built-in hand]
     #[arg(long, value_name = "FILE")]
@@ -31,20 +42,45 @@ pub struct PoseArgs {
     #[arg(long)]
     flat_mean: bool,
     /// The mesh to write: .obj (vertices in the order of the model's file) or .glb; metres
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    #[arg(long, value_name = "FILE", group = "output")]
+    out: Option<PathBuf>,
+    /// A picture of the mesh to draw, .png
+    #[arg(long, value_name = "FILE", group = "output")]
+    picture: Option<PathBuf>,
+    #[command(flatten)]
+    look: LookArgs,
 }
 
-/// Poses the hand model and writes its mesh.
+/// How the picture looks.
+#[derive(Debug, Args)]
+struct LookArgs {
+    /// solid, wireframe (hidden lines removed), solid-wireframe, weights (a colour a joint, mixed by skinning weight), or
+    /// weights=JOINT (one joint's weight from violet to yellow, grey where it is 0; a name or number as `inspect` lists)
+    #[arg(long, value_name = "STYLE", default_value = "solid", requires = "picture")]
+    style: PictureStyle,
+    /// A JSON file with one camera as in a capture.json [default: one that sees the back of the hand]
+    #[arg(long, value_name = "FILE", requires = "picture")]
+    camera: Option<PathBuf>,
+    /// Size of the picture [default: the camera's, else 512x512]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "picture")]
+    size: Option<[u32; 2]>,
+    /// Colour behind the hand, display values from 0 to 1
+    #[arg(long, value_name = "R,G,B", value_parser = parse_color, default_value = "1,1,1", requires = "picture")]
+    background: [f32; 3],
+}
+
+/// How a mesh is written.
+type Write = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
+
+/// Poses the hand model, writes its mesh and draws it.
 ///
 /// # Errors
 /// One that names the file or the option and what is wrong with it.
-pub fn run(args: &PoseArgs) -> anyhow::Result<()> {
-    let write = match args.out.extension().and_then(|e| e.to_str()) {
-        Some("obj") => write_obj,
-        Some("glb") => write_glb,
-        _ => bail!("--out {}: must end in .obj or .glb", args.out.display()),
-    };
+pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let mesh = args.out.as_ref().map(|path| Ok::<_, anyhow::Error>((path, writer(path)?))).transpose()?;
+    if let Some(path) = args.picture.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
+        bail!("--picture {}: must end in .png", path.display());
+    }
     let file = args.reading.load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
@@ -58,10 +94,47 @@ pub fn run(args: &PoseArgs) -> anyhow::Result<()> {
     }
     let posed = pose_hand(model, &frame.shape, &frame.pose)
         .with_context(|| format!("{}: frame {:?}", args.pose.as_deref().unwrap_or("pose"), frame.id))?;
-    write(&args.out, model, &posed.vertices)
-        .with_context(|| format!("{}: cannot write the mesh", args.out.display()))?;
-    println!("{}: {} vertices, {} triangles", args.out.display(), model.vertices.len(), model.faces.len());
+    // Drawn before the mesh is written: what cannot be drawn leaves no file.
+    let picture = match &args.picture {
+        Some(path) => Some((path, picture(&args.look, adapter, model, &frame.pose, &posed.vertices)?)),
+        None => None,
+    };
+    if let Some((path, write)) = mesh {
+        write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
+        println!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
+    }
+    if let Some((path, picture)) = picture {
+        write_png(path, &picture)?;
+        println!("{}: {} x {} pixels", path.display(), picture.width(), picture.height());
+    }
     Ok(())
+}
+
+fn writer(path: &Path) -> anyhow::Result<Write> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("obj") => Ok(write_obj),
+        Some("glb") => Ok(write_glb),
+        _ => bail!("--out {}: must end in .obj or .glb", path.display()),
+    }
+}
+
+fn picture(
+    look: &LookArgs,
+    adapter: &AdapterArgs,
+    model: &HandModel,
+    pose: &Pose,
+    vertices: &[DVec3],
+) -> anyhow::Result<RgbImage> {
+    let camera = match &look.camera {
+        Some(path) => {
+            let camera = read_camera(path)?;
+            let [width, height] = look.size.unwrap_or([camera.width, camera.height]);
+            camera.resized(width, height)
+        }
+        None => portrait(model, pose, vertices, look.size.unwrap_or(DEFAULT_SIZE)),
+    };
+    let image = draw(&adapter.open()?, model, vertices, &camera, &look.style)?;
+    over(&image, look.background)
 }
 
 fn frame(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PosedFrame> {

@@ -55,6 +55,26 @@ fn gesture(name: &str) -> Option<Gesture> {
     })
 }
 
+/// Where a flat hand points, unit vectors in model axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandDirections {
+    /// From the wrist to the middle finger's knuckle.
+    pub forward: DVec3,
+    /// From the index finger's knuckle to the little finger's.
+    pub across: DVec3,
+    /// Where the back of the hand faces.
+    pub back: DVec3,
+}
+
+/// Directions of a model at rest; `None` when its joints have neither MANO's names nor WebXR's.
+pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
+    let knuckle = |finger| Some(model.joints[finger_joints(finger, model)?[0]]);
+    let across = (knuckle("pinky")? - knuckle("index")?).normalize_or_zero();
+    let forward = (knuckle("middle")? - model.joints[0]).normalize_or_zero();
+    let back = across.cross(forward).normalize_or_zero() * if model.side == Side::Right { 1.0 } else { -1.0 };
+    Some(HandDirections { forward, across, back })
+}
+
 /// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the model's joints have neither
 /// MANO's names (`index1`, ...) nor WebXR's.
 ///
@@ -66,9 +86,7 @@ pub fn named_pose(name: &str, model: &HandModel) -> Option<Pose> {
     let fingers = ["index", "middle", "ring", "pinky"].map(|finger| finger_joints(finger, model));
     let [Some(index), Some(middle), Some(ring), Some(pinky)] = fingers else { return None };
     let thumb = finger_joints("thumb", model)?;
-    let across = (at(pinky[0]) - at(index[0])).normalize_or_zero();
-    let forward = (at(middle[0]) - at(0)).normalize_or_zero();
-    let back = across.cross(forward).normalize_or_zero() * if model.side == Side::Right { 1.0 } else { -1.0 };
+    let HandDirections { across, back, .. } = hand_directions(model)?;
     let mut pose = Pose::rest(model.joint_count());
     for (joints, [first, second, third, side]) in [index, middle, ring, pinky].into_iter().zip(gesture.fingers) {
         let along = (at(joints[1]) - at(joints[0])).normalize_or_zero();

@@ -3,6 +3,8 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 #![allow(dead_code, reason = "no test file needs all of it")]
 
+pub mod meshes;
+
 use ghand_core::Camera;
 use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
 use ghand_render::reference::rasterize::{Cuts, Scene};

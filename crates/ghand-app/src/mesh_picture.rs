@@ -1,0 +1,166 @@
+//! Pictures of a posed hand model's mesh.
+
+use std::str::FromStr;
+
+use anyhow::{Context, bail};
+use ghand_core::{Camera, HandModel};
+use ghand_render::Gpu;
+use ghand_render::mesh::weights::{joint_heat, joint_mix};
+use ghand_render::mesh::{
+    Light, MeshImage, MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe,
+};
+use glam::DVec3;
+use image::RgbImage;
+
+/// How a mesh is shown.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PictureStyle {
+    /// Skin in soft light.
+    Solid,
+    /// The edges that no face hides.
+    Wireframe,
+    /// The edges on faces in soft light.
+    SolidWireframe,
+    /// A colour a joint, mixed by skinning weight.
+    Weights,
+    /// The skinning weight of one joint, by name or number: from dark violet, for the smallest, to yellow; grey is none.
+    JointWeights(String),
+}
+
+impl FromStr for PictureStyle {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PictureStyle, String> {
+        match (text, text.split_once('=')) {
+            ("solid", _) => Ok(PictureStyle::Solid),
+            ("wireframe", _) => Ok(PictureStyle::Wireframe),
+            ("solid-wireframe", _) => Ok(PictureStyle::SolidWireframe),
+            ("weights", _) => Ok(PictureStyle::Weights),
+            (_, Some(("weights", joint))) => Ok(PictureStyle::JointWeights(joint.into())),
+            _ => Err("must be solid, wireframe, solid-wireframe, weights, or weights=JOINT".into()),
+        }
+    }
+}
+
+/// Samples of a pixel along each axis.
+const SUPERSAMPLE: u32 = 4;
+/// Skin, display values.
+const SKIN: DVec3 = DVec3::new(0.87, 0.67, 0.56);
+/// Faces below lines: these are what is looked at.
+const PALE: DVec3 = DVec3::new(0.82, 0.83, 0.85);
+/// Lines alone, and lines on faces, display values.
+const LINES: DVec3 = DVec3::new(0.1, 0.12, 0.16);
+/// Width of a line as a part of the median edge of the picture, and its bounds, pixels: fine meshes keep their faces.
+const LINE_SHARE: f64 = 0.08;
+const LINE_WIDTHS: [f64; 2] = [0.5, 3.0];
+
+/// Draws a hand model's mesh with its vertices at `positions` (world, metres).
+///
+/// # Errors
+/// One that names the joint that the model lacks, or what cannot be drawn.
+pub fn draw(
+    gpu: &Gpu,
+    model: &HandModel,
+    positions: &[DVec3],
+    camera: &Camera,
+    style: &PictureStyle,
+) -> anyhow::Result<MeshImage> {
+    let joints = model.joint_count();
+    let (colors, plain) = match style {
+        PictureStyle::Solid | PictureStyle::Wireframe => (None, SKIN),
+        PictureStyle::SolidWireframe => (None, PALE),
+        PictureStyle::Weights => (Some(joint_mix(&model.weights, joints)?), SKIN),
+        PictureStyle::JointWeights(joint) => {
+            (Some(joint_heat(&model.weights, joints, joint_number(model, joint)?)?), SKIN)
+        }
+    };
+    let shading = match style {
+        PictureStyle::Solid | PictureStyle::SolidWireframe => soft_light(camera, 0.4),
+        // Colours mean something: just enough shade to see the shape.
+        PictureStyle::Weights | PictureStyle::JointWeights(_) => soft_light(camera, 0.55),
+        PictureStyle::Wireframe => Shading::Transparent,
+    };
+    let has_lines = matches!(style, PictureStyle::Wireframe | PictureStyle::SolidWireframe);
+    let width = line_width(model, positions, camera);
+    let wireframe = has_lines.then_some(Wireframe { width, color: LINES, hidden: None });
+    let mesh = MeshInstance {
+        positions,
+        normals: &model.vertex_normals(positions),
+        exposure: None,
+        triangles: &model.faces,
+        surface: colors.as_deref().map_or(Surface::Color(plain), Surface::VertexColors),
+    };
+    let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe };
+    Ok(MeshRenderer::new(gpu)?.render(&mesh, camera, &style)?)
+}
+
+/// A line width, pixels, that suits the mesh as the camera sees it.
+fn line_width(model: &HandModel, positions: &[DVec3], camera: &Camera) -> f64 {
+    let [thinnest, widest] = LINE_WIDTHS;
+    let pixels: Vec<_> = positions.iter().map(|p| camera.project(*p)).collect();
+    let sides = model.faces.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let ends = sides.filter_map(|side| {
+        let [a, b] = side.map(|i| pixels.get(*i as usize));
+        let ((a, _), (b, _)) = (a.filter(|p| p.1 > NEAR_PLANE)?, b.filter(|p| p.1 > NEAR_PLANE)?);
+        Some(a.distance(*b))
+    });
+    let mut lengths: Vec<f64> = ends.collect();
+    lengths.sort_unstable_by(f64::total_cmp);
+    lengths.get(lengths.len() / 2).map_or(thinnest, |median| (LINE_SHARE * median).clamp(thinnest, widest))
+}
+
+/// A light above the photographer's left shoulder, and as much from everywhere as said; a little more than white where it
+/// falls in squarely, since hardly any skin is there.
+fn soft_light(camera: &Camera, ambient: f64) -> Shading {
+    let direction = camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0);
+    let key = Light { direction, color: DVec3::splat(1.1 - ambient) };
+    Shading::Lit { ambient: DVec3::splat(ambient), lights: vec![key], wrap: 0.3 }
+}
+
+/// The joint of that name, else of that number, counted from 0.
+fn joint_number(model: &HandModel, text: &str) -> anyhow::Result<usize> {
+    let by_number = || text.parse().ok().filter(|k| *k < model.joint_count());
+    match model.joint_index(text).or_else(by_number) {
+        Some(joint) => Ok(joint),
+        None => {
+            bail!("--style weights={text}: the hand model has no such joint; it has {}", model.joint_names.join(", "))
+        }
+    }
+}
+
+/// The image over a background, 8-bit display values.
+///
+/// # Errors
+/// One if the image has not as many pixels as it says.
+pub fn over(image: &MeshImage, background: [f32; 3]) -> anyhow::Result<RgbImage> {
+    let to_byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let bytes = image.rgba.iter().flat_map(|p| [0, 1, 2].map(|c| to_byte(p[c] + (1.0 - p[3]) * background[c])));
+    RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    use super::*;
+
+    #[test]
+    fn styles_are_read_and_nonsense_is_refused() {
+        assert_eq!("weights=index1".parse(), Ok(PictureStyle::JointWeights("index1".into())));
+        assert_eq!("solid-wireframe".parse(), Ok(PictureStyle::SolidWireframe));
+        for text in ["", "Solid", "weight", "wireframe=2", "=index1"] {
+            assert!(text.parse::<PictureStyle>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn joints_are_found_by_name_or_number() {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        assert_eq!(joint_number(&model, "thumb1").unwrap(), model.joint_index("thumb1").unwrap());
+        assert_eq!(joint_number(&model, "15").unwrap(), 15);
+        for text in ["16", "-1", "", "elbow"] {
+            let error = joint_number(&model, text).unwrap_err().to_string();
+            assert!(error.contains("--style") && error.contains("thumb1"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Skinning weights as vertex colours: a heat map of one joint, and all joints at once.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::MeshError;
+
+/// What [`heat`] shows where a weight is exactly 0: a grey, which the ramp has none of.
+pub const NO_WEIGHT: DVec3 = DVec3::splat(0.72);
+
+/// Viridis at 0, 1/8, ..., 1 (Smith and van der Walt, CC0): lightness grows evenly with the weight, for eyes that confuse
+/// red and green too.
+const VIRIDIS: [[u8; 3]; 9] = [
+    [0x44, 0x01, 0x54],
+    [0x47, 0x2c, 0x7a],
+    [0x3b, 0x51, 0x8b],
+    [0x2c, 0x71, 0x8e],
+    [0x21, 0x90, 0x8d],
+    [0x27, 0xad, 0x81],
+    [0x5c, 0xc8, 0x63],
+    [0xaa, 0xdc, 0x32],
+    [0xfd, 0xe7, 0x25],
+];
+
+/// The colour of a weight, display values: [`NO_WEIGHT`] at 0, then dark violet for the smallest to yellow at 1 and beyond.
+/// NaN has no colour: it is black.
+pub fn heat(weight: f64) -> DVec3 {
+    if weight.is_nan() {
+        return DVec3::ZERO;
+    }
+    if weight == 0.0 {
+        return NO_WEIGHT;
+    }
+    let at = weight.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
+    let low = (at as usize).min(VIRIDIS.len() - 2);
+    let [a, b] = [low, low + 1].map(|i| DVec3::from(VIRIDIS[i].map(|v| f64::from(v) / 255.0)));
+    a.lerp(b, at - low as f64)
+}
+
+/// Lightness of the joints' colours in OKLab, in turn: neighbours along a finger differ in lightness, too.
+const LIGHTNESSES: [f64; 4] = [0.5, 0.74, 0.62, 0.86];
+/// Their chroma: colourful, and mostly within what displays show.
+const CHROMA: f64 = 0.15;
+/// Hue of the first joint, turns.
+const FIRST_HUE: f64 = 0.05;
+/// From joint to joint, turns. Of the whole degrees this one keeps the colours of 25 joints, as many as WebXR's, 0.087 or
+/// more apart in OKLab, and of any five in a row 0.16.
+const HUE_STEP: f64 = 141.0 / 360.0;
+
+/// A colour of its own for each joint, display values.
+pub fn joint_color(joint: usize) -> DVec3 {
+    let hue = TAU * (FIRST_HUE + HUE_STEP * joint as f64);
+    display_from_oklab(LIGHTNESSES[joint % LIGHTNESSES.len()], CHROMA * hue.cos(), CHROMA * hue.sin())
+}
+
+/// Display values (sRGB) of a colour in OKLab (Ottosson 2020), clamped to what displays show.
+fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
+    let long = (lightness + 0.3963377774 * a + 0.2158037573 * b).powi(3);
+    let medium = (lightness - 0.1055613458 * a - 0.0638541728 * b).powi(3);
+    let short = (lightness - 0.0894841775 * a - 1.2914855480 * b).powi(3);
+    let linear = DVec3::new(
+        4.0767416621 * long - 3.3077115913 * medium + 0.2309699292 * short,
+        -1.2684380046 * long + 2.6097574011 * medium - 0.3413193965 * short,
+        -0.0041960863 * long - 0.7034186147 * medium + 1.7076147010 * short,
+    );
+    let encode = |v: f64| if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    DVec3::from(linear.clamp(DVec3::ZERO, DVec3::ONE).to_array().map(encode)).clamp(DVec3::ZERO, DVec3::ONE)
+}
+
+/// Colours of the vertices by the weight of one joint ([`heat`]), of row-major weights `[V][joint_count]`.
+///
+/// # Errors
+/// [`MeshError::Invalid`] if the table has no such rows or joint, or a weight is not finite.
+pub fn joint_heat(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec3>, MeshError> {
+    let rows = rows(weights, joint_count)?;
+    if joint >= joint_count {
+        return MeshError::invalid("joint", format!("there is no {joint} among {joint_count}, counted from 0"));
+    }
+    Ok(rows.map(|row| heat(row[joint])).collect())
+}
+
+/// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight. Weights as for
+/// [`joint_heat`].
+///
+/// # Errors
+/// [`MeshError::Invalid`] if the table has no such rows, or a weight is not finite.
+pub fn joint_mix(weights: &[f64], joint_count: usize) -> Result<Vec<DVec3>, MeshError> {
+    let colors: Vec<DVec3> = (0..joint_count).map(joint_color).collect();
+    let mix = |row: &[f64]| {
+        let sum: DVec3 = row.iter().zip(&colors).map(|(weight, color)| *weight * *color).sum();
+        sum.clamp(DVec3::ZERO, DVec3::ONE)
+    };
+    Ok(rows(weights, joint_count)?.map(mix).collect())
+}
+
+fn rows(weights: &[f64], joint_count: usize) -> Result<std::slice::ChunksExact<'_, f64>, MeshError> {
+    if joint_count == 0 || !weights.len().is_multiple_of(joint_count) {
+        let problem = format!("{} numbers are no rows of {joint_count} joints", weights.len());
+        return MeshError::invalid("weights", problem);
+    }
+    if let Some(i) = weights.iter().position(|w| !w.is_finite()) {
+        let (vertex, joint) = (i / joint_count, i % joint_count);
+        return MeshError::invalid("weights", format!("vertex {vertex} has {} for joint {joint}", weights[i]));
+    }
+    Ok(weights.chunks_exact(joint_count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// OKLab of display values.
+    fn oklab(color: DVec3) -> DVec3 {
+        let decode = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+        let c = DVec3::from(color.to_array().map(decode));
+        let cone = |r, g, b| c.dot(DVec3::new(r, g, b)).cbrt();
+        let long = cone(0.4122214708, 0.5363325363, 0.0514459929);
+        let medium = cone(0.2119034982, 0.6806995451, 0.1073969566);
+        let short = cone(0.0883024619, 0.2817188376, 0.6299787005);
+        DVec3::new(
+            0.2104542553 * long + 0.7936177850 * medium - 0.0040720468 * short,
+            1.9779984951 * long - 2.4285922050 * medium + 0.4505937099 * short,
+            0.0259040371 * long + 0.7827717662 * medium - 0.8086757660 * short,
+        )
+    }
+
+    #[test]
+    fn heat_gets_lighter_with_the_weight_and_tiny_weights_are_told_from_none() {
+        let lightness: Vec<f64> = (1..=1000).map(|i| oklab(heat(f64::from(i) / 1000.0)).x).collect();
+        assert!(lightness.windows(2).all(|pair| pair[1] > pair[0]));
+        // About ten times what two neighbouring patches need to be told apart.
+        let apart = |weight: f64| (oklab(heat(weight)) - oklab(NO_WEIGHT)).length();
+        assert!(apart(1e-9) > 0.4, "{}", apart(1e-9));
+        assert!((1..=1000).all(|i| apart(f64::from(i) / 1000.0) > 0.1));
+        assert_eq!(heat(0.0), NO_WEIGHT);
+        assert_eq!((heat(1.5), heat(-1.0)), (heat(1.0), heat(f64::MIN_POSITIVE)));
+        assert_eq!(heat(f64::NAN), DVec3::ZERO);
+    }
+
+    #[test]
+    fn joints_have_colours_of_their_own() {
+        let colors: Vec<DVec3> = (0..25).map(|k| oklab(joint_color(k))).collect();
+        for i in 0..25 {
+            for j in 0..i {
+                let (bound, apart) = (if i - j < 5 { 0.14 } else { 0.08 }, (colors[i] - colors[j]).length());
+                assert!(apart > bound, "joints {j} and {i} are {apart} apart");
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_take_the_colours_of_their_rows() {
+        let weights = [1.0, 0.0, 0.0, 0.25, 0.75, 0.0];
+        assert_eq!(joint_heat(&weights, 3, 1).unwrap(), [NO_WEIGHT, heat(0.75)]);
+        let mixed = 0.25 * joint_color(0) + 0.75 * joint_color(1);
+        assert_eq!(joint_mix(&weights, 3).unwrap(), [joint_color(0), mixed]);
+        assert!(joint_heat(&[], 3, 0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn unusable_weights_are_named() {
+        let says = |result: Result<Vec<DVec3>, MeshError>, text: &str| {
+            let error = result.unwrap_err().to_string();
+            assert!(error.contains(text), "{error}");
+        };
+        says(joint_heat(&[1.0; 5], 3, 0), "5 numbers");
+        says(joint_mix(&[1.0; 5], 0), "weights");
+        says(joint_heat(&[1.0; 6], 3, 3), "no 3 among 3");
+        says(joint_mix(&[0.5, 0.5, 0.0, f64::NAN], 2), "vertex 1 has NaN for joint 1");
+    }
+}

@@ -1,0 +1,84 @@
+//! CPU twin of `wireframe.wgsl`, in f64.
+
+use glam::DVec2;
+
+use super::mesh::FaceSamples;
+use crate::mesh::Segment;
+
+/// The lines at k times the image's size.
+pub(super) struct LineSamples {
+    /// Coverage by lines in sight.
+    pub in_sight: Vec<f64>,
+    /// Coverage by lines behind faces; 0 if they are not wanted.
+    pub hidden: Vec<f64>,
+    /// Camera z of the nearest line, infinity where there is none.
+    pub depth: Vec<f64>,
+}
+
+/// Draws lines of `half_width` samples to both sides over faces.
+pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceSamples) -> LineSamples {
+    let count = faces.width * faces.height;
+    let mut lines =
+        LineSamples { in_sight: vec![0.0; count], hidden: vec![0.0; count], depth: vec![f64::INFINITY; count] };
+    let reach = half_width + 0.5;
+    for segment in segments {
+        let [a, b] = segment.ends;
+        let (low, high) = (a.min(b) - reach, a.max(b) + reach);
+        let range = |low: f64, high: f64, size: usize| low.max(0.0) as usize..(high.max(0.0).ceil() as usize).min(size);
+        for y in range(low.y, high.y, faces.height) {
+            for x in range(low.x, high.x, faces.width) {
+                let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let t = place_along(segment, at);
+                let middle = a.lerp(b, t);
+                let coverage = coverage(at.distance(middle), half_width);
+                let inverse_depth = segment.inverse_depths[0] * (1.0 - t) + segment.inverse_depths[1] * t;
+                let in_sight = in_sight(middle, inverse_depth + segment.tolerance, faces);
+                if coverage == 0.0 || !(in_sight || hidden) {
+                    continue;
+                }
+                let index = y * faces.width + x;
+                let covered = if in_sight { &mut lines.in_sight } else { &mut lines.hidden };
+                covered[index] = covered[index].max(coverage);
+                lines.depth[index] = lines.depth[index].min(1.0 / inverse_depth);
+            }
+        }
+    }
+    lines
+}
+
+/// Where on a segment, 0 to 1, the nearest point to a sample lies.
+fn place_along(segment: &Segment, at: DVec2) -> f64 {
+    let [a, b] = segment.ends;
+    let squared = a.distance_squared(b);
+    if squared > 1e-12 { ((at - a).dot(b - a) / squared).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// How much of [distance - 1/2, distance + 1/2] lies in [-half_width, half_width].
+fn coverage(distance: f64, half_width: f64) -> f64 {
+    ((distance + 0.5).min(half_width) - (distance - 0.5).max(-half_width)).clamp(0.0, 1.0)
+}
+
+/// Whether at one of the four samples around a place no face is nearer than an inverse depth.
+fn in_sight(place: DVec2, inverse_depth: f64, faces: &FaceSamples) -> bool {
+    let base = (place - 0.5).floor();
+    [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].iter().any(|(dx, dy)| {
+        let x = (base.x + dx).clamp(0.0, faces.width as f64 - 1.0) as usize;
+        let y = (base.y + dy).clamp(0.0, faces.height as f64 - 1.0) as usize;
+        inverse_depth >= 1.0 / faces.depth[y * faces.width + x]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_has_as_much_ink_as_it_is_wide_wherever_it_lies() {
+        for half_width in [0.1, 0.25, 0.5, 1.0, 4.0, 16.0] {
+            for shift in [0.0, 0.1, 0.37, 0.5, 0.9] {
+                let ink: f64 = (-40..40).map(|x| coverage((f64::from(x) + shift).abs(), half_width)).sum();
+                assert!((ink - 2.0 * half_width).abs() < 1e-12, "{half_width} {shift}: {ink}");
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Meshes to draw, and how their images are compared.
+
+use ghand_core::Camera;
+use ghand_core::mesh::Texture;
+use ghand_render::mesh::{Light, MeshImage, MeshInstance, MeshStyle, Shading, Surface, Wireframe};
+use glam::{DVec2, DVec3};
+
+/// A mesh with everything that a surface may need.
+#[derive(Clone)]
+pub struct Model {
+    pub positions: Vec<DVec3>,
+    pub normals: Vec<DVec3>,
+    pub uvs: Vec<DVec2>,
+    pub colors: Vec<DVec3>,
+    pub exposure: Vec<f64>,
+    pub triangles: Vec<[u32; 3]>,
+    pub texture: Texture,
+}
+
+impl Model {
+    /// Vertices and triangles, the rest plain.
+    pub fn plain(positions: &[DVec3], triangles: &[[u32; 3]]) -> Model {
+        let n = positions.len();
+        Model {
+            positions: positions.to_vec(),
+            normals: vec![DVec3::Z; n],
+            uvs: vec![DVec2::ZERO; n],
+            colors: vec![DVec3::ONE; n],
+            exposure: vec![1.0; n],
+            triangles: triangles.to_vec(),
+            texture: Texture::plain([255; 3]),
+        }
+    }
+
+    pub fn textured(&self) -> MeshInstance<'_> {
+        self.with(Surface::Texture { uvs: &self.uvs, texture: &self.texture })
+    }
+
+    pub fn colored(&self) -> MeshInstance<'_> {
+        self.with(Surface::VertexColors(&self.colors))
+    }
+
+    pub fn with<'a>(&'a self, surface: Surface<'a>) -> MeshInstance<'a> {
+        MeshInstance {
+            positions: &self.positions,
+            normals: &self.normals,
+            exposure: Some(&self.exposure),
+            triangles: &self.triangles,
+            surface,
+        }
+    }
+}
+
+/// A torus with a wavy skin: hides parts of itself, has UVs, colours and normals that vary fast, and a seam.
+pub fn torus(n: u32, m: u32) -> Model {
+    let mut t = Model::plain(&[], &[]);
+    t.texture =
+        Texture { width: 7, height: 5, rgb: (0..35u8).map(|i| [i * 7, 255 - i * 3, i.wrapping_mul(53)]).collect() };
+    for i in 0..=n {
+        for j in 0..=m {
+            let uv = DVec2::new(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m));
+            let (s, t_angle) = (uv.x * std::f64::consts::TAU, uv.y * std::f64::consts::TAU);
+            let out = DVec3::new(s.cos(), s.sin(), 0.0);
+            let normal = out * t_angle.cos() + DVec3::Z * t_angle.sin();
+            t.positions.push(out * 0.08 + normal * (0.03 + 0.004 * (5.0 * s).sin()));
+            t.normals.push(normal);
+            t.uvs.push(uv);
+            t.colors.push(0.5 + 0.5 * DVec3::new(s.cos(), t_angle.cos(), (3.0 * s).sin()));
+            t.exposure.push(0.6 + 0.4 * (3.0 * s).cos());
+            if i < n && j < m {
+                let a = i * (m + 1) + j;
+                t.triangles.extend([[a, a + m + 1, a + m + 2], [a, a + m + 2, a + 1]]);
+            }
+        }
+    }
+    t
+}
+
+/// Unequal focal lengths, an off-centre principal point, a size that is no multiple of a workgroup.
+pub fn camera() -> Camera {
+    let camera = Camera::look_at(DVec3::new(0.25, -0.2, 0.3), DVec3::ZERO, DVec3::Y, 0.5, 75, 61);
+    Camera { focal: DVec2::new(123.0, 101.0), principal: DVec2::new(31.3, 36.9), ..camera }
+}
+
+/// In the hole of the torus, its skin on all sides.
+pub fn camera_inside() -> Camera {
+    Camera::look_at(DVec3::new(0.08, 0.0, 0.0), DVec3::new(0.0, 0.08, 0.0), DVec3::Z, 1.2, 48, 48)
+}
+
+/// The point of the world at pixel coordinates and a depth.
+pub fn at_pixel(camera: &Camera, x: f64, y: f64, depth: f64) -> DVec3 {
+    let ray = ((DVec2::new(x, y) - camera.principal) / camera.focal).extend(1.0) * depth;
+    camera.rotation.transpose() * (ray - camera.translation)
+}
+
+pub fn lights() -> Shading {
+    let light = |x, y, z, color| Light { direction: DVec3::new(x, y, z), color };
+    let lights = vec![light(1.0, 2.0, 1.5, DVec3::new(0.7, 0.6, 0.5)), light(-1.0, 0.0, 0.3, DVec3::splat(0.3))];
+    Shading::Lit { ambient: DVec3::new(0.2, 0.25, 0.3), lights, wrap: 0.3 }
+}
+
+pub fn faces(supersample: u32, shading: Shading) -> MeshStyle {
+    MeshStyle { supersample, shading, wireframe: None }
+}
+
+pub fn lines(supersample: u32, shading: Shading, width: f64, hidden: Option<DVec3>) -> MeshStyle {
+    let color = DVec3::new(0.9, 0.2, 0.1);
+    MeshStyle { supersample, shading, wireframe: Some(Wireframe { width, color, hidden }) }
+}
+
+/// Whether two depths are equal, to a few ulps of the device's interpolation.
+fn depths_agree(a: f32, b: f32) -> bool {
+    a == b || (a - b).abs() <= 4e-6 * b
+}
+
+/// f16 samples carry 11 bits: 2^-12 of a value near 1, with as much again for f32 inside.
+const COLOR_BOUND: f32 = 5e-4;
+
+/// Fails unless the images agree in all pixels but a few, which rounding may have moved across a triangle's edge or a
+/// line's end behind a face.
+pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<(), String> {
+    if (image.width, image.height) != (expected.width, expected.height)
+        || [image.rgba.len(), image.depth.len()] != [expected.rgba.len(), expected.depth.len()]
+    {
+        return Err("sizes differ".into());
+    }
+    let agrees = |i: &usize| {
+        (0..4).all(|c| (image.rgba[*i][c] - expected.rgba[*i][c]).abs() <= COLOR_BOUND)
+            && depths_agree(image.depth[*i], expected.depth[*i])
+    };
+    let different: Vec<usize> = (0..expected.rgba.len()).filter(|i| !agrees(i)).collect();
+    match different.first() {
+        Some(&i) if different.len() > flips => {
+            let at = |image: &MeshImage| format!("{:?} at depth {}", image.rgba[i], image.depth[i]);
+            let (x, y) = (i % expected.width as usize, i / expected.width as usize);
+            Err(format!("{} pixels differ: ({x}, {y}) is {}, not {}", different.len(), at(image), at(expected)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Number of pixels that anything covers.
+pub fn covered(image: &MeshImage) -> usize {
+    image.rgba.iter().filter(|p| p[3] > 0.0).count()
+}
