@@ -93,6 +93,7 @@ impl Times {
 #[derive(serde::Serialize)]
 struct Report {
     adapter: String,
+    tier: &'static str,
     gaussians: usize,
     intersections: u32,
     width: u32,
@@ -165,6 +166,7 @@ fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
     }
     let report = Report {
         adapter: gpu.info.name.clone(),
+        tier: gpu.tier.name(),
         gaussians: splatter.count(),
         intersections: wanted,
         width: camera.width,
@@ -177,8 +179,8 @@ fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
-    let Report { adapter, gaussians, width, height, .. } = &report;
-    println!("{adapter}: {gaussians} Gaussians, {wanted} tile intersections, {width}x{height}");
+    let Report { adapter, tier, gaussians, width, height, .. } = &report;
+    println!("{adapter}, {tier} tier: {gaussians} Gaussians, {wanted} tile intersections, {width}x{height}");
     let totals = [("forward", &report.forward_ms), ("backward", &report.backward_ms)];
     for (name, t) in totals.into_iter().chain(report.stages.iter().map(|(name, t)| (*name, t))) {
         println!("{name:18} median {:.2} ms, min {:.2}, max {:.2}", t.median, t.min, t.max);
