@@ -8,7 +8,7 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 use wgpu::util::DeviceExt;
 
-use crate::device::Gpu;
+use crate::device::{Gpu, RenderError};
 use crate::shader_sources;
 
 /// Triangles nearer to the camera than this are cut, metres (the near plane of the splatter).
@@ -29,9 +29,9 @@ pub enum MeshError {
         /// What is wrong and what to do about it.
         problem: String,
     },
-    /// The device failed while it drew or while the image was read back.
-    #[error("mesh: the device failed: {0}")]
-    Device(String),
+    /// The device failed while it drew or while the image was read back, or was lost.
+    #[error("mesh: {0}")]
+    Device(#[from] RenderError),
 }
 
 /// A posed mesh with its texture, borrowed for one image.
@@ -198,6 +198,7 @@ pub(crate) fn check_input(mesh: &MeshInstance, camera: &Camera, style: &MeshStyl
 /// Draws meshes on one device.
 #[derive(Debug)]
 pub struct MeshRenderer {
+    gpu: Gpu,
     device: wgpu::Device,
     queue: wgpu::Queue,
     draw: wgpu::RenderPipeline,
@@ -214,8 +215,11 @@ impl MeshRenderer {
     /// # Errors
     /// [`MeshError::Device`] when the device refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<MeshRenderer, MeshError> {
+        Ok(gpu.scoped("the mesh rasteriser", || MeshRenderer::make(gpu))?)
+    }
+
+    fn make(gpu: &Gpu) -> MeshRenderer {
         let device = gpu.device.clone();
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("mesh"),
             source: wgpu::ShaderSource::Wgsl(shader_sources::mesh().into()),
@@ -261,10 +265,7 @@ impl MeshRenderer {
             compilation_options: Default::default(),
             cache: None,
         });
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(MeshError::Device(error.to_string()));
-        }
-        Ok(MeshRenderer { device, queue: gpu.queue.clone(), draw, resolve })
+        MeshRenderer { gpu: gpu.clone(), device, queue: gpu.queue.clone(), draw, resolve }
     }
 
     /// Draws one image and waits for it.
@@ -281,16 +282,21 @@ impl MeshRenderer {
             return Err(MeshError::Invalid { field: "size", problem });
         }
 
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let color = self.target(camera, k, COLOR_FORMAT);
-        let depth = self.target(camera, k, SAMPLE_DEPTH_FORMAT);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        self.encode_draw(&mut encoder, mesh, camera, style, &color, &depth);
-        let (pixels, readback) = self.encode_resolve(&mut encoder, camera, k, &color, &depth);
-        self.queue.submit([encoder.finish()]);
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(MeshError::Device(error.to_string()));
-        }
+        let what = format!(
+            "a mesh of {} triangles in {} x {} pixels, {k} x {k} samples each",
+            mesh.triangles.len(),
+            camera.width,
+            camera.height
+        );
+        let (pixels, readback) = self.gpu.scoped(&what, || {
+            let color = self.target(camera, k, COLOR_FORMAT);
+            let depth = self.target(camera, k, SAMPLE_DEPTH_FORMAT);
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            self.encode_draw(&mut encoder, mesh, camera, style, &color, &depth);
+            let (pixels, readback) = self.encode_resolve(&mut encoder, camera, k, &color, &depth);
+            self.queue.submit([encoder.finish()]);
+            (pixels, readback)
+        })?;
         self.read_image(camera, pixels, &readback)
     }
 
@@ -326,7 +332,15 @@ impl MeshRenderer {
     }
 
     fn buffer(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some("mesh"), contents, usage })
+        // Not `create_buffer_init`: that panics where the buffer cannot be made.
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mesh"),
+            size: contents.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
     }
 
     fn encode_draw(
@@ -437,14 +451,14 @@ impl MeshRenderer {
     }
 
     fn read_image(&self, camera: &Camera, pixels: usize, readback: &wgpu::Buffer) -> Result<MeshImage, MeshError> {
-        let failed = |e: &dyn std::fmt::Display| MeshError::Device(e.to_string());
+        let failed = |e: &dyn std::fmt::Display| RenderError::Device(format!("the image could not be read: {e}"));
         let (sender, receiver) = std::sync::mpsc::channel();
         readback.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver is gone only if polling failed, which is reported there.
+            // The receiver is gone only if waiting failed, which is reported there.
             let _ = sender.send(result);
         });
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(&e))?;
-        receiver.recv().map_err(|e| failed(&e))?.map_err(|e| failed(&e))?;
+        self.gpu.wait()?;
+        receiver.try_recv().map_err(|e| failed(&e))?.map_err(|e| failed(&e))?;
         let bytes = readback.get_mapped_range(..).map_err(|e| failed(&e))?;
         let (colors, depths) = bytes.split_at(pixels * 16);
         let rgba = bytemuck::pod_collect_to_vec(colors);

@@ -2,6 +2,8 @@
 
 use anyhow::{anyhow, bail};
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
+use egui::ViewportCommand;
+use ghand_render::Gpu;
 
 use crate::viewer::app::Viewer;
 
@@ -12,14 +14,36 @@ const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
 /// What to do without a display.
 const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
 
-struct Window {
-    viewer: Viewer,
+struct Window<'a> {
+    viewer: &'a mut Viewer,
 }
 
-impl eframe::App for Window {
+impl eframe::App for Window<'_> {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
-        if let Some(state) = frame.wgpu_render_state() {
+        if let Some(state) = frame.wgpu_render_state().filter(|_| !self.viewer.is_lost()) {
             self.viewer.ui(ui, &mut state.renderer.write());
+        }
+        // The window's surface and painter belong to the device. They have no way to change it: the window closes, and
+        // another opens with a new device.
+        if self.viewer.is_lost() {
+            ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
+    }
+}
+
+/// Leaves nothing to draw once the device is lost: the painter panics where it gets no memory for what it draws.
+struct DrawNothingOnceLost {
+    gpu: Gpu,
+}
+
+impl egui::Plugin for DrawNothingOnceLost {
+    fn debug_name(&self) -> &'static str {
+        "draw nothing once the device is lost"
+    }
+
+    fn output_hook(&mut self, _: &egui::Context, output: &mut egui::FullOutput) {
+        if self.gpu.is_lost() {
+            output.shapes.clear();
         }
     }
 }
@@ -42,11 +66,20 @@ pub fn check_display() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Opens the window and runs until it is closed.
+/// Opens the window and runs until it is closed. If the device is lost the window is opened again with a new one, at the
+/// same pose and view.
 ///
 /// # Errors
 /// One that says why there is no window and what to do.
-pub fn open(viewer: Viewer, title: &str) -> anyhow::Result<()> {
+pub fn open(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
+    viewer.persist(|viewer| {
+        run(viewer, title)?;
+        Ok(viewer.gpu().check()?)
+    })
+}
+
+/// Runs until the window is closed or the device is lost.
+fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     let gpu = viewer.gpu().clone();
     let setup = WgpuSetupExisting {
         instance: gpu.instance.clone(),
@@ -66,6 +99,7 @@ pub fn open(viewer: Viewer, title: &str) -> anyhow::Result<()> {
     };
     let create: eframe::AppCreator<'_> = Box::new(|context| {
         style(&context.egui_ctx);
+        context.egui_ctx.add_plugin(DrawNothingOnceLost { gpu });
         Ok(Box::new(Window { viewer }))
     });
     eframe::run_native("ghand", options, create).map_err(|e| {
