@@ -12,7 +12,7 @@ use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading};
 use ghand_render::optimizer::{Adam, Grouping};
 use ghand_render::pipeline::Module;
-use ghand_render::splat::{Purpose, SplatModel, SplatOptions, Splatter, View};
+use ghand_render::splat::{SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{AdapterChoice, Gpu, RenderError, buffers};
 use glam::{DVec2, DVec3};
 

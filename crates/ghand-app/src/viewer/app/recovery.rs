@@ -47,3 +47,65 @@ impl Viewer {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::Pose;
+    use ghand_render::{AdapterChoice, Gpu};
+    use image::RgbImage;
+
+    use super::*;
+    use crate::bare_hand::bare_hand;
+    use crate::pose_file::pose_by_name;
+    use crate::viewer::screenshot::screenshot;
+
+    fn viewer() -> Viewer {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let avatar = bare_hand().unwrap();
+        let pose = pose_by_name("fist", &avatar.model).unwrap();
+        Viewer::new(&gpu, avatar, "test".into(), pose).unwrap()
+    }
+
+    /// The hand beside the panel, on which are times.
+    fn shot(viewer: &mut Viewer) -> RgbImage {
+        let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
+        screenshot(viewer, [400, 200], file.path()).unwrap();
+        let picture = image::open(file.path()).unwrap().into_rgb8();
+        image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
+    }
+
+    #[test]
+    fn a_viewer_whose_device_was_lost_shows_the_same_picture_on_another() {
+        let mut viewer = viewer();
+        viewer.camera.zoom(1.5);
+        let before = shot(&mut viewer);
+        let lost = viewer.gpu.clone();
+        lost.device.destroy();
+        assert!(viewer.is_lost() && lost.is_lost());
+        let after = shot(&mut viewer);
+        assert!(lost.is_lost() && !viewer.is_lost());
+        assert!(before == after);
+        let mut other = self::viewer();
+        other.pose = Pose::rest(other.avatar.model.joint_count());
+        assert!(shot(&mut other) != before, "the pictures are not compared");
+    }
+
+    #[test]
+    fn a_viewer_whose_device_is_lost_every_time_ends_with_the_reason() {
+        let mut viewer = viewer();
+        let mut tries = 0;
+        let error = viewer
+            .persist(|viewer| -> anyhow::Result<()> {
+                tries += 1;
+                viewer.gpu.device.destroy();
+                Ok(viewer.gpu.wait()?)
+            })
+            .unwrap_err();
+        assert_eq!(tries, 1 + MOST_LOSSES);
+        assert!(error.to_string().contains("was lost"), "{error}");
+        // What fails for another reason is not repeated; a window closed by its user is no failure.
+        viewer.renew().unwrap();
+        assert_eq!(viewer.persist(|_| -> anyhow::Result<()> { anyhow::bail!("no") }).unwrap_err().to_string(), "no");
+        assert_eq!(viewer.persist(|_| Ok(7)).unwrap(), 7);
+    }
+}
