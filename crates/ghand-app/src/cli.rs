@@ -56,10 +56,20 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
     match program(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {}", sentence(&e));
+            tell(&e);
             ExitCode::FAILURE
         }
     }
+}
+
+fn tell(error: &anyhow::Error) {
+    eprintln!("error: {}", sentence(error));
+}
+
+/// Ends the program at once as an error of [`run`] does, for where going back is not possible.
+pub fn end(error: &anyhow::Error) -> ! {
+    tell(error);
+    std::process::exit(1)
 }
 
 /// An error with its causes, joined by ": ". Causes that a message already spells out are not repeated.

@@ -31,6 +31,8 @@ fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
     let context = &egui::Context::default();
     style(context);
     let gpu = viewer.gpu().clone();
+    // The renderer panics where it cannot have its buffers, here and below.
+    gpu.poll()?;
     let largest = gpu.device.limits().max_texture_dimension_2d;
     ensure!(size.iter().all(|edge| *edge <= largest), "--size: the device draws at most {largest} x {largest} pixels");
     let mut renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, egui_wgpu::RendererOptions::PREDICTABLE);
@@ -99,7 +101,6 @@ fn paint(
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
         view_formats: &[],
     });
-    // The renderer panics where it gets no memory for what it draws.
     gpu.poll()?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let mut commands = renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
