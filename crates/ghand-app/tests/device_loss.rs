@@ -89,22 +89,26 @@ fn pictures_are_the_same_whether_or_not_the_device_was_lost_between_them() {
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
-    let render = |out: &str, lose_at: &str| {
+    let render = |out: &str, fault: (&str, &str)| {
         let arguments = ["render", "hand.ghand", "--turntable", "4", "--size", "96x96", "--out", out];
-        driver.run(GHAND, folder.path(), &arguments, ("LOSE_AT", lose_at))
+        driver.run(GHAND, folder.path(), &arguments, fault)
     };
-    assert_recovered(&render("whole", ""), 0);
+    assert_recovered(&render("whole", ("LOSE_AT", "")), 0);
     let pictures = |out: &str| -> Vec<Vec<u8>> {
         let files = listing(&folder.path().join(out));
         files.iter().map(|f| std::fs::read(folder.path().join(out).join(f)).unwrap()).collect()
     };
     assert_eq!(pictures("whole").len(), 4);
-    for (out, lose_at, losses) in [("first", "1", 1), ("later", "9", 1), ("twice", "4,14", 2)] {
-        assert_recovered(&render(out, lose_at), losses);
-        assert!(pictures(out) == pictures("whole"), "{out}");
+    let faults = [("LOSE_AT", "1", 1), ("LOSE_AFTER", "1", 1), ("LOSE_AT", "9", 1), ("LOSE_AFTER", "4,14", 2)];
+    for (k, (variable, number, losses)) in faults.into_iter().enumerate() {
+        let out = format!("lost {k}");
+        assert_recovered(&render(&out, (variable, number)), losses);
+        assert!(pictures(&out) == pictures("whole"), "{variable} {number}");
     }
-    assert_given_up(&render("never", &always()));
-    assert!(!folder.path().join("never").exists());
+    for variable in ["LOSE_AT", "LOSE_AFTER"] {
+        assert_given_up(&render("never", (variable, &always())));
+        assert!(!folder.path().join("never").exists());
+    }
 }
 
 #[test]
@@ -113,21 +117,21 @@ fn a_screenshot_is_made_on_a_new_device() {
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
-    let shot = |file: &str, lose_at: &str| {
+    let shot = |file: &str, fault: (&str, &str)| {
         let arguments = ["hand.ghand", "--screenshot", file, "--size", "400x200"];
-        driver.run(VIEWER, folder.path(), &arguments, ("LOSE_AT", lose_at))
+        driver.run(VIEWER, folder.path(), &arguments, fault)
     };
     // Beside the panel, on which are times.
     let hand = |file: &str| {
         let picture = image::open(folder.path().join(file)).unwrap().into_rgb8();
         image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
     };
-    assert_recovered(&shot("whole.png", ""), 0);
-    for (file, lose_at) in [("first.png", "1"), ("second.png", "2"), ("third.png", "3"), ("fourth.png", "4")] {
-        assert_recovered(&shot(file, lose_at), 1);
-        assert!(hand(file) == hand("whole.png"), "{file}");
+    assert_recovered(&shot("whole.png", ("LOSE_AT", "")), 0);
+    for fault in [("LOSE_AT", "1"), ("LOSE_AFTER", "1"), ("LOSE_AFTER", "2"), ("LOSE_AT", "3"), ("LOSE_AFTER", "3")] {
+        assert_recovered(&shot("lost.png", fault), 1);
+        assert!(hand("lost.png") == hand("whole.png"), "{fault:?}");
     }
-    assert_given_up(&shot("never.png", &always()));
+    assert_given_up(&shot("never.png", ("LOSE_AFTER", &always())));
     assert!(!folder.path().join("never.png").exists());
 }
 
@@ -146,17 +150,19 @@ fn training_ends_with_the_same_avatar_or_none() {
         ..SyntheticOptions::default()
     };
     make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
-    let train = |out: &str, lose_at: &str| {
+    let train = |out: &str, fault: (&str, &str)| {
         let arguments = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=20"];
-        driver.run(TRAIN, folder.path(), &arguments, ("LOSE_AT", lose_at))
+        driver.run(TRAIN, folder.path(), &arguments, fault)
     };
     let avatar = |out: &str| std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap();
-    assert_recovered(&train("whole", ""), 0);
-    for (out, lose_at, losses) in [("early", "5", 1), ("later", "40", 1), ("twice", "30,90", 2)] {
-        assert_recovered(&train(out, lose_at), losses);
-        assert!(avatar(out) == avatar("whole"), "{out}");
+    assert_recovered(&train("whole", ("LOSE_AT", "")), 0);
+    let faults = [("LOSE_AT", "5", 1), ("LOSE_AFTER", "40", 1), ("LOSE_AFTER", "30,90", 2)];
+    for (k, (variable, number, losses)) in faults.into_iter().enumerate() {
+        let out = format!("lost {k}");
+        assert_recovered(&train(&out, (variable, number)), losses);
+        assert!(avatar(&out) == avatar("whole"), "{variable} {number}");
     }
-    assert_given_up(&train("never", &always()));
+    assert_given_up(&train("never", ("LOSE_AFTER", &always())));
     assert!(listing(&folder.path().join("never")).is_empty());
 }
 

@@ -1,7 +1,8 @@
 /* A Vulkan loader that hands every call on to the real one, but loses devices and runs out of memory where it is told.
  *
  * REAL_VULKAN   path of the real loader
- * LOSE_AT       numbers, separated by commas: at the so manieth submission, counted over all devices, the device is lost
+ * LOSE_AT       numbers, separated by commas: the so manieth submission, counted over all devices, loses its device
+ * LOSE_AFTER    the same, but the submission is taken, and who waits for it learns of the loss
  * REFUSE_FROM   allocations of so many bytes and more fail
  */
 #include <dlfcn.h>
@@ -30,8 +31,8 @@ static Result (*real_present)(void *, const void *);
 static long submissions;
 static int lost;
 
-static int time_to_lose(void) {
-    const char *list = getenv("LOSE_AT");
+static int time_to_lose(const char *variable) {
+    const char *list = getenv(variable);
     while (list && *list) {
         char *end;
         if (strtol(list, &end, 10) == submissions)
@@ -67,12 +68,16 @@ static Result device_wait_idle(void *device) {
 
 static Result submit(void *queue, uint32_t count, const void *submits, uint64_t fence) {
     submissions++;
-    if (!lost && time_to_lose()) {
+    if (lost)
+        return DEVICE_LOST;
+    int refused = time_to_lose("LOSE_AT");
+    Result result = refused ? DEVICE_LOST : real_submit(queue, count, submits, fence);
+    if (refused || time_to_lose("LOSE_AFTER")) {
         /* Nothing may still run when the program frees what it uses. */
         real_queue_wait_idle(queue);
         lost = 1;
     }
-    return lost ? DEVICE_LOST : real_submit(queue, count, submits, fence);
+    return result;
 }
 
 static Result wait_semaphores(void *device, const void *info, uint64_t timeout) {
