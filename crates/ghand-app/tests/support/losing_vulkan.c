@@ -2,7 +2,7 @@
  *
  * REAL_VULKAN   path of the real loader
  * LOSE_AT       numbers, separated by commas: the so manieth submission, counted over all devices, loses its device
- * LOSE_AFTER    the same, but the submission is taken, and who waits for it learns of the loss
+ * LOSE_AFTER    the same, but the submission is taken, and the device is lost once somebody waits for it
  * REFUSE_FROM   allocations of so many bytes and more fail
  */
 #include <dlfcn.h>
@@ -30,6 +30,7 @@ static Result (*real_present)(void *, const void *);
 
 static long submissions;
 static int lost;
+static int doomed;
 
 static int time_to_lose(const char *variable) {
     const char *list = getenv(variable);
@@ -43,7 +44,7 @@ static int time_to_lose(const char *variable) {
 }
 
 static Result create_device(void *adapter, const void *info, const void *allocator, void **device) {
-    lost = 0;
+    lost = doomed = 0;
     return real_create_device(adapter, info, allocator, device);
 }
 
@@ -70,18 +71,20 @@ static Result submit(void *queue, uint32_t count, const void *submits, uint64_t 
     submissions++;
     if (lost)
         return DEVICE_LOST;
-    int refused = time_to_lose("LOSE_AT");
-    Result result = refused ? DEVICE_LOST : real_submit(queue, count, submits, fence);
-    if (refused || time_to_lose("LOSE_AFTER")) {
+    if (time_to_lose("LOSE_AT")) {
         /* Nothing may still run when the program frees what it uses. */
         real_queue_wait_idle(queue);
         lost = 1;
+        return DEVICE_LOST;
     }
-    return result;
+    doomed |= time_to_lose("LOSE_AFTER");
+    return real_submit(queue, count, submits, fence);
 }
 
 static Result wait_semaphores(void *device, const void *info, uint64_t timeout) {
-    return lost ? DEVICE_LOST : real_wait_semaphores(device, info, timeout);
+    Result result = lost ? DEVICE_LOST : real_wait_semaphores(device, info, timeout);
+    lost |= doomed;
+    return lost ? DEVICE_LOST : result;
 }
 
 static Result semaphore_value(void *device, uint64_t semaphore, void *value) {
@@ -89,7 +92,9 @@ static Result semaphore_value(void *device, uint64_t semaphore, void *value) {
 }
 
 static Result wait_fences(void *device, uint32_t count, const void *fences, uint32_t all, uint64_t timeout) {
-    return lost ? DEVICE_LOST : real_wait_fences(device, count, fences, all, timeout);
+    Result result = lost ? DEVICE_LOST : real_wait_fences(device, count, fences, all, timeout);
+    lost |= doomed;
+    return lost ? DEVICE_LOST : result;
 }
 
 static Result fence_status(void *device, uint64_t fence) {
