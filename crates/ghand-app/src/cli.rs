@@ -12,7 +12,8 @@ const LARGEST_EDGE: u32 = 16_384;
 /// Which graphics adapter to use.
 #[derive(Debug, Clone, Default, Args)]
 pub struct AdapterArgs {
-    /// Graphics adapter: `cpu`, `gpu` or a part of its name [default: $GHAND_ADAPTER, else the best]
+    /// Graphics adapter: `cpu`, `gpu` or a part of its name; a wrong name lists what there is [default: $GHAND_ADAPTER,
+    /// else the best]
     #[arg(long, global = true, value_name = "NAME")]
     adapter: Option<String>,
 }
@@ -30,7 +31,8 @@ impl AdapterArgs {
 /// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     // The device's own failures come back as errors; the driver's chatter would only hide them.
-    let quiet = "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off";
+    let quiet =
+        "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(quiet)).init();
     let args = match A::try_parse() {
         Ok(args) => args,
@@ -54,10 +56,20 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
     match program(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {}", sentence(&e));
+            tell(&e);
             ExitCode::FAILURE
         }
     }
+}
+
+fn tell(error: &anyhow::Error) {
+    eprintln!("error: {}", sentence(error));
+}
+
+/// Ends the program at once as an error of [`run`] does, for where going back is not possible.
+pub fn end(error: &anyhow::Error) -> ! {
+    tell(error);
+    std::process::exit(1)
 }
 
 /// An error with its causes, joined by ": ". Causes that a message already spells out are not repeated.

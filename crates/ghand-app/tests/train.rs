@@ -54,7 +54,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     train("good", &["--split", "nonsense"], &["nonsense", "train5"]);
     train("good", &["--set", "nonsense=1"], &["nonsense", "iterations"]);
     train("good", &["--set", "iterations=many"], &["iterations"]);
-    train("good", &["--adapter", "no such adapter"], &["no such adapter", "mesa-vulkan-drivers"]);
+    train("good", &["--adapter", "no such adapter"], &["no such adapter", "GHAND_ADAPTER"]);
 
     let copy = |name: &str| {
         let to = folder.path().join(name);
@@ -78,23 +78,6 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     let large = copy("large");
     image::RgbImage::new(65, 96).save(large.join("images/cam00/0000.png")).unwrap();
     train("large", &[], &["0000.png", "65"]);
-}
-
-#[test]
-fn a_machine_without_any_adapter_gets_one_sentence_with_the_remedy() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(TRAIN)
-        .current_dir(folder.path())
-        .env("XDG_RUNTIME_DIR", folder.path())
-        .env("VK_DRIVER_FILES", "/nonexistent.json")
-        .env("VK_ICD_FILENAMES", "/nonexistent.json")
-        .output()
-        .unwrap();
-    if output.status.success() {
-        println!("left out: this system finds its graphics driver without Vulkan's loader");
-        return;
-    }
-    assert_one_sentence(&output, &["no graphics adapter", "mesa-vulkan-drivers"]);
 }
 
 #[test]

@@ -169,7 +169,7 @@ impl DirectBuffers {
     /// Reads the tables back.
     ///
     /// # Errors
-    /// [`RenderError::Device`] if the device failed.
+    /// [`RenderError`] if the device failed or was lost.
     pub fn download(
         &self,
         gpu: &Gpu,

@@ -32,7 +32,7 @@ impl AvatarRenderer {
     /// looked at needs no gradients, and far less memory.
     ///
     /// # Errors
-    /// [`RenderError`] if the device cannot hold it.
+    /// [`RenderError`] if the device has no room for it or was lost.
     pub fn new(
         gpu: &Gpu,
         avatar: &Avatar,
@@ -40,8 +40,14 @@ impl AvatarRenderer {
         frames: usize,
         max_size: [u32; 2],
     ) -> Result<AvatarRenderer, RenderError> {
+        let options = SplatOptions { purpose, ..Default::default() };
+        let splatter = Splatter::new(gpu, options, avatar.template.len(), max_size)?;
+        let what = format!("an avatar of {} Gaussians with {frames} poses", avatar.template.len());
+        gpu.scoped(&what, || AvatarRenderer::make(gpu, avatar, splatter, frames))
+    }
+
+    fn make(gpu: &Gpu, avatar: &Avatar, splatter: Splatter, frames: usize) -> AvatarRenderer {
         let (template, config) = (&avatar.template, &avatar.config);
-        let splatter = Splatter::new(gpu, SplatOptions { purpose, ..Default::default() }, template.len(), max_size)?;
         let tables = DirectBuffers::upload(gpu, &avatar.tables, template.len(), config);
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
@@ -57,8 +63,7 @@ impl AvatarRenderer {
         };
         let pose = PosePipeline::new(gpu, &pose_template, &tables.properties(), splatter.gaussians());
         let forward = DirectForward::new(gpu, &pose, &tables, splatter.gaussians(), template, config);
-        gpu.check()?;
-        Ok(AvatarRenderer { splatter, pose, tables, forward, joint_count: template.joint_count() })
+        AvatarRenderer { splatter, pose, tables, forward, joint_count: template.joint_count() }
     }
 
     /// Stores a pose as frame number `frame`.
@@ -100,7 +105,7 @@ impl AvatarRenderer {
     /// Renders stored frame `frame` from a camera and waits for the picture.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed or the image is too large.
+    /// [`RenderError`] if the device failed or was lost, or the image is too large.
     pub fn render(
         &mut self,
         gpu: &Gpu,

@@ -78,7 +78,20 @@ enum Direction {
 
 impl ImageLoss {
     /// A loss that reads `image` and writes `d_image` (one `vec4` a pixel each) for images of at most `max_pixels`.
-    pub fn new(gpu: &Gpu, image: &wgpu::Buffer, d_image: &wgpu::Buffer, max_pixels: usize) -> ImageLoss {
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has no room for it or was lost.
+    pub fn new(
+        gpu: &Gpu,
+        image: &wgpu::Buffer,
+        d_image: &wgpu::Buffer,
+        max_pixels: usize,
+    ) -> Result<ImageLoss, RenderError> {
+        let what = format!("the loss of images up to {max_pixels} pixels");
+        gpu.scoped(&what, || ImageLoss::make(gpu, image, d_image, max_pixels))
+    }
+
+    fn make(gpu: &Gpu, image: &wgpu::Buffer, d_image: &wgpu::Buffer, max_pixels: usize) -> ImageLoss {
         let module = Module::new(gpu, "image_loss", &shader_sources::image_loss());
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
@@ -166,7 +179,7 @@ impl ImageLoss {
     /// The value of the last loss that ran.
     ///
     /// # Errors
-    /// [`RenderError::Device`] if the device failed.
+    /// [`RenderError`] if the device failed or was lost.
     pub fn value(&self, gpu: &Gpu) -> Result<LossValue, RenderError> {
         let sums: Vec<[f32; 4]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
         let total = |i: usize| sums.iter().map(|s| f64::from(s[i])).sum();

@@ -10,10 +10,8 @@ mod resolve;
 pub mod weights;
 mod wireframe;
 
-use ghand_core::Camera;
-use wgpu::util::DeviceExt;
-
 use crate::device::Gpu;
+use ghand_core::Camera;
 
 pub(crate) use self::edges::{Segment, segments};
 pub use self::faces::MeshUniforms;
@@ -41,6 +39,7 @@ pub struct MeshRenderer {
 /// What the stages of an image make their buffers and textures with.
 #[derive(Debug)]
 struct Context {
+    gpu: Gpu,
     device: wgpu::Device,
     queue: wgpu::Queue,
 }
@@ -65,14 +64,11 @@ impl MeshRenderer {
     /// # Errors
     /// [`MeshError::Device`] when the device refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<MeshRenderer, MeshError> {
-        let context = Context { device: gpu.device.clone(), queue: gpu.queue.clone() };
-        let scope = context.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let faces = faces::Faces::new(&context.device);
-        let lines = wireframe::Lines::new(&context.device);
-        let resolve = resolve::Resolve::new(&context.device);
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(MeshError::Device(error.to_string()));
-        }
+        let context = Context { gpu: gpu.clone(), device: gpu.device.clone(), queue: gpu.queue.clone() };
+        let (faces, lines, resolve) = gpu.scoped("the mesh rasteriser", || {
+            let device = &gpu.device;
+            (faces::Faces::new(device), wireframe::Lines::new(device), resolve::Resolve::new(device))
+        })?;
         Ok(MeshRenderer { context, faces, lines, resolve })
     }
 
@@ -87,23 +83,27 @@ impl MeshRenderer {
         let margin = style.wireframe.map_or(0, |w| w.margin());
         self.context.check_size(mesh, camera, k, margin)?;
 
-        let device = &self.context.device;
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let around = with_margin(camera, margin);
-        let targets = self.context.targets(&around, k, style.wireframe.is_some());
-        let mut encoder = device.create_command_encoder(&Default::default());
-        self.faces.encode(&self.context, &mut encoder, mesh, &around, &style.shading, &targets);
-        if let Some(wireframe) = &style.wireframe {
-            let half_width = 0.5 * wireframe.width * f64::from(k);
-            let segments = segments(mesh.positions, mesh.triangles, &around, k, half_width + 1.0);
-            let hidden = wireframe.hidden.is_some();
-            self.lines.encode(&self.context, &mut encoder, &segments, half_width, hidden, &targets);
-        }
-        let readback = self.resolve.encode(&self.context, &mut encoder, camera, style, margin, &targets);
-        self.context.queue.submit([encoder.finish()]);
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(MeshError::Device(error.to_string()));
-        }
+        let what = format!(
+            "a mesh of {} triangles in {} x {} pixels, {k} x {k} samples each",
+            mesh.triangles.len(),
+            camera.width,
+            camera.height
+        );
+        let readback = self.context.gpu.scoped(&what, || {
+            let around = with_margin(camera, margin);
+            let targets = self.context.targets(&around, k, style.wireframe.is_some());
+            let mut encoder = self.context.device.create_command_encoder(&Default::default());
+            self.faces.encode(&self.context, &mut encoder, mesh, &around, &style.shading, &targets);
+            if let Some(wireframe) = &style.wireframe {
+                let half_width = 0.5 * wireframe.width * f64::from(k);
+                let segments = segments(mesh.positions, mesh.triangles, &around, k, half_width + 1.0);
+                let hidden = wireframe.hidden.is_some();
+                self.lines.encode(&self.context, &mut encoder, &segments, half_width, hidden, &targets);
+            }
+            let readback = self.resolve.encode(&self.context, &mut encoder, camera, style, margin, &targets);
+            self.context.queue.submit([encoder.finish()]);
+            readback
+        })?;
         readback.read(&self.context, camera)
     }
 }
@@ -173,6 +173,14 @@ impl Context {
     }
 
     fn buffer(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some("mesh"), contents, usage })
+        // Not `create_buffer_init`: that panics where the buffer cannot be made.
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mesh"),
+            size: contents.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
     }
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, buffers, shader_sources};
+use crate::{Gpu, RenderError, buffers, shader_sources};
 
 /// See `shaders/adam.wgsl`.
 #[repr(C)]
@@ -85,13 +85,21 @@ pub struct AdamTable {
 
 impl Adam {
     /// Compiles the stage.
-    pub fn new(gpu: &Gpu) -> Adam {
-        let module = Module::new(gpu, "adam", &shader_sources::adam());
-        Adam { scalars: module.stage(gpu, "adam_step", &[]), vectors: module.stage(gpu, "adam_step_vectors", &[]) }
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device refuses it or was lost.
+    pub fn new(gpu: &Gpu) -> Result<Adam, RenderError> {
+        gpu.scoped("the optimizer", || {
+            let module = Module::new(gpu, "adam", &shader_sources::adam());
+            Adam { scalars: module.stage(gpu, "adam_step", &[]), vectors: module.stage(gpu, "adam_step_vectors", &[]) }
+        })
     }
 
     /// Binds a table of `length` parameters with `slots` ranges. `counters` are a splatter's: no step is taken while its
     /// frame is incomplete.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has no room for the moments or was lost.
     #[expect(clippy::too_many_arguments, reason = "four of them are the buffers to bind")]
     pub fn table(
         &self,
@@ -102,21 +110,23 @@ impl Adam {
         length: usize,
         slots: usize,
         grouping: Grouping,
-    ) -> AdamTable {
+    ) -> Result<AdamTable, RenderError> {
         let stage = match grouping {
             Grouping::Scalars => &self.scalars,
             Grouping::Vectors => &self.vectors,
         };
-        let moments = buffers::zeroed(gpu, "moments", 2 * length);
-        let slots = (0..slots)
-            .map(|_| {
-                let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
-                let bound =
-                    stage.bind(gpu, &[(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)]);
-                (uniforms, bound)
-            })
-            .collect();
-        AdamTable { moments, slots }
+        gpu.scoped(&format!("the moments of {length} parameters"), || {
+            let moments = buffers::zeroed(gpu, "moments", 2 * length);
+            let slots = (0..slots)
+                .map(|_| {
+                    let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
+                    let buffers = [(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)];
+                    let bound = stage.bind(gpu, &buffers);
+                    (uniforms, bound)
+                })
+                .collect();
+            AdamTable { moments, slots }
+        })
     }
 }
 

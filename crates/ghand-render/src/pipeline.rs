@@ -31,7 +31,8 @@ pub struct Module {
 }
 
 impl Module {
-    /// Compiles a source. A source that does not compile is reported by [`Gpu::check`].
+    /// Compiles a source. One that does not compile is an error of the [`Gpu::scoped`] around this call, else one of
+    /// [`Gpu::check`]; so are stages that the device refuses.
     pub fn new(gpu: &Gpu, label: &str, source: &str) -> Module {
         Module {
             module: gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {

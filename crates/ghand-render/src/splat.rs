@@ -220,6 +220,11 @@ pub struct Splatter {
     options: SplatOptions,
 }
 
+/// A splatter as errors call it.
+fn description(count: usize, [width, height]: [u32; 2]) -> String {
+    format!("a splatter of {count} Gaussians and images up to {width} x {height} pixels")
+}
+
 /// Buffers that callers see and that live as long as the splatter.
 #[derive(Debug, Clone)]
 struct Shared {
@@ -237,16 +242,21 @@ impl Splatter {
     /// A splatter for `count` Gaussians of the kind that `options` say, and images of at most `max_size` pixels.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] for an image larger than the device takes.
+    /// [`RenderError::Invalid`] for an image larger than any splatter takes, [`RenderError::OutOfMemory`] for one that
+    /// this device has no room for, [`RenderError::Lost`] if the device is lost.
     pub fn new(gpu: &Gpu, options: SplatOptions, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
         let [width, height] = max_size;
-        let pixels = width as usize * height as usize;
         // The loss keeps 64 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
         if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
             return Err(RenderError::Invalid(format!(
                 "an image of {width} x {height} pixels is not between 1 and 16384"
             )));
         }
+        gpu.scoped(&description(count, max_size), || Splatter::make(gpu, options, count, max_size))
+    }
+
+    fn make(gpu: &Gpu, options: SplatOptions, count: usize, max_size: [u32; 2]) -> Splatter {
+        let pixels = max_size[0] as usize * max_size[1] as usize;
         let pipelines = Pipelines::new(gpu, &options);
         let current = View::zeroed();
         let rows = options.model.rows();
@@ -265,7 +275,7 @@ impl Splatter {
         let capacity = (4 * count as u32).max(1024);
         let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
         let frame = Frame::new(gpu, &pipelines, &buffers);
-        Ok(Splatter { pipelines, shared, frame, count, max_size, capacity, current, options })
+        Splatter { pipelines, shared, frame, count, max_size, capacity, current, options }
     }
 
     /// What it was made for.
@@ -371,7 +381,7 @@ impl Splatter {
     /// device's clock where it has one, else by waiting for each.
     ///
     /// # Errors
-    /// [`RenderError::Device`] if the device failed.
+    /// [`RenderError`] if the device failed or was lost.
     pub fn time_stages(&self, gpu: &Gpu) -> Result<Vec<(FrameStage, f64)>, RenderError> {
         let backward: &[FrameStage] = if self.options.purpose.has_gradients() { &FrameStage::BACKWARD } else { &[] };
         let stages = [&FrameStage::FORWARD[..], backward].concat();
@@ -394,7 +404,8 @@ impl Splatter {
         FrameStage::BACKWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
-    /// Whether the last frame was complete; if not, the buffers are grown and the frame must be encoded again.
+    /// Whether the last frame was complete; if not, the buffers are grown and the frame must be encoded again. Where they
+    /// cannot grow they stay as they were, and smaller frames can be rendered still.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or cannot hold that many intersections.
@@ -406,7 +417,8 @@ impl Splatter {
     /// As [`Splatter::complete`], with the counters already read.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians.
+    /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians;
+    /// [`RenderError::OutOfMemory`] if it has no room for them now, [`RenderError::Lost`] if it is lost.
     pub fn complete_for(&mut self, gpu: &Gpu, counters: &[u32]) -> Result<bool, RenderError> {
         let &[_, _, wanted, _, cut_short, too_wide, ..] = counters else {
             return Err(RenderError::Invalid(format!("{} counters, expected {COUNTERS}", counters.len())));
@@ -436,9 +448,13 @@ impl Splatter {
                 "the view needs {wanted} tile intersections and the device can hold {limit}; use fewer or smaller Gaussians or a smaller image"
             )));
         }
-        self.capacity = (wanted + wanted / 2).min(limit);
-        let buffers = FrameBuffers::new(gpu, &self.options, &self.shared, self.count, self.max_size, self.capacity);
-        self.frame = Frame::new(gpu, &self.pipelines, &buffers);
+        let capacity = wanted.saturating_add(wanted / 2).min(limit);
+        let what = format!("{capacity} tile intersections in {}", description(self.count, self.max_size));
+        self.frame = gpu.scoped(&what, || {
+            let buffers = FrameBuffers::new(gpu, &self.options, &self.shared, self.count, self.max_size, capacity);
+            Frame::new(gpu, &self.pipelines, &buffers)
+        })?;
+        self.capacity = capacity;
         self.set_view(gpu, self.current)?;
         Ok(false)
     }

@@ -1,5 +1,7 @@
 //! What a device can do, in two steps and no more: every stage runs on both.
 
+use crate::DeviceError;
+
 /// How much of a device is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Tier {
@@ -25,6 +27,17 @@ impl Tier {
             "baseline" => Some(Tier::Baseline),
             "fast" => Some(Tier::Fast),
             _ => None,
+        }
+    }
+
+    /// The tier in [`Tier::VARIABLE`], if it is set.
+    ///
+    /// # Errors
+    /// [`DeviceError::UnknownTier`] if it holds something else.
+    pub(crate) fn from_env() -> Result<Option<Tier>, DeviceError> {
+        match std::env::var_os(Tier::VARIABLE).map(|text| text.to_string_lossy().into_owned()) {
+            Some(text) if !text.is_empty() => Tier::parse(&text).map(Some).ok_or(DeviceError::UnknownTier { text }),
+            _ => Ok(None),
         }
     }
 

@@ -8,7 +8,7 @@ use crate::{Gpu, RenderError, buffers};
 /// timestamps where the device has them, else by waiting for each.
 ///
 /// # Errors
-/// [`RenderError::Device`] if the device failed.
+/// [`RenderError`] if the device failed or was lost.
 pub fn time_passes(
     gpu: &Gpu,
     mut encoder: wgpu::CommandEncoder,

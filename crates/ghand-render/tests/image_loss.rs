@@ -30,7 +30,7 @@ fn check(size: [u32; 2], weights: LossWeights) {
     let y: Vec<[u8; 4]> = (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(0..=255))).collect();
     let image = buffers::filled(&gpu, "image", &x);
     let d_image = buffers::zeroed(&gpu, "d_image", 4 * pixels);
-    let mut loss = ImageLoss::new(&gpu, &image, &d_image, pixels);
+    let mut loss = ImageLoss::new(&gpu, &image, &d_image, pixels).unwrap();
     let mask: Vec<f64> = y.iter().map(|p| if weights.masked { f64::from(p[3]) / 255.0 } else { 1.0 }).collect();
     let count = 3.0 * mask.iter().sum::<f64>();
     loss.set_target(&gpu, size, &y, weights, count).unwrap();

@@ -19,7 +19,8 @@ fn run(range: std::ops::Range<usize>, drawn: u32, wanted: u32, grouping: Groupin
     let parameters = buffers::filled(&gpu, "parameters", &start);
     let gradients = buffers::zeroed(&gpu, "gradients", LENGTH);
     let counters = buffers::filled(&gpu, "counters", &[0, drawn, wanted, 0]);
-    let table = Adam::new(&gpu).table(&gpu, &parameters, &gradients, &counters, LENGTH, 1, grouping);
+    let stages = Adam::new(&gpu).unwrap();
+    let table = stages.table(&gpu, &parameters, &gradients, &counters, LENGTH, 1, grouping).unwrap();
     let mut twin: Vec<f64> = start.iter().map(|v| f64::from(*v)).collect();
     let mut moments = vec![[0.0; 2]; LENGTH];
     for step in 1..=5 {

@@ -73,7 +73,7 @@ pub fn evaluate(
     };
     let max_size = [largest(|c| c.width), largest(|c| c.height)];
     let mut renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
-    let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize);
+    let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize)?;
     let background = capture.background;
     let mut sum = [Likeness::default(); 2];
     let mut views = 0;

@@ -36,11 +36,15 @@ fn psnr(sum: f64, values: usize) -> f64 {
 
 impl Comparator {
     /// A comparator for pictures of at most `max_pixels`.
-    pub fn new(gpu: &Gpu, max_pixels: usize) -> Comparator {
-        let image = buffers::zeroed(gpu, "compared image", 4 * max_pixels);
-        let gradient = buffers::zeroed(gpu, "unused gradient", 4 * max_pixels);
-        let loss = ImageLoss::new(gpu, &image, &gradient, max_pixels);
-        Comparator { image, loss }
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has no room for it or was lost.
+    pub fn new(gpu: &Gpu, max_pixels: usize) -> Result<Comparator, RenderError> {
+        let make = |label| buffers::zeroed(gpu, label, 4 * max_pixels);
+        let what = format!("comparing images up to {max_pixels} pixels");
+        let (image, gradient) = gpu.scoped(&what, || (make("compared image"), make("unused gradient")))?;
+        let loss = ImageLoss::new(gpu, &image, &gradient, max_pixels)?;
+        Ok(Comparator { image, loss })
     }
 
     /// Likeness of an 8-bit picture to its truth (red, green, blue, mask).

@@ -49,7 +49,7 @@ impl Step {
     /// Puts an avatar and `frames` poses on the device. `mobility` is 1 for joints whose rotation may be refined.
     ///
     /// # Errors
-    /// [`RenderError`] if the device cannot hold it.
+    /// [`RenderError`] if the device has no room for it or was lost.
     pub fn new(
         gpu: &Gpu,
         avatar: &Avatar,
@@ -62,41 +62,45 @@ impl Step {
         let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Gradients, frames, max_size)?;
         let splatter = &renderer.splatter;
         let loss =
-            ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize);
-        let gradients = DirectBuffers::zeroed(gpu, count, joint_count, config);
-        let pose_backward = PoseBackward::new(
-            gpu,
-            &renderer.pose,
-            &renderer.tables.properties(),
-            &gradients.property_gradients(),
-            splatter.d_gaussians(),
-            mobility,
-        );
-        let direct_backward = DirectBackward::new(
-            gpu,
-            &renderer.forward,
-            &renderer.pose,
-            &pose_backward,
-            &renderer.tables,
-            &gradients,
-            [splatter.gaussians(), splatter.d_gaussians()],
-            template,
-            config,
-        );
+            ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize)?;
+        let what = format!("the gradients of an avatar of {count} Gaussians");
+        let (gradients, pose_backward, direct_backward) = gpu.scoped(&what, || {
+            let gradients = DirectBuffers::zeroed(gpu, count, joint_count, config);
+            let pose_backward = PoseBackward::new(
+                gpu,
+                &renderer.pose,
+                &renderer.tables.properties(),
+                &gradients.property_gradients(),
+                splatter.d_gaussians(),
+                mobility,
+            );
+            let direct_backward = DirectBackward::new(
+                gpu,
+                &renderer.forward,
+                &renderer.pose,
+                &pose_backward,
+                &renderer.tables,
+                &gradients,
+                [splatter.gaussians(), splatter.d_gaussians()],
+                template,
+                config,
+            );
+            (gradients, pose_backward, direct_backward)
+        })?;
         let lengths = ghand_avatar::direct::table_lengths(count, joint_count, config);
-        let adam = Adam::new(gpu);
+        let adam = Adam::new(gpu)?;
         let table = |values: &wgpu::Buffer, gradient: &wgpu::Buffer, length: usize, slots: usize| {
             adam.table(gpu, values, gradient, splatter.counters(), length, slots, Grouping::Scalars)
         };
         let (t, g) = (&renderer.tables, &gradients);
         let pose_length = frames * pose_stride(joint_count);
         Ok(Step {
-            shape_basis: table(&t.shape_basis, &g.shape_basis, lengths[0], 1),
-            residual_weights: table(&t.residual_weights, &g.residual_weights, lengths[1], 1),
-            regressor: table(&t.regressor, &g.regressor, lengths[2], 1),
-            appearance: table(&t.appearance, &g.appearance, lengths[3], 3),
-            response: table(&t.response, &g.response, lengths[4], 1),
-            joints: table(&renderer.pose.joints, &pose_backward.d_joints, 3 * joint_count, 1),
+            shape_basis: table(&t.shape_basis, &g.shape_basis, lengths[0], 1)?,
+            residual_weights: table(&t.residual_weights, &g.residual_weights, lengths[1], 1)?,
+            regressor: table(&t.regressor, &g.regressor, lengths[2], 1)?,
+            appearance: table(&t.appearance, &g.appearance, lengths[3], 3)?,
+            response: table(&t.response, &g.response, lengths[4], 1)?,
+            joints: table(&renderer.pose.joints, &pose_backward.d_joints, 3 * joint_count, 1)?,
             poses: adam.table(
                 gpu,
                 &renderer.pose.poses,
@@ -105,7 +109,7 @@ impl Step {
                 pose_length,
                 2,
                 Grouping::Vectors,
-            ),
+            )?,
             renderer,
             loss,
             pose_backward,
@@ -120,7 +124,7 @@ impl Step {
     /// image, so that crops of all sizes weigh the same).
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed or the view needs more memory than it has.
+    /// [`RenderError`] if the device failed or was lost, or the view needs more memory than it has.
     pub fn run(
         &mut self,
         gpu: &Gpu,
@@ -210,7 +214,7 @@ impl Step {
     /// L1 and 1 - SSIM of the last step's view, as means over its crop.
     ///
     /// # Errors
-    /// [`RenderError::Device`] if the device failed.
+    /// [`RenderError`] if the device failed or was lost.
     pub fn loss(&self, gpu: &Gpu, view: &TrainView) -> Result<[f64; 2], RenderError> {
         let value = self.loss.value(gpu)?;
         let count = 3.0 * view.pixels.len() as f64;

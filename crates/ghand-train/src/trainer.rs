@@ -6,7 +6,7 @@ use ghand_avatar::{Avatar, Provenance, Template};
 use ghand_core::{HandModelError, Pose, surface};
 use ghand_data::{Capture, CaptureError, Split};
 use ghand_render::pose::pose_stride;
-use ghand_render::{Gpu, RenderError, buffers};
+use ghand_render::{DeviceError, Gpu, RenderError, buffers};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -32,6 +32,9 @@ pub enum TrainError {
     /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// The device was lost and there is no other.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// A setting is out of range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
@@ -156,10 +159,14 @@ impl<'a> Trainer<'a> {
     /// Stage 1 refines the poses with a light avatar on smaller images: what it is for is the poses, and with little else
     /// to explain the images they move where they should. Stage 2 starts afresh from the refined poses, which then stay.
     ///
+    /// A stage whose device is lost is repeated on a new one, and ends as it would have; `progress` then starts once more
+    /// from the stage's first iteration.
+    ///
     /// # Errors
-    /// [`TrainError`] if the device failed or the avatar cannot be made.
+    /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
         let start = Instant::now();
+        let mut gpu = self.gpu.clone();
         let pose_iterations = self.settings.pose_iterations();
         if pose_iterations > 0 {
             let stage = Stage {
@@ -171,7 +178,7 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            let mut refined = self.run(&stage, &mut progress)?.1;
+            let mut refined = gpu.persist("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.1;
             recenter(&mut refined, &self.poses);
             self.poses = refined;
         }
@@ -184,12 +191,12 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let avatar = self.run(&stage, &mut progress)?.0;
+        let avatar = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?.0;
         Ok(Trained { avatar, poses: self.poses, seconds: start.elapsed().as_secs_f64() })
     }
 
     /// The avatar that a stage starts from: the template's surface with mean texel colours.
-    fn start(&self, settings: &TrainSettings) -> Result<Avatar, TrainError> {
+    fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
         let mut avatar = Avatar::untrained_inset(
             &self.capture.hand_model,
             &settings.avatar(),
@@ -197,8 +204,7 @@ impl<'a> Trainer<'a> {
             settings.start_inset,
             settings.seed,
         )?;
-        let colors =
-            texel_colors(self.gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
+        let colors = texel_colors(gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -211,10 +217,14 @@ impl<'a> Trainer<'a> {
     }
 
     /// Runs one stage: a view an iteration, in shuffled passes over all views.
-    fn run(&self, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<(Avatar, Vec<Pose>), TrainError> {
-        let gpu = self.gpu;
+    fn run(
+        &self,
+        gpu: &Gpu,
+        stage: &Stage,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<(Avatar, Vec<Pose>), TrainError> {
         let settings = &stage.settings;
-        let avatar = self.start(settings)?;
+        let avatar = self.start(gpu, settings)?;
         let reduced: Vec<TrainView>;
         let views = if stage.reduction > 1 {
             reduced = self.views.par_iter().map(|v| v.reduced(stage.reduction)).collect();

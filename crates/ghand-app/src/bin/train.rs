@@ -64,7 +64,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(seed) = arguments.seed {
         settings.seed = seed;
     }
-    let gpu = arguments.adapter.open()?;
+    let mut gpu = arguments.adapter.open()?;
     println!("adapter: {}", gpu.info.name);
     let avatar_path = match &arguments.out {
         Some(out) => out.join("avatar.ghand"),
@@ -75,7 +75,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
     let capture = match &arguments.capture {
         Some(path) => Capture::open(path)?,
-        None => demo_capture(&gpu, out)?,
+        None => demo_capture(&mut gpu, out)?,
     };
     // A test split that is not there should fail before the training, not after it.
     capture.split(&arguments.test_split)?;
@@ -93,18 +93,21 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
     save_poses(&capture, &train_split.frames, &trained, &out.join("poses.json"))?;
 
-    let floor = Floor::new(&gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
     let test = capture.split(&arguments.test_split)?;
     let total = test.cameras.len() * test.frames.len();
-    let mut shown: Vec<EvaluatedView> = Vec::new();
-    let mut index = 0;
-    let evaluation = evaluate(&gpu, &trained.avatar, &capture, &arguments.test_split, &floor, |view| {
-        // Evenly over the frames, a different camera each time.
-        let rows = REPORT_VIEWS.min(total);
-        if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
-            shown.push(view);
-        }
-        index += 1;
+    let (evaluation, shown) = gpu.persist("the evaluation", |gpu| -> anyhow::Result<_> {
+        let floor = Floor::new(gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
+        let mut shown: Vec<EvaluatedView> = Vec::new();
+        let mut index = 0;
+        let evaluation = evaluate(gpu, &trained.avatar, &capture, &arguments.test_split, &floor, |view| {
+            // Evenly over the frames, a different camera each time.
+            let rows = REPORT_VIEWS.min(total);
+            if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
+                shown.push(view);
+            }
+            index += 1;
+        })?;
+        Ok((evaluation, shown))
     })?;
     let report_path = out.join("report.png");
     save_png(&report(&shown), &report_path)?;
@@ -131,11 +134,13 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 /// The synthetic capture of runs without one: made once, in the output folder.
-fn demo_capture(gpu: &Gpu, out: &Path) -> anyhow::Result<Capture> {
+fn demo_capture(gpu: &mut Gpu, out: &Path) -> anyhow::Result<Capture> {
     let folder = out.join("capture");
     if !folder.join("capture.json").exists() {
         println!("making a synthetic capture in {}", folder.display());
-        make_capture(gpu, &SyntheticOptions::default(), &folder)?;
+        gpu.persist("the synthetic capture", |gpu| -> anyhow::Result<()> {
+            Ok(make_capture(gpu, &SyntheticOptions::default(), &folder)?)
+        })?;
     }
     Ok(Capture::open(&folder)?)
 }

@@ -45,12 +45,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let gpu = arguments.adapter.open()?;
     let mut viewer = Viewer::new(&gpu, avatar, source.clone(), pose)?;
     match &arguments.screenshot {
-        Some(path) => {
-            let context = egui::Context::default();
-            window::style(&context);
-            screenshot(&mut viewer, &context, arguments.size.unwrap_or(window::WINDOW_SIZE), path)
-        }
-        None => window::open(viewer, &format!("ghand - {source}")),
+        Some(path) => screenshot(&mut viewer, arguments.size.unwrap_or(window::WINDOW_SIZE), path),
+        None => window::open(&mut viewer, &format!("ghand - {source}")),
     }
 }
 

@@ -7,8 +7,8 @@ use anyhow::Context;
 use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
-use ghand_core::Pose;
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::{Camera, Pose};
 use ghand_render::splat::{Image, Purpose};
 use image::{ImageFormat, RgbImage};
 
@@ -69,19 +69,23 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
     };
     let size = cameras.first().and_then(|c| c.first()).map_or(DEFAULT_SIZE, |c| [c.width, c.height]);
-    let gpu = adapter.open()?;
-    let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, size)?;
+    let mut gpu = adapter.open()?;
+    let pictures: Vec<(&Pose, &Camera)> =
+        poses.iter().zip(&cameras).flat_map(|(pose, views)| views.iter().map(move |camera| (*pose, camera))).collect();
+    // Outlives the device: what is written need not be rendered again.
     let mut number = 0;
-    for (pose, views) in poses.iter().zip(&cameras) {
-        renderer.set_pose(&gpu, 0, pose)?;
-        for camera in views {
-            let image = renderer.render(&gpu, 0, camera, args.background)?;
+    gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
+        let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Images, 1, size)?;
+        while let Some((pose, camera)) = pictures.get(number) {
+            renderer.set_pose(gpu, 0, pose)?;
+            let image = renderer.render(gpu, 0, camera, args.background)?;
             std::fs::create_dir_all(&args.out)
                 .with_context(|| format!("{}: cannot make the folder", args.out.display()))?;
             write_png(&args.out.join(format!("{number:04}.png")), &to_rgb8(&image)?)?;
             number += 1;
         }
-    }
+        Ok(())
+    })?;
     println!("{number} pictures of {} x {} pixels in {}", size[0], size[1], args.out.display());
     Ok(())
 }

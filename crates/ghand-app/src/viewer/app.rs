@@ -1,5 +1,7 @@
 //! The viewer's user interface, without the window around it.
 
+mod recovery;
+
 use std::path::Path;
 use std::time::{Duration, Instant};
 

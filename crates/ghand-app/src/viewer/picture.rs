@@ -107,6 +107,10 @@ impl Picture {
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, avatar: &Avatar, max_size: [u32; 2]) -> Result<Picture, RenderError> {
         let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
+        gpu.scoped("the viewer's picture", || Picture::make(gpu, renderer))
+    }
+
+    fn make(gpu: &Gpu, renderer: AvatarRenderer) -> Picture {
         let pipeline = pipeline(gpu);
         let buffer = |label, size, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -136,9 +140,8 @@ impl Picture {
         });
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        gpu.check()?;
         let (target, pending, frame_ms, intersections) = (None, None, Median::default(), 0);
-        Ok(Picture { renderer, pipeline, group, columns, read_back, timer, target, pending, frame_ms, intersections })
+        Picture { renderer, pipeline, group, columns, read_back, timer, target, pending, frame_ms, intersections }
     }
 
     /// Number of Gaussians.
@@ -175,7 +178,7 @@ impl Picture {
     /// not be [`Progress::Busy`]. Returns whether the texture is a new one.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed, or the pose or the size does not fit.
+    /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
     pub fn render(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
         let (width, height) = (scene.camera.width, scene.camera.height);
         self.renderer.set_pose(gpu, 0, &scene.pose)?;
@@ -186,7 +189,11 @@ impl Picture {
         if renewed {
             self.target = None;
         }
-        let target = self.target.get_or_insert_with(|| target(gpu, width, height));
+        let target = match self.target.take() {
+            Some(target) => target,
+            None => gpu.scoped(&format!("a picture of {width} x {height} pixels"), || target(gpu, width, height))?,
+        };
+        let target = self.target.insert(target);
 
         let started = Instant::now();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -243,11 +250,10 @@ impl Picture {
     /// Looks, without waiting, whether the last picture is done and whether it is complete.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed.
+    /// [`RenderError`] if the device failed or was lost.
     pub fn poll(&mut self, gpu: &Gpu) -> Result<Progress, RenderError> {
+        gpu.poll()?;
         let Some(pending) = &self.pending else { return Ok(Progress::Complete) };
-        gpu.device.poll(wgpu::PollType::Poll).map_err(|e| RenderError::Device(e.to_string()))?;
-        gpu.check()?;
         let fail = |e: &dyn std::fmt::Display| RenderError::Device(format!("the counters could not be read: {e}"));
         let finished = match pending.done.try_recv() {
             Err(TryRecvError::Empty) => return Ok(Progress::Busy),
@@ -270,7 +276,7 @@ impl Picture {
         match self.renderer.splatter.complete_for(gpu, &counters) {
             Ok(true) => Ok(Progress::Complete),
             Ok(false) => Ok(Progress::Incomplete),
-            Err(RenderError::Invalid(_)) => Ok(Progress::TooFine),
+            Err(RenderError::Invalid(_) | RenderError::OutOfMemory { .. }) => Ok(Progress::TooFine),
             Err(e) => Err(e),
         }
     }

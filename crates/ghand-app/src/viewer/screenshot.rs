@@ -9,6 +9,7 @@ use image::{RgbImage, RgbaImage};
 
 use crate::commands::render::write_png;
 use crate::viewer::app::Viewer;
+use crate::viewer::window::style;
 
 /// Format of the target: display values, as egui prefers.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -20,8 +21,18 @@ const MOST_RUNS: usize = 8;
 ///
 /// # Errors
 /// One that says why there is no picture, or names the file that could not be written.
-pub fn screenshot(viewer: &mut Viewer, context: &egui::Context, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
+pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
+    let rgb = viewer.persist(|viewer| picture(viewer, size))?;
+    write_png(path, &rgb)
+}
+
+fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
+    // The context sends its textures once, to one renderer.
+    let context = &egui::Context::default();
+    style(context);
     let gpu = viewer.gpu().clone();
+    // The renderer panics where it cannot have its buffers, here and below.
+    gpu.poll()?;
     let largest = gpu.device.limits().max_texture_dimension_2d;
     ensure!(size.iter().all(|edge| *edge <= largest), "--size: the device draws at most {largest} x {largest} pixels");
     let mut renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, egui_wgpu::RendererOptions::PREDICTABLE);
@@ -39,7 +50,7 @@ pub fn screenshot(viewer: &mut Viewer, context: &egui::Context, size: [u32; 2], 
     ensure!(complete, "the picture was not complete after {MOST_RUNS} tries");
     let image = paint(&gpu, context, output, size, &mut renderer)?;
     let rgb = image.pixels().flat_map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
-    write_png(path, &RgbImage::from_raw(size[0], size[1], rgb).context("the screenshot has the wrong size")?)
+    RgbImage::from_raw(size[0], size[1], rgb).context("the screenshot has the wrong size")
 }
 
 /// One run of the user interface; its textures go to the renderer.
@@ -90,6 +101,7 @@ fn paint(
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
         view_formats: &[],
     });
+    gpu.poll()?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let mut commands = renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());

@@ -10,8 +10,13 @@ use ghand_core::hand_model::procedural::ProceduralHand;
 
 /// Runs a program in a folder, without a display.
 pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
+    run_in(program, folder, arguments, &[])
+}
+
+/// As [`run`], with some variables in the environment.
+pub fn run_in(program: &str, folder: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     let mut command = Command::new(program);
-    command.current_dir(folder).args(arguments);
+    command.current_dir(folder).args(arguments).envs(variables.iter().copied());
     for display in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
         command.env_remove(display);
     }

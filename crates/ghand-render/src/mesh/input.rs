@@ -1,5 +1,6 @@
 //! What is drawn and how: meshes, surfaces, lights, lines; and the check that all of it is usable.
 
+use crate::RenderError;
 use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
@@ -25,9 +26,9 @@ pub enum MeshError {
         /// What is wrong and what to do about it.
         problem: String,
     },
-    /// The device failed while it drew or while the image was read back.
-    #[error("mesh: the device failed: {0}")]
-    Device(String),
+    /// The device failed while it drew or while the image was read back, or was lost.
+    #[error("mesh: {0}")]
+    Device(#[from] RenderError),
 }
 
 impl MeshError {

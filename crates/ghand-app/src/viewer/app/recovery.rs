@@ -1,0 +1,111 @@
+//! What becomes of the viewer when its device is lost: the avatar, the pose and the view stay, the rest is made anew.
+
+use crate::viewer::app::Viewer;
+use crate::viewer::picture::{Median, Picture};
+
+/// How often in a row the device may be lost before any picture is done.
+const MOST_LOSSES: u32 = 3;
+
+impl Viewer {
+    /// Asks the device whether it is lost. Then nothing can be drawn with it any more.
+    pub fn is_lost(&self) -> bool {
+        self.gpu.poll().is_err() && self.gpu.is_lost()
+    }
+
+    /// Runs `show`, which shows the viewer, and if the device is lost meanwhile runs it again with a new one. What `show`
+    /// draws the user interface with must be made anew by it, too.
+    ///
+    /// # Errors
+    /// That of `show` if it failed for another reason or the device is lost every time, else one that says why there is no
+    /// new device.
+    pub fn persist<T>(&mut self, mut show: impl FnMut(&mut Viewer) -> anyhow::Result<T>) -> anyhow::Result<T> {
+        let mut losses = 0;
+        loop {
+            let result = show(self);
+            if result.is_ok() || !self.is_lost() {
+                return result;
+            }
+            losses = if self.picture.frame_ms().is_some() { 1 } else { losses + 1 };
+            if losses > MOST_LOSSES {
+                return result;
+            }
+            log::warn!("the graphics device was lost: the viewer goes on with a new one");
+            self.renew()?;
+        }
+    }
+
+    fn renew(&mut self) -> anyhow::Result<()> {
+        self.gpu = self.gpu.reopen()?;
+        self.picture = Picture::new(&self.gpu, &self.avatar, [self.largest_edge; 2])?;
+        self.detail = 1.0;
+        self.too_many = u32::MAX;
+        self.shown = None;
+        self.texture = None;
+        self.failure = None;
+        self.last_frame = None;
+        self.between_frames_ms = Median::default();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::Pose;
+    use ghand_render::{AdapterChoice, Gpu};
+    use image::RgbImage;
+
+    use super::*;
+    use crate::bare_hand::bare_hand;
+    use crate::pose_file::pose_by_name;
+    use crate::viewer::screenshot::screenshot;
+
+    fn viewer() -> Viewer {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let avatar = bare_hand().unwrap();
+        let pose = pose_by_name("fist", &avatar.model).unwrap();
+        Viewer::new(&gpu, avatar, "test".into(), pose).unwrap()
+    }
+
+    /// The hand beside the panel, on which are times.
+    fn shot(viewer: &mut Viewer) -> RgbImage {
+        let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
+        screenshot(viewer, [400, 200], file.path()).unwrap();
+        let picture = image::open(file.path()).unwrap().into_rgb8();
+        image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
+    }
+
+    #[test]
+    fn a_viewer_whose_device_was_lost_shows_the_same_picture_on_another() {
+        let mut viewer = viewer();
+        viewer.camera.zoom(1.5);
+        let before = shot(&mut viewer);
+        let lost = viewer.gpu.clone();
+        lost.device.destroy();
+        assert!(viewer.is_lost() && lost.is_lost());
+        let after = shot(&mut viewer);
+        assert!(lost.is_lost() && !viewer.is_lost());
+        assert!(before == after);
+        let mut other = self::viewer();
+        other.pose = Pose::rest(other.avatar.model.joint_count());
+        assert!(shot(&mut other) != before, "the pictures are not compared");
+    }
+
+    #[test]
+    fn a_viewer_whose_device_is_lost_every_time_ends_with_the_reason() {
+        let mut viewer = viewer();
+        let mut tries = 0;
+        let error = viewer
+            .persist(|viewer| -> anyhow::Result<()> {
+                tries += 1;
+                viewer.gpu.device.destroy();
+                Ok(viewer.gpu.wait()?)
+            })
+            .unwrap_err();
+        assert_eq!(tries, 1 + MOST_LOSSES);
+        assert!(error.to_string().contains("was lost"), "{error}");
+        // What fails for another reason is not repeated; a window closed by its user is no failure.
+        viewer.renew().unwrap();
+        assert_eq!(viewer.persist(|_| -> anyhow::Result<()> { anyhow::bail!("no") }).unwrap_err().to_string(), "no");
+        assert_eq!(viewer.persist(|_| Ok(7)).unwrap(), 7);
+    }
+}

@@ -1,0 +1,184 @@
+//! The built programs on a graphics driver that loses devices and runs out of memory: `support/losing_vulkan.c` stands
+//! between them and the driver.
+
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use common::{listing, run_in, save_avatar};
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::synthetic_scene::make_capture;
+
+const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
+const TRAIN: &str = env!("CARGO_BIN_EXE_train");
+
+/// A driver that fails, in a folder of its own.
+struct FailingDriver {
+    folder: tempfile::TempDir,
+    loader: PathBuf,
+}
+
+impl FailingDriver {
+    /// Builds it; none where there is no C compiler or the programs do not go through Vulkan's loader.
+    fn new(gpu: &Gpu) -> Option<FailingDriver> {
+        let folder = tempfile::tempdir().unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/support/losing_vulkan.c");
+        let mut compiler = Command::new("cc");
+        compiler.args(["-shared", "-fPIC", "-Wall", "-Werror", "-o"]).arg(folder.path().join("libvulkan.so.1"));
+        let built = compiler.arg(source).arg("-ldl").status();
+        if !built.is_ok_and(|status| status.success()) {
+            println!("left out: no C compiler `cc`");
+            return None;
+        }
+        // This process has it loaded.
+        let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+        let loader =
+            maps.lines().find_map(|line| line.split_whitespace().last().filter(|p| p.contains("/libvulkan.so")));
+        let Some(loader) = loader.map(PathBuf::from) else {
+            println!("left out: {} does not go through Vulkan's loader", gpu.info.name);
+            return None;
+        };
+        Some(FailingDriver { folder, loader })
+    }
+
+    fn run(&self, program: &str, folder: &Path, arguments: &[&str], fault: (&str, &str)) -> Output {
+        let loader = self.loader.to_str().unwrap();
+        let here = self.folder.path().to_str().unwrap();
+        run_in(program, folder, arguments, &[("LD_LIBRARY_PATH", here), ("REAL_VULKAN", loader), fault])
+    }
+}
+
+/// Every submission from the first.
+fn always() -> String {
+    (1..=2000).map(|n: u32| n.to_string()).collect::<Vec<_>>().join(",")
+}
+
+fn lines(output: &Output) -> Vec<String> {
+    String::from_utf8_lossy(&output.stderr).lines().map(str::to_owned).collect()
+}
+
+/// Asserts success with as many warnings of a loss as there were, and nothing else on stderr.
+fn assert_recovered(output: &Output, losses: usize) {
+    let lines = lines(output);
+    assert!(output.status.success(), "{lines:?}");
+    assert_eq!(lines.len(), losses, "{lines:?}");
+    assert!(
+        lines.iter().all(|l| l.contains("the graphics device was lost: ") && l.contains("with a new one")),
+        "{lines:?}"
+    );
+}
+
+/// Asserts exit code 1 and, after the warnings of the losses, one sentence.
+fn assert_given_up(output: &Output) {
+    let lines = lines(output);
+    assert_eq!(output.status.code(), Some(1), "{lines:?}");
+    let (last, warnings) = lines.split_last().unwrap();
+    assert!(last.starts_with("error: ") && last.contains("was lost") && last.contains("driver"), "{last}");
+    assert!(warnings.iter().all(|l| l.contains("with a new one")), "{lines:?}");
+}
+
+#[test]
+fn pictures_are_the_same_whether_or_not_the_device_was_lost_between_them() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let Some(driver) = FailingDriver::new(&gpu) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let render = |out: &str, fault: (&str, &str)| {
+        let arguments = ["render", "hand.ghand", "--turntable", "4", "--size", "96x96", "--out", out];
+        driver.run(GHAND, folder.path(), &arguments, fault)
+    };
+    assert_recovered(&render("whole", ("LOSE_AT", "")), 0);
+    let pictures = |out: &str| -> Vec<Vec<u8>> {
+        let files = listing(&folder.path().join(out));
+        files.iter().map(|f| std::fs::read(folder.path().join(out).join(f)).unwrap()).collect()
+    };
+    assert_eq!(pictures("whole").len(), 4);
+    let faults = [("LOSE_AT", "1", 1), ("LOSE_AFTER", "1", 1), ("LOSE_AT", "9", 1), ("LOSE_AFTER", "4,14", 2)];
+    for (k, (variable, number, losses)) in faults.into_iter().enumerate() {
+        let out = format!("lost {k}");
+        assert_recovered(&render(&out, (variable, number)), losses);
+        assert!(pictures(&out) == pictures("whole"), "{variable} {number}");
+    }
+    for variable in ["LOSE_AT", "LOSE_AFTER"] {
+        assert_given_up(&render("never", (variable, &always())));
+        assert!(!folder.path().join("never").exists());
+    }
+}
+
+#[test]
+fn a_screenshot_is_made_on_a_new_device() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let Some(driver) = FailingDriver::new(&gpu) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let shot = |file: &str, fault: (&str, &str)| {
+        let arguments = ["hand.ghand", "--screenshot", file, "--size", "400x200"];
+        driver.run(VIEWER, folder.path(), &arguments, fault)
+    };
+    // Beside the panel, on which are times.
+    let hand = |file: &str| {
+        let picture = image::open(folder.path().join(file)).unwrap().into_rgb8();
+        image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
+    };
+    assert_recovered(&shot("whole.png", ("LOSE_AT", "")), 0);
+    for fault in [("LOSE_AT", "1"), ("LOSE_AFTER", "1"), ("LOSE_AFTER", "2"), ("LOSE_AT", "3"), ("LOSE_AFTER", "3")] {
+        assert_recovered(&shot("lost.png", fault), 1);
+        assert!(hand("lost.png") == hand("whole.png"), "{fault:?}");
+    }
+    assert_given_up(&shot("never.png", ("LOSE_AFTER", &always())));
+    assert!(!folder.path().join("never.png").exists());
+}
+
+#[test]
+fn training_ends_with_the_same_avatar_or_none() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let Some(driver) = FailingDriver::new(&gpu) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let options = SyntheticOptions {
+        views: 5,
+        train_frames: 2,
+        test_frames: 1,
+        test_views: 1,
+        width: 64,
+        height: 96,
+        ..SyntheticOptions::default()
+    };
+    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
+    let train = |out: &str, fault: (&str, &str)| {
+        let arguments = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=20"];
+        driver.run(TRAIN, folder.path(), &arguments, fault)
+    };
+    let avatar = |out: &str| std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap();
+    assert_recovered(&train("whole", ("LOSE_AT", "")), 0);
+    let faults = [("LOSE_AT", "5", 1), ("LOSE_AFTER", "40", 1), ("LOSE_AFTER", "30,90", 2)];
+    for (k, (variable, number, losses)) in faults.into_iter().enumerate() {
+        let out = format!("lost {k}");
+        assert_recovered(&train(&out, (variable, number)), losses);
+        assert!(avatar(&out) == avatar("whole"), "{variable} {number}");
+    }
+    assert_given_up(&train("never", ("LOSE_AFTER", &always())));
+    assert!(listing(&folder.path().join("never")).is_empty());
+}
+
+#[test]
+fn a_device_without_memory_is_one_sentence_with_what_was_asked_for() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let Some(driver) = FailingDriver::new(&gpu) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let render = |size: &str| {
+        let arguments = ["render", "hand.ghand", "--turntable", "1", "--size", size, "--out", "pictures"];
+        // Beyond the blocks that allocators take at once.
+        driver.run(GHAND, folder.path(), &arguments, ("REFUSE_FROM", "300000000"))
+    };
+    assert_recovered(&render("64x64"), 0);
+    let output = render("8000x4000");
+    common::assert_one_sentence(&output, &["no room", "8000 x 4000 pixels", "smaller images"]);
+    assert_eq!(listing(&folder.path().join("pictures")), ["0000.png"]);
+}

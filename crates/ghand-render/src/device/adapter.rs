@@ -1,0 +1,104 @@
+//! Which graphics adapter to open.
+
+use crate::device::DeviceError;
+
+/// Which adapter to use.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum AdapterChoice {
+    /// The best that there is: discrete before integrated before virtual before software.
+    #[default]
+    Best,
+    /// A software rasteriser.
+    Cpu,
+    /// Real hardware only.
+    Gpu,
+    /// The first adapter whose name contains this text, whatever the case.
+    Named(String),
+}
+
+impl AdapterChoice {
+    /// Environment variable that chooses the adapter where the caller does not.
+    pub const VARIABLE: &'static str = "GHAND_ADAPTER";
+
+    /// `cpu`, `gpu`, empty (best) or a part of an adapter's name.
+    pub fn parse(text: &str) -> AdapterChoice {
+        match text.trim().to_lowercase().as_str() {
+            "" | "best" => AdapterChoice::Best,
+            "cpu" => AdapterChoice::Cpu,
+            "gpu" => AdapterChoice::Gpu,
+            name => AdapterChoice::Named(name.to_owned()),
+        }
+    }
+
+    /// The choice in [`AdapterChoice::VARIABLE`], else the best adapter.
+    pub fn from_env() -> AdapterChoice {
+        std::env::var_os(Self::VARIABLE).map(|v| Self::parse(&v.to_string_lossy())).unwrap_or_default()
+    }
+
+    fn fits(&self, info: &wgpu::AdapterInfo) -> bool {
+        match self {
+            AdapterChoice::Best => true,
+            AdapterChoice::Cpu => info.device_type == wgpu::DeviceType::Cpu,
+            AdapterChoice::Gpu => info.device_type != wgpu::DeviceType::Cpu,
+            AdapterChoice::Named(name) => info.name.to_lowercase().contains(&name.to_lowercase()),
+        }
+    }
+
+    fn wanted(&self) -> String {
+        match self {
+            AdapterChoice::Best => "was found".to_owned(),
+            AdapterChoice::Cpu => "of kind `cpu` was found".to_owned(),
+            AdapterChoice::Gpu => "of kind `gpu` was found".to_owned(),
+            AdapterChoice::Named(name) => format!("with `{name}` in its name was found"),
+        }
+    }
+}
+
+fn rank(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// The adapters of an instance, the best first.
+fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    adapters.sort_by_key(|a| rank(a.get_info().device_type));
+    adapters
+}
+
+/// The best adapter that fits a choice.
+pub(super) fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Result<wgpu::Adapter, DeviceError> {
+    let adapters = adapters(instance);
+    // An adapter may be there once for each of its drivers.
+    let mut found: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+    found.dedup();
+    let chosen = adapters.into_iter().find(|a| choice.fits(&a.get_info()));
+    chosen.ok_or_else(|| DeviceError::NoAdapter { wanted: choice.wanted(), found })
+}
+
+/// The adapter that was opened before, if it is there.
+pub(super) fn find_again(instance: &wgpu::Instance, before: &wgpu::AdapterInfo) -> Option<wgpu::Adapter> {
+    // Not by the driver's version: an update of the driver is one way to lose a device.
+    let identity = |i: &wgpu::AdapterInfo| {
+        (i.name.clone(), i.vendor, i.device, i.device_type, i.backend, i.device_pci_bus_id.clone())
+    };
+    adapters(instance).into_iter().find(|a| identity(&a.get_info()) == identity(before))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_read_from_text() {
+        assert_eq!(AdapterChoice::parse(" CPU "), AdapterChoice::Cpu);
+        assert_eq!(AdapterChoice::parse("gpu"), AdapterChoice::Gpu);
+        assert_eq!(AdapterChoice::parse(""), AdapterChoice::Best);
+        assert_eq!(AdapterChoice::parse("GeForce"), AdapterChoice::Named("geforce".into()));
+    }
+}

@@ -1,0 +1,299 @@
+//! Devices that are lost, have no room, or refuse a shader.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+mod common;
+
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+use common::*;
+use ghand_core::mesh::Texture;
+use ghand_render::image_loss::{ImageLoss, LossWeights};
+use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
+use ghand_render::optimizer::{Adam, Grouping};
+use ghand_render::pipeline::Module;
+use ghand_render::splat::{SplatModel, SplatOptions, Splatter, View};
+use ghand_render::{AdapterChoice, Gpu, RenderError, buffers};
+use glam::{DVec2, DVec3};
+
+/// Far longer than anything here takes.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Runs `work` on another thread, so that a call that waits forever fails the test instead of stopping it.
+fn in_time<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    let (sender, receiver) = channel();
+    let thread = std::thread::spawn(move || sender.send(work()));
+    let result = receiver.recv_timeout(PATIENCE);
+    match result {
+        Ok(result) => result,
+        Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("it waits forever"),
+        Err(_) => std::panic::resume_unwind(thread.join().unwrap_err()),
+    }
+}
+
+fn is_loss<T>(result: Result<T, RenderError>) -> bool {
+    let Err(RenderError::Lost(reason)) = result else { return false };
+    let sentence = RenderError::Lost(reason).to_string();
+    sentence.contains("was lost (") && sentence.contains("driver") && !sentence.contains('\n')
+}
+
+const SIZE: [u32; 2] = [60, 44];
+const COUNT: usize = 800;
+
+/// A splatter with a scene and a view.
+fn splatter(gpu: &Gpu) -> Splatter {
+    let model = SplatModel::HAND;
+    let mut splatter = Splatter::new(gpu, SplatOptions { model, ..SplatOptions::default() }, COUNT, SIZE)
+        .unwrap_or_else(|e| panic!("{e}"));
+    gpu.queue.write_buffer(
+        splatter.gaussians(),
+        0,
+        bytemuck::cast_slice(&table(&random_scene(5, COUNT, 0.002..0.02), &model)),
+    );
+    splatter.set_view(gpu, View::new(&camera(SIZE[0], SIZE[1]), COUNT, BACKGROUND, 1.0)).unwrap();
+    splatter
+}
+
+fn image_bits(gpu: &Gpu) -> Vec<[u32; 4]> {
+    splatter(gpu).render(gpu).unwrap().rgba.iter().map(|p| p.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn a_loss_is_told_apart_from_other_errors() {
+    let gpu = gpu();
+    assert!(!is_loss(gpu.check()) && !is_loss::<()>(Err(RenderError::Device("lost".into()))));
+    in_time(move || {
+        // No scope catches it, but the device goes on.
+        let too_large = |label: &str| {
+            let usage = wgpu::BufferUsages::STORAGE;
+            let descriptor =
+                wgpu::BufferDescriptor { label: Some(label), size: u64::MAX, usage, mapped_at_creation: false };
+            drop(gpu.device.create_buffer(&descriptor));
+        };
+        too_large("outside of scopes");
+        let Err(RenderError::Device(first)) = gpu.check() else { panic!("{:?}", gpu.check()) };
+        assert!(first.contains("outside of scopes") && !first.contains('\n'), "{first}");
+        assert!(!gpu.is_lost());
+        ["second", "third"].iter().for_each(|label| too_large(label));
+        // The first is what matters; the others are counted.
+        let Err(RenderError::Device(later)) = gpu.wait() else { panic!("{:?}", gpu.wait()) };
+        assert_eq!(later, format!("{first} (and 2 more errors after it)"));
+        gpu.device.destroy();
+        // An error that was there before does not hide the loss.
+        assert!(is_loss(gpu.wait()) && gpu.is_lost());
+    });
+}
+
+#[test]
+fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
+    in_time(|| {
+        let gpu = gpu();
+        let mut splatter = splatter(&gpu);
+        splatter.render(&gpu).unwrap();
+        let pixels = (SIZE[0] * SIZE[1]) as usize;
+        let mut loss = ImageLoss::new(&gpu, splatter.image(), splatter.d_image(), pixels).unwrap();
+        let adam = Adam::new(&gpu).unwrap();
+        let mesh = MeshRenderer::new(&gpu).unwrap();
+        assert!(!gpu.is_lost());
+        gpu.device.destroy();
+        assert!(is_loss(splatter.render(&gpu)));
+        assert!(gpu.is_lost() && is_loss(gpu.check()) && is_loss(gpu.wait()) && is_loss(gpu.poll()));
+        assert!(is_loss(buffers::read::<f32>(&gpu, splatter.image(), 4 * pixels)));
+        assert!(is_loss(splatter.complete(&gpu)) && is_loss(splatter.time_stages(&gpu)));
+        loss.set_target(&gpu, SIZE, &vec![[0; 4]; pixels], LossWeights::default(), 1.0).unwrap();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        loss.encode(&mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        assert!(is_loss(loss.value(&gpu)));
+        // Nothing new can be made, and trying does no harm.
+        assert!(is_loss(Splatter::new(&gpu, SplatOptions::default(), 10, SIZE)));
+        assert!(is_loss(ImageLoss::new(&gpu, splatter.image(), splatter.d_image(), pixels)));
+        assert!(is_loss(Adam::new(&gpu)));
+        let image = splatter.image();
+        assert!(is_loss(adam.table(&gpu, image, image, splatter.counters(), 4, 1, Grouping::Scalars)));
+        buffers::filled(&gpu, "on a lost device", &[1u8, 2, 3]);
+        buffers::uniform(&gpu, "on a lost device", &[1.0f32; 4]);
+        let texture = Texture::plain([255; 3]);
+        let triangle = MeshInstance {
+            positions: &[DVec3::ZERO, DVec3::X, DVec3::Y],
+            normals: &[DVec3::Z; 3],
+            exposure: None,
+            triangles: &[[0, 1, 2]],
+            surface: Surface::Texture { uvs: &[DVec2::ZERO; 3], texture: &texture },
+        };
+        let style = MeshStyle { supersample: 1, shading: Shading::Unlit, wireframe: None };
+        let drawn = mesh.render(&triangle, &camera(SIZE[0], SIZE[1]), &style);
+        assert!(matches!(drawn, Err(MeshError::Device(RenderError::Lost(_)))), "{drawn:?}");
+        assert!(matches!(MeshRenderer::new(&gpu), Err(MeshError::Device(RenderError::Lost(_)))));
+    });
+}
+
+#[test]
+fn a_device_lost_with_a_frame_under_way_is_noticed_by_who_waits_for_it() {
+    in_time(|| {
+        let gpu = gpu();
+        let splatter = splatter(&gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        splatter.forward(&mut encoder);
+        splatter.backward(&mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        gpu.device.destroy();
+        assert!(is_loss(gpu.wait()));
+        assert!(is_loss(buffers::read::<u32>(&gpu, splatter.counters(), 4)));
+    });
+}
+
+#[test]
+fn a_mapping_under_way_when_the_device_is_lost_hangs_nobody() {
+    in_time(|| {
+        let gpu = gpu();
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mapped"),
+            size: 16,
+            usage,
+            mapped_at_creation: false,
+        });
+        let (sender, receiver) = channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| sender.send(result.is_ok()).unwrap_or(()));
+        gpu.device.destroy();
+        assert!(is_loss(gpu.wait()));
+        // Called or not: looking is safe, and what is mapped after the loss fails by itself.
+        let _ = receiver.try_recv();
+        let (sender, receiver) = channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| sender.send(result.is_ok()).unwrap_or(()));
+        assert_eq!(receiver.try_recv(), Ok(false));
+    });
+}
+
+#[test]
+fn a_reopened_device_renders_the_same_bits() {
+    in_time(|| {
+        let gpu = gpu();
+        let before = image_bits(&gpu);
+        gpu.device.destroy();
+        assert!(is_loss(gpu.wait()));
+        let again = gpu.reopen().unwrap();
+        assert!(gpu.is_lost() && !again.is_lost(), "the old device stays lost, the new one is not");
+        assert_eq!(again.info, gpu.info);
+        let after = image_bits(&again);
+        assert!(before == after);
+        // The comparison sees a single bit.
+        let mut wrong = after;
+        wrong[7][1] ^= 1;
+        assert!(before != wrong);
+    });
+}
+
+#[test]
+fn work_is_begun_again_after_each_loss_until_there_are_too_many() {
+    in_time(|| {
+        #[derive(Debug, thiserror::Error)]
+        enum Failed {
+            #[error(transparent)]
+            Render(#[from] RenderError),
+            #[error(transparent)]
+            Device(#[from] ghand_render::DeviceError),
+        }
+        let mut gpu = gpu();
+        let lose = |times: usize, tries: &mut usize, gpu: &Gpu| -> Result<usize, Failed> {
+            *tries += 1;
+            if *tries <= times {
+                gpu.device.destroy();
+            }
+            gpu.wait()?;
+            Ok(*tries)
+        };
+        let mut tries = 0;
+        assert_eq!(gpu.persist("counting", |gpu| lose(2, &mut tries, gpu)).unwrap(), 3);
+        assert!(!gpu.is_lost());
+        let mut tries = 0;
+        let given_up = gpu.persist("counting", |gpu| lose(usize::MAX, &mut tries, gpu));
+        assert!(matches!(given_up, Err(Failed::Render(RenderError::Lost(_)))), "{given_up:?}");
+        assert_eq!(tries, 4);
+        // What failed otherwise is not repeated; a device lost earlier is replaced first.
+        let mut tries = 0;
+        let other = gpu.persist("failing", |gpu| -> Result<(), Failed> {
+            tries += 1;
+            gpu.wait()?;
+            Err(RenderError::Invalid("no".into()).into())
+        });
+        assert!(matches!(other, Err(Failed::Render(RenderError::Invalid(_)))), "{other:?}");
+        assert_eq!(tries, 1);
+    });
+}
+
+#[test]
+fn what_does_not_fit_is_one_sentence_and_the_device_goes_on_working() {
+    in_time(|| {
+        let gpu = gpu();
+        let before = image_bits(&gpu);
+        let limits = gpu.device.limits();
+        let sentence = |result: Result<(), RenderError>, part: &str| {
+            let Err(error @ RenderError::OutOfMemory { .. }) = result else { panic!("{result:?}") };
+            let text = error.to_string();
+            assert!(text.contains("no room") && text.contains(part) && !text.contains('\n'), "{text}");
+            println!("{text}");
+        };
+        // A buffer that the device takes, but not as a whole for a shader; and one that it does not take at all.
+        let bindable = limits.max_storage_buffer_binding_size / 16;
+        let count = usize::try_from(bindable / 4 + 1000).unwrap();
+        sentence(Splatter::new(&gpu, SplatOptions::default(), count * 4, SIZE).map(drop), "60 x 44 pixels");
+        let largest = usize::try_from(limits.max_buffer_size / 4 + 1).unwrap();
+        sentence(gpu.scoped("the largest buffer", || buffers::zeroed(&gpu, "large", largest)).map(drop), "at most");
+        assert!(gpu.check().is_ok(), "{:?}", gpu.check());
+        assert!(before == image_bits(&gpu));
+    });
+}
+
+#[test]
+fn a_frame_that_cannot_grow_leaves_the_splatter_as_it_was() {
+    in_time(|| {
+        let gpu = gpu();
+        let mut splatter = splatter(&gpu);
+        let before = splatter.render(&gpu).unwrap();
+        let capacity = splatter.capacity();
+        // As many intersections as the limit allows, whose buffers together are more than any memory.
+        let bytes = (4 * 4 * 2 * 4) as u64;
+        let most = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / bytes).unwrap_or(u32::MAX);
+        match splatter.complete_for(&gpu, &[0, 0, most, 0, 0]) {
+            // Software has as much memory as the machine.
+            Ok(grown) => assert!(!grown && splatter.capacity() == most),
+            Err(e) => {
+                assert!(matches!(&e, RenderError::OutOfMemory { what, .. } if what.contains("intersections")), "{e}");
+                assert_eq!(splatter.capacity(), capacity);
+            }
+        }
+        assert!(matches!(splatter.complete_for(&gpu, &[0, 0, u32::MAX, 0, 0]), Err(RenderError::Invalid(_))));
+        assert!(splatter.render(&gpu).unwrap() == before);
+    });
+}
+
+#[test]
+fn a_shader_that_does_not_compile_is_an_error_of_the_call_that_made_it() {
+    let gpu = gpu();
+    let make = |source: &str, entry: &'static str| {
+        gpu.scoped("a stage under test", || Module::new(&gpu, "tested", source).stage(&gpu, entry, &[])).map(drop)
+    };
+    let good = "@compute @workgroup_size(1) fn run() {}";
+    assert_eq!(make(good, "run"), Ok(()));
+    for (source, entry) in
+        [("fn x(", "x"), ("@compute @workgroup_size(1) fn run() { let a: u32 = 1.5; }", "run"), (good, "absent")]
+    {
+        let Err(RenderError::Device(message)) = make(source, entry) else { panic!("{source}") };
+        assert!(message.contains("a stage under test") && !message.contains('\n'), "{message}");
+    }
+    // The device has nothing left of it.
+    assert_eq!(gpu.check(), Ok(()));
+    assert_eq!(make(good, "run"), Ok(()));
+}
+
+#[test]
+fn an_adapter_choice_that_fits_nothing_lists_what_there_is() {
+    let gpu = gpu();
+    let error = Gpu::new(&AdapterChoice::Named("no such adapter".into())).unwrap_err().to_string();
+    assert!(
+        error.contains(&gpu.info.name) && error.contains(AdapterChoice::VARIABLE) && !error.contains('\n'),
+        "{error}"
+    );
+}
