@@ -143,9 +143,8 @@ impl Value {
             Value::Numbers(array) => {
                 let (_, inner) = array.shape.split_first()?;
                 let size = inner.iter().product::<usize>().max(1);
-                let item = |values: &[f64]| {
-                    Value::Numbers(NumericArray { shape: inner.to_vec(), values: values.to_vec() })
-                };
+                let item =
+                    |values: &[f64]| Value::Numbers(NumericArray { shape: inner.to_vec(), values: values.to_vec() });
                 Some(array.values.chunks(size).map(item).collect())
             }
             _ => None,

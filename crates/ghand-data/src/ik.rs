@@ -7,7 +7,7 @@
 //! Minimised is, over the root's rotation, the translation and three components for each of the 15 joints of fingers,
 //! `sum |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2`. The components c are those of a joint's axis-angle vector along
 //! the axes of its hinge ([`Rig::hinges`]): bending, sideways, twist. They are kept inside of the joint's range (`limits`)
-//! by projection. `s` is the residual itself, within bounds: where the landmarks fit a hand exactly, the second sum has no
+//! by projection; that the last hinge of a finger bends with the one before adds a term for each. `s` is the residual itself, within bounds: where the landmarks fit a hand exactly, the second sum has no
 //! weight; where they are noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method;
 //! its Jacobian is made of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
 //!
@@ -26,7 +26,7 @@ use glam::{DMat3, DVec3};
 use crate::pose_sequence::landmarks::LANDMARK_COUNT;
 use crate::rig::Rig;
 use levenberg_marquardt::{Problem, minimize};
-use limits::{Range, ranges};
+use limits::{Coupling, Range, couplings, ranges};
 
 /// Unknowns: the root's axis-angle, the translation, three components for each of 15 joints.
 pub(crate) const UNKNOWNS: usize = 6 + 3 * 15;
@@ -86,6 +86,7 @@ pub struct HandIk {
     hinges: Vec<(usize, DMat3)>,
     /// Of each component of each of `hinges`.
     ranges: Vec<Range>,
+    couplings: Vec<Coupling>,
 }
 
 /// A fitted pose.
@@ -121,7 +122,15 @@ impl HandIk {
                 joints.len() - 1
             });
         }
-        HandIk { joint_count: rig.joints.len(), parents, joints, landmarks, hinges, ranges: all_ranges }
+        HandIk {
+            joint_count: rig.joints.len(),
+            parents,
+            joints,
+            landmarks,
+            hinges,
+            ranges: all_ranges,
+            couplings: couplings(),
+        }
     }
 
     /// Where the landmarks of a pose are: what a perfect tracker would see.
@@ -292,6 +301,10 @@ impl Fit<'_> {
 impl Problem for Fit<'_> {
     fn ranges(&self) -> &[Range] {
         &self.hand.ranges
+    }
+
+    fn couplings(&self) -> &[Coupling] {
+        &self.hand.couplings
     }
 
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64 {

@@ -30,12 +30,7 @@ struct Key {
 pub fn motion(name: &str, model: &HandModel, fps: f64) -> Option<Result<PoseSequence, PoseError>> {
     MOTION_NAMES.contains(&name).then(|| {
         let keys = keys(name, model)?;
-        Ok(PoseSequence {
-            fps,
-            joint_names: model.joint_names.clone(),
-            frames: frames(&keys, fps),
-            warnings: vec![],
-        })
+        Ok(PoseSequence { fps, joint_names: model.joint_names.clone(), frames: frames(&keys, fps), warnings: vec![] })
     })
 }
 

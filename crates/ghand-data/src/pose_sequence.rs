@@ -382,3 +382,6 @@ pub fn between(from: &Pose, to: &Pose, part: f64) -> Pose {
         translation: from.translation.lerp(to.translation, part),
     }
 }
+
+#[cfg(test)]
+mod tests;

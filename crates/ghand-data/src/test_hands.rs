@@ -66,3 +66,8 @@ pub(crate) fn natural_motion(count: usize, seed: u64) -> Vec<Pose> {
     let model = procedural(Side::Right);
     trajectory(&Anatomy::of(model), model.joint_count(), count, seed)
 }
+
+/// The larger of two numbers, or NaN if one of them is.
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
+}

@@ -48,9 +48,8 @@ impl JointRole {
         let words = || name.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
         let finger = finger(&name);
         let number = name.bytes().filter(u8::is_ascii_digit).map(|d| usize::from(d - b'0'));
-        let number = number.fold(None, |sum: Option<usize>, digit| {
-            Some(sum.unwrap_or(0).saturating_mul(10).saturating_add(digit))
-        });
+        let number = number
+            .fold(None, |sum: Option<usize>, digit| Some(sum.unwrap_or(0).saturating_mul(10).saturating_add(digit)));
         let Some(finger) = finger else {
             return if name.contains("wrist") {
                 Some(JointRole::Wrist)

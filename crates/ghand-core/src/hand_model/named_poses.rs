@@ -7,9 +7,8 @@ use super::{HandModel, Side};
 use crate::Pose;
 
 /// Names that [`named_pose`] knows.
-pub const POSE_NAMES: [&str; 12] = [
-    "rest", "open", "relaxed", "spread", "fist", "pinch", "point", "victory", "three", "four", "thumbs-up", "ok",
-];
+pub const POSE_NAMES: [&str; 12] =
+    ["rest", "open", "relaxed", "spread", "fist", "pinch", "point", "victory", "three", "four", "thumbs-up", "ok"];
 
 /// Joint angles in radians, whatever the rig.
 struct Gesture {

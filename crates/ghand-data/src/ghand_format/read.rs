@@ -9,8 +9,8 @@ use glam::DVec3;
 use serde::de::DeserializeOwned;
 
 use super::{
-    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE,
-    TruthFile, UNITS, VERSION,
+    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE, TruthFile, UNITS,
+    VERSION,
 };
 use crate::camera_file::{CameraFile, CameraProblem};
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};

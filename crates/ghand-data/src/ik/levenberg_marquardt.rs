@@ -1,6 +1,6 @@
 //! Levenberg and Marquardt's method for least squares inside of a box, with a prior whose weight follows the residual.
 
-use super::limits::Range;
+use super::limits::{Coupling, Range};
 use super::{LANDMARK_COUNT, UNKNOWNS};
 
 /// The residual that weighs the prior stays within these, metres: exact landmarks still leave the twist of a straight finger
@@ -19,6 +19,8 @@ const MOST_DAMPING: f64 = 1e8;
 pub(super) trait Problem {
     /// Ranges of the last unknowns.
     fn ranges(&self) -> &[Range];
+    /// What goes together among the last unknowns.
+    fn couplings(&self) -> &[Coupling];
     /// Sum of the squared errors, square metres.
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64;
     /// `J^T J` and `J^T e`.
@@ -29,7 +31,7 @@ pub(super) trait Problem {
 
 /// The unknowns at the minimum near `start`, and the number of steps tried, at most `most`.
 pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usize) -> ([f64; UNKNOWNS], usize) {
-    let ranges = problem.ranges();
+    let (ranges, couplings) = (problem.ranges(), problem.couplings());
     let free = UNKNOWNS - ranges.len();
     let mut x = start;
     let mut squares = problem.squares(&x);
@@ -38,8 +40,9 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
     'outer: while steps < most && squares.is_finite() {
         let variance = (squares / LANDMARK_COUNT as f64).clamp(LEAST_SIGMA * LEAST_SIGMA, MOST_SIGMA * MOST_SIGMA);
         let prior = |x: &[f64; UNKNOWNS]| -> f64 {
-            let terms = x[free..].iter().zip(ranges).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
-            variance * terms.sum::<f64>()
+            let alone = x[free..].iter().zip(ranges).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
+            let coupled = couplings.iter().map(|c| ((x[free + c.of] - c.ratio * x[free + c.with]) / c.spread).powi(2));
+            variance * (alone.sum::<f64>() + coupled.sum::<f64>())
         };
         let cost = squares + prior(&x);
         let (mut matrix, mut gradient) = problem.normal_equations(&x);
@@ -47,6 +50,17 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
             let weight = variance / (range.spread * range.spread);
             matrix[free + k][free + k] += weight;
             gradient[free + k] += weight * (x[free + k] - range.mean);
+        }
+        for c in couplings {
+            let weight = variance / (c.spread * c.spread);
+            let (of, with) = (free + c.of, free + c.with);
+            let error = x[of] - c.ratio * x[with];
+            matrix[of][of] += weight;
+            matrix[with][with] += weight * c.ratio * c.ratio;
+            matrix[of][with] -= weight * c.ratio;
+            matrix[with][of] -= weight * c.ratio;
+            gradient[of] += weight * error;
+            gradient[with] -= weight * c.ratio * error;
         }
         // What lies at its bound and wants to leave the range stays there.
         for (k, range) in ranges.iter().enumerate() {

@@ -2,7 +2,7 @@ use ghand_core::Side;
 use ghand_core::hand_model::named_poses::named_pose;
 
 use super::*;
-use crate::test_hands::{generic, hands, procedural};
+use crate::test_hands::{generic, hands, larger, procedural};
 
 /// Greatest angle that a joint turns from one pose to the next, radians; NaN if there is one.
 fn turn(a: &Pose, b: &Pose) -> f64 {
@@ -11,7 +11,7 @@ fn turn(a: &Pose, b: &Pose) -> f64 {
         axis_angle_from_rotation(&(a.transpose() * b)).length()
     };
     let angles = a.rotations.iter().zip(&b.rotations).map(angle);
-    angles.fold(0.0, |most: f64, angle| if angle.is_nan() { f64::NAN } else { most.max(angle) })
+    angles.fold(0.0, larger)
 }
 
 #[test]
@@ -25,9 +25,13 @@ fn motions_are_smooth_end_as_they_begin_and_show_their_poses() {
             assert!(turn(poses[0], poses[poses.len() - 1]) < 1e-9, "{name}");
             let steps: Vec<f64> = poses.windows(2).map(|pair| turn(pair[0], pair[1])).collect();
             // Fingers need a fifth of a second at least to close.
-            assert!(steps.iter().all(|step| *step < 0.3), "{name} jumps by {:?}", steps.iter().copied().fold(0.0, f64::max));
+            assert!(
+                steps.iter().all(|step| *step < 0.3),
+                "{name} jumps by {:?}",
+                steps.iter().copied().fold(0.0, larger)
+            );
             let jerks = steps.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            assert!(jerks.fold(0.0, f64::max) < 0.09, "{name}");
+            assert!(jerks.fold(0.0, larger) < 0.09, "{name}");
         }
         let grasp = motion("grasp", &model, 30.0).unwrap().unwrap();
         let fist = named_pose("fist", &model).unwrap();
@@ -47,6 +51,9 @@ fn the_rate_changes_the_number_of_frames_and_nothing_else() {
     assert_eq!(again.frames.len(), slow.frames.len());
     assert!(again.frames.iter().zip(&slow.frames).all(|(a, b)| turn(&a.pose, &b.pose) < 1e-9));
     assert!(!(turn(&slow.frames[0].pose, &slow.frames[9].pose) < 1e-9), "the comparison sees a difference");
+    let mut broken = slow.frames[0].pose.clone();
+    broken.rotations[2] = DVec3::NAN;
+    assert!(turn(&slow.frames[0].pose, &broken).is_nan());
 }
 
 #[test]

@@ -59,7 +59,9 @@ fn json(source: &Source, value: &Value) -> Result<Recording, PoseError> {
             Some(Value::Text(id)) => id.clone(),
             None => format!("{number:04}"),
             Some(other) => {
-                return Err(source.invalid(&format!("frames[{number}].id"), format!("is {}, must be text", other.kind())));
+                return Err(
+                    source.invalid(&format!("frames[{number}].id"), format!("is {}, must be text", other.kind()))
+                );
             }
         };
         if !ids.insert(id.clone()) {
@@ -207,6 +209,5 @@ pub fn write_poses(path: &Path, sequence: &PoseSequence) -> Result<(), PoseError
     let frames: Vec<serde_json::Value> = sequence.frames.iter().map(frame).collect();
     let model = json!({"joints": sequence.joint_names});
     let file = json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames});
-    write_atomically(path, file.to_string().as_bytes())
-        .map_err(|source| PoseError::Write { path: path.into(), source })
+    write_atomically(path, file.to_string().as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
 }

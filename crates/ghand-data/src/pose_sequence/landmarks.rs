@@ -55,7 +55,8 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
         return Some(recording(source, value, frames, hands));
     }
     if frames.iter().any(|frame| find(frame, &IMAGE_NAMES).is_some()) {
-        let problem = "are those of the image, which have no scale; record the world landmarks (worldLandmarks) beside them";
+        let problem =
+            "are those of the image, which have no scale; record the world landmarks (worldLandmarks) beside them";
         return Some(Err(source.invalid("landmarks", problem.into())));
     }
     None

@@ -178,7 +178,9 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
             let part = |name: &str| flat(hand.get(name));
             let pose = part("pose");
             let found = match pose.split_at_checked(3) {
-                Some((orient, fingers)) if pose.len() == 48 => frame(id, orient, fingers, &part("shape"), &part("trans")),
+                Some((orient, fingers)) if pose.len() == 48 => {
+                    frame(id, orient, fingers, &part("shape"), &part("trans"))
+                }
                 _ => Err(format!("has a pose of {} numbers, expected 48", pose.len())),
             };
             Some(Hand { id: (*id).clone(), side: Some(side), frame: found })
@@ -290,7 +292,11 @@ fn parameters(
         [.., 135] => 135,
         _ => {
             let problem = format!("has the shape {:?}, expected (T, 15, 3, 3), (T, 15, 3) or (T, 45)", pose.shape);
-            hands.push(Hand { id: id.unwrap_or("0000").into(), side: side.or(Some(source.wanted)), frame: Err(problem) });
+            hands.push(Hand {
+                id: id.unwrap_or("0000").into(),
+                side: side.or(Some(source.wanted)),
+                frame: Err(problem),
+            });
             return Ok(());
         }
     };
@@ -309,9 +315,12 @@ fn parameters(
     let places = flat(first(maps, &PLACE_NAMES));
     for k in 0..count {
         let own_side = match sides {
-            Some(Value::Numbers(array)) => array.values.get(if array.values.len() == count { k } else { 0 }).map(|right| {
-                if *right >= 0.5 { Side::Right } else { Side::Left }
-            }),
+            Some(Value::Numbers(array)) => {
+                array
+                    .values
+                    .get(if array.values.len() == count { k } else { 0 })
+                    .map(|right| if *right >= 0.5 { Side::Right } else { Side::Left })
+            }
             Some(value) => side_of(value),
             None => None,
         };

@@ -78,8 +78,8 @@ impl Skipped {
             let problem = format!("none of the {total} can be used; the first, {id:?}: {problem}");
             return Err(source.invalid("frames", problem));
         }
-        let are = if self.count == 1 { "frame is" } else { "frames are" };
-        Ok(Some(format!("{} of {total} {are} left out; the first, {id:?}: {problem}", self.count)))
+        let are = if self.count == 1 { "is" } else { "are" };
+        Ok(Some(format!("{} of {total} frames {are} left out; the first, {id:?}: {problem}", self.count)))
     }
 }
 

@@ -64,16 +64,22 @@ fn hands(frame: &Value) -> Vec<(Option<Side>, &Value)> {
     let holder = frame.get("hands").unwrap_or(frame);
     match holder {
         Value::List(items) => items.iter().map(|hand| (own(hand), hand)).collect(),
-        _ => holder.entries().iter().filter_map(|(name, hand)| Some((Some(side_of(&Value::Text(name.clone()))?), hand))).collect(),
+        _ => holder
+            .entries()
+            .iter()
+            .filter_map(|(name, hand)| Some((Some(side_of(&Value::Text(name.clone()))?), hand)))
+            .collect(),
     }
 }
 
 fn frames_of_joints(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, PoseError> {
     let shared = find(value, &SIDE_NAMES).and_then(side_of);
     let has = |wanted: Side| {
-        frames.iter().any(|frame| hands(frame).iter().any(|(side, hand)| {
-            side.or(shared).is_none_or(|side| side == wanted) && joints(hand).is_some()
-        }))
+        frames.iter().any(|frame| {
+            hands(frame)
+                .iter()
+                .any(|(side, hand)| side.or(shared).is_none_or(|side| side == wanted) && joints(hand).is_some())
+        })
     };
     let other = crate::retarget::other_side(source.wanted);
     let side = if has(source.wanted) { source.wanted } else { other };
@@ -108,7 +114,9 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let (count, joints, positions) = array("positions", 3)?;
     let (other_count, other_joints, orientations) = array("orientations", 4)?;
     if (count, joints) != (other_count, other_joints) {
-        return Err(source.invalid("orientations", format!("must be for {count} frames of {joints} joints as positions")));
+        return Err(
+            source.invalid("orientations", format!("must be for {count} frames of {joints} joints as positions"))
+        );
     }
     let (mut frames, mut skipped) = (Vec::new(), Skipped::default());
     for k in 0..count {
@@ -136,7 +144,10 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
     let rig = Rig::webxr(Side::Right);
     let named = |name: &str| {
         let role = JointRole::of(name);
-        rig.joint_names.iter().zip(&rig.roles).position(|(own, own_role)| own == name || (role.is_some() && *own_role == role))
+        rig.joint_names
+            .iter()
+            .zip(&rig.roles)
+            .position(|(own, own_role)| own == name || (role.is_some() && *own_role == role))
     };
     let mut found: Vec<Option<Placed>> = vec![None; rig.joints.len()];
     if let Value::Map(entries) = joints {
@@ -182,7 +193,8 @@ fn placed_joint(joint: &Value) -> Option<Placed> {
     }
     let inner = [joint.get("pose"), joint.get("transform"), Some(joint)];
     inner.into_iter().flatten().find_map(|map| {
-        if let Some(values) = find(map, &MATRIX_NAMES).and_then(Value::numbers).filter(|array| array.values.len() == 16) {
+        if let Some(values) = find(map, &MATRIX_NAMES).and_then(Value::numbers).filter(|array| array.values.len() == 16)
+        {
             return matrix(&values.values);
         }
         placed(vector(find(map, &POSITION_NAMES)?)?, quaternion(find(map, &ORIENTATION_NAMES)?)?)
