@@ -191,7 +191,7 @@ impl HandIk {
             _ => {
                 let translation = landmarks[0] - self.joints[self.landmarks[0]];
                 let mut best = run(self.start(root, translation, 0.0), COLD_STEPS);
-                if !(best.0 <= FOUND) {
+                if best.0.is_nan() || best.0 > FOUND {
                     let other = run(self.start(root, translation, 0.8), COLD_STEPS);
                     best = if other.0 < best.0 { other } else { best };
                 }

@@ -22,7 +22,6 @@ pub mod xr;
 
 use std::path::{Path, PathBuf};
 
-use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::hand_model::{HandModelError, Side};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::value::{Value, ValueError};
@@ -139,6 +138,9 @@ pub fn read_poses_bytes(
     poses_of_value(origin, &value, model, options)
 }
 
+/// Reads a file of its kind; `None` for one of another kind.
+type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
+
 fn poses_of_value(
     origin: &str,
     value: &Value,
@@ -148,8 +150,7 @@ fn poses_of_value(
     let wanted = options.side.unwrap_or(model.side);
     let source = Source { origin, wanted, take: options.take.as_deref() };
     // The first that knows its own kind reads it.
-    let readers: [fn(&Source, &Value) -> Option<Result<Recording, PoseError>>; 4] =
-        [xr::read, landmarks::read, mano::read, ghand::read];
+    let readers: [Reader; 4] = [xr::read, landmarks::read, mano::read, ghand::read];
     let Some(recording) = readers.iter().find_map(|read| read(&source, value)) else {
         let problem = format!(
             "is {}, which is no kind of poses that is read: ghand's own (\"frames\" with \"pose\"), MANO parameters, joints of \
@@ -281,8 +282,7 @@ fn mano_frames(
             if from_mean {
                 warnings.push(mean_is_unknown());
             }
-            let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() };
-            mano::stand_in(&Rig::of(&hand.build()?)?)
+            mano::stand_in(side)?
         }
     };
     if rig.side == side {

@@ -10,7 +10,7 @@ use ghand_data::pose_sequence::read_poses_bytes;
 use rand::{Rng, RngExt, SeedableRng};
 
 /// Changes of each input: enough that all readers see some hundred, few enough that it takes a few seconds.
-const CHANGES: usize = 400;
+const CHANGES: usize = 300;
 
 /// One to four changes of the kinds that damage files, or that a fuzzer tries.
 fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {

@@ -122,7 +122,7 @@ fn damped_step(
             }
             sum -= lower[i][..j].iter().zip(&lower[j][..j]).map(|(a, b)| a * b).sum::<f64>();
             if i == j {
-                if !(sum > 0.0) {
+                if sum.is_nan() || sum <= 0.0 {
                     return None;
                 }
                 lower[i][i] = sum.sqrt();

@@ -21,28 +21,27 @@
 //!
 //! A field `flat_hand_mean` in the file says otherwise where it is there.
 
+mod arrays;
+mod estimates;
+
+use std::sync::OnceLock;
+
 use ghand_core::hand_model::joint_names::JointRole;
 use ghand_core::hand_model::mano::JOINT_NAMES;
+use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::value::Value;
 use ghand_core::{Pose, Side};
 use glam::{DMat3, DVec3};
 
-use super::recording::{id_of, side_of};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
-use crate::retarget::mirrored;
 use crate::rig::Rig;
-
-/// How deep parameters may lie in lists and maps.
-const MAX_DEPTH: usize = 5;
+use arrays::{arctic, body, hawor, is_arctic, is_body};
+use estimates::{estimates, has_parameters};
 
 /// Matrices whose columns are this far from being units at right angles are no rotations: half precision stays below.
 const ROTATION_TOLERANCE: f64 = 2e-2;
 
-const POSE_NAMES: [&str; 3] = ["hand_pose", "mano_hand_pose", "pred_hand_pose"];
-const ORIENT_NAMES: [&str; 4] = ["global_orient", "mano_global_orient", "pred_global_orient", "root_orient"];
-const SHAPE_NAMES: [&str; 4] = ["betas", "mano_betas", "pred_betas", "shape"];
-const PLACE_NAMES: [&str; 6] = ["pred_cam_t_full", "cam_t_full", "cam_t", "transl", "trans", "pred_cam_t"];
 const SIDE_NAMES: [&str; 6] = ["is_right", "right", "side", "handedness", "hand_type", "hand_side"];
 
 /// Frames of both hands, before one is chosen.
@@ -53,13 +52,18 @@ struct Hand {
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
-    let (hands, fps, from_mean) = match () {
-        () if value.get("pred_rot").is_some() => (hawor(source, value), None, false),
-        () if interhand_captures(value).is_some() => (interhand(source, value), Some(5.0), true),
-        () if is_arctic(value) => (arctic(source, value), Some(30.0), true),
-        () if is_body(value) => (body(source, value), None, false),
-        () if has_parameters(value, 0) => (estimates(source, value), None, false),
-        () => return None,
+    let (hands, fps, from_mean) = if value.get("pred_rot").is_some() {
+        (hawor(source, value), None, false)
+    } else if interhand_captures(value).is_some() {
+        (interhand(source, value), Some(5.0), true)
+    } else if is_arctic(value) {
+        (arctic(source, value), Some(30.0), true)
+    } else if is_body(value) {
+        (body(source, value), None, false)
+    } else if has_parameters(value, 0) {
+        (estimates(source, value), None, false)
+    } else {
+        return None;
     };
     Some(hands.and_then(|hands| recording(source, value, hands, fps, from_mean)))
 }
@@ -198,287 +202,6 @@ fn first<'a>(maps: &[&'a Value], names: &[&str]) -> Option<&'a Value> {
     names.iter().find_map(|name| maps.iter().find_map(|map| map.get(name)))
 }
 
-fn has_parameters(value: &Value, depth: usize) -> bool {
-    let children = |value: &Value| match value {
-        Value::Map(entries) => entries.iter().any(|(_, child)| has_parameters(child, depth + 1)),
-        Value::List(items) => items.iter().any(|child| has_parameters(child, depth + 1)),
-        _ => false,
-    };
-    let here = first(&[value], &POSE_NAMES).is_some() && first(&[value], &ORIENT_NAMES).is_some();
-    here || (depth < MAX_DEPTH && children(value))
-}
-
-/// All dictionaries of parameters below a value, with the frame that they lie in.
-fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
-    let mut hands = Vec::new();
-    let top = value.get("frames").unwrap_or(value);
-    let holds_one = |(name, child): &(String, Value)| {
-        let named = ["params", "preds", "mano"].iter().any(|part| name.contains(part));
-        (named || side_of(&Value::Text(name.clone())).is_some()) && has_parameters(child, 1)
-    };
-    if first(&[top], &POSE_NAMES).is_some() || top.entries().iter().any(holds_one) {
-        walk(source, top, None, &[], None, 0, &mut hands)?;
-        return Ok(hands);
-    }
-    match top {
-        Value::List(frames) => {
-            for (number, frame) in frames.iter().enumerate() {
-                let before = hands.len();
-                let id = id_of(frame, number);
-                walk(source, frame, Some(&id), &[], None, 0, &mut hands)?;
-                if hands.len() == before {
-                    hands.push(Hand { id, side: Some(source.wanted), frame: Err("has no hand".into()) });
-                }
-            }
-        }
-        _ => {
-            for (id, frame) in top.entries() {
-                walk(source, frame, Some(id), &[], None, 0, &mut hands)?;
-            }
-        }
-    }
-    Ok(hands)
-}
-
-fn walk<'a>(
-    source: &Source,
-    value: &'a Value,
-    id: Option<&str>,
-    above: &[&'a Value],
-    side: Option<Side>,
-    depth: usize,
-    hands: &mut Vec<Hand>,
-) -> Result<(), PoseError> {
-    if depth > MAX_DEPTH {
-        return Ok(());
-    }
-    let maps: Vec<&Value> = std::iter::once(value).chain(above.iter().copied()).collect();
-    if let (Some(pose), Some(orient)) = (first(&[value], &POSE_NAMES), first(&[value], &ORIENT_NAMES)) {
-        return parameters(source, id, side, &maps, pose, orient, hands);
-    }
-    match value {
-        Value::List(items) => {
-            for item in items {
-                walk(source, item, id, &maps, side, depth + 1, hands)?;
-            }
-        }
-        Value::Map(entries) => {
-            for (name, child) in entries {
-                let side = side_of(&Value::Text(name.clone())).or(side);
-                walk(source, child, id, &maps, side, depth + 1, hands)?;
-            }
-        }
-        _ => {}
-    }
-    Ok(())
-}
-
-/// The hands of one dictionary, of which its arrays hold one or many.
-fn parameters(
-    source: &Source,
-    id: Option<&str>,
-    side: Option<Side>,
-    maps: &[&Value],
-    pose: &Value,
-    orient: &Value,
-    hands: &mut Vec<Hand>,
-) -> Result<(), PoseError> {
-    let Some(pose) = pose.numbers() else {
-        return Err(source.invalid("hand_pose", format!("is {}, expected numbers", pose.kind())));
-    };
-    let width = match pose.shape[..] {
-        [.., 15, 3, 3] => 135,
-        [.., 15, 3] | [.., 45] => 45,
-        [.., 135] => 135,
-        _ => {
-            let problem = format!("has the shape {:?}, expected (T, 15, 3, 3), (T, 15, 3) or (T, 45)", pose.shape);
-            hands.push(Hand {
-                id: id.unwrap_or("0000").into(),
-                side: side.or(Some(source.wanted)),
-                frame: Err(problem),
-            });
-            return Ok(());
-        }
-    };
-    let count = pose.values.len() / width;
-    let orient = flat(Some(orient));
-    let per_hand = |values: &[f64], k: usize| -> Vec<f64> {
-        let width = values.len() / count.max(1);
-        values.iter().skip(k * width).take(width).copied().collect()
-    };
-    // One shape, place or side may stand for all.
-    let shared = |values: &[f64], k: usize, widths: &[usize]| {
-        if widths.contains(&values.len()) && count != 1 { values.to_vec() } else { per_hand(values, k) }
-    };
-    let sides = first(maps, &SIDE_NAMES);
-    let shapes = flat(first(maps, &SHAPE_NAMES));
-    let places = flat(first(maps, &PLACE_NAMES));
-    for k in 0..count {
-        let own_side = match sides {
-            Some(Value::Numbers(array)) => {
-                array
-                    .values
-                    .get(if array.values.len() == count { k } else { 0 })
-                    .map(|right| if *right >= 0.5 { Side::Right } else { Side::Left })
-            }
-            Some(value) => side_of(value),
-            None => None,
-        };
-        let own_side = own_side.or(side);
-        let id = id.map_or_else(|| format!("{k:04}"), str::to_owned);
-        let fingers: Vec<f64> = pose.values.iter().skip(k * width).take(width).copied().collect();
-        let shape = shared(&shapes, k, &[10]);
-        let mut found = frame(&id, &per_hand(&orient, k), &fingers, &shape, &shared(&places, k, &[3]));
-        if let (Ok(found), Some(Side::Left)) = (&mut found, own_side) {
-            // The place is that in the picture, which was never mirrored.
-            found.pose.rotations = mirrored(&found.pose).rotations;
-        }
-        hands.push(Hand { id, side: own_side.or(Some(Side::Right)), frame: found });
-    }
-    Ok(())
-}
-
-fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
-    let array = |name: &str, width: usize| -> Result<(usize, Vec<f64>), PoseError> {
-        match value.get(name).and_then(Value::numbers) {
-            Some(found) if found.shape.first() == Some(&2) && found.shape.len() >= 2 => {
-                let frames = found.shape.get(1).copied().unwrap_or(0);
-                if found.values.len() == 2 * frames * width {
-                    return Ok((frames, found.values.clone()));
-                }
-                Err(source.invalid(name, format!("has the shape {:?}, expected (2, T, {width})", found.shape)))
-            }
-            _ => Err(source.invalid(name, format!("must have the shape (2, T, {width}): left hand, right hand"))),
-        }
-    };
-    let (count, orient) = array("pred_rot", 3)?;
-    let (fingers_count, fingers) = array("pred_hand_pose", 45)?;
-    let (place_count, places) = array("pred_trans", 3)?;
-    if [fingers_count, place_count].iter().any(|other| *other != count) {
-        return Err(source.invalid("pred_hand_pose", format!("and pred_trans must have {count} frames as pred_rot")));
-    }
-    let shapes = value.get("pred_betas").map_or(Ok((count, vec![])), |_| array("pred_betas", 10))?.1;
-    let valid = value.get("pred_valid").map_or(Ok((count, vec![])), |_| array("pred_valid", 1))?.1;
-    let mut hands = Vec::with_capacity(2 * count);
-    for (place, side) in [Side::Left, Side::Right].into_iter().enumerate() {
-        for k in (0..count).map(|k| place * count + k) {
-            let part = |values: &[f64], width: usize| -> Vec<f64> {
-                values.iter().skip(k * width).take(width).copied().collect()
-            };
-            let id = format!("{:04}", k - place * count);
-            let shown = valid.get(k).is_none_or(|valid| *valid >= 0.5);
-            let found = if shown {
-                frame(&id, &part(&orient, 3), &part(&fingers, 45), &part(&shapes, 10), &part(&places, 3))
-            } else {
-                Err("has no hand".into())
-            };
-            hands.push(Hand { id, side: Some(side), frame: found });
-        }
-    }
-    Ok(hands)
-}
-
-/// Arrays of one hand by the names that ARCTIC uses.
-fn arctic_parts<'a>(value: &'a Value, ending: &str) -> Option<[Option<&'a Value>; 4]> {
-    let part = |name: &str| value.get(&format!("{name}{ending}"));
-    let pose = part("pose")?.numbers()?;
-    matches!(pose.shape[..], [_, 45 | 48] | [_, 15, 3]).then(|| ["rot", "pose", "trans", "shape"].map(part))
-}
-
-fn is_arctic(value: &Value) -> bool {
-    ["", "_r", "_l"].iter().any(|ending| arctic_parts(value, ending).is_some())
-        || ["right", "left"].iter().any(|name| value.get(name).is_some_and(|hand| arctic_parts(hand, "").is_some()))
-}
-
-fn arctic(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
-    let mut hands = Vec::new();
-    for (side, name, ending) in [(Side::Right, "right", "_r"), (Side::Left, "left", "_l")] {
-        let nested = value.get(name).and_then(|hand| arctic_parts(hand, ""));
-        if let Some(parts) = nested.or_else(|| arctic_parts(value, ending)) {
-            rows_of_hand(source, Some(side), parts, &mut hands)?;
-        }
-    }
-    if let Some(parts) = arctic_parts(value, "") {
-        let side = first(&[value], &SIDE_NAMES).and_then(side_of);
-        rows_of_hand(source, side, parts, &mut hands)?;
-    }
-    Ok(hands)
-}
-
-/// Frames of the arrays `rot`, `pose`, `trans` and `shape` of a hand; 48 numbers of a pose begin with the root.
-fn rows_of_hand(
-    source: &Source,
-    side: Option<Side>,
-    [rot, pose, trans, shape]: [Option<&Value>; 4],
-    hands: &mut Vec<Hand>,
-) -> Result<(), PoseError> {
-    let Some(pose) = pose.and_then(Value::numbers) else { return Ok(()) };
-    let count = pose.shape.first().copied().unwrap_or(0);
-    let width = pose.values.len().checked_div(count).unwrap_or(0);
-    let (rot, trans, shape) = (flat(rot), flat(trans), flat(shape));
-    for (name, values) in [("rot", &rot), ("trans", &trans)] {
-        if !values.is_empty() && values.len() != 3 * count {
-            let problem = format!("has {} numbers for {count} frames, expected 3 each", values.len());
-            return Err(source.invalid(name, problem));
-        }
-    }
-    // One shape for all frames, or one each.
-    let shape_of = |k: usize| {
-        let width = if shape.len().is_multiple_of(count.max(1)) && shape.len() >= 10 * count {
-            shape.len() / count.max(1)
-        } else {
-            return shape.clone();
-        };
-        shape.iter().skip(k * width).take(width).copied().collect()
-    };
-    for k in 0..count {
-        let row: Vec<f64> = pose.values.iter().skip(k * width).take(width).copied().collect();
-        let root = rot.get(3 * k..3 * k + 3).unwrap_or(&[0.0; 3]);
-        let place = trans.get(3 * k..3 * k + 3).unwrap_or(&[]);
-        let id = format!("{k:04}");
-        let (orient, fingers) = if width == 48 { row.split_at(3) } else { (root, row.as_slice()) };
-        let found = frame(&id, orient, fingers, &shape_of(k), place);
-        hands.push(Hand { id, side, frame: found });
-    }
-    Ok(())
-}
-
-fn columns(value: &Value, name: &str, widths: &[usize]) -> Option<usize> {
-    match value.get(name)?.numbers()?.shape[..] {
-        [_, width] if widths.contains(&width) => Some(width),
-        _ => None,
-    }
-}
-
-fn is_body(value: &Value) -> bool {
-    columns(value, "poses", &[156, 165]).is_some()
-        || columns(value, "pose_hand", &[90]).is_some()
-        || ["right_hand_pose", "left_hand_pose"].iter().any(|name| columns(value, name, &[45]).is_some())
-}
-
-fn body(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
-    let mut hands = Vec::new();
-    let both = [("poses", vec![156, 165]), ("pose_hand", vec![90])];
-    let both = both.into_iter().find_map(|(name, widths)| Some((name, columns(value, name, &widths)?)));
-    for (side, name, from_end) in [(Side::Left, "left_hand_pose", 90), (Side::Right, "right_hand_pose", 45)] {
-        let (name, width, start) = match both {
-            Some((name, width)) => (name, width, width - from_end),
-            None if value.get(name).is_some() => (name, 45, 0),
-            None => continue,
-        };
-        let rows = flat(value.get(name));
-        if !rows.len().is_multiple_of(width) {
-            return Err(source.invalid(name, format!("must have the shape (T, {width})")));
-        }
-        for (k, row) in rows.chunks_exact(width).enumerate() {
-            let id = format!("{k:04}");
-            let found = frame(&id, &[0.0; 3], row.get(start..start + 45).unwrap_or(&[]), &[], &[]);
-            hands.push(Hand { id, side: Some(side), frame: found });
-        }
-    }
-    Ok(hands)
-}
-
 /// Whether a rig has MANO's joints, in MANO's axes: fingers along -X of a right hand (+X of a left one), back of the hand +Y.
 pub(super) fn is_mano(rig: &Rig) -> bool {
     let same = rig.joint_names.iter().map(String::as_str).eq(JOINT_NAMES);
@@ -488,20 +211,29 @@ pub(super) fn is_mano(rig: &Rig) -> bool {
 
 /// A MANO-like rig from the built-in hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a left hand to
 /// +X), back of the hand from +X (-X) to +Y.
-pub(super) fn stand_in(rig: &Rig) -> Rig {
-    let turn = match rig.side {
-        Side::Right => DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::NEG_Z),
-        Side::Left => DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z),
+pub(super) fn stand_in(side: Side) -> Result<Rig, PoseError> {
+    // Building a hand takes longer than reading most files.
+    static RIGS: [OnceLock<Rig>; 2] = [const { OnceLock::new() }; 2];
+    let [right, left] = &RIGS;
+    let (known, turn) = match side {
+        Side::Right => (right, DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::NEG_Z)),
+        Side::Left => (left, DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z)),
     };
+    if let Some(rig) = known.get() {
+        return Ok(rig.clone());
+    }
+    let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() };
+    let rig = Rig::of(&hand.build()?)?;
     let wrist = rig.at(JointRole::Wrist).unwrap_or_default();
     let place = |p: DVec3| turn * (p - wrist);
     let frames = |frames: &[DMat3]| frames.iter().map(|frame| turn * *frame).collect();
-    Rig {
+    let rig = Rig {
         name: "MANO's axes".into(),
         joints: rig.joints.iter().map(|joint| place(*joint)).collect(),
         frames: frames(&rig.frames),
         hinges: frames(&rig.hinges),
         tips: rig.tips.map(place),
-        ..rig.clone()
-    }
+        ..rig
+    };
+    Ok(known.get_or_init(|| rig).clone())
 }

@@ -1,3 +1,5 @@
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
+
 use ghand_core::hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_core::posing::pose_hand;
 use ghand_core::skeleton::pose_skeleton;
