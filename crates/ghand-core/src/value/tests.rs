@@ -61,7 +61,7 @@ fn memory_is_bounded_whatever_a_file_says() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.json");
     // A sparse file: 2 GiB that take no room.
-    std::fs::File::create(&path).unwrap().set_len(2 << 30).unwrap();
+    File::create(&path).unwrap().set_len(2 << 30).unwrap();
     assert!(Value::read(&path).unwrap_err().to_string().contains("larger than 512 MiB"));
     let budget = budget::Budget::new();
     assert!(budget.numbers(1 << 25).is_ok() && budget.numbers(1).is_err());
