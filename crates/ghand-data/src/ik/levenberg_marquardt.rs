@@ -11,6 +11,9 @@ const MOST_SIGMA: f64 = 0.01;
 /// Steps smaller than this, radians or metres, change nothing that can be seen.
 const SMALL_STEP: f64 = 1e-5;
 
+/// A step that was hardly damped and brought less than this part of the sum is the last one.
+const SMALL_GAIN: f64 = 1e-4;
+
 /// Damping, as a part of the diagonal: at first, and where no step helps any more.
 const FIRST_DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e8;
@@ -88,11 +91,13 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
                 largest = tried.iter().zip(&x).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
             }
             let tried_squares = problem.squares(&tried);
-            if tried_squares + prior(&tried) < cost {
+            let tried_cost = tried_squares + prior(&tried);
+            if tried_cost < cost {
+                let settled = damping <= FIRST_DAMPING && cost - tried_cost < SMALL_GAIN * cost;
                 problem.settle(&mut tried);
                 (x, squares) = (tried, tried_squares);
                 damping = (damping * 0.2).max(1e-9);
-                if largest < SMALL_STEP {
+                if settled || largest < SMALL_STEP {
                     break 'outer;
                 }
                 break;
