@@ -1,13 +1,12 @@
 //! What the programs `train`, `viewer` and `ghand` are made of: commands, the viewer's parts, and reading of their input.
 
 pub mod bare_hand;
-pub mod camera_file;
 pub mod cli;
 pub mod commands;
 pub mod framing;
 pub mod hand_model_file;
 pub mod mesh_picture;
-pub mod pose_file;
+pub mod pose_choice;
 pub mod viewer;
 
 /// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.

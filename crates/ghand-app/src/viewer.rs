@@ -5,4 +5,5 @@ pub mod camera;
 pub mod picture;
 pub mod pose_panel;
 pub mod screenshot;
+pub mod timeline;
 pub mod window;

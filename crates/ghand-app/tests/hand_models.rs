@@ -77,6 +77,36 @@ fn a_mano_models_mean_pose_is_added_unless_the_pose_is_from_the_flat_hand() {
 }
 
 #[test]
+fn poses_of_any_kind_are_written_as_ghands_own_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = |arguments: &[&str]| {
+        let output = run(GHAND, folder.path(), &[&["pose"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let file = std::fs::read(folder.path().join("out.json")).unwrap();
+        (
+            serde_json::from_slice::<serde_json::Value>(&file).unwrap(),
+            String::from_utf8_lossy(&output.stderr).into_owned(),
+        )
+    };
+    let (wave, _) = written(&["--pose", "wave", "--fps", "10", "--out", "out.json"]);
+    assert!(wave["fps"] == 10.0 && wave["frames"].as_array().unwrap().len() > 15);
+    std::fs::rename(folder.path().join("out.json"), folder.path().join("wave.json")).unwrap();
+    assert_eq!(written(&["--pose", "wave.json", "--out", "out.json"]).0, wave);
+    let still = written(&["--pose", "wave.json", "--in-place", "--frame", "3", "--out", "out.json"]).0;
+    assert_eq!(
+        (still["frames"].as_array().unwrap().len(), &still["frames"][0]["pose"][0]),
+        (1, &serde_json::json!([0.0, 0.0, 0.0]))
+    );
+    // A tracker's file with a frame that is none: one warning, on stderr.
+    let estimate = |number: Option<f64>| serde_json::json!({"is_right": 1, "global_orient": [number, 0, 0], "hand_pose": vec![0.1; 45]});
+    let estimates = serde_json::json!([estimate(Some(0.5)), estimate(None)]);
+    std::fs::write(folder.path().join("hands.json"), estimates.to_string()).unwrap();
+    let (hands, warnings) = written(&["--pose", "hands.json", "--out", "out.json"]);
+    assert_eq!(hands["frames"].as_array().unwrap().len(), 1);
+    assert!(warnings.contains("1 of 2 frames is left out") && warnings.lines().count() == 1, "{warnings}");
+}
+
+#[test]
 fn a_posed_hand_is_written_as_gltf_too() {
     let folder = tempfile::tempdir().unwrap();
     let output = run(GHAND, folder.path(), &["pose", "--pose", "fist", "--out", "fist.glb"]);

@@ -73,6 +73,19 @@ fn every_frame_of_a_pose_file_is_rendered_or_the_one_asked_for() {
 }
 
 #[test]
+fn a_motion_is_rendered_at_its_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let arguments = ["render", "hand.ghand", "--pose", "grasp", "--fps", "2", "--turntable", "1", "--size", "64x64"];
+    let output = run(GHAND, folder.path(), &[&arguments[..], &["--out", "out"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let names = listing(&folder.path().join("out"));
+    assert_eq!(names.len(), 5);
+    let [open_hand, fist] = ["out/0000.png", "out/0002.png"].map(|name| open(&folder.path().join(name)));
+    assert!(coverage(&fist, [0, 0, 0]) < 0.9 * coverage(&open_hand, [0, 0, 0]), "the hand does not close");
+}
+
+#[test]
 fn bad_input_is_one_sentence_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let avatar = save_avatar(folder.path());

@@ -21,8 +21,10 @@ pub mod rotation;
 pub mod skeleton;
 pub mod skinning;
 pub mod surface;
+pub mod value;
 
 pub use camera::Camera;
 pub use hand_model::{HandModel, HandModelError, Side};
 pub use pose::Pose;
 pub use surface::SurfaceSamples;
+pub use value::Value;

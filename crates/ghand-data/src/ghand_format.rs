@@ -13,6 +13,8 @@ use std::collections::BTreeMap;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use serde::{Deserialize, Serialize};
 
+use crate::camera_file::CameraFile;
+
 const FORMAT: &str = "ghand-capture";
 const VERSION: u64 = 1;
 const UNITS: &str = "metre";
@@ -58,16 +60,6 @@ struct HandModelFile {
     /// Index of each joint's parent in `joints`, -1 for the root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     parents: Option<Vec<i64>>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct CameraFile {
-    id: String,
-    width: u32,
-    height: u32,
-    intrinsics: [[f64; 3]; 3],
-    rotation: [[f64; 3]; 3],
-    translation: [f64; 3],
 }
 
 #[derive(Serialize, Deserialize)]

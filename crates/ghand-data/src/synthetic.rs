@@ -4,7 +4,7 @@
 //! that the template under plain linear blend skinning is wrong where templates are wrong. Training poses carry a tracker's
 //! errors; test poses and truth are exact. The same options give the same capture, up to the renderer's rounding.
 
-mod anatomy;
+pub(crate) mod anatomy;
 mod exposure;
 mod noise;
 mod rig;
@@ -12,7 +12,7 @@ mod skin;
 mod skinning;
 #[cfg(test)]
 mod tests;
-mod trajectory;
+pub(crate) mod trajectory;
 mod true_hand;
 
 use std::collections::BTreeMap;

@@ -7,11 +7,12 @@ use clap::Parser;
 use ghand_app::LAST_AVATAR;
 use ghand_app::bare_hand::bare_hand;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
-use ghand_app::pose_file::pose_by_name;
+use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::window;
 use ghand_avatar::Avatar;
+use ghand_core::Pose;
 
 /// Look at an animatable hand avatar
 #[derive(Debug, Parser)]
@@ -19,9 +20,11 @@ use ghand_avatar::Avatar;
 struct Arguments {
     /// The avatar, a .ghand file [default: the last trained one, out/train/avatar.ghand, else a bare hand]
     avatar: Option<PathBuf>,
-    /// The pose at first: rest, relaxed, spread, fist, pinch, point, victory or thumbs-up
-    #[arg(long, value_name = "NAME", default_value = "rest")]
+    /// The pose at first, or what to play: a pose or a motion by name, or a file of poses of any kind that `ghand render` takes
+    #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
+    #[command(flatten)]
+    reading: PoseReadingArgs,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -41,9 +44,14 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         window::check_display()?;
     }
     let (avatar, source) = avatar(arguments.avatar.as_deref())?;
-    let pose = pose_by_name(&arguments.pose, &avatar.model)?;
+    let sequence = arguments.reading.load(&arguments.pose, &avatar.model)?;
+    let pose = sequence.frames.first().map_or_else(|| Pose::rest(avatar.model.joint_count()), |f| f.pose.clone());
     let gpu = arguments.adapter.open()?;
     let mut viewer = Viewer::new(&gpu, avatar, source.clone(), pose)?;
+    if sequence.frames.len() > 1 {
+        // A picture of the viewer shows the first frame.
+        viewer.play(arguments.pose.clone(), sequence, arguments.screenshot.is_none());
+    }
     match &arguments.screenshot {
         Some(path) => screenshot(&mut viewer, arguments.size.unwrap_or(window::WINDOW_SIZE), path),
         None => window::open(&mut viewer, &format!("ghand - {source}")),

@@ -11,10 +11,10 @@ use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::surface::sample_surface;
 use ghand_core::{Camera, HandModel, Pose};
+use ghand_data::camera_file::read_camera;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
 
-use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::turntable;
 

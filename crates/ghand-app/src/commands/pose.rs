@@ -1,24 +1,26 @@
-//! `ghand pose`: the mesh of a hand model in any pose and shape, as a file or as a picture.
+//! `ghand pose`: the mesh of a hand model in any pose and shape, as a file or as a picture, or poses of any kind as ghand's own.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
 use ghand_core::hand_model::glb::write_glb;
-use ghand_core::hand_model::named_poses::POSE_NAMES;
 use ghand_core::hand_model::obj::write_obj;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, HandModelError, Pose};
+use ghand_data::camera_file::read_camera;
+use ghand_data::pose_sequence::DEFAULT_FPS;
+use ghand_data::pose_sequence::ghand::write_poses;
+use ghand_data::{PoseFrame, PoseSequence};
 use glam::DVec3;
 use image::RgbImage;
 
-use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_color, parse_size};
 use crate::commands::render::write_png;
 use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw, over};
-use crate::pose_file::{PosedFrame, choose_frame, poses};
+use crate::pose_choice::{PoseReadingArgs, choose_frame};
 
 /// Size of a picture when neither the command line nor a camera says.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -32,16 +34,17 @@ pub struct PoseArgs {
     hand_model: Option<PathBuf>,
     #[command(flatten)]
     reading: HandModelArgs,
-    /// A JSON file of poses, or a capture.json, or a pose's name; its shape and translation are used, too [default: zeros]
+    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
+    /// MediaPipe's world landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
-    /// Which frame of the file: its id or, counted from 0, its number [default: the first]
+    #[command(flatten)]
+    reading_poses: PoseReadingArgs,
+    /// Which frame of the file: its id or, counted from 0, its number [default: the first; for .json, all]
     #[arg(long, value_name = "N", requires = "pose")]
     frame: Option<String>,
-    /// Take the pose as measured from the flat hand: a MANO model's mean pose is not added
-    #[arg(long)]
-    flat_mean: bool,
-    /// The mesh to write: .obj (vertices in the order of the model's file) or .glb; metres
+    /// The mesh to write: .obj (vertices in the order of the model's file) or .glb; metres. Or .json: the poses themselves, as
+    /// rotations of this model's joints
     #[arg(long, value_name = "FILE", group = "output")]
     out: Option<PathBuf>,
     /// A picture of the mesh to draw, .png
@@ -69,15 +72,20 @@ struct LookArgs {
     background: [f32; 3],
 }
 
-/// How a mesh is written.
-type Write = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
+/// What `--out` asks for.
+enum Output<'a> {
+    Mesh(&'a Path, WriteMesh),
+    Poses(&'a Path),
+}
 
-/// Poses the hand model, writes its mesh and draws it.
+type WriteMesh = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
+
+/// Poses the hand model, writes its mesh and draws it, or writes the poses.
 ///
 /// # Errors
 /// One that names the file or the option and what is wrong with it.
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let mesh = args.out.as_ref().map(|path| Ok::<_, anyhow::Error>((path, writer(path)?))).transpose()?;
+    let output = args.out.as_deref().map(output).transpose()?;
     if let Some(path) = args.picture.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
         bail!("--picture {}: must end in .png", path.display());
     }
@@ -86,20 +94,30 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         log::warn!("{warning}");
     }
     let model = &file.model;
-    let mut frame = frame(args, model)?;
-    let is_named = args.pose.as_deref().is_some_and(|name| POSE_NAMES.contains(&name));
-    // A pose by name is made for the flat hand.
-    if let (Some(space), false) = (&model.pose_space, args.flat_mean || is_named) {
-        frame.pose.rotations.iter_mut().skip(1).zip(&space.mean).for_each(|(rotation, mean)| *rotation += *mean);
+    let mut sequence = sequence(args, model)?;
+    if let Some(Output::Poses(path)) = output {
+        if args.picture.is_some() {
+            bail!(
+                "--picture with --out {}: a picture shows one pose; give .obj or .glb, or leave one out",
+                path.display()
+            );
+        }
+        if let Some(wanted) = &args.frame {
+            sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
+        }
+        write_poses(path, &sequence)?;
+        println!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
+        return Ok(());
     }
+    let frame = chosen(args, sequence.frames, args.frame.as_deref().unwrap_or("0"))?;
     let posed = pose_hand(model, &frame.shape, &frame.pose)
         .with_context(|| format!("{}: frame {:?}", args.pose.as_deref().unwrap_or("pose"), frame.id))?;
-    // Drawn before the mesh is written: what cannot be drawn leaves no file.
+    // Drawn before anything is written: what cannot be drawn leaves no file.
     let picture = match &args.picture {
         Some(path) => Some((path, picture(&args.look, adapter, model, &frame.pose, &posed.vertices)?)),
         None => None,
     };
-    if let Some((path, write)) = mesh {
+    if let Some(Output::Mesh(path, write)) = output {
         write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
         println!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
     }
@@ -110,11 +128,12 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn writer(path: &Path) -> anyhow::Result<Write> {
+fn output(path: &Path) -> anyhow::Result<Output<'_>> {
     match path.extension().and_then(|e| e.to_str()) {
-        Some("obj") => Ok(write_obj),
-        Some("glb") => Ok(write_glb),
-        _ => bail!("--out {}: must end in .obj or .glb", path.display()),
+        Some("obj") => Ok(Output::Mesh(path, write_obj)),
+        Some("glb") => Ok(Output::Mesh(path, write_glb)),
+        Some("json") => Ok(Output::Poses(path)),
+        _ => bail!("--out {}: must end in .obj, .glb or .json", path.display()),
     }
 }
 
@@ -137,9 +156,19 @@ fn picture(
     over(&image, look.background)
 }
 
-fn frame(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PosedFrame> {
-    let Some(text) = &args.pose else {
-        return Ok(PosedFrame { id: "zeros".into(), pose: Pose::rest(model.joint_count()), shape: vec![] });
-    };
-    choose_frame(poses(text, model)?, args.frame.as_deref().unwrap_or("0")).with_context(|| text.clone())
+fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> {
+    if let Some(text) = &args.pose {
+        return args.reading_poses.load(text, model);
+    }
+    // Zeros of a MANO model are its mean pose.
+    let mut pose = Pose::rest(model.joint_count());
+    if let (Some(space), false) = (&model.pose_space, args.reading_poses.flat_mean) {
+        pose.rotations.iter_mut().skip(1).zip(&space.mean).for_each(|(rotation, mean)| *rotation += *mean);
+    }
+    let frames = vec![PoseFrame { id: "zeros".into(), pose, shape: vec![] }];
+    Ok(PoseSequence { fps: DEFAULT_FPS, joint_names: model.joint_names.clone(), frames, warnings: vec![] })
+}
+
+fn chosen(args: &PoseArgs, frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {
+    choose_frame(frames, wanted).with_context(|| args.pose.clone().unwrap_or_default())
 }

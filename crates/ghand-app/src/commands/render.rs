@@ -9,13 +9,14 @@ use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
 use ghand_core::atomic_file::write_atomically;
 use ghand_core::{Camera, Pose};
+use ghand_data::PoseFrame;
+use ghand_data::camera_file::read_camera;
 use ghand_render::splat::{Image, Purpose};
 use image::{ImageFormat, RgbImage};
 
-use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_color, parse_size};
 use crate::framing::turntable;
-use crate::pose_file::{PosedFrame, choose_frame, poses};
+use crate::pose_choice::{PoseReadingArgs, choose_frame};
 
 /// Size of a picture when neither the command line nor a camera says.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -26,9 +27,12 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 pub struct RenderArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
-    /// A pose's name, or a JSON file of poses, or a capture.json
+    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
+    /// MediaPipe's world landmarks
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
+    #[command(flatten)]
+    reading: PoseReadingArgs,
     /// Only the frame of this id or, counted from 0, number [default: every frame of the file]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
@@ -90,8 +94,8 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<PosedFrame>> {
-    let frames = poses(&args.pose, &avatar.model)?;
+fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<PoseFrame>> {
+    let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
     match &args.frame {
         None => Ok(frames),
         Some(wanted) => Ok(vec![choose_frame(frames, wanted).with_context(|| args.pose.clone())?]),

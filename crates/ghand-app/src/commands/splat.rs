@@ -9,6 +9,7 @@ use bytemuck::cast_slice;
 use clap::Args;
 use ghand_avatar::ply::SplatScene;
 use ghand_core::atomic_file::write_atomically;
+use ghand_data::camera_file::read_camera;
 use ghand_render::splat::{Image, Purpose, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
 use image::{DynamicImage, ImageFormat, Rgba32FImage};
@@ -16,7 +17,6 @@ use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
 use super::render::{to_rgb8, write_png};
-use crate::camera_file::read_camera;
 use crate::cli::{AdapterArgs, parse_color};
 
 /// Command line of `ghand splat`.

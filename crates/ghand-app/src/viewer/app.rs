@@ -11,12 +11,14 @@ use egui::{
 };
 use ghand_avatar::Avatar;
 use ghand_core::Pose;
+use ghand_data::PoseSequence;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::picture::{Median, Picture, Progress, Scene};
 use crate::viewer::pose_panel::PosePanel;
+use crate::viewer::timeline::Timeline;
 
 /// Longest edge of the picture, pixels, on a graphics card.
 const LARGEST_PICTURE: u32 = 2048;
@@ -44,6 +46,7 @@ pub struct Viewer {
     panel: PosePanel,
     camera: OrbitCamera,
     pose: Pose,
+    timeline: Option<Timeline>,
     background: [u8; 3],
     largest_edge: u32,
     /// Edge of the picture as a part of the panel's: less than 1 where the device cannot hold so large a close-up.
@@ -78,6 +81,7 @@ impl Viewer {
             panel,
             camera,
             pose,
+            timeline: None,
             background: BACKGROUND,
             largest_edge,
             detail: 1.0,
@@ -89,6 +93,13 @@ impl Viewer {
             last_frame: None,
             between_frames_ms: Median::default(),
         })
+    }
+
+    /// Shows a motion from its beginning.
+    pub fn play(&mut self, title: String, sequence: PoseSequence, playing: bool) {
+        let timeline = Timeline::new(title, sequence, playing);
+        self.pose = timeline.pose().unwrap_or_else(|| self.pose.clone());
+        self.timeline = Some(timeline);
     }
 
     /// The device.
@@ -155,9 +166,17 @@ impl Viewer {
         ui.separator();
 
         ui.label(RichText::new("Pose").strong());
+        let before = self.pose.clone();
         self.panel.named_poses(ui, &mut self.pose);
         ui.add_space(4.0);
         CollapsingHeader::new("Joints").show(ui, |ui| self.panel.joints(ui, &mut self.pose));
+        if self.pose != before {
+            // Who poses the hand by hand wants no motion to move it on.
+            self.timeline = None;
+        }
+        ui.separator();
+        ui.label(RichText::new("Motion").strong());
+        Timeline::show(&mut self.timeline, ui, &self.avatar.model, &mut self.pose);
         ui.separator();
 
         ui.label(RichText::new("View").strong());
@@ -172,6 +191,7 @@ impl Viewer {
             if ui.button("Reset all").clicked() {
                 self.reset_view();
                 self.pose = Pose::rest(self.avatar.model.joint_count());
+                self.timeline = None;
                 self.background = BACKGROUND;
             }
         });
@@ -379,7 +399,7 @@ mod tests {
         // The first picture may have lacked room.
         ui.run(Vec::new());
         assert!(!ui.run(Vec::new()) && !ui.run(vec![Event::PointerMoved(pos2(500.0, 200.0))]));
-        ui.viewer.pose = crate::pose_file::pose_by_name("fist", &ui.viewer.avatar.model).unwrap();
+        ui.viewer.pose = crate::pose_choice::pose_by_name("fist", &ui.viewer.avatar.model).unwrap();
         assert!(ui.run(Vec::new()));
         ui.run(Vec::new());
         assert!(!ui.run(Vec::new()));

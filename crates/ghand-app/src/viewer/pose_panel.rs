@@ -4,7 +4,7 @@ use egui::{Button, CollapsingHeader, Slider, Ui};
 use ghand_core::hand_model::named_poses::POSE_NAMES;
 use ghand_core::{HandModel, Pose};
 
-use crate::pose_file::pose_by_name;
+use crate::pose_choice::pose_by_name;
 
 /// Groups of joints in the order of the panel: title, and what the joints' names contain.
 const GROUPS: [(&str, &[&str]); 6] = [

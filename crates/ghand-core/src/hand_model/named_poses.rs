@@ -1,12 +1,14 @@
-//! A few poses by name, for hands with MANO's or WebXR's joint names.
+//! A few poses by name, for hands whose joints' names tell the fingers.
 
 use glam::DVec3;
 
+use super::joint_names::{Finger, finger_joints};
 use super::{HandModel, Side};
 use crate::Pose;
 
 /// Names that [`named_pose`] knows.
-pub const POSE_NAMES: [&str; 8] = ["rest", "relaxed", "spread", "fist", "pinch", "point", "victory", "thumbs-up"];
+pub const POSE_NAMES: [&str; 12] =
+    ["rest", "open", "relaxed", "spread", "fist", "pinch", "point", "victory", "three", "four", "thumbs-up", "ok"];
 
 /// Joint angles in radians, whatever the rig.
 struct Gesture {
@@ -36,6 +38,15 @@ fn gesture(name: &str) -> Option<Gesture> {
             ],
             thumb: [0.2, 0.15, 0.15, 0.2],
         },
+        "open" => Gesture {
+            fingers: [
+                [-0.03, 0.02, 0.02, -0.05],
+                [-0.03, 0.02, 0.02, 0.0],
+                [-0.03, 0.02, 0.02, 0.05],
+                [-0.03, 0.04, 0.02, 0.1],
+            ],
+            thumb: [-0.03, -0.12, -0.05, -0.05],
+        },
         "spread" => Gesture {
             fingers: [[0.0, 0.0, 0.0, -0.12], STRAIGHT, [0.0, 0.0, 0.0, 0.12], [0.0, 0.0, 0.0, 0.22]],
             thumb: [-0.05, -0.25, -0.05, -0.1],
@@ -49,6 +60,18 @@ fn gesture(name: &str) -> Option<Gesture> {
         "victory" => Gesture {
             fingers: [[0.0, 0.0, 0.0, -0.14], [0.0, 0.0, 0.0, 0.12], bent_alone, little],
             thumb: [-0.08, 0.69, 0.60, 0.87],
+        },
+        "three" => Gesture {
+            fingers: [[0.0, 0.0, 0.0, -0.12], STRAIGHT, [0.0, 0.0, 0.0, 0.1], little],
+            thumb: [-0.02, 0.69, 0.60, 0.87],
+        },
+        "four" => Gesture {
+            fingers: [[0.0, 0.0, 0.0, -0.1], STRAIGHT, [0.0, 0.0, 0.0, 0.08], [0.0, 0.0, 0.0, 0.18]],
+            thumb: [0.05, 0.69, 0.60, 0.75],
+        },
+        "ok" => Gesture {
+            fingers: [[1.0, 0.7, 0.5, 0.04], [0.18, 0.22, 0.12, 0.0], [0.05, 0.1, 0.06, 0.06], [0.0, 0.04, 0.04, 0.14]],
+            thumb: [0.12, 0.16, 0.54, 0.54],
         },
         "thumbs-up" => Gesture { fingers: [index, middle, ring, little], thumb: [-0.15, -0.35, -0.1, -0.15] },
         _ => return None,
@@ -66,26 +89,25 @@ pub struct HandDirections {
     pub back: DVec3,
 }
 
-/// Directions of a model at rest; `None` when its joints have neither MANO's names nor WebXR's.
+/// Directions of a model at rest; `None` when the names of its joints do not tell the three joints of each finger.
 pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
     let knuckle = |finger| Some(model.joints[finger_joints(finger, model)?[0]]);
-    let across = (knuckle("pinky")? - knuckle("index")?).normalize_or_zero();
-    let forward = (knuckle("middle")? - model.joints[0]).normalize_or_zero();
+    let across = (knuckle(Finger::Little)? - knuckle(Finger::Index)?).normalize_or_zero();
+    let forward = (knuckle(Finger::Middle)? - model.joints[0]).normalize_or_zero();
     let back = across.cross(forward).normalize_or_zero() * if model.side == Side::Right { 1.0 } else { -1.0 };
     Some(HandDirections { forward, across, back })
 }
 
-/// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the model's joints have neither
-/// MANO's names (`index1`, ...) nor WebXR's.
+/// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the names of the model's joints do
+/// not tell the three joints of each finger (see [`super::joint_names`]).
 ///
 /// Axes come from the rest pose, which must be roughly flat: a finger flexes in the plane through its first bone and
 /// the palm's normal. The root stays where it is.
 pub fn named_pose(name: &str, model: &HandModel) -> Option<Pose> {
     let gesture = gesture(name)?;
     let at = |joint: usize| model.joints[joint];
-    let fingers = ["index", "middle", "ring", "pinky"].map(|finger| finger_joints(finger, model));
-    let [Some(index), Some(middle), Some(ring), Some(pinky)] = fingers else { return None };
-    let thumb = finger_joints("thumb", model)?;
+    let fingers = Finger::ALL.map(|finger| finger_joints(finger, model));
+    let [Some(thumb), Some(index), Some(middle), Some(ring), Some(pinky)] = fingers else { return None };
     let HandDirections { across, back, .. } = hand_directions(model)?;
     let mut pose = Pose::rest(model.joint_count());
     for (joints, [first, second, third, side]) in [index, middle, ring, pinky].into_iter().zip(gesture.fingers) {
@@ -108,20 +130,6 @@ pub fn named_pose(name: &str, model: &HandModel) -> Option<Pose> {
 /// The axis about which a small turn moves `from` towards `to`.
 fn turning(from: DVec3, to: DVec3) -> DVec3 {
     from.cross(to).normalize_or_zero()
-}
-
-/// The three joints that bend a finger, from the palm on.
-fn finger_joints(finger: &str, model: &HandModel) -> Option<[usize; 3]> {
-    let mano = [1, 2, 3].map(|k| format!("{finger}{k}"));
-    let webxr = if finger == "thumb" {
-        ["metacarpal", "phalanx-proximal", "phalanx-distal"].map(|part| format!("thumb-{part}"))
-    } else {
-        ["proximal", "intermediate", "distal"].map(|part| format!("{finger}-finger-phalanx-{part}"))
-    };
-    [mano, webxr].into_iter().find_map(|names| {
-        let [a, b, c] = names.map(|name| model.joint_index(&name));
-        Some([a?, b?, c?])
-    })
 }
 
 #[cfg(test)]
@@ -149,7 +157,7 @@ mod tests {
     }
 
     /// The vertex that lies farthest from the wrist among those that move with a joint.
-    fn tip(model: &HandModel, finger: &str) -> (usize, DVec3) {
+    fn tip(model: &HandModel, finger: Finger) -> (usize, DVec3) {
         let last = finger_joints(finger, model).unwrap()[2];
         let tip_joint = model.parents.iter().position(|p| *p == Some(last)).unwrap_or(last);
         let bound = (0..model.vertices.len()).filter(|&i| {
@@ -162,7 +170,7 @@ mod tests {
 
     fn check(model: &HandModel) {
         let towards_palm = if model.side == Side::Right { -1.0 } else { 1.0 };
-        let fingers = ["index", "middle", "ring", "pinky", "thumb"];
+        let fingers = [Finger::Index, Finger::Middle, Finger::Ring, Finger::Little, Finger::Thumb];
         let tips = fingers.map(|finger| tip(model, finger));
         let rest = posed(model, &named_pose("rest", model).unwrap(), &tips);
         for ((_, at_rest), posed) in tips.iter().zip(&rest) {
@@ -170,12 +178,12 @@ mod tests {
         }
         let relaxed = posed(model, &named_pose("relaxed", model).unwrap(), &tips);
         for (finger, (before, after)) in rest.iter().zip(&relaxed).enumerate() {
-            assert!((after.x - before.x) * towards_palm > 0.0, "{} curls backwards", fingers[finger]);
+            assert!((after.x - before.x) * towards_palm > 0.0, "{:?} curls backwards", fingers[finger]);
         }
         let fist = posed(model, &named_pose("fist", model).unwrap(), &tips);
         for finger in 0..4 {
             let reach = |p: DVec3| p.distance(model.joints[0]);
-            assert!(reach(fist[finger]) < 0.72 * reach(rest[finger]), "{} stays out of the fist", fingers[finger]);
+            assert!(reach(fist[finger]) < 0.72 * reach(rest[finger]), "{:?} stays out of the fist", fingers[finger]);
         }
         let point = posed(model, &named_pose("point", model).unwrap(), &tips);
         assert!(point[0].distance(rest[0]) < 1e-12 && point[1].distance(rest[1]) > 0.05);

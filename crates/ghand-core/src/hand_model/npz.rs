@@ -81,11 +81,19 @@ impl<'a> Npz<'a> {
         self.budget = self.budget.checked_sub(bytes.len()).ok_or_else(|| {
             ArrayError(format!("unpacks to too much: an archive may hold {MAX_UNPACKED} bytes, store less in it"))
         })?;
-        let (Header { elements, fortran, shape }, data) = split_header(&bytes)?;
-        let header_length = bytes.len() - data.len();
-        bytes.drain(..header_length);
-        Ok(StoredArray { elements, fortran, shape, data: bytes })
+        read_npy(bytes)
     }
+}
+
+/// The array of the bytes of an `.npy` file.
+///
+/// # Errors
+/// [`ArrayError`] when its header is damaged.
+pub(crate) fn read_npy(mut bytes: Vec<u8>) -> Result<StoredArray, ArrayError> {
+    let (Header { elements, fortran, shape }, data) = split_header(&bytes)?;
+    let header_length = bytes.len() - data.len();
+    bytes.drain(..header_length);
+    Ok(StoredArray { elements, fortran, shape, data: bytes })
 }
 
 /// An array as it is stored.

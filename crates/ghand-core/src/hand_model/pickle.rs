@@ -64,6 +64,21 @@ pub(crate) enum Node<'a> {
     Object(Box<Object>),
 }
 
+/// What a value of a pickle is, one step deep.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Plain {
+    Nothing,
+    Text(String),
+    /// Items of a list, a tuple, or an array of objects.
+    Items(Vec<Id>),
+    /// Entries of a dictionary in the order of the file, keys as text.
+    Entries(Vec<(String, Id)>),
+    /// The one value that an array without axes holds.
+    Object(Id),
+    /// Numbers, or an object that may be an array of them.
+    Array,
+}
+
 /// A call or an instance, not run.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Object {

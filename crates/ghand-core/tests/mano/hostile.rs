@@ -220,7 +220,7 @@ fn arrays_that_cannot_be_are_named() {
         ("v_template", sparse(&[0.; 6], &[], &[]), "sparse"),
         ("v_template", Py::List(vec![Py::Int(1)]), "is a list"),
         ("v_template", bytes("|O8", 120), "objects"),
-        ("v_template", bytes("<f2", 30), "f2"),
+        ("v_template", bytes("<c8", 30), "c8"),
         ("v_template", bytes("<c16", 240), "c16"),
         ("v_template", bytes("|S8", 120), "text"),
         ("v_template", bytes("<f8", 119), "119 bytes"),

@@ -5,20 +5,15 @@ use std::path::{Component, Path, PathBuf};
 
 use ghand_core::hand_model::gltf::read_gltf;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use glam::{DMat3, DVec2, DVec3};
+use glam::DVec3;
 use serde::de::DeserializeOwned;
 
 use super::{
-    CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE,
-    TruthFile, UNITS, VERSION,
+    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE, TruthFile, UNITS,
+    VERSION,
 };
+use crate::camera_file::{CameraFile, CameraProblem};
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
-
-/// Rotations further than this from orthonormal (largest entry of R R^T - I) are refused: rounding to four digits, the
-/// coarsest that exporters write, stays below it.
-const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Larger images are taken for a mistake; 16384 is also the largest texture of common devices.
-const LARGEST_IMAGE: u32 = 16384;
 
 impl Capture {
     /// Opens a capture of the project's own format: its folder or its `capture.json`. No image is read.
@@ -232,56 +227,9 @@ impl Checker<'_> {
     }
 
     fn camera(&self, file: &CameraFile) -> Result<Camera, CaptureError> {
-        let field = |name: &str| format!("cameras[{:?}].{name}", file.id);
-        for (name, size) in [("width", file.width), ("height", file.height)] {
-            if !(1..=LARGEST_IMAGE).contains(&size) {
-                let problem = format!("is {size}; must be 1 to {LARGEST_IMAGE} pixels");
-                return Err(self.invalid(field(name), problem));
-            }
-        }
-        let [[fx, skew, cx], [k10, fy, cy], last_row] = file.intrinsics;
-        if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|v| v.is_finite())) {
-            let problem = format!("singular: focal lengths {fx} and {fy} must be positive, the principal point finite");
-            return Err(self.invalid(field("intrinsics"), problem));
-        }
-        if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
-            let problem = "must be [[fx,0,cx],[0,fy,cy],[0,0,1]]; undistort the images to a camera without skew";
-            return Err(self.invalid(field("intrinsics"), problem));
-        }
-        let rotation = DMat3::from_cols_array_2d(&file.rotation).transpose();
-        let translation = DVec3::from(file.translation);
-        if !translation.is_finite() {
-            return Err(self.invalid(field("translation"), "is not finite; give metres"));
-        }
-        Ok(Camera {
-            id: file.id.clone(),
-            width: file.width,
-            height: file.height,
-            focal: DVec2::new(fx, fy),
-            principal: DVec2::new(cx, cy),
-            rotation: self.rotation(field("rotation"), rotation)?,
-            translation,
+        file.camera().map_err(|CameraProblem { field, problem }| {
+            self.invalid(format!("cameras[{:?}].{field}", file.id), problem)
         })
-    }
-
-    /// The rotation nearest to a matrix that is one but for rounding.
-    fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
-        let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
-        let error = entries.iter().fold(0.0, |worst: f64, e| if e.is_nan() { f64::NAN } else { worst.max(e.abs()) });
-        if !(matrix.is_finite() && error <= ROTATION_TOLERANCE && matrix.determinant() > 0.0) {
-            let problem = format!(
-                "is no rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), determinant {:.3}; give \
-                 the rows of camera_from_world without scale or mirror",
-                matrix.determinant()
-            );
-            return Err(self.invalid(field, problem));
-        }
-        // Newton's iteration for the polar factor converges quadratically: 1e-3, 1e-6, 1e-12, rounding.
-        let mut rotation = matrix;
-        for _ in 0..4 {
-            rotation = (rotation + rotation.inverse().transpose()) * 0.5;
-        }
-        Ok(rotation)
     }
 
     fn frame(&self, file: &FrameFile, joint_order: &[usize]) -> Result<Frame, CaptureError> {

@@ -6,9 +6,10 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use serde::Serialize;
 
 use super::{
-    CAPTURE_FILE, CameraFile, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile,
-    TruthFrameFile, UNITS, VERSION,
+    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile, TruthFrameFile,
+    UNITS, VERSION,
 };
+use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 use ghand_core::atomic_file::write_atomically;
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// One finger: three joints in a row and a tip.
 #[derive(Debug, Clone)]
-pub(super) struct Finger {
+pub(crate) struct Finger {
     /// Indices of its joints, base to tip.
     pub joints: [usize; 3],
     /// Rest positions of the joints and of the outermost point of the tip, metres.
@@ -32,7 +32,7 @@ impl Finger {
 
 /// The fingers of a right hand: fingers along -Y, back of the hand +X, thumb side -Z.
 #[derive(Debug, Clone)]
-pub(super) struct Anatomy {
+pub(crate) struct Anatomy {
     /// In the order of the model's joints.
     pub fingers: Vec<Finger>,
     /// Distance from the wrist to the farthest finger base relative to a usual hand's 90 mm.

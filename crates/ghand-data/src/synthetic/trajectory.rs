@@ -111,7 +111,7 @@ fn axis_angle(rotation: DMat3) -> DVec3 {
 }
 
 /// A smooth trajectory of `count` frames through hand shapes, about three frames from one to the next.
-pub(super) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
+pub(crate) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let keys = count.div_ceil(3) + 3;
     let keys: Vec<Gesture> = (0..keys).map(|i| Gesture::random(anatomy, i, &mut rng)).collect();

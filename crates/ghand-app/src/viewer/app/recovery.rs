@@ -56,7 +56,7 @@ mod tests {
 
     use super::*;
     use crate::bare_hand::bare_hand;
-    use crate::pose_file::pose_by_name;
+    use crate::pose_choice::pose_by_name;
     use crate::viewer::screenshot::screenshot;
 
     fn viewer() -> Viewer {

@@ -49,7 +49,7 @@ impl ElementType {
     pub(crate) fn parse(code: &str) -> Result<ElementType, ArrayError> {
         let unusable = || {
             ArrayError(format!(
-                "has elements of type {code:?}; store integers of 1 to 8 bytes or floats of 4 or 8 (array.astype(float))"
+                "has elements of type {code:?}; store integers of 1 to 8 bytes or floats of 2 to 8 (array.astype(float))"
             ))
         };
         let (big_endian, rest) = match code.split_at_checked(1) {
@@ -60,7 +60,7 @@ impl ElementType {
         let (letter, size) = rest.split_at_checked(1).ok_or_else(unusable)?;
         let size: usize = if size.is_empty() { 0 } else { size.parse().map_err(|_| unusable())? };
         let (kind, size) = match (letter, size) {
-            ("f", 4 | 8) => (ElementKind::Float, size),
+            ("f", 2 | 4 | 8) => (ElementKind::Float, size),
             ("i", 1 | 2 | 4 | 8) => (ElementKind::Signed, size),
             ("u", 1 | 2 | 4 | 8) => (ElementKind::Unsigned, size),
             ("b", 1) => (ElementKind::Bool, size),
@@ -90,6 +90,7 @@ impl ElementType {
         }
         let big = self.big_endian;
         let values = match (self.kind, self.size) {
+            (ElementKind::Float, 2) => decode(bytes, big, |b| half(u16::from_le_bytes(b))),
             (ElementKind::Float, 4) => decode(bytes, big, |b| f64::from(f32::from_le_bytes(b))),
             (ElementKind::Float, 8) => decode(bytes, big, f64::from_le_bytes),
             (ElementKind::Signed, 1) => decode(bytes, big, |b| f64::from(i8::from_le_bytes(b))),
@@ -131,6 +132,18 @@ fn element_count(shape: &[usize]) -> Result<usize, ArrayError> {
             "has the shape {shape:?}; at most {MAX_ELEMENTS} numbers in {MAX_AXES} axes are read, store less in it"
         ))),
     }
+}
+
+/// The number of a float of two bytes: a sign, five bits of exponent, ten of fraction.
+fn half(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
+    let size = match exponent {
+        0 => fraction * 2f64.powi(-24),
+        0x1f if fraction == 0.0 => f64::INFINITY,
+        0x1f => f64::NAN,
+        _ => (1024.0 + fraction) * 2f64.powi(exponent - 25),
+    };
+    if bits >> 15 == 0 { size } else { -size }
 }
 
 fn decode<const N: usize>(bytes: &[u8], big_endian: bool, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Arrays in a pickle: NumPy's in all protocols, chumpy's, and SciPy's sparse matrices.
 
-use super::{Class, Graph, Id, Node, Object};
+use super::{Class, Graph, Id, Node, Object, Plain};
 use crate::hand_model::npz::{ArrayError, ElementKind, ElementType, NumericArray};
 
 /// A matrix of which only some entries are stored.
@@ -163,6 +163,52 @@ impl Graph<'_> {
         match self.node(stored.data) {
             Node::List(items) if items.len() == 1 => Ok(items[0]),
             _ => Err(ArrayError("is an array of objects; store numbers in it (array.astype(float))".into())),
+        }
+    }
+
+    /// What a value is, one step deep.
+    pub(crate) fn plain(&self, id: Id) -> Result<Plain, ArrayError> {
+        Ok(match self.node(id) {
+            Node::None => Plain::Nothing,
+            Node::Text(_) | Node::Bytes(_) => Plain::Text(self.text(id).unwrap_or_default()),
+            Node::Tuple(items) | Node::List(items) => Plain::Items(items.clone()),
+            Node::Dict(entries) => {
+                let key = |id: Id| {
+                    let text = self.text(id).or_else(|| self.integer(id).map(|key| key.to_string()));
+                    text.ok_or_else(|| ArrayError("has a key that is neither text nor a number".into()))
+                };
+                Plain::Entries(entries.iter().map(|(k, v)| Ok((key(*k)?, *v))).collect::<Result<_, ArrayError>>()?)
+            }
+            Node::Bool(_) | Node::Int(_) | Node::Float(_) => Plain::Array,
+            Node::Object(object) => match object.class {
+                Class::EmptyArray => {
+                    let stored = self.stored(object)?;
+                    match (stored.elements.kind, self.node(stored.data)) {
+                        (ElementKind::Object, Node::List(items)) if stored.shape.is_empty() && items.len() == 1 => {
+                            Plain::Object(items[0])
+                        }
+                        (ElementKind::Object, Node::List(items)) => Plain::Items(items.clone()),
+                        _ => Plain::Array,
+                    }
+                }
+                Class::Encode | Class::Bytes => Plain::Text(self.text(id).unwrap_or_default()),
+                _ => Plain::Array,
+            },
+            Node::Class(_) => return Err(ArrayError("is a class".into())),
+        })
+    }
+
+    /// How many numbers [`Graph::numbers`] gives at most, for arrays that hold them plainly.
+    pub(crate) fn count(&self, id: Id) -> Result<usize, ArrayError> {
+        match self.node(id) {
+            Node::Object(object)
+                if matches!(object.class, Class::EmptyArray | Class::ArrayFromBuffer | Class::ArrayScalar) =>
+            {
+                let shape = self.stored(object)?.shape;
+                Ok(shape.iter().try_fold(1, |n: usize, axis| n.checked_mul(*axis)).unwrap_or(usize::MAX))
+            }
+            Node::Object(_) => Err(ArrayError(format!("is an object, not an array; {SAVE_AGAIN}"))),
+            _ => Ok(1),
         }
     }
 

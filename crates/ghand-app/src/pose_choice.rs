@@ -1,0 +1,163 @@
+//! Which poses a command works with: a pose or a motion by name, or a file.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail};
+use clap::Args;
+use ghand_core::hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
+use ghand_core::{HandModel, Pose, Side};
+use ghand_data::motions::{MOTION_NAMES, motion};
+use ghand_data::pose_sequence::DEFAULT_FPS;
+use ghand_data::{PoseFrame, PoseOptions, PoseSequence, read_poses};
+
+/// How to read poses.
+#[derive(Debug, Clone, Default, Args)]
+pub struct PoseReadingArgs {
+    /// Which hand the poses are of, where a file has both or says it wrongly [default: the model's, else the other one, mirrored]
+    #[arg(long, value_name = "left|right", value_parser = parse_side)]
+    side: Option<Side>,
+    /// The MANO model that MANO parameters are for, to carry them over to another rig exactly
+    #[arg(long, value_name = "FILE")]
+    pose_model: Option<PathBuf>,
+    /// Take poses as measured from the flat hand: a MANO model's mean pose is not added
+    #[arg(long)]
+    pub(crate) flat_mean: bool,
+    /// Which capture of a file that holds several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Leave the hand where it is at rest: only the fingers move
+    #[arg(long)]
+    in_place: bool,
+    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]
+    #[arg(long, value_name = "N", value_parser = parse_fps)]
+    fps: Option<f64>,
+}
+
+fn parse_side(text: &str) -> Result<Side, String> {
+    match text {
+        "left" => Ok(Side::Left),
+        "right" => Ok(Side::Right),
+        _ => Err("must be left or right".into()),
+    }
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    let fps = text.parse().ok().filter(|fps| (0.1..=1000.0).contains(fps));
+    fps.ok_or_else(|| "must be a number of frames a second from 0.1 to 1000".into())
+}
+
+impl PoseReadingArgs {
+    /// The poses that `text` stands for: one of [`POSE_NAMES`], one of [`MOTION_NAMES`], or a file of any kind that
+    /// [`ghand_data::pose_sequence`] reads, or a capture's folder. What the user should know is logged.
+    ///
+    /// # Errors
+    /// One sentence that names the file and the field, or lists the names that there are.
+    pub fn load(&self, text: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
+        if POSE_NAMES.contains(&text) {
+            let frame = PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] };
+            let joint_names = model.joint_names.clone();
+            return Ok(PoseSequence { fps: DEFAULT_FPS, joint_names, frames: vec![frame], warnings: vec![] });
+        }
+        if let Some(found) = motion(text, model, self.fps.unwrap_or(DEFAULT_FPS)) {
+            return found.with_context(|| format!("the motion {text:?}"));
+        }
+        let path = Path::new(text);
+        let is_path = path.extension().is_some() || path.components().count() > 1;
+        if !path.exists() && !is_path {
+            return Err(unknown_name(text));
+        }
+        let pose_model = match &self.pose_model {
+            Some(path) => Some(read_hand_model(path, &ReadOptions::default())?.model),
+            None => None,
+        };
+        let options = PoseOptions {
+            side: self.side,
+            pose_model,
+            flat_mean: self.flat_mean,
+            take: self.take.clone(),
+            in_place: self.in_place,
+        };
+        let sequence = read_poses(path, model, &options)?;
+        for warning in &sequence.warnings {
+            log::warn!("{text}: {warning}");
+        }
+        Ok(match self.fps {
+            Some(fps) => sequence.resampled(fps),
+            None => sequence,
+        })
+    }
+}
+
+/// The frame of that id, else of that number, counted from 0.
+///
+/// # Errors
+/// One that tells the first and the last id.
+pub fn choose_frame(mut frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {
+    let count = frames.len();
+    let by_number = || wanted.parse().ok().filter(|n| *n < count);
+    match frames.iter().position(|f| f.id == wanted).or_else(by_number) {
+        Some(index) => Ok(frames.swap_remove(index)),
+        None => {
+            let id = |frame: Option<&PoseFrame>| frame.map_or(String::new(), |f| f.id.clone());
+            Err(anyhow!(
+                "has no frame {wanted:?} among its {count}, {:?} to {:?}",
+                id(frames.first()),
+                id(frames.last())
+            ))
+        }
+    }
+}
+
+/// The pose of that name.
+///
+/// # Errors
+/// One that lists the names, or says that the avatar's joints fit none of them.
+pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
+    if name == "rest" {
+        return Ok(Pose::rest(model.joint_count()));
+    }
+    if !POSE_NAMES.contains(&name) {
+        bail!(unknown_name(name));
+    }
+    named_pose(name, model).ok_or_else(|| {
+        anyhow!("pose {name:?} is for joints whose names tell the fingers, which this avatar lacks; give a pose file")
+    })
+}
+
+fn unknown_name(name: &str) -> anyhow::Error {
+    let (poses, motions) = (POSE_NAMES.join(", "), MOTION_NAMES.join(", "));
+    anyhow!("unknown pose {name:?}; the poses are {poses}; the motions are {motions}; or give a file of poses")
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    use super::*;
+
+    fn load(text: &str) -> anyhow::Result<PoseSequence> {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        PoseReadingArgs::default().load(text, &model)
+    }
+
+    #[test]
+    fn names_stand_for_poses_and_motions() {
+        assert_eq!(load("fist").unwrap().frames.len(), 1);
+        assert!(load("count").unwrap().frames.len() > 60);
+        let error = load("salute").unwrap_err().to_string();
+        assert!(POSE_NAMES.iter().chain(&MOTION_NAMES).all(|name| error.contains(name)), "{error}");
+    }
+
+    #[test]
+    fn frames_are_chosen_by_id_or_else_by_number() {
+        let frame = |id: &str| PoseFrame { id: id.into(), pose: Pose::rest(16), shape: vec![] };
+        let frames = vec![frame("0007"), frame("2"), frame("0009")];
+        let chosen = |wanted| choose_frame(frames.clone(), wanted).map(|f| f.id);
+        assert_eq!(chosen("0009").unwrap(), "0009");
+        assert_eq!(chosen("2").unwrap(), "2");
+        assert_eq!(chosen("0").unwrap(), "0007");
+        let error = chosen("3").unwrap_err().to_string();
+        assert!(error.contains("\"3\"") && error.contains("0007") && error.contains("0009"), "{error}");
+    }
+}

@@ -1,0 +1,110 @@
+use std::io::{Cursor, Write};
+
+use super::*;
+
+fn json(text: &str) -> Value {
+    Value::from_bytes(text.as_bytes()).unwrap()
+}
+
+fn array(shape: &[usize], values: &[f64]) -> Value {
+    Value::Numbers(NumericArray { shape: shape.to_vec(), values: values.to_vec() })
+}
+
+fn problem(bytes: &[u8]) -> String {
+    Value::from_bytes(bytes).unwrap_err().to_string()
+}
+
+#[test]
+fn rows_that_are_alike_are_one_array() {
+    assert_eq!(json("[[1,2,3],[4,5,6]]"), array(&[2, 3], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    assert_eq!(json("[[[1]],[[2]]]"), array(&[2, 1, 1], &[1.0, 2.0]));
+    assert_eq!(json("[true,false,2]"), array(&[3], &[1.0, 0.0, 2.0]));
+    let ragged = json("[[1,2],[3]]");
+    assert_eq!(ragged, Value::List(vec![array(&[2], &[1.0, 2.0]), array(&[1], &[3.0])]));
+    assert_eq!(ragged.items().unwrap().len(), 2);
+    assert_eq!(json("[[1,2],null]"), Value::List(vec![array(&[2], &[1.0, 2.0]), Value::Nothing]));
+    assert_eq!(json("[]"), Value::List(vec![]));
+    let map = json(r#"{"a":{"b":[7]},"c":"x","d":null}"#);
+    assert_eq!(map.get("a").and_then(|a| a.get("b")).and_then(Value::number), Some(7.0));
+    assert_eq!((map.get("c").and_then(Value::text), map.get("d")), (Some("x"), Some(&Value::Nothing)));
+}
+
+#[test]
+fn numbers_that_are_missing_or_that_only_python_writes_are_nan() {
+    for text in ["[null,1]", "[1,null]", "[NaN,1]", "[1, -Infinity]", "[1,Infinity]", "[null,null]"] {
+        let value = json(text);
+        let array = value.numbers().unwrap();
+        assert!(array.shape == [2] && array.values.iter().any(|v| v.is_nan()), "{text}");
+    }
+    let Value::Map(entries) = json(r#"{"NaN \" -Infinity": "NaN", "n": NaN}"#) else { panic!("a map") };
+    assert_eq!(entries[0], ("NaN \" -Infinity".into(), Value::Text("NaN".into())));
+    assert_eq!(entries[1].1, Value::Nothing);
+}
+
+#[test]
+fn damaged_or_endless_input_is_an_error_that_says_so() {
+    assert!(problem(b"{\"a\":1,\"a\":2}").contains("\"a\" is there twice"));
+    assert!(problem(b"{\"a\":[1,2").contains("EOF"));
+    assert!(problem(b"{} x").contains("trailing"));
+    assert!(problem(b"hello").contains("neither JSON"));
+    assert!(problem(b"").contains("neither JSON"));
+    assert!(problem(&b"[".repeat(100_000)).contains("recursion"));
+    let many = format!("[{}0]", "\"\",".repeat((1 << 22) + 1));
+    assert!(problem(many.as_bytes()).contains("holds more than 4194304 values"));
+    // A list of a list of itself would be read for ever.
+    assert!(problem(b"\x80\x02]q\x00(h\x00h\x00e.").contains("deep"));
+    assert!(problem(b"cos\nsystem\n.").contains("os.system"));
+}
+
+#[test]
+fn memory_is_bounded_whatever_a_file_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("huge.json");
+    // A sparse file: 2 GiB that take no room.
+    File::create(&path).unwrap().set_len(2 << 30).unwrap();
+    assert!(Value::read(&path).unwrap_err().to_string().contains("larger than 512 MiB"));
+    let budget = budget::Budget::new();
+    assert!(budget.numbers(1 << 25).is_ok() && budget.numbers(1).is_err());
+}
+
+#[test]
+fn pickles_of_plain_values_are_read() {
+    // {'a': [1, 2.5, None], 'b': (u'x', True), 3: {}} of protocol 2.
+    let bytes = b"\x80\x02}(U\x01a](K\x01G\x40\x04\0\0\0\0\0\0NeU\x01bX\x01\0\0\0x\x88\x86K\x03}u.";
+    let value = Value::from_bytes(bytes).unwrap();
+    let a = value.get("a").and_then(Value::numbers).unwrap();
+    assert!(a.values[..2] == [1.0, 2.5] && a.values[2].is_nan());
+    assert_eq!(value.get("b"), Some(&Value::List(vec![Value::Text("x".into()), array(&[], &[1.0])])));
+    assert_eq!(value.get("3"), Some(&Value::Map(vec![])));
+}
+
+fn npy(code: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{code}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(data);
+    bytes
+}
+
+#[test]
+fn archives_give_arrays_texts_and_halves_and_mark_what_they_cannot_give() {
+    let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let options = zip::write::SimpleFileOptions::default();
+    // 1, -2, the smallest number above 0, infinity.
+    let halves = [0x3c00u16, 0xc000, 0x0001, 0x7c00].map(u16::to_le_bytes).concat();
+    let texts: Vec<u8> = "abcd".chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
+    for (name, bytes) in [
+        ("half", npy("<f2", "(4,)", &halves)),
+        ("texts", npy("<U2", "(2,)", &texts)),
+        ("complex", npy("<c8", "(1,)", &[0; 8])),
+    ] {
+        writer.start_file(format!("{name}.npy"), options).unwrap();
+        writer.write_all(&bytes).unwrap();
+    }
+    let value = Value::from_bytes(&writer.finish().unwrap().into_inner()).unwrap();
+    assert_eq!(value.get("half"), Some(&array(&[4], &[1.0, -2.0, 2f64.powi(-24), f64::INFINITY])));
+    assert_eq!(value.get("texts"), Some(&Value::List(vec![Value::Text("ab".into()), Value::Text("cd".into())])));
+    assert!(matches!(value.get("complex"), Some(Value::Unreadable(_))));
+    assert_eq!(Value::from_bytes(&npy("<f2", "(2,)", &halves[..4])).unwrap(), array(&[2], &[1.0, -2.0]));
+}

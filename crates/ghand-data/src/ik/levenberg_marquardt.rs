@@ -1,0 +1,149 @@
+//! Levenberg and Marquardt's method for least squares inside of a box, with a prior whose weight follows the residual.
+
+use super::limits::{Coupling, Range};
+use super::{LANDMARK_COUNT, UNKNOWNS};
+
+/// The residual that weighs the prior stays within these, metres: exact landmarks still leave the twist of a straight finger
+/// open, and the first steps of a start from afar are no noise.
+const LEAST_SIGMA: f64 = 1e-4;
+const MOST_SIGMA: f64 = 0.01;
+
+/// Steps smaller than this, radians or metres, change nothing that can be seen.
+const SMALL_STEP: f64 = 1e-5;
+
+/// A step that was hardly damped and brought less than this part of the sum is the last one.
+const SMALL_GAIN: f64 = 1e-4;
+
+/// Damping, as a part of the diagonal: at first, and where no step helps any more.
+const FIRST_DAMPING: f64 = 1e-3;
+const MOST_DAMPING: f64 = 1e8;
+
+/// Least squares over [`UNKNOWNS`]; the last of them, as many as there are ranges, have one each.
+pub(super) trait Problem {
+    /// Ranges of the last unknowns.
+    fn ranges(&self) -> &[Range];
+    /// What goes together among the last unknowns.
+    fn couplings(&self) -> &[Coupling];
+    /// Sum of the squared errors, square metres.
+    fn squares(&self, x: &[f64; UNKNOWNS]) -> f64;
+    /// `J^T J` and `J^T e`.
+    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]);
+    /// Another vector for the same thing, where one is better.
+    fn settle(&self, x: &mut [f64; UNKNOWNS]);
+}
+
+/// The unknowns at the minimum near `start`, and the number of steps tried, at most `most`.
+pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usize) -> ([f64; UNKNOWNS], usize) {
+    let (ranges, couplings) = (problem.ranges(), problem.couplings());
+    let free = UNKNOWNS - ranges.len();
+    let mut x = start;
+    let mut squares = problem.squares(&x);
+    let mut damping = FIRST_DAMPING;
+    let mut steps = 0;
+    'outer: while steps < most && squares.is_finite() {
+        let variance = (squares / LANDMARK_COUNT as f64).clamp(LEAST_SIGMA * LEAST_SIGMA, MOST_SIGMA * MOST_SIGMA);
+        let prior = |x: &[f64; UNKNOWNS]| -> f64 {
+            let alone = x[free..].iter().zip(ranges).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
+            let coupled = couplings.iter().map(|c| ((x[free + c.of] - c.ratio * x[free + c.with]) / c.spread).powi(2));
+            variance * (alone.sum::<f64>() + coupled.sum::<f64>())
+        };
+        let cost = squares + prior(&x);
+        let (mut matrix, mut gradient) = problem.normal_equations(&x);
+        for (k, range) in ranges.iter().enumerate() {
+            let weight = variance / (range.spread * range.spread);
+            matrix[free + k][free + k] += weight;
+            gradient[free + k] += weight * (x[free + k] - range.mean);
+        }
+        for c in couplings {
+            let weight = variance / (c.spread * c.spread);
+            let (of, with) = (free + c.of, free + c.with);
+            let error = x[of] - c.ratio * x[with];
+            matrix[of][of] += weight;
+            matrix[with][with] += weight * c.ratio * c.ratio;
+            matrix[of][with] -= weight * c.ratio;
+            matrix[with][of] -= weight * c.ratio;
+            gradient[of] += weight * error;
+            gradient[with] -= weight * c.ratio * error;
+        }
+        // What lies at its bound and wants to leave the range stays there.
+        for (k, range) in ranges.iter().enumerate() {
+            let (at, value) = (free + k, x[free + k]);
+            if (value <= range.low && gradient[at] > 0.0) || (value >= range.high && gradient[at] < 0.0) {
+                for other in 0..UNKNOWNS {
+                    matrix[at][other] = 0.0;
+                    matrix[other][at] = 0.0;
+                }
+                matrix[at][at] = 1.0;
+                gradient[at] = 0.0;
+            }
+        }
+        loop {
+            steps += 1;
+            let mut tried = x;
+            let mut largest = 0.0f64;
+            if let Some(step) = damped_step(&matrix, &gradient, damping) {
+                for (value, step) in tried.iter_mut().zip(&step) {
+                    *value -= step;
+                }
+                for (value, range) in tried[free..].iter_mut().zip(ranges) {
+                    *value = value.clamp(range.low, range.high);
+                }
+                largest = tried.iter().zip(&x).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+            }
+            let tried_squares = problem.squares(&tried);
+            let tried_cost = tried_squares + prior(&tried);
+            if tried_cost < cost {
+                let settled = damping <= FIRST_DAMPING && cost - tried_cost < SMALL_GAIN * cost;
+                problem.settle(&mut tried);
+                (x, squares) = (tried, tried_squares);
+                damping = (damping * 0.2).max(1e-9);
+                if settled || largest < SMALL_STEP {
+                    break 'outer;
+                }
+                break;
+            }
+            damping *= 5.0;
+            if steps >= most || damping > MOST_DAMPING || largest < SMALL_STEP {
+                break 'outer;
+            }
+        }
+    }
+    (x, steps)
+}
+
+/// The solution of `(A + damping diag(A)) step = gradient` by Cholesky's method; `None` if the matrix is not positive.
+fn damped_step(
+    matrix: &[[f64; UNKNOWNS]; UNKNOWNS],
+    gradient: &[f64; UNKNOWNS],
+    damping: f64,
+) -> Option<[f64; UNKNOWNS]> {
+    let mut lower = Box::new([[0.0; UNKNOWNS]; UNKNOWNS]);
+    for i in 0..UNKNOWNS {
+        for j in 0..=i {
+            let mut sum = matrix[i][j];
+            if i == j {
+                // A landmark's unit of length is the metre: what no landmark tells must stay, not run away.
+                sum += damping * (sum + 1e-9);
+            }
+            sum -= lower[i][..j].iter().zip(&lower[j][..j]).map(|(a, b)| a * b).sum::<f64>();
+            if i == j {
+                if sum.is_nan() || sum <= 0.0 {
+                    return None;
+                }
+                lower[i][i] = sum.sqrt();
+            } else {
+                lower[i][j] = sum / lower[j][j];
+            }
+        }
+    }
+    let mut step = *gradient;
+    for i in 0..UNKNOWNS {
+        let sum: f64 = lower[i][..i].iter().zip(&step[..i]).map(|(a, b)| a * b).sum();
+        step[i] = (step[i] - sum) / lower[i][i];
+    }
+    for i in (0..UNKNOWNS).rev() {
+        let sum: f64 = (i + 1..UNKNOWNS).map(|j| lower[j][i] * step[j]).sum();
+        step[i] = (step[i] - sum) / lower[i][i];
+    }
+    step.iter().all(|value| value.is_finite()).then_some(step)
+}
