@@ -2,6 +2,7 @@
 
 pub mod bare_hand;
 pub mod camera_file;
+pub mod capture_args;
 pub mod cli;
 pub mod commands;
 pub mod framing;

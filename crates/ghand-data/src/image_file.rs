@@ -83,8 +83,12 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|error| Refusal::Broken(ImageError::IoError(error)))?;
-    if reader.format() == Some(ImageFormat::OpenExr) {
-        check_exr(bytes, pixels)?;
+    match reader.format() {
+        Some(ImageFormat::OpenExr) => check_exr(bytes, pixels)?,
+        Some(ImageFormat::Jpeg) if !has_end(bytes) => {
+            return Err(broken(ImageFormatHint::Exact(ImageFormat::Jpeg), "it is cut short"));
+        }
+        _ => {}
     }
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
@@ -96,6 +100,24 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
         return Err(Refusal::OtherSize(width, height));
     }
     DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)
+}
+
+/// Whether the end of the picture is in a JPEG. The decoder fills what is missing of a truncated one with grey.
+fn has_end(jpeg: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
+    // Segments with their lengths come first; what they hold (a thumbnail, say) may have an end of its own.
+    let mut rest = jpeg.get(2..).unwrap_or_default();
+    while let &[0xFF, marker, high, low, ..] = rest {
+        if marker == START_OF_SCAN {
+            // From here a byte of 0xFF is a mark, never part of the picture.
+            return rest.windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        // A mark may be preceded by any number of bytes of 0xFF.
+        let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+        rest = rest.get(length..).unwrap_or_default();
+    }
+    false
 }
 
 /// Most times that the pixels an EXR stores may be as many as those it shows; more are a mistake, or made to use up memory.

@@ -117,6 +117,26 @@ fn a_file_far_longer_than_its_image_is_refused() {
 }
 
 #[test]
+fn truncated_images_are_refused_and_bytes_after_the_end_are_not() {
+    for extension in ["png", "jpg", "exr"] {
+        let (_folder, path, capture) = sample(extension);
+        let noisy = |x: u32, y: u32| Rgb([(x * 7) as f32 / 896.0, (y * 5 % 192) as f32 / 192.0, 0.3]);
+        let picture = image::DynamicImage::from(ImageBuffer::from_fn(128, 192, noisy));
+        match extension {
+            "exr" => picture.save(&path).unwrap(),
+            _ => picture.into_rgb8().save(&path).unwrap(),
+        }
+        let whole = std::fs::read(&path).unwrap();
+        for part in [0, 3, whole.len() / 4, whole.len() / 2, whole.len() - 40] {
+            std::fs::write(&path, &whole[..part]).unwrap();
+            assert_says(&message(&capture), &[&format!("image.{extension}"), "replace the file"]);
+        }
+        std::fs::write(&path, [whole.as_slice(), &[7; 100]].concat()).unwrap();
+        capture.load_view(0, 0).unwrap();
+    }
+}
+
+#[test]
 fn damaged_images_are_errors_and_never_panics() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
     for extension in ["png", "jpg", "exr"] {

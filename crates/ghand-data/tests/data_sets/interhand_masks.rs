@@ -98,7 +98,7 @@ fn masks_that_are_there_are_read() {
     let mask = mask_of(&capture, 1);
     assert!(mask.iter().enumerate().all(|(i, m)| *m == (i % 128 < 64)));
     assert!(!kept_file(folder.path(), 1).exists());
-    let counts = capture.drop_unusable(&["train5"]).unwrap();
+    let counts = capture.drop_unusable(&["train"]).unwrap();
     assert_eq!(counts.total(), 0, "{counts}");
     // Only the facts of the image are kept then.
     assert!(std::fs::metadata(kept_file(folder.path(), 1)).unwrap().len() < 100);
