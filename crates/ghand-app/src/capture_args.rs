@@ -54,6 +54,7 @@ impl CaptureArgs {
             principal_point: self.principal_point,
         };
         let opened = Capture::open_with(path, &options)?;
+        opened.warnings.iter().for_each(|warning| log::warn!("{warning}"));
         let mut capture = opened.capture;
         // Before images are looked at, which may take long.
         splits.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;

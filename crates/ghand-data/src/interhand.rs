@@ -1,7 +1,7 @@
 //! InterHand2.6M (Moon et al., ECCV 2020), v1.0, 5 frames a second, as downloaded, with HandAvatar's choice of images.
 //!
 //! `images/{subset}/Capture{c}/{sequence}/cam{camera}/image{frame}.jpg` beside
-//! `annotations/{subset}/InterHand2.6M_{subset}_{data,camera,MANO_NeuralAnnot}.json`; the images may also lie in
+//! `annotations/{subset}/InterHand2.6M_{subset}_{data,camera,MANO_NeuralAnnot,joint_3d}.json`; the images may also lie in
 //! `InterHand2.6M_5fps_batch1/`, as they do after unpacking. The annotations of a subset are some hundred megabytes: they
 //! are read in passing, and only what belongs to the wanted sequences is kept.
 //!
@@ -10,6 +10,7 @@
 
 pub(crate) mod annotations;
 pub(crate) mod images;
+mod joints;
 mod location;
 pub(crate) mod poses;
 
@@ -26,6 +27,7 @@ use crate::checks::{CameraEntry, Checker, Position};
 use crate::error::CaptureError;
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::mask_folder;
+use crate::open::Opened;
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};
@@ -67,7 +69,7 @@ pub(crate) fn read_interhand(
     location: &Location,
     mano: Option<&HandModel>,
     sequences: &Sequences,
-) -> Result<(Capture, LeftOutCounts), CaptureError> {
+) -> Result<Opened, CaptureError> {
     let model = check_model(location, mano)?;
     let sequences = sequences.or_default(model.side);
     let names: Vec<String> = sequences.train.iter().chain(&sequences.test).cloned().collect();
@@ -89,6 +91,7 @@ pub(crate) fn read_interhand(
     }
     let poses =
         poses::read_poses(&location.annotation("MANO_NeuralAnnot"), &location.capture, model, &images.frame_numbers())?;
+    let warning = joints::warning(&location.annotation("joint_3d"), &location.capture, model, &poses)?;
 
     let cameras = cameras(&location.annotation("camera"), &tables, &images)?;
     let paths = paths(location);
@@ -137,7 +140,7 @@ pub(crate) fn read_interhand(
             return Err(checks.invalid("images", problem));
         }
     }
-    Ok((capture, counts))
+    Ok(Opened { capture, left_out: counts, warnings: warning.into_iter().collect() })
 }
 
 /// A MANO model with what the annotations need.

@@ -32,6 +32,14 @@ pub struct Opened {
     pub capture: Capture,
     /// Images that the annotations name but that are of no use.
     pub left_out: LeftOutCounts,
+    /// What is odd, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Opened {
+    fn plain(capture: Capture, left_out: LeftOutCounts) -> Opened {
+        Opened { capture, left_out, warnings: vec![] }
+    }
 }
 
 impl Capture {
@@ -51,26 +59,19 @@ impl Capture {
     pub fn open_with(path: &Path, options: &OpenOptions) -> Result<Opened, CaptureError> {
         let mano = options.mano.as_ref();
         let file = path.join(CAPTURE_FILE);
-        let opened = if path.is_dir() && !file.exists() {
-            if let Some(location) = locate(path) {
-                let sequences =
-                    Sequences { train: options.train_sequences.clone(), test: options.test_sequences.clone() };
-                Some(read_interhand(&location?, mano, &sequences)?)
-            } else if is_subject(path) {
-                Some(read_hand_appearance(path, mano, options.principal_point)?)
-            } else {
-                None
-            }
-        } else {
-            None
-        };
-        let (capture, left_out) = match opened {
-            Some(opened) => opened,
-            None => {
-                let file = if path.is_dir() { &file } else { path };
-                (read_capture(file, mano)?, LeftOutCounts::default())
-            }
-        };
-        Ok(Opened { capture, left_out })
+        if !path.is_dir() || file.exists() {
+            let file = if path.is_dir() { &file } else { path };
+            return Ok(Opened::plain(read_capture(file, mano)?, LeftOutCounts::default()));
+        }
+        if let Some(location) = locate(path) {
+            let sequences = Sequences { train: options.train_sequences.clone(), test: options.test_sequences.clone() };
+            return read_interhand(&location?, mano, &sequences);
+        }
+        if is_subject(path) {
+            let (capture, left_out) = read_hand_appearance(path, mano, options.principal_point)?;
+            return Ok(Opened::plain(capture, left_out));
+        }
+        // Tells what would be a capture.
+        Ok(Opened::plain(read_capture(&file, mano)?, LeftOutCounts::default()))
     }
 }

@@ -1,10 +1,11 @@
 //! Views cut to the hand, decoded in the background and kept in bounded memory.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use ghand_core::Camera;
-use quick_cache::sync::{Cache, DefaultLifecycle};
-use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+use quick_cache::sync::{Cache, DefaultLifecycle, GuardResult};
+use quick_cache::{DefaultHashBuilder as Hasher, OptionsBuilder, Weighter};
 
 use crate::capture::Capture;
 use crate::error::CaptureError;
@@ -29,6 +30,7 @@ impl Default for ViewStoreOptions {
 
 /// Camera and frame, indices into those of the capture.
 type Pair = (usize, usize);
+type Lifecycle = DefaultLifecycle<Pair, Arc<CroppedView>>;
 
 #[derive(Debug, Clone, Copy)]
 struct Bytes;
@@ -81,25 +83,35 @@ impl ViewStore {
                 field: "view store".into(),
                 problem: format!("{error}; give another capacity"),
             })?;
-        let cache =
-            Cache::with_options(options_of_cache, Bytes, DefaultHashBuilder::default(), DefaultLifecycle::default());
+        let cache = Cache::with_options(options_of_cache, Bytes, Hasher::default(), Lifecycle::default());
         let shared = Arc::new(Shared { capture: capture.clone(), margin: options.margin, cache });
         Ok(ViewStore { shared, pool })
     }
 
-    /// The view of a camera and a frame (indices), decoded now unless it is kept or being decoded.
+    /// The view of a camera and a frame (indices), decoded now unless it is kept or being decoded. Waits, and so is not for
+    /// tasks of rayon's.
     ///
     /// # Errors
     /// As of [`Capture::load_view`].
     pub fn get(&self, camera: usize, frame: usize) -> Result<Arc<CroppedView>, CaptureError> {
-        self.shared.get((camera, frame))
+        let pair = (camera, frame);
+        self.shared.cache.get_or_insert_with(&pair, || self.shared.load(pair))
     }
 
     /// Has a view decoded in the background. What fails there fails again in [`ViewStore::get`], which tells why.
     pub fn prefetch(&self, camera: usize, frame: usize) {
-        if self.shared.cache.peek(&(camera, frame)).is_none() {
+        let pair = (camera, frame);
+        if self.shared.cache.peek(&pair).is_none() {
             let shared = self.shared.clone();
-            self.pool.spawn(move || drop(shared.get((camera, frame))));
+            self.pool.spawn(move || match shared.without_waiting(pair) {
+                GuardResult::Guard(guard) => {
+                    if let Ok(view) = shared.load(pair) {
+                        // One that is too large is not kept.
+                        let _ = guard.insert(view);
+                    }
+                }
+                GuardResult::Value(_) | GuardResult::Timeout => {}
+            });
         }
     }
 
@@ -114,7 +126,16 @@ impl ViewStore {
         each: impl Fn(&CroppedView) -> T + Sync,
     ) -> Result<Vec<T>, CaptureError> {
         use rayon::prelude::*;
-        self.pool.install(|| pairs.par_iter().map(|pair| Ok(each(&*self.shared.get(*pair)?))).collect())
+        let view = |pair: &Pair| match self.shared.without_waiting(*pair) {
+            GuardResult::Value(view) => Ok(view),
+            GuardResult::Guard(guard) => {
+                let view = self.shared.load(*pair)?;
+                let _ = guard.insert(view.clone());
+                Ok(view)
+            }
+            GuardResult::Timeout => self.shared.load(*pair),
+        };
+        self.pool.install(|| pairs.par_iter().map(|pair| Ok(each(&*view(pair)?))).collect())
     }
 
     /// Bytes that are kept now.
@@ -124,12 +145,15 @@ impl ViewStore {
 }
 
 impl Shared {
-    fn get(&self, pair: Pair) -> Result<Arc<CroppedView>, CaptureError> {
-        self.cache.get_or_insert_with(&pair, || {
-            let (camera, frame) = pair;
-            let view = self.capture.load_view(camera, frame)?;
-            let camera = self.capture.camera_and_frame(camera, frame)?.0;
-            Ok(Arc::new(view.cropped(camera, self.margin)))
-        })
+    fn load(&self, (camera, frame): Pair) -> Result<Arc<CroppedView>, CaptureError> {
+        let view = self.capture.load_view(camera, frame)?;
+        let camera = self.capture.camera_and_frame(camera, frame)?.0;
+        Ok(Arc::new(view.cropped(camera, self.margin)))
+    }
+
+    /// What is kept, or the task to decode it, or neither while another thread does. A thread of the pool must not wait: while
+    /// it decodes, it may take up another task, and that may be the one for the same view.
+    fn without_waiting(&self, pair: Pair) -> GuardResult<'_, Pair, Arc<CroppedView>, Bytes, Hasher, Lifecycle> {
+        self.cache.get_value_or_guard(&pair, Some(Duration::ZERO))
     }
 }

@@ -68,6 +68,45 @@ fn the_root_turns_about_the_wrists_joint_and_trans_is_added_last() {
     assert!(error(&about(DVec3::ZERO)) > 1e-4, "the test could not tell the wrist from the origin");
 }
 
+/// The annotation file of joints as the posed model has them: right hand first, each finger from tip to base, thumb to
+/// little finger, then the wrist.
+fn joints_of_posed_hands() -> serde_json::Value {
+    let mut frames = json!({});
+    for (i, frame) in synthetic().frames.iter().enumerate() {
+        let joints = pose_hand(mano(), &shape(), &frame.pose).unwrap().joints;
+        // Tips are no joints of MANO; 13 to 15 are the thumb's, then index, middle, ring (10) and little finger (7).
+        let finger = |base: usize| [joints[base + 2], joints[base + 2], joints[base + 1], joints[base]];
+        let mut right: Vec<DVec3> = [13, 1, 4, 10, 7].into_iter().flat_map(finger).collect();
+        right.push(joints[0]);
+        let world: Vec<[f64; 3]> = right.iter().map(|j| (*j * 1000.0).to_array()).chain([[0.0; 3]; 21]).collect();
+        frames[number(i).to_string()] = json!({"world_coord": world, "hand_type": "right"});
+    }
+    json!({ "0": frames })
+}
+
+#[test]
+fn poses_that_are_far_from_the_annotated_joints_are_warned_of() {
+    let (opened, _folder) = open_after(|data| data.joints = Some(joints_of_posed_hands()));
+    assert_eq!(opened.unwrap().warnings, [""; 0]);
+    // Without their mean pose the fingers stand elsewhere.
+    let (opened, _folder) = open_after(|data| {
+        data.joints = Some(joints_of_posed_hands());
+        for frame in synthetic().frames.iter().enumerate().map(|(i, _)| number(i).to_string()) {
+            let pose = &mut data.mano["0"][&frame]["right"]["pose"];
+            let moved = pose.as_array().unwrap().iter().enumerate().map(|(k, v)| v.as_f64().unwrap() + (k % 3) as f64);
+            *pose = json!(moved.collect::<Vec<f64>>());
+        }
+    });
+    let warnings = opened.unwrap().warnings;
+    assert_says(&warnings[0], &["joint_3d.json", "mm from the annotated", "MANO_RIGHT.pkl"]);
+    // Nulls, hands of another number of joints, and frames that are not there say nothing.
+    let (opened, _folder) = open_after(|data| {
+        let odd = json!({"world_coord": [[0, 0, 0]]});
+        data.joints = Some(json!({"0": {(number(0).to_string()): null, (number(1).to_string()): odd}}));
+    });
+    assert_eq!(opened.unwrap().warnings, [""; 0]);
+}
+
 #[test]
 fn splits_are_handavatars_with_sparse_ones_and_every_200th_test_image() {
     let (opened, _folder) = open_after(|_| ());

@@ -25,6 +25,8 @@ pub struct InterHand {
     pub images: Vec<Value>,
     pub annotations: Vec<Value>,
     pub mano: Value,
+    /// Without it, the file is not written.
+    pub joints: Option<Value>,
     /// `right` or `left`, and `RT` or `LT`.
     pub side: [&'static str; 2],
     /// The folder of the images below the root.
@@ -40,6 +42,7 @@ impl InterHand {
             images: vec![],
             annotations: vec![],
             mano: json!({"0": {}}),
+            joints: None,
             side,
             image_folder: "images",
         };
@@ -98,6 +101,9 @@ impl InterHand {
         let data = json!({"images": self.images, "annotations": self.annotations});
         write(&file("data"), data.to_string().as_bytes());
         write(&file("MANO_NeuralAnnot"), self.mano.to_string().as_bytes());
+        if let Some(joints) = &self.joints {
+            write(&file("joint_3d"), joints.to_string().as_bytes());
+        }
         for (split, sequence) in [("train", 0), ("test", 1)] {
             for view in &synthetic().splits[split].views {
                 let path = self.image_file(root, sequence, view.camera, view.frame);

@@ -8,6 +8,7 @@ mod support;
 mod bad_images;
 mod fixtures;
 mod hand_appearance;
+mod hand_appearance_files;
 mod interhand;
 mod interhand_annotations;
 mod interhand_files;
