@@ -1,6 +1,7 @@
 //! What the programs `train`, `viewer` and `ghand` are made of: commands, the viewer's parts, and reading of their input.
 
 pub mod bare_hand;
+pub mod capture_args;
 pub mod cli;
 pub mod commands;
 pub mod framing;

@@ -7,12 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::capture::CaptureError;
-
-/// Rotations further than this from orthonormal (largest entry of R R^T - I) are refused: rounding to four digits, the
-/// coarsest that exporters write, stays below it.
-const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Larger images are taken for a mistake; 16384 is also the largest texture of common devices.
-const LARGEST_IMAGE: u32 = 16384;
+use crate::checks::{CameraEntry, Checker, Position, member};
 
 #[derive(Serialize, Deserialize)]
 pub(crate) struct CameraFile {
@@ -23,12 +18,6 @@ pub(crate) struct CameraFile {
     pub intrinsics: [[f64; 3]; 3],
     pub rotation: [[f64; 3]; 3],
     pub translation: [f64; 3],
-}
-
-/// A field of a camera that cannot be used, and what is wrong with it.
-pub(crate) struct CameraProblem {
-    pub field: &'static str,
-    pub problem: String,
 }
 
 /// Reads and checks a file that holds one camera.
@@ -44,66 +33,28 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     })?;
     let file: CameraFile =
         serde_json::from_str(&text).map_err(|source| CaptureError::Json { path: path.into(), source })?;
-    file.camera().map_err(|CameraProblem { field, problem }| CaptureError::Invalid {
-        path: path.into(),
-        field: field.into(),
-        problem,
-    })
+    file.camera(Checker { path }, String::new())
 }
 
 impl CameraFile {
-    pub(crate) fn camera(&self) -> Result<Camera, CameraProblem> {
-        let fail = |field: &'static str, problem: String| Err(CameraProblem { field, problem });
-        for (field, size) in [("width", self.width), ("height", self.height)] {
-            if !(1..=LARGEST_IMAGE).contains(&size) {
-                return fail(field, format!("is {size}; must be 1 to {LARGEST_IMAGE} pixels"));
-            }
-        }
+    /// The camera, checked. `field` is where it stands in its file, empty for a file of its own.
+    pub(crate) fn camera(&self, checks: Checker, field: String) -> Result<Camera, CaptureError> {
         let [[fx, skew, cx], [k10, fy, cy], last_row] = self.intrinsics;
-        if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|v| v.is_finite())) {
-            let problem = format!("singular: focal lengths {fx} and {fy} must be positive, the principal point finite");
-            return fail("intrinsics", problem);
-        }
         if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
             let problem = "must be [[fx,0,cx],[0,fy,cy],[0,0,1]]; undistort the images to a camera without skew";
-            return fail("intrinsics", problem.into());
+            return Err(checks.invalid(member(&field, "intrinsics"), problem));
         }
-        // glam takes columns; the file holds rows.
-        let rotation = DMat3::from_cols_array_2d(&self.rotation).transpose();
-        let translation = DVec3::from(self.translation);
-        if !translation.is_finite() {
-            return fail("translation", "is not finite; give metres".into());
-        }
-        Ok(Camera {
-            id: self.id.clone(),
-            width: self.width,
-            height: self.height,
+        checks.camera(&CameraEntry {
+            id: &self.id,
+            field,
+            size: [self.width, self.height],
             focal: DVec2::new(fx, fy),
             principal: DVec2::new(cx, cy),
-            rotation: nearest_rotation(rotation).map_err(|problem| CameraProblem { field: "rotation", problem })?,
-            translation,
+            // glam takes columns; the file holds rows.
+            rotation: DMat3::from_cols_array_2d(&self.rotation).transpose(),
+            position: Position::Translation(DVec3::from(self.translation)),
         })
     }
-}
-
-/// The rotation nearest to a matrix that is one but for rounding.
-fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
-    let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
-    let error =
-        entries.iter().fold(0.0, |worst: f64, e| if worst > e.abs() || worst.is_nan() { worst } else { e.abs() });
-    if !(matrix.is_finite() && error <= ROTATION_TOLERANCE && matrix.determinant() > 0.0) {
-        return Err(format!(
-            "is no rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), determinant {:.3}; give \
-             the rows of camera_from_world without scale or mirror",
-            matrix.determinant()
-        ));
-    }
-    // Newton's iteration for the polar factor converges quadratically: 1e-3, 1e-6, 1e-12, rounding.
-    let mut rotation = matrix;
-    for _ in 0..4 {
-        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
-    }
-    Ok(rotation)
 }
 
 #[cfg(test)]

@@ -1,74 +1,14 @@
 //! The one capture type that the rest of the system sees.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
-use image::DynamicImage;
 
-/// What is wrong with a capture. Every message names the file, the field and what to do.
-#[derive(Debug, thiserror::Error)]
-pub enum CaptureError {
-    /// A file could not be read or written.
-    #[error("{path}: cannot {action}: {source}; {remedy}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What was tried, as in "read the capture".
-        action: &'static str,
-        /// The cause.
-        source: std::io::Error,
-        /// What to do about it.
-        remedy: &'static str,
-    },
-    /// A file is not JSON, or a field is missing or has the wrong type.
-    #[error("{path}: {source}; correct the file at that place or export the capture again")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// The cause, with the field's name or its line and column.
-        source: serde_json::Error,
-    },
-    /// A field holds something unusable.
-    #[error("{path}: {field}: {problem}")]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// The field, as in `frames["0003"].pose`.
-        field: String,
-        /// What is wrong and what to do about it.
-        problem: String,
-    },
-    /// The capture's hand model is unusable.
-    #[error("{path}: hand_model: {source}")]
-    HandModel {
-        /// The file of the capture.
-        path: PathBuf,
-        /// The cause.
-        source: HandModelError,
-    },
-    /// An image or mask could not be decoded or encoded.
-    #[error("{path}: {what}: {source}; replace the file by a valid PNG or JPEG")]
-    Image {
-        /// The file.
-        path: PathBuf,
-        /// "image" or "mask".
-        what: &'static str,
-        /// The cause.
-        source: image::ImageError,
-    },
-    /// The renderer of a synthetic capture failed.
-    #[error("synthetic capture: frame {frame} from camera {camera} could not be rendered: {problem}")]
-    Render {
-        /// Id of the frame.
-        frame: String,
-        /// Id of the camera.
-        camera: String,
-        /// What the renderer said.
-        problem: String,
-    },
-}
+pub use crate::error::CaptureError;
+pub use crate::split::{Split, SplitView};
 
 /// Where a capture's hand model comes from; what a writer puts in place of the model itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,12 +20,15 @@ pub enum HandModelSource {
     },
     /// The built-in hand of these parameters.
     Procedural(ProceduralHand),
+    /// The user's own MANO file, which is given anew each time.
+    Mano,
 }
 
 /// One moment of the capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Name of the frame within its capture.
+    /// Name of the frame within its capture. Where frames lie in folders of several sequences, it is
+    /// `sequence/number`.
     pub id: String,
     /// Coarse pose, in the order of the hand model's joints.
     pub pose: Pose,
@@ -93,16 +36,8 @@ pub struct Frame {
     pub shape: Vec<f64>,
 }
 
-/// A named choice of cameras and frames, as indices into those of the capture: every pair of them is an image.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Split {
-    /// Indices into [`Capture::cameras`].
-    pub cameras: Vec<usize>,
-    /// Indices into [`Capture::frames`].
-    pub frames: Vec<usize>,
-}
-
-/// Where the images are: paths relative to the capture's folder with `{camera}` and `{frame}` in place of the ids.
+/// Where the images are: paths relative to the capture's folder with `{camera}` and `{frame}` in place of the ids. Of a
+/// frame called `sequence/number`, `{sequence}` and `{number}` are the parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImagePaths {
     /// Path of the images.
@@ -110,18 +45,17 @@ pub struct ImagePaths {
     /// Path of the masks (8-bit, hand at >= 128). Without one the images' alpha channel is the mask, and without that the hand
     /// may be anywhere in the image.
     pub mask: Option<String>,
+    /// Folder for masks that are made from the posed hand model where there is no file at `mask`.
+    pub made_masks: Option<PathBuf>,
+    /// Whether the images show more than the hand, so that what is off the mask takes the background's colour.
+    pub hide_surroundings: bool,
 }
 
-/// One image of the capture with its mask.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct View {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Row-major display values: red, green and blue exactly as in the file (images with an alpha channel are composited over the
-    /// capture's background), and 255 where the mask says hand, 0 elsewhere.
-    pub rgba: Vec<[u8; 4]>,
+impl ImagePaths {
+    /// Images, and masks if there are any, that show the hand over the capture's background.
+    pub fn plain(image: &str, mask: Option<&str>) -> ImagePaths {
+        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None, hide_surroundings: false }
+    }
 }
 
 /// Calibrated images of a moving hand from several cameras, with a coarse pose per frame.
@@ -133,10 +67,12 @@ pub struct Capture {
     pub side: Side,
     /// Display colour behind the hand, in `[0, 1]`.
     pub background: [f64; 3],
-    /// The hand model that the poses are for.
+    /// The hand model that the poses and shapes are for.
     pub hand_model: HandModel,
     /// Where `hand_model` comes from.
     pub hand_model_source: HandModelSource,
+    /// The hand model in the mean shape of the frames: this person's hand at rest, from which an avatar starts.
+    pub template: HandModel,
     /// The cameras; metres, world axes.
     pub cameras: Vec<Camera>,
     /// The frames, poses in the order of the hand model's joints.
@@ -188,86 +124,54 @@ impl Capture {
         self.images.mask.as_ref().map(|template| self.file(template, camera, frame)).transpose()
     }
 
-    /// Reads the image and the mask of a camera and a frame (indices). Pairs that no split names may have no file.
-    ///
-    /// # Errors
-    /// [`CaptureError`] when there is no such camera or frame, or when a file is missing, broken or not of the camera's size.
-    pub fn load_view(&self, camera: usize, frame: usize) -> Result<View, CaptureError> {
-        let image_file = self.image_file(camera, frame)?;
-        let mask_file = self.mask_file(camera, frame)?;
-        let size = self.cameras.get(camera).map_or((0, 0), |c| (c.width, c.height));
-        let picture = decode(&image_file, "image", size)?;
-        let mut rgba = self.over_background(&picture);
-        if let Some(mask_file) = mask_file {
-            let mask = decode(&mask_file, "mask", size)?.into_luma8();
-            for (pixel, mask) in rgba.iter_mut().zip(mask.as_raw()) {
-                pixel[3] = *mask;
-            }
-        }
-        for pixel in &mut rgba {
-            pixel[3] = if pixel[3] >= 128 { 255 } else { 0 };
-        }
-        Ok(View { width: size.0, height: size.1, rgba })
+    fn file(&self, template: &str, camera: usize, frame: usize) -> Result<PathBuf, CaptureError> {
+        let (camera, frame) = self.camera_and_frame(camera, frame)?;
+        Ok(self.root.join(fill_template(template, &camera.id, &frame.id)))
     }
 
-    fn file(&self, template: &str, camera: usize, frame: usize) -> Result<PathBuf, CaptureError> {
+    pub(crate) fn camera_and_frame(&self, camera: usize, frame: usize) -> Result<(&Camera, &Frame), CaptureError> {
         let fail = |field: &str, index: usize, count: usize| CaptureError::Invalid {
             path: self.root.clone(),
             field: field.into(),
             problem: format!("there is no number {index}; the capture has {count}, counted from 0"),
         };
-        let camera_id = &self.cameras.get(camera).ok_or_else(|| fail("cameras", camera, self.cameras.len()))?.id;
-        let frame_id = &self.frames.get(frame).ok_or_else(|| fail("frames", frame, self.frames.len()))?.id;
-        Ok(self.root.join(fill_template(template, camera_id, frame_id)))
-    }
-
-    /// Pixels of an image; alpha as in the file, 255 where it has none.
-    fn over_background(&self, picture: &DynamicImage) -> Vec<[u8; 4]> {
-        if !picture.color().has_alpha() {
-            return picture.to_rgb8().pixels().map(|p| [p.0[0], p.0[1], p.0[2], 255]).collect();
-        }
-        let background = self.background.map(|b| b * 255.0);
-        let blend = |value: u8, alpha: u8, behind: f64| {
-            let alpha = f64::from(alpha) / 255.0;
-            (f64::from(value) * alpha + behind * (1.0 - alpha)).round().clamp(0.0, 255.0) as u8
-        };
-        let [r0, g0, b0] = background;
-        (picture.to_rgba8().pixels())
-            .map(|p| {
-                let [r, g, b, a] = p.0;
-                [blend(r, a, r0), blend(g, a, g0), blend(b, a, b0), a]
-            })
-            .collect()
+        let found = self.cameras.get(camera).ok_or_else(|| fail("cameras", camera, self.cameras.len()))?;
+        Ok((found, self.frames.get(frame).ok_or_else(|| fail("frames", frame, self.frames.len()))?))
     }
 }
 
-/// A path template with the ids filled in. Ids are put in last to first, so that an id that looks like a placeholder stays
-/// what it is.
+/// The hand model in the mean shape of the frames; shapes that are shorter than others have 0 in what they lack.
+///
+/// # Errors
+/// [`HandModelError::Invalid`] when a shape is longer than the model's or not finite.
+pub(crate) fn mean_shaped(model: &HandModel, frames: &[Frame]) -> Result<HandModel, HandModelError> {
+    let length = frames.iter().map(|f| f.shape.len()).max().unwrap_or(0);
+    if length == 0 {
+        return Ok(model.clone());
+    }
+    let mean = |i: usize| frames.iter().filter_map(|f| f.shape.get(i)).sum::<f64>() / frames.len() as f64;
+    let shaped = shape_hand(model, &(0..length).map(mean).collect::<Vec<f64>>())?;
+    Ok(HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.clone() })
+}
+
+/// A path template with the ids filled in. Nothing is put into what an id brought in, so that an id that looks like a
+/// placeholder stays what it is.
 pub(crate) fn fill_template(template: &str, camera: &str, frame: &str) -> String {
-    let parts: Vec<String> = template.split("{camera}").map(|part| part.replace("{frame}", frame)).collect();
-    parts.join(camera)
-}
-
-fn decode(file: &Path, what: &'static str, size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
-    let io = |source| CaptureError::Io {
-        path: file.into(),
-        action: if what == "mask" { "read the mask" } else { "read the image" },
-        source,
-        remedy: "add the file, or take its camera or frame out of the splits",
-    };
-    let reader = image::ImageReader::open(file).map_err(io)?.with_guessed_format().map_err(io)?;
-    let picture = reader.decode().map_err(|source| CaptureError::Image { path: file.into(), what, source })?;
-    if (picture.width(), picture.height()) == size {
-        return Ok(picture);
+    let (sequence, number) = frame.split_once('/').unwrap_or(("", frame));
+    let ids = [("{camera}", camera), ("{frame}", frame), ("{sequence}", sequence), ("{number}", number)];
+    let mut filled = String::new();
+    let mut rest = template;
+    while let Some(at) = rest.find('{') {
+        let (before, from) = rest.split_at(at);
+        filled.push_str(before);
+        let (text, taken) = match ids.iter().find(|(name, _)| from.starts_with(name)) {
+            Some((name, id)) => (*id, name.len()),
+            None => ("{", 1),
+        };
+        filled.push_str(text);
+        rest = from.get(taken..).unwrap_or("");
     }
-    let problem = format!(
-        "is {} x {} pixels but its camera says {} x {}; resize it or correct width, height and intrinsics of the camera",
-        picture.width(),
-        picture.height(),
-        size.0,
-        size.1
-    );
-    Err(CaptureError::Invalid { path: file.into(), field: what.into(), problem })
+    filled + rest
 }
 
 #[cfg(test)]
@@ -278,5 +182,18 @@ mod tests {
     fn ids_fill_their_own_places_only() {
         assert_eq!(fill_template("i/{camera}/{frame}.png", "{frame}", "{camera}"), "i/{frame}/{camera}.png");
         assert_eq!(fill_template("{frame}-{camera}-{frame}", "a", "b"), "b-a-b");
+        assert_eq!(fill_template("{sequence}/c{camera}/{number}.j{p}g{", "4", "ROM/12"), "ROM/c4/12.j{p}g{");
+    }
+
+    #[test]
+    fn the_template_has_the_mean_shape_and_its_joints() {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let frame = |shape: &[f64]| Frame { id: "a".into(), pose: Pose::rest(16), shape: shape.to_vec() };
+        assert_eq!(mean_shaped(&model, &[frame(&[]), frame(&[])]).unwrap(), model);
+        let shaped = mean_shaped(&model, &[frame(&[2.0, 1.0]), frame(&[0.0, 1.0])]).unwrap();
+        let expected = shape_hand(&model, &[1.0, 1.0]).unwrap();
+        assert_eq!((&shaped.vertices, &shaped.joints), (&expected.vertices, &expected.joints));
+        assert_ne!(shaped.joints, model.joints);
+        assert!(mean_shaped(&model, &[frame(&[0.0; 99])]).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! The project's own capture format: `capture.json`, version 1, with an optional `truth.json` beside it.
 //!
 //! Lengths are metres, rotations axis-angle in radians in the hand model's axes, cameras OpenCV's. Paths are relative to
-//! the capture's folder and must stay inside it.
+//! the capture's folder and must stay inside it. Poses of a MANO model are whole rotations: its mean pose is already in.
 
 mod read;
 #[cfg(test)]
@@ -18,7 +18,9 @@ use crate::camera_file::CameraFile;
 const FORMAT: &str = "ghand-capture";
 const VERSION: u64 = 1;
 const UNITS: &str = "metre";
-const CAPTURE_FILE: &str = "capture.json";
+pub(crate) use read::{read_capture, read_capture_text};
+
+pub(crate) const CAPTURE_FILE: &str = "capture.json";
 const TRUTH_FILE: &str = "truth.json";
 
 /// What every version of the file has; read first, so that a file of another version is named as such.

@@ -25,6 +25,7 @@ use glam::{DVec2, DVec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
+use crate::camera_choice::well_spread;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, fill_template};
 use ghand_core::atomic_file::write_atomically;
 use trajectory::PoseNoise;
@@ -209,25 +210,23 @@ fn plan(
     let is_test = |i: usize| (i + 1) * options.test_views / count != i * options.test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
     let train_frames: Vec<usize> = (0..options.train_frames).collect();
-    let five = rig::well_spread(&cameras, &train_cameras, 5);
+    let five = well_spread(&cameras, &train_cameras, 5);
     let splits = BTreeMap::from([
-        ("train".to_owned(), Split { cameras: train_cameras, frames: train_frames.clone() }),
-        ("train5".to_owned(), Split { cameras: five, frames: train_frames }),
-        ("test".to_owned(), Split { cameras: test_cameras, frames: (options.train_frames..truth.len()).collect() }),
+        ("train".to_owned(), Split::product(train_cameras, train_frames.clone())),
+        ("train5".to_owned(), Split::product(five, train_frames)),
+        ("test".to_owned(), Split::product(test_cameras, (options.train_frames..truth.len()).collect())),
     ]);
     let frames = given.into_iter().enumerate().map(|(i, pose)| Frame { id: format!("{i:04}"), pose, shape: vec![] });
     Ok(Capture {
         root: root.into(),
         side: Side::Right,
         background: [0.0; 3],
+        template: hand_model.clone(),
         hand_model,
         hand_model_source: HandModelSource::Procedural(template.clone()),
         cameras,
         frames: frames.collect(),
-        images: ImagePaths {
-            image: "images/{camera}/{frame}.png".into(),
-            mask: Some("masks/{camera}/{frame}.png".into()),
-        },
+        images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits,
         truth: Some(truth.into_iter().map(Some).collect()),
     })

@@ -2,7 +2,7 @@
 
 use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_core::Pose;
-use ghand_data::{Capture, CaptureError};
+use ghand_data::{Capture, CaptureError, SplitView};
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 use serde::Serialize;
@@ -77,35 +77,36 @@ pub fn evaluate(
     let background = capture.background;
     let mut sum = [Likeness::default(); 2];
     let mut views = 0;
-    for &frame in &split.frames {
+    let mut posed = None;
+    for &SplitView { frame, camera: camera_index, .. } in &split.views {
         let pose: &Pose = &capture.frames[frame].pose;
-        renderer.set_pose(gpu, 0, pose)?;
-        for &camera_index in &split.cameras {
-            let camera = &capture.cameras[camera_index];
-            let truth = capture.load_view(camera_index, frame)?;
-            let size = [truth.width, truth.height];
-            let image = renderer.render(gpu, 0, camera, background.map(|b| b as f32))?;
-            let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
-            let floor_picture: Vec<[u8; 3]> =
-                floor.render(pose, camera, background)?.into_iter().map(quantize).collect();
-            let likeness = comparator.compare(gpu, size, &render, &truth.rgba)?;
-            let floor_likeness = comparator.compare(gpu, size, &floor_picture, &truth.rgba)?;
-            for (sum, l) in sum.iter_mut().zip([likeness, floor_likeness]) {
-                sum.psnr += l.psnr;
-                sum.psnr_hand += l.psnr_hand;
-                sum.ssim += l.ssim;
-            }
-            views += 1;
-            each(EvaluatedView {
-                name: [camera.id.clone(), capture.frames[frame].id.clone()],
-                size,
-                truth: truth.rgba,
-                render,
-                floor: floor_picture,
-                likeness,
-                floor_likeness,
-            });
+        if posed != Some(frame) {
+            renderer.set_pose(gpu, 0, pose)?;
+            posed = Some(frame);
         }
+        let camera = &capture.cameras[camera_index];
+        let truth = capture.load_view(camera_index, frame)?;
+        let size = [truth.width, truth.height];
+        let image = renderer.render(gpu, 0, camera, background.map(|b| b as f32))?;
+        let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
+        let floor_picture: Vec<[u8; 3]> = floor.render(pose, camera, background)?.into_iter().map(quantize).collect();
+        let likeness = comparator.compare(gpu, size, &render, &truth.rgba)?;
+        let floor_likeness = comparator.compare(gpu, size, &floor_picture, &truth.rgba)?;
+        for (sum, l) in sum.iter_mut().zip([likeness, floor_likeness]) {
+            sum.psnr += l.psnr;
+            sum.psnr_hand += l.psnr_hand;
+            sum.ssim += l.ssim;
+        }
+        views += 1;
+        each(EvaluatedView {
+            name: [camera.id.clone(), capture.frames[frame].id.clone()],
+            size,
+            truth: truth.rgba,
+            render,
+            floor: floor_picture,
+            likeness,
+            floor_likeness,
+        });
     }
     let n = views.max(1) as f64;
     let [avatar, floor] = sum.map(|s| Likeness { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });

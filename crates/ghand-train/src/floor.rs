@@ -4,7 +4,7 @@ use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
 use ghand_core::{Camera, HandModel, HandModelError, Pose, surface};
-use ghand_data::{Capture, CaptureError, Split};
+use ghand_data::{Capture, CaptureError, Split, SplitView};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;
@@ -109,24 +109,23 @@ pub fn texel_colors(
     resolution: u32,
     view_count: usize,
 ) -> Result<TexelColors, FloorError> {
-    let model = &capture.hand_model;
+    let model = &capture.template;
     let samples = surface::sample_surface(model, resolution)?;
     let painter = MeshPainter::new(gpu, model)?;
     let plain = Texture::plain([255; 3]);
-    let mut pairs: Vec<(usize, usize)> =
-        (0..split.frames.len()).flat_map(|f| split.cameras.iter().map(move |c| (f, *c))).collect();
+    let mut views = split.views.clone();
     // Shuffled, so that every camera and every frame has its turn whatever their numbers.
-    pairs.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-    pairs.truncate(view_count);
+    views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+    views.truncate(view_count);
     let mut sums = vec![[0.0f64; 4]; samples.len()];
-    for (frame, camera_index) in pairs {
+    for SplitView { position, frame, camera: camera_index } in views {
         let camera = &capture.cameras[camera_index];
-        let view = capture.load_view(camera_index, split.frames[frame])?;
-        let depth = painter.paint(&poses[frame], camera, &plain, 1)?.depth;
-        let points = pose_points(model, &samples.positions, &samples.weights, &poses[frame]);
+        let view = capture.load_view(camera_index, frame)?;
+        let depth = painter.paint(&poses[position], camera, &plain, 1)?.depth;
+        let points = pose_points(model, &samples.positions, &samples.weights, &poses[position]);
         // The normal is carried by posing a point a little way out along it.
         let tips: Vec<DVec3> = samples.positions.iter().zip(&samples.normals).map(|(p, n)| *p + *n * 1e-4).collect();
-        let tips = pose_points(model, &tips, &samples.weights, &poses[frame]);
+        let tips = pose_points(model, &tips, &samples.weights, &poses[position]);
         sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
             let (at, z) = camera.project(points[t]);
             let (x, y) = (at.x.floor(), at.y.floor());
@@ -201,7 +200,7 @@ impl<'a> Floor<'a> {
         view_count: usize,
     ) -> Result<Floor<'a>, FloorError> {
         let colors = texel_colors(gpu, capture, split, poses, FLOOR_RESOLUTION, view_count)?;
-        Ok(Floor { painter: MeshPainter::new(gpu, &capture.hand_model)?, texture: colors.texture() })
+        Ok(Floor { painter: MeshPainter::new(gpu, &capture.template)?, texture: colors.texture() })
     }
 
     /// The floor's picture over a background, row-major.

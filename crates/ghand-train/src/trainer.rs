@@ -11,14 +11,13 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use crate::evaluate::EvaluateError;
 use crate::floor::{FloorError, texel_colors};
 use crate::pose_prior::shrink;
 use crate::settings::{SettingsError, TrainSettings};
 use crate::step::{Rates, Step};
-use crate::views::{TrainView, load_views};
+use crate::views::{TrainView, TrainViews};
 
 /// Why training failed.
 #[derive(Debug, thiserror::Error)]
@@ -51,7 +50,7 @@ pub enum TrainError {
         capture: String,
         /// The split.
         split: String,
-        /// "cameras" or "frames".
+        /// "cameras", "frames" or "images".
         what: &'static str,
     },
 }
@@ -87,13 +86,15 @@ pub struct Trainer<'a> {
     split: Split,
     split_name: String,
     settings: TrainSettings,
-    views: Vec<TrainView>,
+    views: TrainViews,
     poses: Vec<Pose>,
     gaussians: usize,
 }
 
 /// How often the loss is read for the progress bar; reading waits for the device.
 const LOSS_EVERY: u64 = 25;
+/// Views that are decoded ahead of their use, where not all of them fit into memory.
+const PREFETCHED: usize = 16;
 /// Views that the first texel colours are taken from.
 const COLOR_VIEWS: usize = 60;
 
@@ -130,17 +131,22 @@ impl<'a> Trainer<'a> {
     ) -> Result<Trainer<'a>, TrainError> {
         settings.check()?;
         let split: Split = capture.split(split_name)?.clone();
-        for (what, empty) in [("cameras", split.cameras.is_empty()), ("frames", split.frames.is_empty())] {
+        let empty = [
+            ("cameras", split.cameras.is_empty()),
+            ("frames", split.frames.is_empty()),
+            ("images", split.views.is_empty()),
+        ];
+        for (what, empty) in empty {
             if empty {
                 let capture = capture.root.display().to_string();
                 return Err(TrainError::Empty { capture, split: split_name.into(), what });
             }
         }
-        let gaussians = surface::sample_surface(&capture.hand_model, settings.uv_resolution)?.len();
+        let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
         Ok(Trainer {
             gpu,
             capture,
-            views: load_views(capture, &split, settings.crop_margin)?,
+            views: TrainViews::new(capture, &split, settings.crop_margin)?,
             poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
             split,
             split_name: split_name.into(),
@@ -198,7 +204,7 @@ impl<'a> Trainer<'a> {
     /// The avatar that a stage starts from: the template's surface with mean texel colours.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
         let mut avatar = Avatar::untrained_inset(
-            &self.capture.hand_model,
+            &self.capture.template,
             &settings.avatar(),
             [0.5; 3],
             settings.start_inset,
@@ -225,16 +231,8 @@ impl<'a> Trainer<'a> {
     ) -> Result<(Avatar, Vec<Pose>), TrainError> {
         let settings = &stage.settings;
         let avatar = self.start(gpu, settings)?;
-        let reduced: Vec<TrainView>;
-        let views = if stage.reduction > 1 {
-            reduced = self.views.par_iter().map(|v| v.reduced(stage.reduction)).collect();
-            &reduced
-        } else {
-            &self.views
-        };
-        let largest = |axis: usize| views.iter().map(|v| v.size[axis]).max().unwrap_or(1);
         let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
-        let mut step = Step::new(gpu, &avatar, self.poses.len(), [largest(0), largest(1)], &mobility)?;
+        let mut step = Step::new(gpu, &avatar, self.poses.len(), self.views.largest(stage.reduction), &mobility)?;
         for (frame, pose) in self.poses.iter().enumerate() {
             step.renderer.set_pose(gpu, frame, pose)?;
         }
@@ -250,8 +248,9 @@ impl<'a> Trainer<'a> {
         let mut mean: Option<f64> = None;
         for iteration in 0..stage.iterations {
             if order.is_empty() {
-                order = (0..views.len()).collect();
+                order = (0..self.views.len()).collect();
                 order.shuffle(&mut rng);
+                order.iter().rev().take(PREFETCHED).for_each(|view| self.views.prefetch(*view));
             }
             let rounds = settings.pose_prior_rounds;
             if stage.refine_poses && rounds > 0 && iteration % (stage.iterations / rounds).max(1) == 0 {
@@ -261,7 +260,11 @@ impl<'a> Trainer<'a> {
                     step.renderer.set_pose(gpu, frame, pose)?;
                 }
             }
-            let Some(view) = order.pop().map(|i| &views[i]) else { break };
+            let Some(index) = order.pop() else { break };
+            if let Some(ahead) = order.len().checked_sub(PREFETCHED).and_then(|at| order.get(at)) {
+                self.views.prefetch(*ahead);
+            }
+            let view = &self.views.get(index, stage.reduction)?;
             pose_steps[view.frame] += 1;
             let decay = settings.final_rate.powf(iteration as f64 / stage.iterations as f64);
             let rates = Rates {

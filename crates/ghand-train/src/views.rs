@@ -1,8 +1,7 @@
-//! Training views in memory, cropped to the hand.
+//! Training views, cut to the hand, from a store that keeps a bounded part of them in memory.
 
 use ghand_core::Camera;
-use ghand_data::{Capture, CaptureError, Split};
-use rayon::prelude::*;
+use ghand_data::{Capture, CaptureError, Split, SplitView, ViewStore, ViewStoreOptions};
 
 /// One image of one frame, cropped to the hand.
 #[derive(Debug, Clone)]
@@ -50,65 +49,65 @@ impl TrainView {
     }
 }
 
-/// The box of the mask grown by `margin` pixels and cut at the image, as x, y, width, height; the whole image if the mask
-/// is empty.
-fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {
-    let mut low = [u32::MAX; 2];
-    let mut high = [0; 2];
-    for (i, p) in pixels.iter().enumerate() {
-        if p[3] >= 128 {
-            let at = [i as u32 % width, i as u32 / width];
-            for axis in 0..2 {
-                low[axis] = low[axis].min(at[axis]);
-                high[axis] = high[axis].max(at[axis]);
-            }
+/// The views of a split. Which views there are and in which order they are used is the trainer's; what a view holds does
+/// not depend on it.
+pub struct TrainViews {
+    store: ViewStore,
+    views: Vec<SplitView>,
+    /// Width and height of the largest crop.
+    largest: [u32; 2],
+}
+
+impl TrainViews {
+    /// Decodes every view of a split once, so that a broken image is an error here and not in the middle of a training, and
+    /// keeps what fits.
+    ///
+    /// # Errors
+    /// A [`CaptureError`] of one of the images.
+    pub fn new(capture: &Capture, split: &Split, margin: u32) -> Result<TrainViews, CaptureError> {
+        let store = ViewStore::new(capture, &ViewStoreOptions { margin, ..Default::default() })?;
+        let pairs: Vec<(usize, usize)> = split.views.iter().map(|v| (v.camera, v.frame)).collect();
+        let sizes = store.map(&pairs, |view| [view.camera.width, view.camera.height])?;
+        let largest = [0, 1].map(|axis| sizes.iter().map(|size| size[axis]).max().unwrap_or(1));
+        Ok(TrainViews { store, views: split.views.clone(), largest })
+    }
+
+    /// How many views there are.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty()
+    }
+
+    /// Width and height of the largest view at an integer fraction of the resolution.
+    pub fn largest(&self, reduction: u32) -> [u32; 2] {
+        self.largest.map(|size| (size / reduction.max(1)).max(1))
+    }
+
+    /// One view at an integer fraction of its resolution.
+    ///
+    /// # Errors
+    /// [`CaptureError`] when the image has become unreadable.
+    pub fn get(&self, index: usize, reduction: u32) -> Result<TrainView, CaptureError> {
+        let SplitView { position, frame, camera } = self.views[index];
+        let view = self.store.get(camera, frame)?;
+        let train_view = TrainView {
+            camera_index: camera,
+            frame: position,
+            size: [view.camera.width, view.camera.height],
+            camera: view.camera.clone(),
+            pixels: view.pixels.clone(),
+        };
+        Ok(if reduction > 1 { train_view.reduced(reduction) } else { train_view })
+    }
+
+    /// Has a view decoded in the background.
+    pub fn prefetch(&self, index: usize) {
+        if let Some(view) = self.views.get(index) {
+            self.store.prefetch(view.camera, view.frame);
         }
-    }
-    if low[0] > high[0] {
-        return [0, 0, width, height];
-    }
-    let first = low.map(|v| v.saturating_sub(margin));
-    [first[0], first[1], (high[0] + margin + 1).min(width) - first[0], (high[1] + margin + 1).min(height) - first[1]]
-}
-
-/// Loads and crops all views of a split, frames outermost.
-///
-/// # Errors
-/// The first [`CaptureError`] among the images.
-pub fn load_views(capture: &Capture, split: &Split, margin: u32) -> Result<Vec<TrainView>, CaptureError> {
-    let pairs: Vec<(usize, usize)> =
-        (0..split.frames.len()).flat_map(|f| split.cameras.iter().map(move |c| (f, *c))).collect();
-    pairs
-        .into_par_iter()
-        .map(|(frame, camera_index)| {
-            let view = capture.load_view(camera_index, split.frames[frame])?;
-            let [x, y, width, height] = crop_box(&view.rgba, view.width, view.height, margin);
-            let row = |r: u32| {
-                let start = ((y + r) * view.width + x) as usize;
-                view.rgba[start..start + width as usize].iter().copied()
-            };
-            Ok(TrainView {
-                camera_index,
-                frame,
-                camera: capture.cameras[camera_index].cropped(x as i32, y as i32, width, height),
-                size: [width, height],
-                pixels: (0..height).flat_map(row).collect(),
-            })
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn crops_hold_the_mask_and_its_margin_and_stay_inside() {
-        let mut pixels = vec![[0, 0, 0, 0]; 20 * 10];
-        assert_eq!(crop_box(&pixels, 20, 10, 3), [0, 0, 20, 10]);
-        pixels[4 * 20 + 6][3] = 255;
-        pixels[6 * 20 + 9][3] = 255;
-        assert_eq!(crop_box(&pixels, 20, 10, 2), [4, 2, 8, 7]);
-        assert_eq!(crop_box(&pixels, 20, 10, 50), [0, 0, 20, 10]);
     }
 }

@@ -13,7 +13,7 @@ use ghand_train::floor::Floor;
 use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::trainer::moving_joints;
-use ghand_train::views::load_views;
+use ghand_train::views::TrainViews;
 use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
 
 /// Far longer than anything here takes.
@@ -99,8 +99,8 @@ fn a_step_an_evaluation_and_a_capture_without_their_device_fail_and_say_why() {
         let capture = small_capture(&gpu, &folder.path().join("capture"));
         let (trained, _) = train(&capture, None);
         let split = capture.split("train").unwrap();
-        let views = load_views(&capture, split, settings().crop_margin).unwrap();
-        let (view, size) = (&views[0], [64, 96]);
+        let views = TrainViews::new(&capture, split, settings().crop_margin).unwrap();
+        let (view, size) = (&views.get(0, 1).unwrap(), [64, 96]);
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();

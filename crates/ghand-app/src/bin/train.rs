@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Parser;
 use ghand_app::LAST_AVATAR;
+use ghand_app::capture_args::CaptureArgs;
 use ghand_app::cli::{self, AdapterArgs};
 use ghand_core::atomic_file::write_atomically;
 use ghand_data::Capture;
@@ -25,9 +26,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Folder of a capture, or its capture.json.
-    #[arg(long)]
-    capture: Option<PathBuf>,
+    #[command(flatten)]
+    capture: CaptureArgs,
     /// Split to train on.
     #[arg(long, default_value = "train")]
     split: String,
@@ -73,19 +73,20 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = avatar_path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(out).with_context(|| format!("{}: cannot make the output folder", out.display()))?;
 
-    let capture = match &arguments.capture {
-        Some(path) => Capture::open(path)?,
-        None => demo_capture(&mut gpu, out)?,
+    let splits = [arguments.split.as_str(), arguments.test_split.as_str()];
+    // A test split that is not there fails here, before the training.
+    let capture = match &arguments.capture.capture {
+        Some(path) => arguments.capture.open(path, &splits)?,
+        None => arguments.capture.open(&demo_capture(&mut gpu, out)?, &splits)?,
     };
-    // A test split that is not there should fail before the training, not after it.
-    capture.split(&arguments.test_split)?;
     let train_split = capture.split(&arguments.split)?.clone();
     let trainer = Trainer::new(&gpu, &capture, &arguments.split, &settings)?;
     let gaussians = trainer.gaussians();
     println!(
-        "training: {} cameras, {} frames, {gaussians} Gaussians, {} iterations",
+        "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
         train_split.cameras.len(),
         train_split.frames.len(),
+        train_split.views.len(),
         settings.iterations
     );
     let trained = train(trainer, settings.iterations)?;
@@ -94,7 +95,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     save_poses(&capture, &train_split.frames, &trained, &out.join("poses.json"))?;
 
     let test = capture.split(&arguments.test_split)?;
-    let total = test.cameras.len() * test.frames.len();
+    let total = test.views.len();
     let (evaluation, shown) = gpu.persist("the evaluation", |gpu| -> anyhow::Result<_> {
         let floor = Floor::new(gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
         let mut shown: Vec<EvaluatedView> = Vec::new();
@@ -134,7 +135,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 /// The synthetic capture of runs without one: made once, in the output folder.
-fn demo_capture(gpu: &mut Gpu, out: &Path) -> anyhow::Result<Capture> {
+fn demo_capture(gpu: &mut Gpu, out: &Path) -> anyhow::Result<PathBuf> {
     let folder = out.join("capture");
     if !folder.join("capture.json").exists() {
         println!("making a synthetic capture in {}", folder.display());
@@ -142,7 +143,7 @@ fn demo_capture(gpu: &mut Gpu, out: &Path) -> anyhow::Result<Capture> {
             Ok(make_capture(gpu, &SyntheticOptions::default(), &folder)?)
         })?;
     }
-    Ok(Capture::open(&folder)?)
+    Ok(folder)
 }
 
 /// Lines of progress that a run prints where there is no terminal for a bar.

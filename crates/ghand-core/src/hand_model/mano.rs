@@ -6,6 +6,7 @@
 
 mod build;
 mod fields;
+mod named_arrays;
 mod side;
 
 use std::io::Read;
@@ -17,6 +18,7 @@ use super::obj::read_obj_uvs;
 use super::uv_atlas::build_atlas;
 use super::{HandModel, HandModelError, Side};
 use fields::Fields;
+pub use named_arrays::NamedArrays;
 
 /// MANO's joints in MANO's order.
 pub const JOINT_NAMES: [&str; 16] = [
@@ -43,6 +45,9 @@ pub const PARENTS: [Option<usize>; 16] = [
     Some(13),
     Some(14),
 ];
+
+/// What to do about a file that is no MANO model.
+const REMEDY: &str = "pass MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded";
 
 /// Most bytes of a file: twice what the model of a whole body takes.
 const MAX_BYTES: usize = 1 << 28;
@@ -123,7 +128,7 @@ pub fn read_mano_bytes(
     right: Option<&[u8]>,
     options: &ManoOptions,
 ) -> Result<ManoFile, HandModelError> {
-    let mut fields = Fields::open(name, bytes)?;
+    let mut fields = Fields::open(name, bytes, REMEDY)?;
     let mut warnings = Vec::new();
     let mut model = build::build(&mut fields, &mut warnings)?;
     model.side = side::find_side(&model, name, options.side, &mut warnings);

@@ -1,56 +1,72 @@
 //! Reading and checking of `capture.json` and `truth.json`.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Component, Path, PathBuf};
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use ghand_core::hand_model::gltf::read_gltf;
-use ghand_core::{Camera, HandModel, Pose, Side};
+use ghand_core::hand_model::mano::PARENTS as MANO_PARENTS;
+use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
 use glam::DVec3;
 use serde::de::DeserializeOwned;
 
 use super::{
-    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE, TruthFile, UNITS,
-    VERSION,
+    CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE, TruthFile, UNITS, VERSION,
 };
-use crate::camera_file::{CameraFile, CameraProblem};
-use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
+use crate::camera_file::CameraFile;
+use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
+use crate::checks::Checker;
 
-impl Capture {
-    /// Opens a capture of the project's own format: its folder or its `capture.json`. No image is read.
-    ///
-    /// # Errors
-    /// [`CaptureError`] names the file, the field that is missing or wrong, and what to do.
-    pub fn open(path: &Path) -> Result<Capture, CaptureError> {
-        let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path.to_path_buf() };
-        let remedy = "give the folder of a capture or its capture.json";
-        let text = read_text(&path, "read the capture", remedy)?;
-        let checker = Checker { path: &path };
-        checker.header(&text)?;
-        let file: CaptureFile = parse(&path, &text)?;
-        checker.capture(file)
-    }
+/// Larger files are taken for a mistake; ten thousand frames of 25 joints take 15 MB.
+const LARGEST_FILE: u64 = 1 << 28;
+
+/// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
+///
+/// # Errors
+/// [`CaptureError`] names the file, the field that is missing or wrong, and what to do.
+pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
+    let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
+                  Capture1 and so on, or a subject of the Hand Appearance dataset";
+    let text = read_text(path, "read the capture", remedy)?;
+    read_capture_text(path, &text, mano)
+}
+
+/// Reads the text of a `capture.json` as [`read_capture`] does; the path is for messages and for the files beside it.
+pub(crate) fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
+    let reader = Reader { checks: Checker { path }, mano };
+    reader.header(text)?;
+    reader.capture(parse(path, text)?)
 }
 
 fn read_text(path: &Path, action: &'static str, remedy: &'static str) -> Result<String, CaptureError> {
-    std::fs::read_to_string(path).map_err(|source| CaptureError::Io { path: path.into(), action, source, remedy })
+    let io = |source| CaptureError::Io { path: path.into(), action, source, remedy };
+    let mut text = String::new();
+    let file = std::fs::File::open(path).map_err(io)?;
+    file.take(LARGEST_FILE + 1).read_to_string(&mut text).map_err(io)?;
+    if text.len() as u64 > LARGEST_FILE {
+        let problem = format!("is larger than {} MiB; split it into several captures", LARGEST_FILE >> 20);
+        return Err(Checker { path }.invalid("file", problem));
+    }
+    Ok(text)
 }
 
 fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
     serde_json::from_str(text).map_err(|source| CaptureError::Json { path: path.into(), source })
 }
 
-/// Checks one file; every error carries the file's name.
-struct Checker<'a> {
-    path: &'a Path,
+/// Reads one file.
+struct Reader<'a> {
+    checks: Checker<'a>,
+    mano: Option<&'a HandModel>,
 }
 
-impl Checker<'_> {
+impl Reader<'_> {
     fn invalid(&self, field: impl Into<String>, problem: impl Into<String>) -> CaptureError {
-        CaptureError::Invalid { path: self.path.into(), field: field.into(), problem: problem.into() }
+        self.checks.invalid(field, problem)
     }
 
     fn header(&self, text: &str) -> Result<(), CaptureError> {
-        let header: HeaderFile = parse(self.path, text)?;
+        let header: HeaderFile = parse(self.checks.path, text)?;
         match header.format.as_deref() {
             Some(FORMAT) => {}
             other => {
@@ -72,7 +88,7 @@ impl Checker<'_> {
     }
 
     fn capture(&self, file: CaptureFile) -> Result<Capture, CaptureError> {
-        let root = match self.path.parent() {
+        let root = match self.checks.path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
         };
@@ -93,16 +109,23 @@ impl Checker<'_> {
         let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
 
         let cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
-        let camera_indices = self.index("cameras", cameras.iter().map(|c| c.id.as_str()))?;
+        let camera_indices = self.checks.index("cameras", cameras.iter().map(|c| c.id.as_str()))?;
         let frames = file.frames.iter().map(|f| self.frame(f, &joint_order)).collect::<Result<Vec<_>, _>>()?;
-        let frame_indices = self.index("frames", frames.iter().map(|f| f.id.as_str()))?;
+        let frame_indices = self.checks.index("frames", frames.iter().map(|f| f.id.as_str()))?;
         let shapes = frames.first().map_or(0, |f| f.shape.len());
         if let Some(odd) = frames.iter().find(|f| f.shape.len() != shapes) {
             let problem = format!("has {} numbers, the first frame has {shapes}; give all the same", odd.shape.len());
             return Err(self.invalid(format!("frames[{:?}].shape", odd.id), problem));
         }
 
-        let images = ImagePaths { image: file.image_path, mask: file.mask_path };
+        if let Some(odd) = frames.iter().find(|f| f.shape.len() > hand_model.shape_count()) {
+            let problem =
+                format!("has {shapes} numbers, the hand model takes {}; leave it empty", hand_model.shape_count());
+            return Err(self.invalid(format!("frames[{:?}].shape", odd.id), problem));
+        }
+        let template = mean_shaped(&hand_model, &frames).map_err(|source| self.hand_model_error(source))?;
+
+        let images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
         self.templates(&images, &camera_indices, &frame_indices)?;
         let splits = (file.splits.into_iter())
             .map(|(name, split)| {
@@ -110,13 +133,14 @@ impl Checker<'_> {
                 Ok((name, split))
             })
             .collect::<Result<BTreeMap<_, _>, CaptureError>>()?;
-        let truth = read_truth(&root.join(TRUTH_FILE), &frame_indices, &joint_order)?;
+        let truth = self.truth(&root.join(TRUTH_FILE), &frame_indices, &joint_order)?;
         Ok(Capture {
             root,
             side,
             background: file.background,
             hand_model,
             hand_model_source,
+            template,
             cameras,
             frames,
             images,
@@ -138,27 +162,35 @@ impl Checker<'_> {
                         self.invalid("hand_model.path", "is missing; give the glTF or GLB file beside the capture")
                     );
                 };
-                self.stays_inside("hand_model.path", path)?;
-                let model = read_gltf(&root.join(path))
-                    .map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+                self.checks.stays_inside("hand_model.path", path)?;
+                let model = read_gltf(&root.join(path)).map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Gltf { path: path.clone() })
             }
             "procedural" => {
                 let hand = file.parameters.clone().unwrap_or_default();
-                let model =
-                    hand.build().map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+                let model = hand.build().map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Procedural(hand))
             }
-            "mano" => {
-                let problem = "\"mano\" is not supported yet; use a rigged glTF hand or the procedural one";
-                return Err(self.invalid("hand_model.kind", problem));
-            }
+            "mano" => match self.mano {
+                Some(model) if model.parents == MANO_PARENTS => (model.clone(), HandModelSource::Mano),
+                Some(model) => {
+                    let problem = format!(
+                        "is \"mano\" but {} is no MANO model; give MANO_RIGHT.pkl or MANO_LEFT.pkl",
+                        model.name
+                    );
+                    return Err(self.invalid("hand_model.kind", problem));
+                }
+                None => {
+                    let problem = "is \"mano\": give your own MANO_RIGHT.pkl or MANO_LEFT.pkl with --hand-model";
+                    return Err(self.invalid("hand_model.kind", problem));
+                }
+            },
             other => {
                 let problem = format!("is {other:?}; must be \"gltf\", \"procedural\" or \"mano\"");
                 return Err(self.invalid("hand_model.kind", problem));
             }
         };
-        model.validate().map_err(|source| CaptureError::HandModel { path: self.path.into(), source })?;
+        model.validate().map_err(|source| self.hand_model_error(source))?;
         if model.side != side {
             let problem =
                 format!("is a {:?} hand but side says {side:?}; correct one of them", model.side).to_lowercase();
@@ -176,7 +208,7 @@ impl Checker<'_> {
             }
             return Ok((0..model.joint_count()).collect());
         };
-        let rows = self.index("hand_model.joints", names.iter().map(String::as_str))?;
+        let rows = self.checks.index("hand_model.joints", names.iter().map(String::as_str))?;
         if let Some(unknown) = names.iter().find(|name| model.joint_index(name).is_none()) {
             let known = model.joint_names.join(", ");
             let problem = format!("{unknown:?} is no joint of the hand model; its joints are: {known}");
@@ -227,9 +259,7 @@ impl Checker<'_> {
     }
 
     fn camera(&self, file: &CameraFile) -> Result<Camera, CaptureError> {
-        file.camera().map_err(|CameraProblem { field, problem }| {
-            self.invalid(format!("cameras[{:?}].{field}", file.id), problem)
-        })
+        file.camera(self.checks, format!("cameras[{:?}]", file.id))
     }
 
     fn frame(&self, file: &FrameFile, joint_order: &[usize]) -> Result<Frame, CaptureError> {
@@ -270,22 +300,6 @@ impl Checker<'_> {
         Ok(Pose { rotations, translation })
     }
 
-    /// Index by id, each of which must be there once.
-    fn index<'b>(
-        &self,
-        field: &str,
-        ids: impl Iterator<Item = &'b str>,
-    ) -> Result<HashMap<&'b str, usize>, CaptureError> {
-        let mut index = HashMap::new();
-        for (i, id) in ids.enumerate() {
-            if let Some(first) = index.insert(id, i) {
-                let problem = format!("{id:?} is there twice (numbers {first} and {i}); ids must be unique");
-                return Err(self.invalid(field, problem));
-            }
-        }
-        Ok(index)
-    }
-
     fn split(
         &self,
         name: &str,
@@ -295,17 +309,15 @@ impl Checker<'_> {
     ) -> Result<Split, CaptureError> {
         let look_up = |what: &str, ids: &[String], index: &HashMap<&str, usize>| {
             let field = format!("splits[{name:?}].{what}");
-            self.index(&field, ids.iter().map(String::as_str))?;
+            self.checks.index(&field, ids.iter().map(String::as_str))?;
             let found = ids.iter().map(|id| {
                 let unknown = || self.invalid(field.clone(), format!("{id:?} is not among the capture's {what}"));
                 index.get(id.as_str()).copied().ok_or_else(unknown)
             });
             found.collect::<Result<Vec<_>, _>>()
         };
-        Ok(Split {
-            cameras: look_up("cameras", &file.cameras, cameras)?,
-            frames: look_up("frames", &file.frames, frames)?,
-        })
+        let cameras = look_up("cameras", &file.cameras, cameras)?;
+        Ok(Split::product(cameras, look_up("frames", &file.frames, frames)?))
     }
 
     fn templates(
@@ -316,7 +328,7 @@ impl Checker<'_> {
     ) -> Result<(), CaptureError> {
         let templates = [("image_path", Some(&images.image)), ("mask_path", images.mask.as_ref())];
         for (field, template) in templates.into_iter().filter_map(|(field, t)| Some((field, t?))) {
-            self.stays_inside(field, template)?;
+            self.checks.stays_inside(field, template)?;
             for (placeholder, count) in [("{camera}", cameras.len()), ("{frame}", frames.len())] {
                 if count > 1 && !template.contains(placeholder) {
                     let problem = format!("{template:?} lacks {placeholder}: all {count} would share one file");
@@ -324,49 +336,39 @@ impl Checker<'_> {
                 }
             }
         }
-        // An id becomes part of a path, and must not lead it elsewhere.
         for (field, ids) in [("cameras", cameras), ("frames", frames)] {
             for id in ids.keys() {
-                if id.is_empty() || id.starts_with('.') || id.contains(['/', '\\', ':', '\0']) {
-                    let problem = format!("id {id:?} cannot be part of a path; use letters, digits, - and _");
-                    return Err(self.invalid(field, problem));
-                }
+                self.checks.id(field, id)?;
             }
         }
         Ok(())
     }
 
-    /// Refuses paths that could lead out of the capture's folder on any system. Links inside the folder are the user's own.
-    fn stays_inside(&self, field: &str, path: &str) -> Result<(), CaptureError> {
-        let normal = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        if normal && !path.is_empty() && !path.contains(['\\', ':', '\0']) {
-            return Ok(());
+    /// Exact poses by frame, if the file is there.
+    fn truth(
+        &self,
+        path: &Path,
+        frames: &HashMap<&str, usize>,
+        joint_order: &[usize],
+    ) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
+        if !path.exists() {
+            return Ok(None);
         }
-        let problem =
-            format!("{path:?} leads out of the capture's folder; give a path inside it, with / between its parts");
-        Err(self.invalid(field, problem))
+        let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
+        let file: TruthFile = parse(path, &text)?;
+        let reader = Reader { checks: Checker { path }, mano: self.mano };
+        reader.checks.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
+        let mut truth = vec![None; frames.len()];
+        for frame in &file.frames {
+            let slot = frames.get(frame.id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {
+                reader.invalid("frames", format!("{:?} is not among the capture's frames; remove it", frame.id))
+            })?;
+            *slot = Some(reader.pose(&frame.id, &frame.pose, frame.translation, joint_order)?);
+        }
+        Ok(Some(truth))
     }
-}
 
-/// Exact poses by frame, if the file is there.
-fn read_truth(
-    path: &Path,
-    frames: &HashMap<&str, usize>,
-    joint_order: &[usize],
-) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
-    if !path.exists() {
-        return Ok(None);
+    fn hand_model_error(&self, source: HandModelError) -> CaptureError {
+        CaptureError::HandModel { path: self.checks.path.into(), source }
     }
-    let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
-    let file: TruthFile = parse(path, &text)?;
-    let checker = Checker { path };
-    checker.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
-    let mut truth = vec![None; frames.len()];
-    for frame in &file.frames {
-        let slot = frames.get(frame.id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {
-            checker.invalid("frames", format!("{:?} is not among the capture's frames; remove it", frame.id))
-        })?;
-        *slot = Some(checker.pose(&frame.id, &frame.pose, frame.translation, joint_order)?);
-    }
-    Ok(Some(truth))
 }

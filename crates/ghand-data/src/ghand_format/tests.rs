@@ -6,7 +6,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
-use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split};
+use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use ghand_core::atomic_file::write_atomically;
 
 fn hand() -> ProceduralHand {
@@ -28,21 +28,20 @@ fn sample(root: &Path) -> Capture {
         let pose = Pose { rotations, translation: DVec3::new(0.01, 0.02, i as f64 / 3.0) };
         Frame { id: format!("{i:04}"), pose, shape: vec![0.5, -1.0] }
     };
+    let frames: Vec<Frame> = (0..2).map(frame).collect();
     Capture {
         root: root.into(),
         side: Side::Right,
         background: [0.0, 0.5, 1.0],
+        template: mean_shaped(&hand_model, &frames).unwrap(),
         hand_model,
         hand_model_source: HandModelSource::Procedural(hand()),
         cameras: (0..3).map(camera).collect(),
-        frames: (0..2).map(frame).collect(),
-        images: ImagePaths {
-            image: "images/{camera}/{frame}.png".into(),
-            mask: Some("masks/{camera}/{frame}.png".into()),
-        },
+        frames,
+        images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits: [
-            ("train".to_owned(), Split { cameras: vec![0, 2], frames: vec![0] }),
-            ("test".to_owned(), Split { cameras: vec![1], frames: vec![1] }),
+            ("train".to_owned(), Split::product(vec![0, 2], vec![0])),
+            ("test".to_owned(), Split::product(vec![1], vec![1])),
         ]
         .into(),
         truth: Some(vec![None, Some(Pose::rest(joints))]),
@@ -167,7 +166,7 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["splits"]["test"]["cameras"] = json!(["cam9"]), &["splits[\"test\"].cameras", "\"cam9\""]),
         (|v| v["splits"]["test"]["frames"] = json!(["nine"]), &["splits[\"test\"].frames", "\"nine\""]),
         (|v| v["splits"]["test"]["frames"] = json!(["0000", "0000"]), &["splits[\"test\"].frames", "twice"]),
-        (|v| v["hand_model"]["kind"] = json!("mano"), &["hand_model.kind", "not supported yet"]),
+        (|v| v["hand_model"]["kind"] = json!("mano"), &["hand_model.kind", "MANO_RIGHT.pkl", "--hand-model"]),
         (|v| v["hand_model"]["kind"] = json!("foot"), &["hand_model.kind", "\"foot\"", "procedural"]),
         (|v| v["hand_model"]["joints"][3] = json!("tail"), &["hand_model.joints", "\"tail\"", "no joint"]),
         (

@@ -11,6 +11,7 @@ use super::{
 };
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
+use crate::checks::is_plain_id;
 use ghand_core::atomic_file::write_atomically;
 
 impl Capture {
@@ -18,8 +19,10 @@ impl Capture {
     /// Images, masks and a glTF file are not touched.
     ///
     /// # Errors
-    /// [`CaptureError::Io`] when a file cannot be written; it is then as it was before.
+    /// [`CaptureError::Io`] when a file cannot be written; it is then as it was before. [`CaptureError::Invalid`] when the
+    /// format has no place for what the capture holds: one that was read from another data set.
     pub fn save(&self) -> Result<(), CaptureError> {
+        self.check_writable()?;
         // The truth first: a folder with a capture.json is a whole capture.
         if let Some(truth) = &self.truth {
             let frames = (self.frames.iter().zip(truth))
@@ -32,6 +35,22 @@ impl Capture {
             write_json(&self.root.join(TRUTH_FILE), &TruthFile { frames })?;
         }
         write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
+    }
+
+    /// Frames of several sequences, made masks and splits that are no product have no place in the format.
+    fn check_writable(&self) -> Result<(), CaptureError> {
+        let odd = if self.images.made_masks.is_some() || self.images.hide_surroundings {
+            "masks"
+        } else if self.frames.iter().any(|f| !is_plain_id(&f.id)) {
+            "frames"
+        } else if self.splits.values().any(|s| !s.is_product()) {
+            "splits"
+        } else {
+            return Ok(());
+        };
+        let problem =
+            format!("version {VERSION} of capture.json cannot hold them; read the data set from its own folder");
+        Err(CaptureError::Invalid { path: self.root.join(CAPTURE_FILE), field: odd.into(), problem })
     }
 
     fn to_file(&self) -> CaptureFile {
@@ -66,6 +85,7 @@ fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile
     let (kind, path, parameters) = match source {
         HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
         HandModelSource::Procedural(hand) => ("procedural", None, Some(hand.clone())),
+        HandModelSource::Mano => ("mano", None, None),
     };
     let parents = model.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect();
     HandModelFile {

@@ -51,20 +51,3 @@ fn tangent_bounds(camera: &Camera, points: &[DVec3]) -> (DVec2, DVec2) {
         (low.min(tangent), high.max(tangent))
     })
 }
-
-/// `count` of the cameras' indices, each the farthest from those before it, starting with the first.
-pub(super) fn well_spread(cameras: &[Camera], among: &[usize], count: usize) -> Vec<usize> {
-    let mut chosen: Vec<usize> = among.first().copied().into_iter().collect();
-    while chosen.len() < count.min(among.len()) {
-        let gap = |&i: &usize| {
-            let distances = chosen.iter().map(|&j| cameras[i].center().distance(cameras[j].center()));
-            distances.fold(f64::INFINITY, f64::min)
-        };
-        match among.iter().copied().max_by(|a, b| gap(a).total_cmp(&gap(b))) {
-            Some(next) => chosen.push(next),
-            None => break,
-        }
-    }
-    chosen.sort_unstable();
-    chosen
-}

@@ -8,6 +8,8 @@ use crate::hand_model::pickle::{Graph, Id, SparseMatrix};
 pub(super) struct Fields<'a> {
     /// The file, for messages.
     pub origin: &'a str,
+    /// What to do when the file is not the right one.
+    remedy: &'a str,
     store: Store<'a>,
 }
 
@@ -23,7 +25,7 @@ pub(super) enum Matrix {
 }
 
 impl<'a> Fields<'a> {
-    pub(super) fn open(origin: &'a str, bytes: &'a [u8]) -> Result<Fields<'a>, HandModelError> {
+    pub(super) fn open(origin: &'a str, bytes: &'a [u8], remedy: &'a str) -> Result<Fields<'a>, HandModelError> {
         let fail = |field: &str, problem: String| Err(invalid(origin, field, problem));
         let store = if Npz::recognizes(bytes) {
             match Npz::open(bytes) {
@@ -36,15 +38,14 @@ impl<'a> Fields<'a> {
                 Err(error) => return fail("pickle", error.to_string()),
             }
         } else {
-            let problem = "is neither a pickle nor an .npz archive; pass MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded";
-            return fail("hand model", problem.into());
+            return fail("content", format!("is neither a pickle nor an .npz archive; {remedy}"));
         };
         if let Store::Pickle(graph) = &store
             && !graph.is_dictionary()
         {
-            return fail("pickle", "holds no dictionary; pass MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded".into());
+            return fail("pickle", format!("holds no dictionary; {remedy}"));
         }
-        Ok(Fields { origin, store })
+        Ok(Fields { origin, remedy, store })
     }
 
     pub(super) fn invalid(&self, field: &str, problem: String) -> HandModelError {
@@ -99,7 +100,7 @@ impl<'a> Fields<'a> {
         pickled: impl Fn(&Graph, Id) -> Result<T, ArrayError>,
     ) -> Result<Stored<T>, HandModelError> {
         if !self.contains(key) {
-            return Err(self.invalid(key, "is missing; pass a MANO model as downloaded".into()));
+            return Err(self.invalid(key, format!("is missing; {}", self.remedy)));
         }
         let value = match &mut self.store {
             Store::Pickle(graph) => {

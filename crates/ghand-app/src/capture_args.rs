@@ -1,0 +1,93 @@
+//! Which capture a program works on.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use clap::Args;
+use ghand_data::{Capture, OpenOptions};
+use glam::DVec2;
+
+use crate::hand_model_file::HandModelArgs;
+
+/// A capture and what its own files do not say.
+#[derive(Debug, Clone, Default, Args)]
+pub struct CaptureArgs {
+    /// Folder of a capture or its capture.json; InterHand2.6M or one of its folders, such as images/test/Capture0; or a subject
+    /// of the Hand Appearance dataset.
+    #[arg(long)]
+    pub capture: Option<PathBuf>,
+    /// MANO model for captures whose poses are MANO's: MANO_RIGHT.pkl, or MANO_LEFT.pkl for the left hand.
+    #[arg(long, value_name = "FILE", requires = "capture")]
+    hand_model: Option<PathBuf>,
+    #[command(flatten)]
+    hand_model_args: HandModelArgs,
+    /// InterHand2.6M: sequences to train on [default: ROM04_RT_Occlusion, LT for a left hand]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
+    train_sequences: Vec<String>,
+    /// InterHand2.6M: sequences to test on [default: ROM03_RT_No_Occlusion, LT for a left hand]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
+    test_sequences: Vec<String>,
+    /// Hand Appearance: principal point in pixels [default: 224,224]
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, requires = "capture")]
+    principal_point: Option<DVec2>,
+}
+
+impl CaptureArgs {
+    /// Opens the capture at `path` and takes images that are of no use out of `splits`. What was left out is said in one
+    /// warning.
+    ///
+    /// # Errors
+    /// One sentence that names the file, the field and what to do.
+    pub fn open(&self, path: &Path, splits: &[&str]) -> anyhow::Result<Capture> {
+        let mano = match &self.hand_model {
+            Some(file) => {
+                let file = self.hand_model_args.load(Some(file))?;
+                file.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", file.model.name));
+                Some(file.model)
+            }
+            None => None,
+        };
+        let options = OpenOptions {
+            mano,
+            train_sequences: self.train_sequences.clone(),
+            test_sequences: self.test_sequences.clone(),
+            principal_point: self.principal_point,
+        };
+        let opened = Capture::open_with(path, &options)?;
+        opened.warnings.iter().for_each(|warning| log::warn!("{warning}"));
+        let mut capture = opened.capture;
+        // Before images are looked at, which may take long.
+        splits.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;
+        if capture.images.made_masks.is_some() {
+            println!("looking at the images of {}; masks that are not there are made, once", splits.join(" and "));
+        }
+        let dropped = capture.drop_unusable(splits)?;
+        for counts in [opened.left_out, dropped] {
+            if counts.total() > 0 {
+                log::warn!("{}: {counts}", path.display());
+            }
+        }
+        Ok(capture)
+    }
+}
+
+fn parse_point(text: &str) -> anyhow::Result<DVec2> {
+    let point = text.split_once(',').and_then(|(x, y)| {
+        let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+        Some(DVec2::new(number(x)?, number(y)?))
+    });
+    point.ok_or_else(|| anyhow!("must be two numbers of pixels, as in 224,224"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_two_numbers() {
+        assert_eq!(parse_point("224, 230.5").unwrap(), DVec2::new(224.0, 230.5));
+        for text in ["", "224", "1,2,3", "a,b", "1,nan", "1,inf"] {
+            assert!(parse_point(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! `train` starts from every kind of capture in one command.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(dead_code, reason = "the fixtures are those of ghand-data, whose tests need more of them")]
+
+mod common;
+
+#[path = "../../ghand-core/tests/support/mod.rs"]
+mod support;
+
+#[path = "../../ghand-data/tests/data_sets/fixtures.rs"]
+mod fixtures;
+#[path = "../../ghand-data/tests/data_sets/hand_appearance_files.rs"]
+mod hand_appearance_files;
+#[path = "../../ghand-data/tests/data_sets/interhand_files.rs"]
+mod interhand_files;
+
+use std::path::Path;
+
+use common::{assert_one_sentence, listing, run};
+use ghand_data::Capture;
+use ghand_data::capture::HandModelSource;
+
+const TRAIN: &str = env!("CARGO_BIN_EXE_train");
+const SHORT: [&str; 6] = ["--set", "iterations=4", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32"];
+
+/// A folder with a MANO file.
+fn folder_with_mano() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = support::hands::as_pickle(&fixtures::mano_hand().published());
+    std::fs::write(folder.path().join("MANO_RIGHT.pkl"), bytes).unwrap();
+    folder
+}
+
+/// Trains and gives what was said.
+fn train(folder: &Path, arguments: &[&str]) -> String {
+    let output =
+        run(TRAIN, folder, &[arguments, &["--hand-model", "MANO_RIGHT.pkl", "--out", "out"], &SHORT[..]].concat());
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert_eq!(listing(&folder.join("out")), ["avatar.ghand", "metrics.json", "poses.json", "report.png"]);
+    said
+}
+
+#[test]
+fn training_starts_from_interhand() {
+    let folder = folder_with_mano();
+    let mut data = interhand_files::right();
+    data.annotations[0]["hand_type"] = serde_json::json!("interacting");
+    data.write(&folder.path().join("InterHand2.6M"));
+    let said = train(folder.path(), &["--capture", "InterHand2.6M", "--split", "train20"]);
+    assert!(said.contains("6 cameras, 3 frames, 17 images"), "{said}");
+    assert!(said.contains("1 of 22 images are left out: 1 of the other hand"), "{said}");
+    train(folder.path(), &["--capture", "InterHand2.6M/images/test/Capture0", "--split", "train5"]);
+    let output = run(TRAIN, folder.path(), &["--capture", "InterHand2.6M"]);
+    assert_one_sentence(&output, &["InterHand2.6M", "MANO_RIGHT.pkl", "--hand-model"]);
+}
+
+#[test]
+fn training_starts_from_hand_appearance() {
+    let folder = folder_with_mano();
+    hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");
+    let said = train(folder.path(), &["--capture", "subject_1", "--principal-point", "224,224"]);
+    assert!(said.contains("1 cameras, 6 frames, 6 images"), "{said}");
+}
+
+#[test]
+fn training_starts_from_a_rig_with_mano_poses() {
+    let folder = folder_with_mano();
+    let root = folder.path().join("rig");
+    let copied =
+        std::process::Command::new("cp").arg("-r").arg(&fixtures::synthetic().root).arg(&root).status().unwrap();
+    assert!(copied.success());
+    let rig = Capture {
+        root,
+        hand_model: fixtures::mano().clone(),
+        hand_model_source: HandModelSource::Mano,
+        ..fixtures::synthetic().clone()
+    };
+    rig.save().unwrap();
+    train(folder.path(), &["--capture", "rig"]);
+}

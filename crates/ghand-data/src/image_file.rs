@@ -1,0 +1,136 @@
+//! Images and masks from files, within bounds: neither a file's length nor what it claims to hold decides how much memory
+//! is used, and a decoder that fails is an error like any other.
+
+use std::io::{Cursor, Read};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use image::error::{DecodingError, ImageFormatHint};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+
+use crate::error::CaptureError;
+
+/// Most bytes that a pixel takes in a file: an EXR with four floats has 16, and may have other layers.
+const FILE_BYTES_A_PIXEL: u64 = 64;
+/// Room for what is in a file beside pixels.
+const FILE_BYTES_BESIDE: u64 = 1 << 20;
+
+/// What a file is to its capture, for messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Role {
+    Image,
+    Mask,
+}
+
+impl Role {
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Image => "image",
+            Role::Mask => "mask",
+        }
+    }
+}
+
+/// The bytes of the file of an image of `size` pixels (width, height).
+pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Vec<u8>, CaptureError> {
+    let io = |source| CaptureError::Io {
+        path: file.into(),
+        action: if role == Role::Mask { "read the mask" } else { "read the image" },
+        source,
+        remedy: "add the file, or take its camera or frame out of the splits",
+    };
+    let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
+    let mut bytes = Vec::new();
+    std::fs::File::open(file).and_then(|f| f.take(most + 1).read_to_end(&mut bytes)).map_err(io)?;
+    if bytes.len() as u64 > most {
+        let problem =
+            format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
+        return Err(CaptureError::Invalid { path: file.into(), field: role.name().into(), problem });
+    }
+    Ok(bytes)
+}
+
+/// Why bytes are no image.
+enum Refusal {
+    Broken(ImageError),
+    OtherSize(u32, u32),
+}
+
+/// The image of these bytes, which must be of `size` pixels. `file` is for messages.
+pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
+    // Hostile files run decoders into bugs of their own.
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_sized(bytes, size)));
+    let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
+    decoded.unwrap_or_else(gave_up).map_err(|refusal| match refusal {
+        Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
+        Refusal::OtherSize(width, height) => {
+            let problem = format!(
+                "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and intrinsics \
+                 of the camera",
+                size.0, size.1
+            );
+            CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+        }
+    })
+}
+
+fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {
+    Refusal::Broken(ImageError::Decoding(DecodingError::new(hint, problem)))
+}
+
+fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal> {
+    let pixels = u64::from(size.0) * u64::from(size.1);
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|error| Refusal::Broken(ImageError::IoError(error)))?;
+    match reader.format() {
+        Some(ImageFormat::OpenExr) => check_exr(bytes, pixels)?,
+        Some(ImageFormat::Jpeg) if !has_end(bytes) => {
+            return Err(broken(ImageFormatHint::Exact(ImageFormat::Jpeg), "it is cut short"));
+        }
+        _ => {}
+    }
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(Refusal::Broken)?;
+    // Only the header is read so far.
+    let (width, height) = decoder.dimensions();
+    if (width, height) != size {
+        return Err(Refusal::OtherSize(width, height));
+    }
+    DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)
+}
+
+/// Whether the end of the picture is in a JPEG. The decoder fills what is missing of a truncated one with grey.
+fn has_end(jpeg: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
+    // Segments with their lengths come first; what they hold (a thumbnail, say) may have an end of its own.
+    let mut rest = jpeg.get(2..).unwrap_or_default();
+    while let &[0xFF, marker, high, low, ..] = rest {
+        if marker == START_OF_SCAN {
+            // From here a byte of 0xFF is a mark, never part of the picture.
+            return rest.windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        // A mark may be preceded by any number of bytes of 0xFF.
+        let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+        rest = rest.get(length..).unwrap_or_default();
+    }
+    false
+}
+
+/// Most times that the pixels an EXR stores may be as many as those it shows; more are a mistake, or made to use up memory.
+const EXR_OVERSCAN: u64 = 4;
+
+/// An EXR shows a window, but stores another one, which the limits of the image library do not look at.
+fn check_exr(bytes: &[u8], pixels: u64) -> Result<(), Refusal> {
+    let hint = || ImageFormatHint::Exact(ImageFormat::OpenExr);
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|error| broken(hint(), &error.to_string()))?;
+    let too_large = meta.headers.iter().any(|header| {
+        let stored = header.layer_size.width() as u64 * header.layer_size.height() as u64;
+        stored > EXR_OVERSCAN * pixels
+    });
+    if too_large { Err(broken(hint(), "it stores far more pixels than it shows")) } else { Ok(()) }
+}

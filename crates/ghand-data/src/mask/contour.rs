@@ -1,0 +1,94 @@
+//! The largest part of a mask.
+
+/// Keeps of a row-major mask what lies inside the contour that encloses most pixels; holes stay holes, but count as
+/// enclosed. Parts touch at corners, too.
+pub(super) fn keep_largest(mask: &mut [bool], width: usize) {
+    let width = width.max(1);
+    let mut label: Vec<u32> = vec![0; mask.len()];
+    // What the border reaches without crossing the mask is outside of all contours.
+    let on_border = |i: usize| i < width || i + width >= mask.len() || [0, width - 1].contains(&(i % width));
+    let mut pending: Vec<usize> = (0..mask.len()).filter(|&i| on_border(i) && !mask[i]).collect();
+    pending.iter().for_each(|&i| label[i] = OUTSIDE);
+    while let Some(i) = pending.pop() {
+        for n in neighbours(i, width, mask.len()).into_iter().take(4).flatten() {
+            if !mask[n] && label[n] == 0 {
+                label[n] = OUTSIDE;
+                pending.push(n);
+            }
+        }
+    }
+    let (mut best, mut largest, mut next) = (0, 0, OUTSIDE + 1);
+    for start in 0..mask.len() {
+        if label[start] != 0 {
+            continue;
+        }
+        label[start] = next;
+        pending.push(start);
+        let mut size = 0;
+        while let Some(i) = pending.pop() {
+            size += 1;
+            for n in neighbours(i, width, mask.len()).into_iter().flatten() {
+                if label[n] == 0 {
+                    label[n] = next;
+                    pending.push(n);
+                }
+            }
+        }
+        if size > largest {
+            (best, largest) = (next, size);
+        }
+        next += 1;
+    }
+    mask.iter_mut().zip(label).for_each(|(inside, label)| *inside &= label == best);
+}
+
+const OUTSIDE: u32 = 1;
+
+/// The pixels around one: first those that share an edge, then those that share a corner.
+fn neighbours(i: usize, width: usize, count: usize) -> [Option<usize>; 8] {
+    let x = i % width;
+    let (left, right) = (x > 0, x + 1 < width);
+    let (above, below) = (i.checked_sub(width), Some(i + width).filter(|i| *i < count));
+    [
+        left.then(|| i - 1),
+        right.then(|| i + 1),
+        above,
+        below,
+        above.filter(|_| left).map(|i| i - 1),
+        above.filter(|_| right).map(|i| i + 1),
+        below.filter(|_| left).map(|i| i - 1),
+        below.filter(|_| right).map(|i| i + 1),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(rows: &[&str]) -> Vec<String> {
+        let width = rows[0].len();
+        let mut mask: Vec<bool> = rows.iter().flat_map(|row| row.bytes().map(|b| b == b'#')).collect();
+        keep_largest(&mut mask, width);
+        mask.chunks(width).map(|row| row.iter().map(|i| if *i { '#' } else { '.' }).collect()).collect()
+    }
+
+    #[test]
+    fn parts_touch_at_corners_and_the_larger_one_stays() {
+        assert_eq!(kept(&["##..#", "##...", "..#.."]), ["##...", "##...", "..#.."]);
+        assert_eq!(kept(&["#...#", "...##"]), ["....#", "...##"]);
+    }
+
+    #[test]
+    fn a_ring_counts_with_what_it_encloses_and_what_is_in_it_belongs_to_it() {
+        let ring = [".#####......", ".#...#.#####", ".#.#.#.#####", ".#...#......", ".#####......"];
+        let expected = [".#####......", ".#...#......", ".#.#.#......", ".#...#......", ".#####......"];
+        assert_eq!(kept(&ring), expected);
+    }
+
+    #[test]
+    fn empty_and_full_masks_stay_so() {
+        assert_eq!(kept(&["...", "..."]), ["...", "..."]);
+        assert_eq!(kept(&["###"]), ["###"]);
+        keep_largest(&mut [], 0);
+    }
+}

@@ -1,0 +1,171 @@
+//! One image of a capture with its mask.
+
+use ghand_core::Camera;
+use image::{DynamicImage, ImageFormat};
+
+use crate::capture::Capture;
+use crate::error::CaptureError;
+use crate::image_file::{Role, decode, read_bytes};
+use crate::mask::made_mask;
+
+/// One image of the capture with its mask.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct View {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are exactly
+    /// those of the file but for images with an alpha channel, which are composited over the capture's background, for EXR,
+    /// whose linear light is encoded as sRGB, and for captures that hide their surroundings.
+    pub rgba: Vec<[u8; 4]>,
+}
+
+/// A view cut to the hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CroppedView {
+    /// The camera of the cropped image; its size is that of the crop.
+    pub camera: Camera,
+    /// Pixels of the crop, as in [`View::rgba`].
+    pub pixels: Vec<[u8; 4]>,
+}
+
+impl View {
+    /// The view cut to the box of its mask grown by `margin` pixels; the whole view if the mask is empty. `camera` is the
+    /// view's.
+    pub fn cropped(&self, camera: &Camera, margin: u32) -> CroppedView {
+        let [x, y, width, height] = crop_box(&self.rgba, self.width, self.height, margin);
+        let rows = self.rgba.chunks_exact(self.width.max(1) as usize).skip(y as usize).take(height as usize);
+        let pixels = rows.flat_map(|row| row.iter().skip(x as usize).take(width as usize).copied()).collect();
+        CroppedView { camera: camera.cropped(x as i32, y as i32, width, height), pixels }
+    }
+}
+
+/// The box of the mask grown by `margin` pixels and cut at the image, as x, y, width, height; the whole image if the mask
+/// is empty.
+fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {
+    let mut low = [u32::MAX; 2];
+    let mut high = [0; 2];
+    for (y, row) in (0..).zip(pixels.chunks_exact(width.max(1) as usize)) {
+        let on_hand = |p: &[u8; 4]| p[3] >= 128;
+        let Some(first) = row.iter().position(on_hand) else { continue };
+        let last = row.iter().rposition(on_hand).unwrap_or(first);
+        low = [low[0].min(first as u32), low[1].min(y)];
+        high = [high[0].max(last as u32), y];
+    }
+    if low[0] > high[0] {
+        return [0, 0, width, height];
+    }
+    let first = low.map(|v| v.saturating_sub(margin));
+    let end = |axis: usize, size: u32| high[axis].saturating_add(margin).saturating_add(1).min(size);
+    [first[0], first[1], end(0, width) - first[0], end(1, height) - first[1]]
+}
+
+impl Capture {
+    /// Reads the image and the mask of a camera and a frame (indices). Pairs that no split names may have no file.
+    ///
+    /// # Errors
+    /// [`CaptureError`] when there is no such camera or frame, or when a file is missing, broken or not of the camera's size.
+    pub fn load_view(&self, camera: usize, frame: usize) -> Result<View, CaptureError> {
+        let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
+        let file = self.image_file(camera, frame)?;
+        let bytes = read_bytes(&file, Role::Image, size)?;
+        let picture = decode(&file, Role::Image, &bytes, size)?;
+        let mut rgba = self.display_values(picture, &bytes);
+        let mask = match self.load_mask(camera, frame, size)? {
+            None if self.images.made_masks.is_some() => Some(made_mask(self, camera, frame, &bytes, &rgba)?),
+            mask => mask,
+        };
+        if let Some(mask) = mask {
+            rgba.iter_mut().zip(mask).for_each(|(pixel, mask)| pixel[3] = mask);
+        }
+        let [r, g, b] = self.background.map(|v| (v * 255.0).round() as u8);
+        for pixel in &mut rgba {
+            pixel[3] = if pixel[3] >= 128 { 255 } else { 0 };
+            if self.images.hide_surroundings && pixel[3] == 0 {
+                *pixel = [r, g, b, 0];
+            }
+        }
+        Ok(View { width: size.0, height: size.1, rgba })
+    }
+
+    /// The mask from its file, if the capture has masks. A file that may be made and is not there is none.
+    pub(crate) fn load_mask(
+        &self,
+        camera: usize,
+        frame: usize,
+        size: (u32, u32),
+    ) -> Result<Option<Vec<u8>>, CaptureError> {
+        let Some(file) = self.mask_file(camera, frame)? else { return Ok(None) };
+        if self.images.made_masks.is_some() && !file.exists() {
+            return Ok(None);
+        }
+        let bytes = read_bytes(&file, Role::Mask, size)?;
+        Ok(Some(decode(&file, Role::Mask, &bytes, size)?.into_luma8().into_raw()))
+    }
+
+    /// Pixels of an image over the background; alpha as in the file, 255 where it has none.
+    pub(crate) fn display_values(&self, picture: DynamicImage, file: &[u8]) -> Vec<[u8; 4]> {
+        let picture = match image::guess_format(file) {
+            Ok(ImageFormat::OpenExr) => encoded(&picture),
+            _ => picture,
+        };
+        if !picture.color().has_alpha() {
+            return picture.into_rgb8().pixels().map(|p| [p.0[0], p.0[1], p.0[2], 255]).collect();
+        }
+        let blend = |value: u8, alpha: u8, behind: f64| {
+            let alpha = f64::from(alpha) / 255.0;
+            (f64::from(value) * alpha + behind * (1.0 - alpha)).round().clamp(0.0, 255.0) as u8
+        };
+        let [r0, g0, b0] = self.background.map(|b| b * 255.0);
+        (picture.into_rgba8().pixels())
+            .map(|p| {
+                let [r, g, b, a] = p.0;
+                [blend(r, a, r0), blend(g, a, g0), blend(b, a, b0), a]
+            })
+            .collect()
+    }
+}
+
+/// Display values with straight alpha of the linear light with premultiplied alpha that an EXR holds.
+fn encoded(picture: &DynamicImage) -> DynamicImage {
+    let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
+    let encode = |linear: f32| {
+        let linear = linear.clamp(0.0, 1.0);
+        byte(if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 })
+    };
+    if !picture.color().has_alpha() {
+        let linear = picture.to_rgb32f();
+        let pixels = linear.pixels().flat_map(|p| p.0.map(encode)).collect();
+        return image::RgbImage::from_raw(linear.width(), linear.height(), pixels).unwrap_or_default().into();
+    }
+    let linear = picture.to_rgba32f();
+    let straight = linear.pixels().flat_map(|p| {
+        let [r, g, b, a] = p.0;
+        let alpha = if a > 0.0 { a } else { 1.0 };
+        [encode(r / alpha), encode(g / alpha), encode(b / alpha), byte(a)]
+    });
+    image::RgbaImage::from_raw(linear.width(), linear.height(), straight.collect()).unwrap_or_default().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crops_hold_the_mask_and_its_margin_and_stay_inside() {
+        let mut pixels = vec![[0, 0, 0, 0]; 20 * 10];
+        assert_eq!(crop_box(&pixels, 20, 10, 3), [0, 0, 20, 10]);
+        pixels[4 * 20 + 6][3] = 255;
+        pixels[6 * 20 + 9][3] = 255;
+        assert_eq!(crop_box(&pixels, 20, 10, 2), [4, 2, 8, 7]);
+        assert_eq!(crop_box(&pixels, 20, 10, u32::MAX), [0, 0, 20, 10]);
+        pixels[5 * 20 + 3][3] = 255;
+        assert_eq!(crop_box(&pixels, 20, 10, 0), [3, 4, 7, 3]);
+        let camera = Camera::look_at(glam::DVec3::NEG_Z, glam::DVec3::ZERO, glam::DVec3::Y, 0.5, 20, 10);
+        let crop = View { width: 20, height: 10, rgba: pixels.clone() }.cropped(&camera, 0);
+        assert_eq!((crop.camera.width, crop.camera.height, crop.pixels.len()), (7, 3, 21));
+        assert_eq!(crop.camera.principal, camera.principal - glam::DVec2::new(3.0, 4.0));
+        assert_eq!((crop.pixels[3][3], crop.pixels[7][3], crop.pixels[20][3]), (255, 255, 255));
+    }
+}
