@@ -1,6 +1,7 @@
 //! Storage buffers: making, filling and reading them.
 
 use std::sync::mpsc;
+use std::time::Duration;
 
 use bytemuck::Pod;
 
@@ -11,6 +12,10 @@ const USAGE: wgpu::BufferUsages =
 
 /// Buffers to read from larger than this can fail for lack of memory, bytes.
 const LARGE: u64 = 1 << 20;
+
+/// How often, and how long each time, the answer to a mapping is awaited that should be there.
+const ANSWER_TRIES: u32 = 100;
+const ANSWER_PAUSE: Duration = Duration::from_millis(100);
 
 /// A zeroed storage buffer of `words` 32-bit words (at least 16, so that a shader's struct of one element always fits).
 pub fn zeroed(gpu: &Gpu, label: &str, words: usize) -> wgpu::Buffer {
@@ -77,17 +82,36 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size.next_multiple_of(4));
     gpu.queue.submit([encoder.finish()]);
-    let (sender, receiver) = mpsc::channel();
-    staging.map_async(wgpu::MapMode::Read, .., move |r| {
-        // The receiver outlives the wait below; if it is gone nobody waits for the answer.
-        let _ = sender.send(r);
-    });
-    gpu.wait()?;
+    map(gpu, &staging)?;
     let fail = |e: &dyn std::fmt::Display| RenderError::Device(format!("a buffer could not be read: {e}"));
-    // Not `recv`: all that was going to be answered has been, and some things never will be.
-    receiver.try_recv().map_err(|e| fail(&e))?.map_err(|e| fail(&e))?;
     let view = staging.get_mapped_range(..).map_err(|e| fail(&e))?;
     let mut values = vec![T::zeroed(); count];
     bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..size as usize]);
     Ok(values)
+}
+
+/// Maps a buffer for reading and waits until it is. Several threads may do so on one device.
+///
+/// # Errors
+/// [`RenderError`] if the device failed or was lost, or never answers.
+pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
+    let (sender, receiver) = mpsc::channel();
+    buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+        // The receiver outlives the wait below; if it is gone nobody waits for the answer.
+        let _ = sender.send(result);
+    });
+    for _ in 0..ANSWER_TRIES {
+        gpu.wait()?;
+        // By now the answer is on its way, but another thread that waits may be the one to bring it. Not `recv`: after a loss
+        // some answers never come.
+        match receiver.recv_timeout(ANSWER_PAUSE) {
+            Ok(result) => {
+                return result.map_err(|e| RenderError::Device(format!("a buffer could not be read: {e}")));
+            }
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            Err(mpsc::RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    gpu.check()?;
+    Err(RenderError::Device("a buffer could not be read: the device does not answer".into()))
 }

@@ -304,3 +304,23 @@ fn an_adapter_choice_that_fits_nothing_lists_what_there_is() {
         "{error}"
     );
 }
+
+#[test]
+fn many_threads_read_from_one_device() {
+    in_time(|| {
+        let gpu = gpu();
+        let threads: Vec<_> = (0..8u32)
+            .map(|thread| {
+                let gpu = gpu.clone();
+                std::thread::spawn(move || {
+                    for round in 0..200 {
+                        let numbers = [thread, round];
+                        let buffer = buffers::filled(&gpu, "read by a thread", &numbers);
+                        assert_eq!(buffers::read::<u32>(&gpu, &buffer, 2), Ok(numbers.to_vec()));
+                    }
+                })
+            })
+            .collect();
+        threads.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+}

@@ -5,7 +5,7 @@ use ghand_core::Camera;
 use glam::DVec3;
 
 use super::{Context, MeshError, MeshImage, MeshStyle, NEAR_PLANE, Targets};
-use crate::{RenderError, shader_sources};
+use crate::{RenderError, buffers, shader_sources};
 
 /// `ResolveUniforms` of `mesh_resolve.wgsl`.
 #[repr(C)]
@@ -118,13 +118,7 @@ impl Readback {
     /// Waits for the image.
     pub fn read(self, context: &Context, camera: &Camera) -> Result<MeshImage, MeshError> {
         let failed = |e: &dyn std::fmt::Display| RenderError::Device(format!("the image could not be read: {e}"));
-        let (sender, receiver) = std::sync::mpsc::channel();
-        self.buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver is gone only if polling failed, which is reported there.
-            let _ = sender.send(result);
-        });
-        context.gpu.wait()?;
-        receiver.try_recv().map_err(|e| failed(&e))?.map_err(|e| failed(&e))?;
+        buffers::map(&context.gpu, &self.buffer)?;
         let bytes = self.buffer.get_mapped_range(..).map_err(|e| failed(&e))?;
         let (colors, depths) = bytes.split_at(self.pixels * 16);
         let rgba = bytemuck::pod_collect_to_vec(colors);
