@@ -424,7 +424,7 @@ impl Splatter {
             return Err(RenderError::Invalid(format!("{} counters, expected {COUNTERS}", counters.len())));
         };
         if cut_short > 0 {
-            // Mesa's software rasteriser ends the loops of a shader after 65,535 rounds, of two Gaussians forward.
+            // Mesa's software rasteriser ends the loops of a shader after 65,535 rounds, of two or eight Gaussians.
             return Err(RenderError::Invalid(format!(
                 "{cut_short} Gaussians lie on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render \
                  a larger image, fewer Gaussians, or on a GPU",
