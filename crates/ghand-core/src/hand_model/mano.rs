@@ -8,6 +8,7 @@ mod build;
 mod fields;
 mod named_arrays;
 mod side;
+mod write;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ use super::uv_atlas::build_atlas;
 use super::{HandModel, HandModelError, Side};
 use fields::Fields;
 pub use named_arrays::NamedArrays;
+pub use write::write_mano;
 
 /// MANO's joints in MANO's order.
 pub const JOINT_NAMES: [&str; 16] = [

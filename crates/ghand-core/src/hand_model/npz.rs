@@ -1,12 +1,14 @@
-//! Reads `.npz` archives: arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
+//! Reads and writes `.npz` archives: arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
 
 mod array;
 mod header;
+mod write;
 
 use std::io::{Cursor, Read};
 
 pub use array::{ArrayError, NumericArray};
 pub(crate) use array::{ElementKind, ElementType};
+pub(crate) use write::{NamedNumbers, npz_bytes};
 
 use header::{Header, split_header};
 
