@@ -1,6 +1,7 @@
 //! The commands, one module each.
 
 pub mod bench;
+pub mod capture;
 pub mod inspect;
 pub mod pose;
 pub mod render;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Component, Path};
 
-use ghand_core::Camera;
+use ghand_core::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::error::CaptureError;
@@ -97,6 +97,37 @@ impl Checker<'_> {
             rotation = (rotation + rotation.inverse().transpose()) * 0.5;
         }
         Ok(rotation)
+    }
+
+    /// A pose of rows of axis-angle numbers, one a joint; `joint_order` has the row of each joint of the model.
+    pub fn pose(
+        &self,
+        id: &str,
+        rows: &[Vec<f64>],
+        translation: [f64; 3],
+        joint_order: &[usize],
+    ) -> Result<Pose, CaptureError> {
+        let field = |name: &str| format!("frames[{id:?}].{name}");
+        if rows.len() != joint_order.len() {
+            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), joint_order.len());
+            return Err(self.invalid(field("pose"), problem));
+        }
+        let rotations = (rows.iter().enumerate())
+            .map(|(row, values)| match values[..] {
+                [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
+                [_, _, _] => Err(self.invalid(field("pose"), format!("row {row} holds a number that is not finite"))),
+                _ => {
+                    let problem = format!("row {row} has {} numbers, expected 3 (axis-angle)", values.len());
+                    Err(self.invalid(field("pose"), problem))
+                }
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let translation = DVec3::from(translation);
+        if !translation.is_finite() {
+            return Err(self.invalid(field("translation"), "is not finite; give metres"));
+        }
+        let rotations = joint_order.iter().filter_map(|&row| rotations.get(row).copied()).collect();
+        Ok(Pose { rotations, translation })
     }
 
     /// Index by id, each of which must be there once.

@@ -21,7 +21,6 @@ const UNITS: &str = "metre";
 pub(crate) use read::{read_capture, read_capture_text};
 
 pub(crate) const CAPTURE_FILE: &str = "capture.json";
-const TRUTH_FILE: &str = "truth.json";
 
 /// What every version of the file has; read first, so that a file of another version is named as such.
 #[derive(Deserialize)]
@@ -79,16 +78,4 @@ struct SplitFile {
     cameras: Vec<String>,
     #[serde(default)]
     frames: Vec<String>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct TruthFile {
-    frames: Vec<TruthFrameFile>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct TruthFrameFile {
-    id: String,
-    pose: Vec<Vec<f64>>,
-    translation: [f64; 3],
 }

@@ -13,12 +13,13 @@ pub(crate) mod images;
 mod joints;
 mod location;
 pub(crate) mod poses;
+mod write;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use ghand_core::hand_model::mano::PARENTS;
-use ghand_core::{Camera, HandModel, Side};
+use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera_choice::well_spread;
@@ -28,9 +29,11 @@ use crate::error::CaptureError;
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::mask_folder;
 use crate::open::Opened;
+use crate::truth::{TRUTH_FILE, read_truth};
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};
+pub(crate) use write::{Landmarks, lay_out, write_annotations};
 
 /// Only every so many images of the split `test` are evaluated, as by HandAvatar; `test_all` has all of them.
 const TEST_STRIDE: usize = 200;
@@ -114,10 +117,10 @@ pub(crate) fn read_interhand(
         hand_model_source: HandModelSource::Mano,
         template,
         cameras,
-        frames,
         images: paths,
         splits: BTreeMap::new(),
-        truth: None,
+        truth: truth(&location.root.join(TRUTH_FILE), &frames)?,
+        frames,
     };
     let camera_index: Vec<Option<usize>> = images.cameras.iter().map(|id| capture.camera_index(id)).collect();
     let mut counts = LeftOutCounts::default();
@@ -141,6 +144,14 @@ pub(crate) fn read_interhand(
         }
     }
     Ok(Opened { capture, left_out: counts, warnings: warning.into_iter().collect() })
+}
+
+/// Exact poses of the frames, which synthetic captures have beside the annotations; of other frames than these they may be, too.
+fn truth(path: &Path, frames: &[Frame]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
+    let order: Vec<usize> = (0..PARENTS.len()).collect();
+    let Some(poses) = read_truth(path, &order)? else { return Ok(None) };
+    let mut poses: HashMap<String, Pose> = poses.into_iter().collect();
+    Ok(Some(frames.iter().map(|frame| poses.remove(&frame.id)).collect()))
 }
 
 /// A MANO model with what the annotations need.

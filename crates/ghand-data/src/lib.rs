@@ -20,6 +20,7 @@ pub mod ik;
 mod image_file;
 pub mod interhand;
 mod json;
+mod json_file;
 pub mod left_out;
 mod mask;
 pub mod motions;
@@ -31,6 +32,7 @@ mod split;
 pub mod synthetic;
 #[cfg(test)]
 mod test_hands;
+mod truth;
 pub mod untrusted;
 mod usable;
 pub mod view;

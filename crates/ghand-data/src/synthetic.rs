@@ -5,11 +5,16 @@
 //! errors; test poses and truth are exact. The same options give the same capture, up to the renderer's rounding.
 
 pub(crate) mod anatomy;
+mod atlas;
+mod complexion;
+mod curve;
 mod exposure;
+mod folds;
 mod noise;
 mod rig;
 mod skin;
 mod skinning;
+mod subdivision;
 #[cfg(test)]
 mod tests;
 pub(crate) mod trajectory;
@@ -18,23 +23,49 @@ mod true_hand;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ghand_core::hand_model::mano::write_mano;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, Pose, Side};
 use glam::{DVec2, DVec3};
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::camera_choice::well_spread;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, fill_template};
+use crate::interhand::{lay_out, write_annotations};
 use ghand_core::atomic_file::write_atomically;
 use trajectory::PoseNoise;
 use true_hand::{PosedHand, TrueHand};
 
+/// How a synthetic capture is laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CaptureFormat {
+    /// The project's own: `capture.json`, PNG images and masks.
+    #[default]
+    Ghand,
+    /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in a
+    /// file with MANO's keys ([`HAND_MODEL_FILE`]).
+    InterHand,
+}
+
+/// Of 100.
+const JPEG_QUALITY: u8 = 95;
+/// Pixels around the hand, since readers of InterHand2.6M leave out hands within ten of the border.
+const INTERHAND_BORDER: f64 = 12.0;
+/// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers want.
+const INTERHAND_LEAST: u32 = 160;
+
+/// The hand model of a capture in the format of InterHand2.6M, in its folder.
+pub const HAND_MODEL_FILE: &str = "hand_right.npz";
+
 /// What to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticOptions {
-    /// Decides the hand, its skin and its motion.
+    /// Decides the hand and its skin.
+    pub identity: u64,
+    /// Decides the motion, the test poses and the errors of the training poses.
     pub seed: u64,
     /// Cameras of the training split.
     pub views: usize,
@@ -53,11 +84,14 @@ pub struct SyntheticOptions {
     pub pose_noise_degrees: f64,
     /// Standard deviation of each component of the training translations, metres.
     pub translation_noise: f64,
+    /// How it is laid out.
+    pub format: CaptureFormat,
 }
 
 impl Default for SyntheticOptions {
     fn default() -> Self {
         SyntheticOptions {
+            identity: 7,
             seed: 7,
             views: 8,
             train_frames: 16,
@@ -67,6 +101,7 @@ impl Default for SyntheticOptions {
             height: 288,
             pose_noise_degrees: 4.0,
             translation_noise: 0.001,
+            format: CaptureFormat::Ghand,
         }
     }
 }
@@ -140,10 +175,21 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
 
     let template = ProceduralHand::default();
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
-    let true_hand = TrueHand::new(&template, options.seed).map_err(model_error)?;
+    let true_hand = TrueHand::new(&template, options.identity).map_err(model_error)?;
     let mut capture = plan(options, &template, &true_hand, workshop.path()).map_err(model_error)?;
-    draw(&capture, &true_hand, render)?;
-    capture.save()?;
+    match options.format {
+        CaptureFormat::Ghand => {
+            draw(&capture, &true_hand, render)?;
+            capture.save()?;
+        }
+        CaptureFormat::InterHand => {
+            lay_out(&mut capture);
+            draw(&capture, &true_hand, render)?;
+            write_mano(&workshop.path().join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
+            let poses = capture.truth.iter().flatten().flatten();
+            write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())?;
+        }
+    }
 
     // A rename replaces an empty folder on Unix only.
     if out_dir.exists() {
@@ -170,6 +216,13 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     }
     if options.width < 16 || options.height < 16 || options.width.max(options.height) > 4096 {
         return fail("width and height", format!("{} x {}; give 16 to 4096", options.width, options.height));
+    }
+    if options.format == CaptureFormat::InterHand && options.width.min(options.height) < INTERHAND_LEAST {
+        let problem = format!(
+            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M leave out images of smaller hands",
+            options.width, options.height
+        );
+        return fail("width and height", problem);
     }
     let noise = [
         ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
@@ -203,9 +256,13 @@ fn plan(
     let given: Vec<Pose> = trajectory::noisy(&train, &noise, options.seed).into_iter().chain(test.clone()).collect();
     let truth: Vec<Pose> = train.into_iter().chain(test).collect();
 
-    let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.pose(pose).positions).collect();
+    let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
     let count = options.views + options.test_views;
-    let cameras = rig::cameras(count, options.width, options.height, &points);
+    let border = match options.format {
+        CaptureFormat::Ghand => 0.0,
+        CaptureFormat::InterHand => INTERHAND_BORDER,
+    };
+    let cameras = rig::cameras(count, options.width, options.height, border, &points);
     // Test cameras lie spread between the others.
     let is_test = |i: usize| (i + 1) * options.test_views / count != i * options.test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
@@ -283,7 +340,7 @@ fn draw_view(
         uvs: &hand.mesh.uvs,
         exposure: &posed.exposure,
         triangles: &hand.mesh.triangles,
-        texture: &hand.texture,
+        texture: &posed.texture,
         lighting,
     };
     let failed = |problem| CaptureError::Render { frame: frame.into(), camera: camera.id.clone(), problem };
@@ -300,27 +357,36 @@ fn draw_view(
     let colors: Vec<u8> = pixels.iter().flat_map(|p| over_background(*p)).collect();
     let mask: Vec<u8> = pixels.iter().map(|p| if p[3] >= 128 { 255 } else { 0 }).collect();
     let file = |template: &str| capture.root.join(fill_template(template, &camera.id, frame));
-    write_png(&file(&capture.images.image), "image", &colors, camera, ExtendedColorType::Rgb8)?;
+    write_image(&file(&capture.images.image), "image", &colors, camera, ExtendedColorType::Rgb8)?;
     match &capture.images.mask {
-        Some(template) => write_png(&file(template), "mask", &mask, camera, ExtendedColorType::L8),
+        Some(template) => write_image(&file(template), "mask", &mask, camera, ExtendedColorType::L8),
         None => Ok(()),
     }
 }
 
-fn write_png(
+/// Writes a JPEG where the path says so, else a PNG.
+fn write_image(
     path: &Path,
     what: &'static str,
-    bytes: &[u8],
+    pixels: &[u8],
     camera: &Camera,
     color: ExtendedColorType,
 ) -> Result<(), CaptureError> {
-    let mut png = Vec::new();
-    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(bytes, camera.width, camera.height, color)
-        .map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
+    let mut bytes = Vec::new();
+    let encoded = if path.extension().is_some_and(|e| e == "jpg") {
+        JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(pixels, camera.width, camera.height, color)
+    } else {
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive).write_image(
+            pixels,
+            camera.width,
+            camera.height,
+            color,
+        )
+    };
+    encoded.map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
     let written = match path.parent() {
-        Some(folder) => std::fs::create_dir_all(folder).and_then(|()| write_atomically(path, &png)),
-        None => write_atomically(path, &png),
+        Some(folder) => std::fs::create_dir_all(folder).and_then(|()| write_atomically(path, &bytes)),
+        None => write_atomically(path, &bytes),
     };
     written.map_err(|source| CaptureError::Io {
         path: path.into(),

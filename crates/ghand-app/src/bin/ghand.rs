@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, inspect, pose, render, splat};
+use ghand_app::commands::{bench, capture, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -20,6 +20,8 @@ struct Arguments {
 enum Command {
     /// Render an avatar to PNG files
     Render(render::RenderArgs),
+    /// Make a synthetic capture, with known poses
+    Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
     /// Tell what is in a hand model
@@ -33,6 +35,7 @@ enum Command {
 fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
+        Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args),
         Command::Splat(args) => splat::run(args, &arguments.adapter),

@@ -1,24 +1,18 @@
-//! Reading and checking of `capture.json` and `truth.json`.
+//! Reading and checking of `capture.json`.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ghand_core::hand_model::gltf::read_gltf;
 use ghand_core::hand_model::mano::PARENTS as MANO_PARENTS;
 use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
-use glam::DVec3;
-use serde::de::DeserializeOwned;
 
-use super::{
-    CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, TRUTH_FILE, TruthFile, UNITS, VERSION,
-};
+use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::checks::Checker;
-
-/// Larger files are taken for a mistake; ten thousand frames of 25 joints take 15 MB.
-const LARGEST_FILE: u64 = 1 << 28;
+use crate::json_file::{parse, read_text};
+use crate::truth::{TRUTH_FILE, read_truth};
 
 /// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
@@ -36,22 +30,6 @@ pub(crate) fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel
     let reader = Reader { checks: Checker { path }, mano };
     reader.header(text)?;
     reader.capture(parse(path, text)?)
-}
-
-fn read_text(path: &Path, action: &'static str, remedy: &'static str) -> Result<String, CaptureError> {
-    let io = |source| CaptureError::Io { path: path.into(), action, source, remedy };
-    let mut text = String::new();
-    let file = std::fs::File::open(path).map_err(io)?;
-    file.take(LARGEST_FILE + 1).read_to_string(&mut text).map_err(io)?;
-    if text.len() as u64 > LARGEST_FILE {
-        let problem = format!("is larger than {} MiB; split it into several captures", LARGEST_FILE >> 20);
-        return Err(Checker { path }.invalid("file", problem));
-    }
-    Ok(text)
-}
-
-fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
-    serde_json::from_str(text).map_err(|source| CaptureError::Json { path: path.into(), source })
 }
 
 /// Reads one file.
@@ -263,41 +241,11 @@ impl Reader<'_> {
     }
 
     fn frame(&self, file: &FrameFile, joint_order: &[usize]) -> Result<Frame, CaptureError> {
-        let pose = self.pose(&file.id, &file.pose, file.translation, joint_order)?;
+        let pose = self.checks.pose(&file.id, &file.pose, file.translation, joint_order)?;
         if file.shape.iter().any(|v| !v.is_finite()) {
             return Err(self.invalid(format!("frames[{:?}].shape", file.id), "holds a number that is not finite"));
         }
         Ok(Frame { id: file.id.clone(), pose, shape: file.shape.clone() })
-    }
-
-    fn pose(
-        &self,
-        id: &str,
-        rows: &[Vec<f64>],
-        translation: [f64; 3],
-        joint_order: &[usize],
-    ) -> Result<Pose, CaptureError> {
-        let field = |name: &str| format!("frames[{id:?}].{name}");
-        if rows.len() != joint_order.len() {
-            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), joint_order.len());
-            return Err(self.invalid(field("pose"), problem));
-        }
-        let rotations = (rows.iter().enumerate())
-            .map(|(row, values)| match values[..] {
-                [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
-                [_, _, _] => Err(self.invalid(field("pose"), format!("row {row} holds a number that is not finite"))),
-                _ => {
-                    let problem = format!("row {row} has {} numbers, expected 3 (axis-angle)", values.len());
-                    Err(self.invalid(field("pose"), problem))
-                }
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let translation = DVec3::from(translation);
-        if !translation.is_finite() {
-            return Err(self.invalid(field("translation"), "is not finite; give metres"));
-        }
-        let rotations = joint_order.iter().filter_map(|&row| rotations.get(row).copied()).collect();
-        Ok(Pose { rotations, translation })
     }
 
     fn split(
@@ -351,19 +299,13 @@ impl Reader<'_> {
         frames: &HashMap<&str, usize>,
         joint_order: &[usize],
     ) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
-        if !path.exists() {
-            return Ok(None);
-        }
-        let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
-        let file: TruthFile = parse(path, &text)?;
-        let reader = Reader { checks: Checker { path }, mano: self.mano };
-        reader.checks.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
+        let Some(poses) = read_truth(path, joint_order)? else { return Ok(None) };
         let mut truth = vec![None; frames.len()];
-        for frame in &file.frames {
-            let slot = frames.get(frame.id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {
-                reader.invalid("frames", format!("{:?} is not among the capture's frames; remove it", frame.id))
+        for (id, pose) in poses {
+            let slot = frames.get(id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {
+                Checker { path }.invalid("frames", format!("{id:?} is not among the capture's frames; remove it"))
             })?;
-            *slot = Some(reader.pose(&frame.id, &frame.pose, frame.translation, joint_order)?);
+            *slot = Some(pose);
         }
         Ok(Some(truth))
     }

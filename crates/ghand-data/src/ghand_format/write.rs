@@ -1,18 +1,13 @@
-//! `capture.json` and `truth.json` of a [`Capture`].
+//! The `capture.json` of a [`Capture`].
 
-use std::path::Path;
+use ghand_core::{Camera, HandModel, Side};
 
-use ghand_core::{Camera, HandModel, Pose, Side};
-use serde::Serialize;
-
-use super::{
-    CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, TRUTH_FILE, TruthFile, TruthFrameFile,
-    UNITS, VERSION,
-};
+use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 use crate::checks::is_plain_id;
-use ghand_core::atomic_file::write_atomically;
+use crate::json_file::write_json;
+use crate::truth::{pose_rows, write_truth};
 
 impl Capture {
     /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must exist.
@@ -24,16 +19,7 @@ impl Capture {
     pub fn save(&self) -> Result<(), CaptureError> {
         self.check_writable()?;
         // The truth first: a folder with a capture.json is a whole capture.
-        if let Some(truth) = &self.truth {
-            let frames = (self.frames.iter().zip(truth))
-                .filter_map(|(frame, pose)| {
-                    let pose = pose.as_ref()?;
-                    let translation = pose.translation.to_array();
-                    Some(TruthFrameFile { id: frame.id.clone(), pose: pose_rows(pose), translation })
-                })
-                .collect();
-            write_json(&self.root.join(TRUTH_FILE), &TruthFile { frames })?;
-        }
+        write_truth(self)?;
         write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
     }
 
@@ -111,18 +97,4 @@ fn camera_file(camera: &Camera) -> CameraFile {
         rotation: camera.rotation.transpose().to_cols_array_2d(),
         translation: camera.translation.to_array(),
     }
-}
-
-fn pose_rows(pose: &Pose) -> Vec<Vec<f64>> {
-    pose.rotations.iter().map(|r| r.to_array().to_vec()).collect()
-}
-
-fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CaptureError> {
-    let text = serde_json::to_vec(value).map_err(|source| CaptureError::Json { path: path.into(), source })?;
-    write_atomically(path, &text).map_err(|source| CaptureError::Io {
-        path: path.into(),
-        action: "write the capture",
-        source,
-        remedy: "check that the folder exists, may be written and has space",
-    })
 }

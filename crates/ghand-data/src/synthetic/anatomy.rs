@@ -3,6 +3,8 @@
 use ghand_core::HandModel;
 use glam::DVec3;
 
+use super::skin::Place;
+
 /// One finger: three joints in a row and a tip.
 #[derive(Debug, Clone)]
 pub(crate) struct Finger {
@@ -52,6 +54,15 @@ impl Anatomy {
             .collect();
         let reach = fingers.iter().map(|f| (f.points[0] - model.joints[0]).length()).fold(0.0, f64::max);
         Anatomy { fingers, scale: reach / 0.090 }
+    }
+
+    /// 1 where the skin faces away from the palm, -1 where it faces the palm's way.
+    pub(super) fn facing(&self, place: &Place) -> f64 {
+        let mut dorsal = DVec3::X;
+        for (finger, &membership) in self.fingers.iter().zip(place.memberships) {
+            dorsal = dorsal.lerp(finger.dorsal, membership.clamp(0.0, 1.0));
+        }
+        place.normal.dot(dorsal.normalize())
     }
 
     /// How much of a vertex moves with each finger, from its row of skinning weights.

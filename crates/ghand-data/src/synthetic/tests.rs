@@ -102,6 +102,125 @@ fn the_true_hand_is_not_the_template_under_linear_skinning() {
     assert!(truth.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-9));
 }
 
+/// The built-in hand with the index finger bent as far as it goes, and stretched.
+fn index_finger(bend: f64) -> Pose {
+    let model = ProceduralHand::default().build().unwrap();
+    let finger = &anatomy::Anatomy::of(&model).fingers[0];
+    let mut pose = Pose::rest(model.joint_count());
+    (0..3).for_each(|k| pose.rotations[finger.joints[k]] = finger.bend_axis(k) * bend);
+    pose
+}
+
+#[test]
+fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
+    let hand = TrueHand::new(&ProceduralHand::default(), 7).unwrap();
+    let anatomy = &hand.anatomy;
+    let finger = &anatomy.fingers[0];
+    let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));
+    let (stretched, bent) = (relief(&index_finger(0.0)), relief(&index_finger(1.4)));
+    // Positive where the skin rises as the finger bends.
+    let rise: Vec<f64> =
+        (stretched.iter().zip(&bent).zip(&hand.normals)).map(|((a, b), n)| (*b - *a).dot(*n)).collect();
+    let middle_crease = |v: usize| {
+        let offset = hand.model.vertices[v] - finger.points[1];
+        hand.normals[v].dot(finger.dorsal) < -0.6
+            && offset.dot(finger.direction(1)).abs() < 0.004
+            && offset.length() < 0.015
+    };
+    let deepest = (0..rise.len()).filter(|&v| middle_crease(v)).map(|v| rise[v]).fold(0.0, f64::min);
+    assert!((-0.002..-0.0004).contains(&deepest), "the crease deepens by {deepest} m");
+    let knuckle = (0..rise.len()).min_by(|&a, &b| {
+        let distance = |v: usize| hand.model.vertices[v].distance(finger.points[0] + finger.dorsal * finger.radius);
+        distance(a).total_cmp(&distance(b))
+    });
+    assert!(rise[knuckle.unwrap()] > 0.0005, "the knuckle stands out by {} m", rise[knuckle.unwrap()]);
+    let elsewhere = (0..rise.len()).filter(|&v| hand.model.vertex_weights(v)[anatomy.fingers[1].joints[1]] > 0.5);
+    assert!(elsewhere.map(|v| rise[v].abs()).all(|moved| moved == 0.0), "the next finger is left alone");
+
+    let [a, b] = [0.0, 1.4].map(|bend| hand.pose(&index_finger(bend)).texture);
+    let brightness = |texel: &[u8; 3]| texel.iter().map(|v| i32::from(*v)).sum::<i32>();
+    let change: Vec<i32> = a.rgb.iter().zip(&b.rgb).map(|(a, b)| brightness(b) - brightness(a)).collect();
+    assert!(change.iter().filter(|c| **c < -60).count() > 100, "creases darken");
+    assert!(change.iter().filter(|c| **c > 30).count() > 100, "knuckles blanch and folds on the back vanish");
+    assert!(change.iter().filter(|c| **c != 0).count() < change.len() / 8, "most of the skin stays as it is");
+}
+
+#[test]
+fn identities_have_other_hands_and_seeds_other_motions() {
+    let capture = |identity, seed| {
+        let folder = tempfile::tempdir().unwrap();
+        let options = SyntheticOptions { identity, seed, ..options() };
+        generate(&options, &folder.path().join("c"), &mut points).unwrap();
+        let capture = Capture::open(&folder.path().join("c")).unwrap();
+        (capture.truth.unwrap(), contents(&folder.path().join("c/images")))
+    };
+    let [base, other_hand, other_motion] = [(7, 7), (8, 7), (7, 8)].map(|(identity, seed)| capture(identity, seed));
+    assert!(base.0 == other_hand.0 && base.1 != other_hand.1);
+    assert!(base.0 != other_motion.0);
+}
+
+#[test]
+fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let [own, inter] = ["own", "inter"].map(|name| folder.path().join(name));
+    let options = |format| SyntheticOptions { width: 176, height: 256, format, ..options() };
+    let mut hand = |scene: &SceneMesh, camera: &Camera| {
+        // As large and as bright as a reader of the data set wants a hand to be.
+        let mut pixels = points(scene, camera)?;
+        let on: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i][3] > 0).collect();
+        on.into_iter().flat_map(|i| [i - 1, i + 1]).for_each(|i| pixels[i] = [180, 140, 120, 255]);
+        Ok(pixels)
+    };
+    generate(&options(CaptureFormat::Ghand), &own, &mut hand).unwrap();
+    generate(&options(CaptureFormat::InterHand), &inter, &mut hand).unwrap();
+    let own = Capture::open(&own).unwrap();
+    let mano = ghand_core::hand_model::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
+    let open = crate::OpenOptions { mano: Some(mano), ..Default::default() };
+    let opened = Capture::open_with(&inter, &open).unwrap();
+    assert_eq!((opened.left_out.total(), opened.warnings), (0, vec![]));
+    let mut read = opened.capture;
+    assert_eq!(read.drop_unusable(&["train", "test_all"]).unwrap().total(), 0);
+
+    let pairs =
+        |c: &Capture, split: &str| c.splits[split].views.iter().map(|v| (v.camera, v.frame)).collect::<Vec<_>>();
+    let order: Vec<usize> = (0..read.frames.len()).collect();
+    assert_eq!(pairs(&read, "train"), pairs(&own, "train"));
+    assert_eq!(pairs(&read, "test_all"), pairs(&own, "test"));
+    let worst = |found: &[f64], expected: &[f64]| {
+        assert_eq!(found.len(), expected.len());
+        found
+            .iter()
+            .zip(expected)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, |w: f64, d| if d > w || d.is_nan() { d } else { w })
+    };
+    assert!(worst(&[1.0, f64::NAN, 1.0], &[1.0; 3]).is_nan() && worst(&[1.0], &[3.0]) == 2.0);
+    let numbers = |pose: &Pose| {
+        let joints = pose.rotations.iter().chain([&pose.translation]);
+        joints.flat_map(|v| v.to_array()).collect::<Vec<f64>>()
+    };
+    for (found, expected) in order.iter().map(|&i| (&read.frames[i], &own.frames[i])) {
+        let error = worst(&numbers(&found.pose), &numbers(&expected.pose));
+        assert!(error <= 1e-6, "frame {}: {error}", found.id);
+    }
+    let truth = |c: &Capture| c.truth.iter().flatten().flatten().flat_map(numbers).collect::<Vec<f64>>();
+    assert!(worst(&truth(&read), &truth(&own)) <= 1e-6);
+    let joints = |model: &ghand_core::HandModel| model.joints.iter().flat_map(|j| j.to_array()).collect::<Vec<f64>>();
+    assert!(worst(&joints(&read.hand_model), &joints(&own.hand_model)) <= 1e-6);
+    for (found, expected) in read.cameras.iter().zip(&own.cameras) {
+        let all = |c: &Camera| {
+            let columns = c.rotation.to_cols_array().to_vec();
+            [columns, c.translation.to_array().to_vec(), c.principal.to_array().to_vec()].concat()
+        };
+        let error = worst(&all(found), &all(expected));
+        assert!(error <= 1e-6, "camera {}: {error}", found.id);
+        // Those of InterHand leave more room around the hand.
+        assert!(found.focal.x < expected.focal.x);
+    }
+    let (a, b) = (read.load_view(0, 0).unwrap(), own.load_view(0, 0).unwrap());
+    assert!(a.rgba.iter().filter(|p| p[3] == 255).count() > 3000 && b.rgba.len() == a.rgba.len());
+}
+
 #[test]
 fn a_capture_appears_whole_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,6 +247,7 @@ fn unusable_options_are_named() {
     let out = folder.path().join("capture");
     says(SyntheticOptions { views: 0, ..options() }, &out, "views");
     says(SyntheticOptions { width: 0, ..options() }, &out, "width");
+    says(SyntheticOptions { format: CaptureFormat::InterHand, ..options() }, &out, "at least 160");
     says(SyntheticOptions { pose_noise_degrees: f64::NAN, ..options() }, &out, "pose_noise_degrees");
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("mine"), "precious").unwrap();

@@ -2,72 +2,114 @@
 
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::mesh::{RenderMesh, Texture};
+use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, HandModelError, Pose};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::anatomy::Anatomy;
+use super::atlas::Atlas;
+use super::complexion::Complexion;
 use super::exposure::Exposure;
-use super::skin::{Place, Skin};
+use super::folds::{Bend, Fold, Folds, bent};
+use super::skin::{Look, Place, Skin};
 use super::skinning::pose_vertices;
+use super::subdivision::subdivided;
+use crate::interhand::Landmarks;
 
-/// Texels of the atlas along each side: finer than the pixels of the images by far.
-const TEXTURE_SIZE: u32 = 1024;
-/// Texels that a chart's colour reaches beyond its edge, so that bilinear sampling sees no gap.
-const MARGIN: usize = 3;
 /// Largest relative difference of the true hand's lengths from the template's.
 const LENGTH_VARIATION: f64 = 0.06;
+/// How often the template's mesh is subdivided: edges of less than a millimetre, as folds need.
+const SUBDIVISIONS: usize = 2;
 
 /// The true hand, ready to be posed.
 pub(super) struct TrueHand {
-    model: HandModel,
-    /// Rest positions with relief.
-    rest: Vec<DVec3>,
+    /// At rest, without relief.
+    pub(super) model: HandModel,
+    /// How many of its vertices are those of the mesh before its subdivision.
+    coarse_vertices: usize,
+    pub(super) normals: Vec<DVec3>,
+    /// How each vertex looks, but for its folds, and these.
+    looks: Vec<(Look, Vec<Fold>)>,
     pub mesh: RenderMesh,
-    /// UVs of the render vertices.
-    pub texture: Texture,
+    atlas: Atlas,
+    pub(super) anatomy: Anatomy,
+    complexion: Complexion,
     exposure: Exposure,
 }
 
-/// Vertices of one frame at the render mesh's vertices.
+/// One frame, at the render mesh's vertices.
 pub(super) struct PosedHand {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
     pub exposure: Vec<f64>,
+    pub texture: Texture,
 }
 
 impl TrueHand {
     /// Varies the template's lengths by the seed and grows skin on the result.
     pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
-        let model = varied(template, seed).build()?;
+        let mut model = varied(template, seed).build()?;
         let anatomy = Anatomy::of(&model);
-        let skin = Skin::new(&anatomy, seed);
+        let coarse_vertices = model.vertices.len();
+        for _ in 0..SUBDIVISIONS {
+            model = subdivided(&model);
+        }
+        let complexion = Complexion::of(seed);
+        let (skin, folds) = (Skin::new(&anatomy, &complexion, seed), Folds::new(&anatomy, seed));
         let memberships: Vec<Vec<f64>> =
             (0..model.vertices.len()).map(|v| anatomy.memberships(model.vertex_weights(v))).collect();
         let normals = model.vertex_normals(&model.vertices);
-        let rest = (0..model.vertices.len())
+        let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let (position, normal) = (model.vertices[v], normals[v]);
-                position + normal * skin.look(&Place { position, normal, memberships: &memberships[v] }).height
+                let place = Place { position: model.vertices[v], normal: normals[v], memberships: &memberships[v] };
+                (skin.look(&place), folds.at(&place))
             })
             .collect();
-        let texture = paint(&model, &normals, &memberships, &skin);
+        let atlas = Atlas::new(&model, &normals, &memberships, &skin, &folds);
         let exposure = Exposure::new(&anatomy, &model);
-        Ok(TrueHand { mesh: RenderMesh::from_model(&model), rest, texture, exposure, model })
+        let mesh = RenderMesh::from_model(&model);
+        Ok(TrueHand { mesh, looks, atlas, exposure, normals, anatomy, complexion, coarse_vertices, model })
+    }
+
+    /// Rest positions with the relief of a pose.
+    pub(super) fn rest_with_folds(&self, bend: &Bend) -> Vec<DVec3> {
+        (self.model.vertices.par_iter().zip(&self.normals).zip(&self.looks))
+            .map(|((position, normal), (look, folds))| {
+                *position + *normal * bent(look, folds, bend, &self.complexion).height
+            })
+            .collect()
     }
 
     pub(super) fn pose(&self, pose: &Pose) -> PosedHand {
-        let positions = pose_vertices(&self.model, &self.rest, pose);
+        let bend = Bend::of(&self.anatomy, pose);
+        let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
         let normals = self.model.vertex_normals(&positions);
         let exposure = self.exposure.of(&self.model, pose, &positions, &normals);
         PosedHand {
             positions: self.mesh.gather(&positions),
             normals: self.mesh.gather(&normals),
             exposure: self.mesh.source_vertices.iter().map(|&v| exposure[v as usize]).collect(),
+            texture: self.atlas.texture(&bend, &self.complexion),
         }
+    }
+
+    /// Some of the posed hand's vertices, few millimetres apart; world, metres.
+    pub(super) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
+        // Subdivision puts the coarse mesh's vertices first.
+        pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], pose)
+    }
+
+    /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
+    pub(super) fn landmarks(&self, pose: &Pose) -> Landmarks {
+        let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
+        let joints = (0..self.model.joint_count()).map(|k| motions[k].apply(self.model.joints[k]));
+        let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
+        let mut points = joints.chain(tips).map(|p| p + pose.translation);
+        std::array::from_fn(|_| points.next().unwrap_or_default())
     }
 }
 
@@ -84,73 +126,6 @@ fn varied(template: &ProceduralHand, seed: u64) -> ProceduralHand {
         finger_widths: template.finger_widths.map(&mut vary),
         thumb_length: vary(template.thumb_length),
         thumb_width: vary(template.thumb_width),
-        detail: template.detail.max(3),
+        detail: template.detail,
     }
-}
-
-/// Paints the skin into the model's atlas.
-fn paint(model: &HandModel, normals: &[DVec3], memberships: &[Vec<f64>], skin: &Skin) -> Texture {
-    let size = TEXTURE_SIZE as usize;
-    let mut owners: Vec<Option<(u32, DVec3)>> = vec![None; size * size];
-    for (face, uvs) in model.face_uvs.iter().enumerate() {
-        let corners = uvs.map(|i| model.uvs[i as usize] * f64::from(TEXTURE_SIZE));
-        own_texels(corners, size, |texel, barycentric| owners[texel] = Some((face as u32, barycentric)));
-    }
-    let mut colors: Vec<Option<DVec3>> = (owners.par_iter())
-        .map(|owner| {
-            let (face, b) = (*owner)?;
-            let corners = model.faces[face as usize].map(|v| v as usize);
-            let mix = |values: &[DVec3]| (0..3).map(|c| values[corners[c]] * b[c]).sum::<DVec3>();
-            let memberships: Vec<f64> = (0..memberships[corners[0]].len())
-                .map(|finger| (0..3).map(|c| memberships[corners[c]][finger] * b[c]).sum())
-                .collect();
-            let normal = mix(normals).normalize_or_zero();
-            Some(skin.look(&Place { position: mix(&model.vertices), normal, memberships: &memberships }).color)
-        })
-        .collect();
-    for _ in 0..MARGIN {
-        colors = spread(&colors, size);
-    }
-    let byte = |v: f64| (v * 255.0).round() as u8;
-    let rgb = colors.iter().map(|c| c.unwrap_or(DVec3::ZERO).to_array().map(byte)).collect();
-    Texture { width: TEXTURE_SIZE, height: TEXTURE_SIZE, rgb }
-}
-
-/// Calls `own` with every texel whose centre lies in a triangle (corners in texels), and its barycentric coordinates.
-fn own_texels([a, b, c]: [DVec2; 3], size: usize, mut own: impl FnMut(usize, DVec3)) {
-    let area = (b - a).perp_dot(c - a);
-    if area == 0.0 {
-        return;
-    }
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let first = |v: f64| (v - 0.5).ceil().max(0.0) as usize;
-    let end = |v: f64| ((v - 0.5).floor() + 1.0).clamp(0.0, size as f64) as usize;
-    for y in first(low.y)..end(high.y) {
-        for x in first(low.x)..end(high.x) {
-            let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let barycentric =
-                DVec3::new((c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)) / area;
-            if barycentric.min_element() >= 0.0 {
-                own(y * size + x, barycentric);
-            }
-        }
-    }
-}
-
-/// Fills every empty texel beside filled ones with their mean.
-fn spread(colors: &[Option<DVec3>], size: usize) -> Vec<Option<DVec3>> {
-    (0..colors.len())
-        .into_par_iter()
-        .map(|i| {
-            colors[i].or_else(|| {
-                let (x, y) = (i % size, i / size);
-                let around = (y.saturating_sub(1)..=(y + 1).min(size - 1))
-                    .flat_map(|y| (x.saturating_sub(1)..=(x + 1).min(size - 1)).map(move |x| y * size + x));
-                let (sum, count) = around
-                    .filter_map(|j| colors[j])
-                    .fold((DVec3::ZERO, 0.0), |(sum, count), color| (sum + color, count + 1.0));
-                (count > 0.0).then(|| sum / count)
-            })
-        })
-        .collect()
 }

@@ -1,0 +1,83 @@
+//! `ghand capture`: a synthetic capture whose truth is known.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use ghand_data::synthetic::{CaptureFormat, SyntheticOptions};
+use ghand_train::synthetic_scene::make_capture;
+
+use crate::cli::{AdapterArgs, parse_size};
+
+/// Command line of `ghand capture`.
+#[derive(Debug, Args)]
+pub struct CaptureArgs {
+    /// Folder to make; must be empty or absent
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Cameras that train, on a sphere around the hand [default: 8]
+    #[arg(long, value_name = "N")]
+    views: Option<usize>,
+    /// Cameras that test, between the others [default: 3]
+    #[arg(long, value_name = "N")]
+    test_views: Option<usize>,
+    /// Frames that train, one smooth motion [default: 16]
+    #[arg(long, value_name = "N")]
+    train_frames: Option<usize>,
+    /// Frames that test, other poses [default: 6]
+    #[arg(long, value_name = "N")]
+    test_frames: Option<usize>,
+    /// Size of the images, pixels [default: 192x288]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// Whose hand it is: its proportions and its skin [default: 7]
+    #[arg(long, value_name = "SEED")]
+    identity: Option<u64>,
+    /// Another motion and other test poses, and other errors of the training poses [default: 7]
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Standard deviation of the errors of the training poses, degrees about each axis of a finger's joint; the root's are half
+    /// of it [default: 4]
+    #[arg(long, value_name = "DEG")]
+    pose_noise: Option<f64>,
+    /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
+    #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
+    format: String,
+}
+
+/// Makes the capture.
+///
+/// # Errors
+/// One that names the option or the file and what is wrong with it.
+pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let defaults = SyntheticOptions::default();
+    let [width, height] = args.size.unwrap_or([defaults.width, defaults.height]);
+    let options = SyntheticOptions {
+        identity: args.identity.unwrap_or(defaults.identity),
+        seed: args.seed.unwrap_or(defaults.seed),
+        views: args.views.unwrap_or(defaults.views),
+        train_frames: args.train_frames.unwrap_or(defaults.train_frames),
+        test_frames: args.test_frames.unwrap_or(defaults.test_frames),
+        test_views: args.test_views.unwrap_or(defaults.test_views),
+        width,
+        height,
+        pose_noise_degrees: args.pose_noise.unwrap_or(defaults.pose_noise_degrees),
+        format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
+        ..defaults
+    };
+    adapter.open()?.persist("the synthetic capture", |gpu| -> anyhow::Result<()> {
+        Ok(make_capture(gpu, &options, &args.out)?)
+    })?;
+    let images = options.views * options.train_frames + options.test_views * options.test_frames;
+    let (folder, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
+    println!("{folder}: {images} images of {width} x {height} in {seconds:.1} s");
+    match options.format {
+        CaptureFormat::Ghand => println!("train on it: train --capture {folder}"),
+        CaptureFormat::InterHand => println!(
+            "train on it: train --capture {folder} --hand-model {folder}/{} --test-split test_all",
+            ghand_data::synthetic::HAND_MODEL_FILE
+        ),
+    }
+    Ok(())
+}
