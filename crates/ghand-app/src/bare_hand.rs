@@ -5,7 +5,7 @@ use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::{HandModelError, surface};
 use glam::DVec3;
 
-use crate::framing::{UP, back_of_hand};
+use crate::framing::Upright;
 
 /// Skin that faces the light, display values.
 const COLOR: DVec3 = DVec3::new(0.86, 0.65, 0.54);
@@ -22,8 +22,8 @@ pub fn bare_hand() -> Result<Avatar, HandModelError> {
     let model = ProceduralHand::default().build()?;
     let config = AvatarConfig::default();
     let mut avatar = Avatar::untrained(&model, &config, COLOR.to_array(), 0)?;
-    let back = back_of_hand(model.side);
-    let light = (back + UP + 0.7 * DVec3::NEG_Z).normalize();
+    let Upright { up, back } = Upright::at_rest(&model);
+    let light = (back + up + 0.7 * DVec3::NEG_Z).normalize();
     let shade = |normal: &DVec3| {
         let lit = (1.0 - AMBIENT - FACING) * (0.5 + 0.5 * normal.dot(light));
         (COLOR * (AMBIENT + FACING * normal.dot(back).abs() + lit)).to_array()

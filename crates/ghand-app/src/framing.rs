@@ -4,7 +4,7 @@ use ghand_core::hand_model::named_poses::hand_directions;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Distance of a turntable's cameras from the middle of the hand, metres.
 pub const TURNTABLE_DISTANCE: f64 = 0.6;
@@ -14,8 +14,31 @@ const FILL: f64 = 0.9;
 const PORTRAIT_FIELD: f64 = 0.4;
 /// Turn of a portrait's camera towards the thumb and above the horizon, radians: enough to see depth.
 const PORTRAIT_TURN: DVec2 = DVec2::new(0.4, 0.1);
-/// Fingers of a hand at rest point along -Y, and up in the picture.
-pub const UP: DVec3 = DVec3::NEG_Y;
+
+/// How a hand stands, fingers up; unit vectors, world axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright {
+    /// Where the fingers point.
+    pub up: DVec3,
+    /// Where the back of the hand faces.
+    pub back: DVec3,
+}
+
+impl Upright {
+    /// Of a model at rest. Hands whose joints have unknown names are taken to stand as the built-in one.
+    pub fn at_rest(model: &HandModel) -> Upright {
+        let built_in = if model.side == Side::Right { DVec3::X } else { DVec3::NEG_X };
+        hand_directions(model)
+            .map_or(Upright { up: DVec3::NEG_Y, back: built_in }, |d| Upright { up: d.forward, back: d.back })
+    }
+
+    /// Of a model in a pose, as its root is turned.
+    pub fn posed(model: &HandModel, pose: &Pose) -> Upright {
+        let turn = pose.rotations.first().map_or(DMat3::IDENTITY, |root| rotation_from_axis_angle(*root));
+        let Upright { up, back } = Upright::at_rest(model);
+        Upright { up: turn * up, back: turn * back }
+    }
+}
 
 /// The model's vertices in a pose, world, metres.
 pub fn posed_vertices(model: &HandModel, pose: &Pose) -> Vec<DVec3> {
@@ -35,22 +58,17 @@ pub fn middle(points: &[DVec3]) -> DVec3 {
     (low + high) * 0.5
 }
 
-/// Direction in which the back of a hand at rest faces.
-pub fn back_of_hand(side: Side) -> DVec3 {
-    if side == Side::Right { DVec3::X } else { DVec3::NEG_X }
-}
-
-/// Cameras around a hand, `[pose][view]`, from the back of the hand on. The whole ring follows the hand's translation and
-/// keeps one field of view, in which every pose fits.
+/// Cameras around a hand, `[pose][view]`, from the back of the hand on, fingers up as in the first pose. The whole ring follows
+/// the hand's translation and keeps one field of view, in which every pose fits.
 pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, height]: [u32; 2]) -> Vec<Vec<Camera>> {
     let Some(first) = poses.first() else { return Vec::new() };
     let center = middle(&posed_vertices(model, first));
-    let back = back_of_hand(model.side);
+    let Upright { up, back } = Upright::posed(model, first);
     let ring = |target: DVec3, fov_y: f64| -> Vec<Camera> {
         let camera = |view: usize| {
             let angle = std::f64::consts::TAU * view as f64 / views as f64;
-            let direction = DQuat::from_axis_angle(UP, angle) * back;
-            Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, UP, fov_y, width, height)
+            let direction = DQuat::from_axis_angle(up, angle) * back;
+            Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, up, fov_y, width, height)
         };
         (0..views).map(camera).collect()
     };
@@ -70,11 +88,9 @@ pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, heigh
 }
 
 /// A camera that sees the back of the hand and a little of the thumb's side, fingers up, whichever way the hand is turned;
-/// `points` (world, metres) fill the picture. Hands whose joints have unknown names are taken to stand as the built-in one.
+/// `points` (world, metres) fill the picture.
 pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height]: [u32; 2]) -> Camera {
-    let (forward, back) = hand_directions(model).map_or((UP, back_of_hand(model.side)), |d| (d.forward, d.back));
-    let turn = pose.rotations.first().map_or(glam::DMat3::IDENTITY, |root| rotation_from_axis_angle(*root));
-    let (up, back) = (turn * forward, turn * back);
+    let Upright { up, back } = Upright::posed(model, pose);
     let to_thumb = if model.side == Side::Right { -PORTRAIT_TURN.x } else { PORTRAIT_TURN.x };
     let raised = DQuat::from_axis_angle(up.cross(back).normalize_or(DVec3::X), -PORTRAIT_TURN.y) * back;
     let direction = DQuat::from_axis_angle(up, to_thumb) * raised;
@@ -96,6 +112,25 @@ mod tests {
     use ghand_core::hand_model::procedural::ProceduralHand;
 
     use super::*;
+
+    #[test]
+    fn a_hand_that_lies_in_its_model_is_shown_upright() {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        // A quarter turn, as MANO's hands have it: the box around the hand turns with it.
+        let turn = DMat3::from_rotation_z(-std::f64::consts::FRAC_PI_2);
+        let mut lying = model.clone();
+        lying.vertices.iter_mut().chain(&mut lying.joints).for_each(|p| *p = turn * *p);
+        let (a, b) = (Upright::at_rest(&model), Upright::at_rest(&lying));
+        assert!((turn * a.up).distance(b.up) < 1e-12 && (turn * a.back).distance(b.back) < 1e-12);
+        assert!(a.up.dot(DVec3::NEG_Y) > 0.98 && a.back.dot(DVec3::X) > 0.98 && b.up.dot(a.up) < 0.5);
+        let pose = Pose::rest(model.joint_count());
+        let seen = |model: &HandModel| {
+            let camera = &turntable(model, &[&pose], 5, [300, 300])[0][2];
+            model.vertices.iter().map(|v| camera.project(*v).0).collect::<Vec<DVec2>>()
+        };
+        let moved = seen(&model).iter().zip(seen(&lying)).map(|(a, b)| a.distance(b)).collect::<Vec<f64>>();
+        assert!(moved.iter().all(|d| *d < 1e-6), "the pictures are the same");
+    }
 
     #[test]
     fn a_turntable_holds_the_hand_fingers_up_and_fills_the_picture() {

@@ -2,10 +2,10 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use ghand_core::{Camera, HandModel, Pose};
+use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DQuat, DVec2, DVec3};
 
-use crate::framing::{UP, back_of_hand, middle, posed_vertices};
+use crate::framing::{Upright, middle, posed_vertices};
 
 /// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
 const FIELD_OF_VIEW: f64 = 0.4;
@@ -15,9 +15,9 @@ const FILL: f64 = 0.9;
 const DISTANCES: [f64; 2] = [0.06, 4.0];
 /// Turn for a drag of one point, radians: the width of a window is about one turn.
 const TURN_PER_POINT: f64 = 0.008;
-/// Turn about [`UP`] towards the thumb and height above the horizon at first, radians: enough to see depth.
+/// Turn away from the back of a right hand, and height above the horizon at first, radians: enough to see depth.
 const FIRST_TURN: DVec2 = DVec2::new(-0.5, 0.15);
-/// The camera stays this far from the poles, radians: there `UP` is no direction.
+/// The camera stays this far from the poles, radians: there "up" is no direction.
 const POLE_MARGIN: f64 = 0.01;
 
 /// Where the viewer looks from.
@@ -25,11 +25,11 @@ const POLE_MARGIN: f64 = 0.01;
 pub struct OrbitCamera {
     target: DVec3,
     distance: f64,
-    /// Turn about [`UP`], radians, from the back of the hand on.
+    /// Turn about where the fingers point, radians, from the back of the hand on.
     yaw: f64,
     /// Height above the horizon, radians.
     pitch: f64,
-    back: DVec3,
+    hand: Upright,
 }
 
 impl OrbitCamera {
@@ -37,10 +37,10 @@ impl OrbitCamera {
     pub fn facing(model: &HandModel, pose: &Pose) -> OrbitCamera {
         let points = posed_vertices(model, pose);
         let target = middle(&points);
-        let back = back_of_hand(model.side);
+        let hand = Upright::posed(model, pose);
         // The thumb of a left hand is on the other side.
-        let yaw = FIRST_TURN.x * back.x.signum();
-        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch: FIRST_TURN.y, back };
+        let yaw = if model.side == Side::Right { FIRST_TURN.x } else { -FIRST_TURN.x };
+        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch: FIRST_TURN.y, hand };
         let direction = orbit.direction();
         // Every point must lie inside the cone whose picture is the inscribed circle of the shorter edge.
         let slope = (0.5 * FIELD_OF_VIEW).tan() * FILL;
@@ -55,8 +55,8 @@ impl OrbitCamera {
 
     /// From the target to the camera.
     fn direction(&self) -> DVec3 {
-        let side = UP.cross(self.back);
-        DQuat::from_axis_angle(UP, self.yaw) * DQuat::from_axis_angle(side, -self.pitch) * self.back
+        let Upright { up, back } = self.hand;
+        DQuat::from_axis_angle(up, self.yaw) * DQuat::from_axis_angle(up.cross(back), -self.pitch) * back
     }
 
     /// Turns by a drag in points.
@@ -83,7 +83,7 @@ impl OrbitCamera {
     pub fn camera(&self, [width, height]: [u32; 2]) -> Camera {
         let slope = (0.5 * FIELD_OF_VIEW).tan() * f64::from(height) / f64::from(width.min(height));
         let eye = self.target + self.direction() * self.distance;
-        Camera::look_at(eye, self.target, UP, 2.0 * slope.atan(), width, height)
+        Camera::look_at(eye, self.target, self.hand.up, 2.0 * slope.atan(), width, height)
     }
 }
 
