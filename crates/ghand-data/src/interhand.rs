@@ -27,7 +27,7 @@ use crate::checks::{CameraEntry, Checker, Position};
 use crate::error::CaptureError;
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::mask_folder;
-use crate::open::Opened;
+use crate::open::{CaptureKind, Opened};
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};
@@ -140,7 +140,7 @@ pub(crate) fn read_interhand(
             return Err(checks.invalid("images", problem));
         }
     }
-    Ok(Opened { capture, left_out: counts, warnings: warning.into_iter().collect() })
+    Ok(Opened { kind: CaptureKind::InterHand, capture, left_out: counts, warnings: warning.into_iter().collect() })
 }
 
 /// A MANO model with what the annotations need.
