@@ -22,7 +22,7 @@ enum Command {
     Render(render::RenderArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
-    /// Tell what is in a hand model
+    /// Look over a capture, or tell what is in a hand model
     Inspect(inspect::InspectArgs),
     /// Render a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
-        Command::Inspect(args) => inspect::run(args),
+        Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
