@@ -46,7 +46,7 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
-            let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet and --no-sheet");
+            let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
                 bail!(
                     "{}: is no folder and no .json, so no capture, for which alone {option} is there",
@@ -74,8 +74,10 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
         .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
         .collect();
     print!("{}", capture::describe(path, &opened, &found, &views));
-    if !args.no_sheet && !views.is_empty() {
-        println!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?);
+    match (args.no_sheet, views.is_empty()) {
+        (true, _) => {}
+        (_, true) => println!("\nno pictures: there is no image that could be decoded"),
+        _ => println!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
     }
     Ok(())
 }
