@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Args;
-use ghand_data::{Capture, OpenOptions};
+use ghand_data::{Capture, OpenOptions, Opened};
 use glam::DVec2;
 
 use crate::hand_model_file::HandModelArgs;
@@ -16,11 +16,19 @@ pub struct CaptureArgs {
     /// of the Hand Appearance dataset.
     #[arg(long)]
     pub capture: Option<PathBuf>,
+    #[command(flatten)]
+    options: CaptureOptions,
+}
+
+/// What a capture's own files do not say. Commands that take it call the capture's argument `capture`.
+#[derive(Debug, Clone, Default, Args)]
+pub struct CaptureOptions {
     /// MANO model for captures whose poses are MANO's: MANO_RIGHT.pkl, or MANO_LEFT.pkl for the left hand.
     #[arg(long, value_name = "FILE", requires = "capture")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
-    hand_model_args: HandModelArgs,
+    /// How to read that file, or whatever hand model a command takes.
+    pub hand_model_args: HandModelArgs,
     /// InterHand2.6M: sequences to train on [default: ROM04_RT_Occlusion, LT for a left hand]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
     train_sequences: Vec<String>,
@@ -39,21 +47,7 @@ impl CaptureArgs {
     /// # Errors
     /// One sentence that names the file, the field and what to do.
     pub fn open(&self, path: &Path, splits: &[&str]) -> anyhow::Result<Capture> {
-        let mano = match &self.hand_model {
-            Some(file) => {
-                let file = self.hand_model_args.load(Some(file))?;
-                file.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", file.model.name));
-                Some(file.model)
-            }
-            None => None,
-        };
-        let options = OpenOptions {
-            mano,
-            train_sequences: self.train_sequences.clone(),
-            test_sequences: self.test_sequences.clone(),
-            principal_point: self.principal_point,
-        };
-        let opened = Capture::open_with(path, &options)?;
+        let opened = self.options.open(path)?;
         opened.warnings.iter().for_each(|warning| log::warn!("{warning}"));
         let mut capture = opened.capture;
         // Before images are looked at, which may take long.
@@ -68,6 +62,43 @@ impl CaptureArgs {
             }
         }
         Ok(capture)
+    }
+}
+
+impl CaptureOptions {
+    /// Opens the capture at `path` as it is. What is odd about the hand model's file is among the warnings.
+    ///
+    /// # Errors
+    /// One sentence that names the file, the field and what to do.
+    pub fn open(&self, path: &Path) -> anyhow::Result<Opened> {
+        let file = self.hand_model.as_ref().map(|file| self.hand_model_args.load(Some(file))).transpose()?;
+        let mut warnings = vec![];
+        let mano = file.map(|file| {
+            warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.model.name)));
+            file.model
+        });
+        let options = OpenOptions {
+            mano,
+            train_sequences: self.train_sequences.clone(),
+            test_sequences: self.test_sequences.clone(),
+            principal_point: self.principal_point,
+        };
+        let mut opened = Capture::open_with(path, &options)?;
+        warnings.append(&mut opened.warnings);
+        opened.warnings = warnings;
+        Ok(opened)
+    }
+
+    /// The option that only a capture has a use for, if one is given.
+    pub fn given(&self) -> Option<&'static str> {
+        [
+            ("--hand-model", self.hand_model.is_some()),
+            ("--train-sequences", !self.train_sequences.is_empty()),
+            ("--test-sequences", !self.test_sequences.is_empty()),
+            ("--principal-point", self.principal_point.is_some()),
+        ]
+        .into_iter()
+        .find_map(|(name, given)| given.then_some(name))
     }
 }
 

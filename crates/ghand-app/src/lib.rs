@@ -12,3 +12,5 @@ pub mod viewer;
 
 /// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.
 pub const LAST_AVATAR: &str = "out/train/avatar.ghand";
+/// Where `ghand inspect` leaves the pictures of a capture unless told otherwise; relative to the current folder.
+pub const LAST_SHEET: &str = "out/inspect.png";

@@ -6,9 +6,7 @@ use anyhow::{Context, bail};
 use ghand_core::{Camera, HandModel};
 use ghand_render::Gpu;
 use ghand_render::mesh::weights::{joint_heat, joint_mix};
-use ghand_render::mesh::{
-    Light, MeshImage, MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe,
-};
+use ghand_render::mesh::{MeshImage, MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
 use glam::DVec3;
 use image::RgbImage;
 
@@ -75,9 +73,9 @@ pub fn draw(
         }
     };
     let shading = match style {
-        PictureStyle::Solid | PictureStyle::SolidWireframe => soft_light(camera, 0.4),
+        PictureStyle::Solid | PictureStyle::SolidWireframe => Shading::soft(camera, 0.4),
         // Colours mean something: just enough shade to see the shape.
-        PictureStyle::Weights | PictureStyle::JointWeights(_) => soft_light(camera, 0.55),
+        PictureStyle::Weights | PictureStyle::JointWeights(_) => Shading::soft(camera, 0.55),
         PictureStyle::Wireframe => Shading::Transparent,
     };
     let has_lines = matches!(style, PictureStyle::Wireframe | PictureStyle::SolidWireframe);
@@ -107,14 +105,6 @@ fn line_width(model: &HandModel, positions: &[DVec3], camera: &Camera) -> f64 {
     let mut lengths: Vec<f64> = ends.collect();
     lengths.sort_unstable_by(f64::total_cmp);
     lengths.get(lengths.len() / 2).map_or(thinnest, |median| (LINE_SHARE * median).clamp(thinnest, widest))
-}
-
-/// A light above the photographer's left shoulder, and as much from everywhere as said; a little more than white where it
-/// falls in squarely, since hardly any skin is there.
-fn soft_light(camera: &Camera, ambient: f64) -> Shading {
-    let direction = camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0);
-    let key = Light { direction, color: DVec3::splat(1.1 - ambient) };
-    Shading::Lit { ambient: DVec3::splat(ambient), lights: vec![key], wrap: 0.3 }
 }
 
 /// The joint of that name, else of that number, counted from 0.

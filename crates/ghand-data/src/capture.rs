@@ -130,13 +130,17 @@ impl Capture {
     }
 
     pub(crate) fn camera_and_frame(&self, camera: usize, frame: usize) -> Result<(&Camera, &Frame), CaptureError> {
-        let fail = |field: &str, index: usize, count: usize| CaptureError::Invalid {
-            path: self.root.clone(),
-            field: field.into(),
-            problem: format!("there is no number {index}; the capture has {count}, counted from 0"),
-        };
-        let found = self.cameras.get(camera).ok_or_else(|| fail("cameras", camera, self.cameras.len()))?;
-        Ok((found, self.frames.get(frame).ok_or_else(|| fail("frames", frame, self.frames.len()))?))
+        let found = self.cameras.get(camera).ok_or_else(|| self.absent("cameras", camera, self.cameras.len()))?;
+        Ok((found, self.frame(frame)?))
+    }
+
+    pub(crate) fn frame(&self, index: usize) -> Result<&Frame, CaptureError> {
+        self.frames.get(index).ok_or_else(|| self.absent("frames", index, self.frames.len()))
+    }
+
+    fn absent(&self, field: &str, index: usize, count: usize) -> CaptureError {
+        let problem = format!("there is no number {index}; the capture has {count}, counted from 0");
+        CaptureError::Invalid { path: self.root.clone(), field: field.into(), problem }
     }
 }
 

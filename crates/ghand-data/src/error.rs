@@ -1,6 +1,6 @@
 //! What can be wrong with a capture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ghand_core::HandModelError;
 
@@ -68,4 +68,18 @@ pub enum CaptureError {
         /// What the renderer said.
         problem: String,
     },
+}
+
+impl CaptureError {
+    /// The file that is at fault, if it is one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            CaptureError::Io { path, .. }
+            | CaptureError::Json { path, .. }
+            | CaptureError::Invalid { path, .. }
+            | CaptureError::HandModel { path, .. }
+            | CaptureError::Image { path, .. } => Some(path),
+            CaptureError::Parameters(_) | CaptureError::Render { .. } => None,
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! Images and masks from files, within bounds: neither a file's length nor what it claims to hold decides how much memory
 //! is used, and a decoder that fails is an error like any other.
 
-use std::io::{Cursor, Read};
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -33,21 +34,63 @@ impl Role {
 
 /// The bytes of the file of an image of `size` pixels (width, height).
 pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Vec<u8>, CaptureError> {
-    let io = |source| CaptureError::Io {
-        path: file.into(),
-        action: if role == Role::Mask { "read the mask" } else { "read the image" },
-        source,
-        remedy: "add the file, or take its camera or frame out of the splits",
-    };
     let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
     let mut bytes = Vec::new();
-    std::fs::File::open(file).and_then(|f| f.take(most + 1).read_to_end(&mut bytes)).map_err(io)?;
+    File::open(file)
+        .and_then(|f| f.take(most + 1).read_to_end(&mut bytes))
+        .map_err(|source| unread(file, role, source))?;
     if bytes.len() as u64 > most {
         let problem =
             format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
         return Err(CaptureError::Invalid { path: file.into(), field: role.name().into(), problem });
     }
     Ok(bytes)
+}
+
+fn unread(file: &Path, role: Role, source: std::io::Error) -> CaptureError {
+    CaptureError::Io {
+        path: file.into(),
+        action: if role == Role::Mask { "read the mask" } else { "read the image" },
+        source,
+        remedy: "add the file, or take its camera or frame out of the splits",
+    }
+}
+
+/// Bytes at the end of a file among which a whole PNG or JPEG has its mark.
+const TAIL: u64 = 4096;
+
+/// Checks that a file is an image of `size` pixels (width, height) and not cut short, by its header and its end alone where
+/// they leave no doubt.
+pub(crate) fn check(file: &Path, role: Role, size: (u32, u32)) -> Result<(), CaptureError> {
+    let mut opened = File::open(file).map_err(|source| unread(file, role, source))?;
+    let looked = catch_unwind(AssertUnwindSafe(|| has_header_and_end(&mut opened, size)));
+    if looked.unwrap_or_else(|_| Err(gave_up())).map_err(|refusal| refusal.of(file, role, size))? {
+        return Ok(());
+    }
+    // The mark may lie further inside: some programs write behind it.
+    decode(file, role, &read_bytes(file, role, size)?, size).map(|_| ())
+}
+
+/// Whether the end looks like that of a whole file; an error if the header is none or of another size.
+fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal> {
+    let read = |error| Refusal::Broken(ImageError::IoError(error));
+    let mut reader = ImageReader::new(BufReader::new(&mut *file)).with_guessed_format().map_err(read)?;
+    let format = reader.format();
+    reader.limits(limits(u64::from(size.0) * u64::from(size.1)));
+    let found = reader.into_decoder().map_err(Refusal::Broken)?.dimensions();
+    if found != size {
+        return Err(Refusal::OtherSize(found.0, found.1));
+    }
+    let mark: &[u8] = match format {
+        Some(ImageFormat::Png) => b"IEND",
+        Some(ImageFormat::Jpeg) => &END_OF_JPEG,
+        _ => return Ok(true),
+    };
+    let length = file.seek(SeekFrom::End(0)).map_err(read)?;
+    file.seek(SeekFrom::Start(length.saturating_sub(TAIL))).map_err(read)?;
+    let mut tail = Vec::new();
+    file.take(TAIL).read_to_end(&mut tail).map_err(read)?;
+    Ok(tail.windows(mark.len()).any(|bytes| bytes == mark))
 }
 
 /// Why bytes are no image.
@@ -60,18 +103,28 @@ enum Refusal {
 pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
     // Hostile files run decoders into bugs of their own.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode_sized(bytes, size)));
-    let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
-    decoded.unwrap_or_else(gave_up).map_err(|refusal| match refusal {
-        Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
-        Refusal::OtherSize(width, height) => {
-            let problem = format!(
-                "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and intrinsics \
-                 of the camera",
-                size.0, size.1
-            );
-            CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+    decoded.unwrap_or_else(|_| Err(gave_up())).map_err(|refusal| refusal.of(file, role, size))
+}
+
+impl Refusal {
+    /// The error of a file that should have `size` pixels.
+    fn of(self, file: &Path, role: Role, size: (u32, u32)) -> CaptureError {
+        match self {
+            Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
+            Refusal::OtherSize(width, height) => {
+                let problem = format!(
+                    "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and \
+                     intrinsics of the camera",
+                    size.0, size.1
+                );
+                CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+            }
         }
-    })
+    }
+}
+
+fn gave_up() -> Refusal {
+    broken(ImageFormatHint::Unknown, "the decoder gave up on the file")
 }
 
 fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {
@@ -90,9 +143,7 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
         }
         _ => {}
     }
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
-    reader.limits(limits);
+    reader.limits(limits(pixels));
     let decoder = reader.into_decoder().map_err(Refusal::Broken)?;
     // Only the header is read so far.
     let (width, height) = decoder.dimensions();
@@ -102,16 +153,25 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)
 }
 
+/// What a decoder may hold of an image of so many pixels.
+fn limits(pixels: u64) -> Limits {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
+    limits
+}
+
+/// The mark at which the picture of a JPEG ends.
+const END_OF_JPEG: [u8; 2] = [0xFF, 0xD9];
+
 /// Whether the end of the picture is in a JPEG. The decoder fills what is missing of a truncated one with grey.
 fn has_end(jpeg: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xDA;
-    const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
     // Segments with their lengths come first; what they hold (a thumbnail, say) may have an end of its own.
     let mut rest = jpeg.get(2..).unwrap_or_default();
     while let &[0xFF, marker, high, low, ..] = rest {
         if marker == START_OF_SCAN {
             // From here a byte of 0xFF is a mark, never part of the picture.
-            return rest.windows(2).any(|pair| pair == END_OF_IMAGE);
+            return rest.windows(2).any(|pair| pair == END_OF_JPEG);
         }
         // A mark may be preceded by any number of bytes of 0xFF.
         let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };

@@ -28,7 +28,7 @@ use crate::checks::{CameraEntry, Checker, Position};
 use crate::error::CaptureError;
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::mask_folder;
-use crate::open::Opened;
+use crate::open::{CaptureKind, Opened};
 use crate::truth::{TRUTH_FILE, read_truth};
 use annotations::CameraTables;
 use images::{Image, Images};
@@ -143,7 +143,7 @@ pub(crate) fn read_interhand(
             return Err(checks.invalid("images", problem));
         }
     }
-    Ok(Opened { capture, left_out: counts, warnings: warning.into_iter().collect() })
+    Ok(Opened { kind: CaptureKind::InterHand, capture, left_out: counts, warnings: warning.into_iter().collect() })
 }
 
 /// Exact poses of the frames, which synthetic captures have beside the annotations; of other frames than these they may be, too.

@@ -13,6 +13,7 @@ use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 
 pub(crate) use cache::mask_folder;
+pub(crate) use fill::fill;
 
 /// Skin has a mean of red, green and blue between these, exclusively.
 const GREY_RANGE: [u16; 2] = [10, 200];
@@ -88,7 +89,7 @@ fn make(capture: &Capture, camera: usize, frame: usize, rgba: &[[u8; 4]]) -> Res
     let (camera, frame) = capture.camera_and_frame(camera, frame)?;
     let posed = pose_hand(&capture.hand_model, &frame.shape, &frame.pose)
         .map_err(|source| CaptureError::HandModel { path: capture.root.clone(), source })?;
-    let mut mask = fill::fill(camera, &posed.vertices, &capture.hand_model.faces);
+    let mut mask = fill(camera, &posed.vertices, &capture.hand_model.faces);
     let [low, high] = GREY_RANGE.map(|mean| 3 * mean);
     for (inside, pixel) in mask.iter_mut().zip(rgba) {
         *inside &= (low + 1..high).contains(&sum(pixel));

@@ -1,5 +1,6 @@
 //! Any capture, told by what its folder looks like.
 
+use std::fmt;
 use std::path::Path;
 
 use ghand_core::HandModel;
@@ -25,9 +26,32 @@ pub struct OpenOptions {
     pub principal_point: Option<DVec2>,
 }
 
+/// Whose format a capture is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CaptureKind {
+    /// The project's own, `capture.json`.
+    Ghand,
+    /// InterHand2.6M.
+    InterHand,
+    /// Hand Appearance.
+    HandAppearance,
+}
+
+impl fmt::Display for CaptureKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            CaptureKind::Ghand => "capture in ghand's own format",
+            CaptureKind::InterHand => "InterHand2.6M",
+            CaptureKind::HandAppearance => "Hand Appearance",
+        })
+    }
+}
+
 /// A capture and what was left out of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
+    /// Whose format it is in.
+    pub kind: CaptureKind,
     /// The capture.
     pub capture: Capture,
     /// Images that the annotations name but that are of no use.
@@ -37,8 +61,8 @@ pub struct Opened {
 }
 
 impl Opened {
-    fn plain(capture: Capture, left_out: LeftOutCounts) -> Opened {
-        Opened { capture, left_out, warnings: vec![] }
+    fn plain(kind: CaptureKind, capture: Capture, left_out: LeftOutCounts) -> Opened {
+        Opened { kind, capture, left_out, warnings: vec![] }
     }
 }
 
@@ -61,7 +85,7 @@ impl Capture {
         let file = path.join(CAPTURE_FILE);
         if !path.is_dir() || file.exists() {
             let file = if path.is_dir() { &file } else { path };
-            return Ok(Opened::plain(read_capture(file, mano)?, LeftOutCounts::default()));
+            return Ok(Opened::plain(CaptureKind::Ghand, read_capture(file, mano)?, LeftOutCounts::default()));
         }
         if let Some(location) = locate(path) {
             let sequences = Sequences { train: options.train_sequences.clone(), test: options.test_sequences.clone() };
@@ -69,9 +93,9 @@ impl Capture {
         }
         if is_subject(path) {
             let (capture, left_out) = read_hand_appearance(path, mano, options.principal_point)?;
-            return Ok(Opened::plain(capture, left_out));
+            return Ok(Opened::plain(CaptureKind::HandAppearance, capture, left_out));
         }
         // Tells what would be a capture.
-        Ok(Opened::plain(read_capture(&file, mano)?, LeftOutCounts::default()))
+        Ok(Opened::plain(CaptureKind::Ghand, read_capture(&file, mano)?, LeftOutCounts::default()))
     }
 }

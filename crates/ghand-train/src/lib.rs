@@ -1,6 +1,7 @@
 //! Training of hand avatars: settings, the training step, evaluation against held-out views, the floor to beat, and the
-//! report.
+//! report; and the contact sheet that shows a capture before it.
 
+pub mod contact_sheet;
 pub mod evaluate;
 pub mod floor;
 pub mod metrics;

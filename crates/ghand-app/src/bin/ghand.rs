@@ -24,7 +24,7 @@ enum Command {
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
-    /// Tell what is in a hand model
+    /// Look over a capture, or tell what is in a hand model
     Inspect(inspect::InspectArgs),
     /// Render a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
@@ -37,7 +37,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
-        Command::Inspect(args) => inspect::run(args),
+        Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })

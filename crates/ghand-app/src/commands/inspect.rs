@@ -1,90 +1,107 @@
-//! `ghand inspect`: what is in a file.
+//! `ghand inspect`: what is in a capture or a hand model, and what is odd about it.
 
-use std::path::PathBuf;
+mod capture;
+mod hand_model;
 
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
 use clap::Args;
-use ghand_core::hand_model::inspection::{Inspection, inspect};
-use ghand_core::hand_model::read::HandModelFile;
-use ghand_core::{HandModel, Side};
-use glam::DVec3;
+use ghand_data::Opened;
+use ghand_data::inspection::{CaptureInspection, DEFAULT_SAMPLE};
+use ghand_render::DeviceError;
+use ghand_train::contact_sheet::{SheetView, contact_sheet};
 
-use crate::hand_model_file::HandModelArgs;
+use crate::LAST_SHEET;
+use crate::capture_args::CaptureOptions;
+use crate::cli::AdapterArgs;
+use crate::commands::render::write_png;
+
+/// Views of a contact sheet.
+const SHEET_VIEWS: usize = 12;
 
 /// Command line of `ghand inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A hand model: MANO (.pkl, .npz) or rigged glTF (.glb, .gltf) [default: the built-in hand]
-    file: Option<PathBuf>,
+    /// A capture: a folder of any kind that `train` takes, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
+    /// (.glb, .gltf) [default: the built-in hand]
+    #[arg(value_name = "PATH")]
+    capture: Option<PathBuf>,
     #[command(flatten)]
-    reading: HandModelArgs,
+    options: CaptureOptions,
+    /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default: out/inspect.png]
+    #[arg(long, value_name = "FILE", requires = "capture", conflicts_with = "no_sheet")]
+    sheet: Option<PathBuf>,
+    /// No pictures
+    #[arg(long, requires = "capture")]
+    no_sheet: bool,
 }
 
-/// Prints what is in a hand model, and what is odd about it.
+/// Prints what is in a capture or a hand model, and what is odd about it; of a capture, writes a sheet of pictures.
 ///
 /// # Errors
-/// One that names the file and the part that cannot be used.
-pub fn run(args: &InspectArgs) -> anyhow::Result<()> {
-    let file = args.reading.load(args.file.as_ref())?;
-    print!("{}", describe(&file, &inspect(&file.model)));
+/// One that names the file and the part that cannot be used, or the sheet that cannot be written. Images that cannot be used
+/// are no error.
+pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    match &args.capture {
+        Some(path) if is_capture(path) => run_capture(args, path, adapter),
+        path => {
+            let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
+            if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
+                bail!(
+                    "{}: is no folder and no .json, so no capture, for which alone {option} is there",
+                    path.display()
+                );
+            }
+            print!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?));
+            Ok(())
+        }
+    }
+}
+
+/// Whether a path is meant to be a capture: hand models are files, and none is JSON.
+fn is_capture(path: &Path) -> bool {
+    path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
+        bail!("--sheet {}: must end in .png", sheet.display());
+    }
+    let opened = args.options.open(path)?;
+    let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
+    let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
+        .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
+        .collect();
+    print!("{}", capture::describe(path, &opened, &found, &views));
+    match (args.no_sheet, views.is_empty()) {
+        (true, _) => {}
+        (_, true) => println!("\nno pictures: there is no image that could be decoded"),
+        _ => println!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
+    }
     Ok(())
 }
 
-fn describe(file: &HandModelFile, found: &Inspection) -> String {
-    let model = &file.model;
-    let side = match model.side {
-        Side::Right => "right",
-        Side::Left => "left",
+/// Draws and writes the sheet; gives a line that says where it is, or why there is none.
+fn write_sheet(
+    path: Option<&Path>,
+    adapter: &AdapterArgs,
+    opened: &Opened,
+    views: &[SheetView],
+) -> anyhow::Result<String> {
+    let mut gpu = match adapter.open() {
+        Ok(gpu) => gpu,
+        // The rest of an inspection needs none.
+        Err(error @ DeviceError::NoAdapter { .. }) => return Ok(format!("no pictures: {error}")),
+        Err(error) => return Err(error.into()),
     };
-    let mut lines = vec![format!("{}: {}, {side}", model.name, file.kind)];
-    let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}"));
-    row("joints", format!("{}", model.joint_count()));
-    for line in joint_tree(model) {
-        row("", line);
+    let sheet = gpu
+        .persist("the contact sheet", |gpu| -> anyhow::Result<_> { Ok(contact_sheet(gpu, &opened.capture, views)?) })?;
+    let path = path.unwrap_or(Path::new(LAST_SHEET));
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder of the pictures; see --sheet", folder.display()))?;
     }
-    let in_file = match model.source_vertices.len() {
-        0 => String::new(),
-        split => format!(" ({split} in the file, split at seams)"),
-    };
-    row("vertices", format!("{}{in_file}", model.vertices.len()));
-    let opening = match found.boundary_edges {
-        0 => "closed".into(),
-        edges => format!("open at {edges} edges"),
-    };
-    row("triangles", format!("{}, {opening}", model.faces.len()));
-    row("size", format!("{} m", vector(found.high - found.low)));
-    row("shapes", format!("{} directions", model.shape_count()));
-    row("correctives", format!("{} pose directions", model.pose_directions.len() / model.vertices.len().max(1)));
-    row("joints from", if model.joint_regressor.is_empty() { "fixed positions" } else { "the shaped vertices" }.into());
-    if let Some(space) = &model.pose_space {
-        let components = space.components.len().checked_div(space.mean.len()).unwrap_or(0);
-        row("mean pose", format!("yes, with {components} components"));
-    }
-    row("UV", format!("{} points, the atlas fills {:.0}% of its square", model.uvs.len(), 100.0 * found.uv_fill));
-    for (resolution, texels) in &found.texels {
-        row(&format!("  at {resolution}"), format!("{texels} texels"));
-    }
-    let warnings: Vec<&String> = file.warnings.iter().chain(&found.warnings).collect();
-    if warnings.is_empty() {
-        row("warnings", "none".into());
-    }
-    for warning in warnings {
-        row("warning", warning.clone());
-    }
-    lines.join("\n") + "\n"
-}
-
-/// The joints, children indented below their parents.
-fn joint_tree(model: &HandModel) -> Vec<String> {
-    let mut depth = vec![0; model.joint_count()];
-    let joints = model.joint_names.iter().zip(&model.joints).zip(&model.parents).enumerate();
-    joints
-        .map(|(k, ((name, at), parent))| {
-            depth[k] = parent.map_or(0, |p| depth[p] + 1);
-            format!("{:>2} {:indent$}{name}  {}", k, "", vector(*at), indent = 2 * depth[k])
-        })
-        .collect()
-}
-
-fn vector(v: DVec3) -> String {
-    format!("({:.4}, {:.4}, {:.4})", v.x, v.y, v.z)
+    write_png(path, &sheet)?;
+    Ok(format!("pictures: {}", path.display()))
 }

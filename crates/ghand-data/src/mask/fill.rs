@@ -8,7 +8,7 @@ const NEAR: f64 = 1e-3;
 
 /// Whether each pixel's centre, row-major, lies in the image of a triangle, edges included. `faces` are indices into
 /// `points` (world, metres); a triangle with an index beyond them is left out.
-pub(super) fn fill(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
+pub(crate) fn fill(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut inside = vec![false; width * height];
     let projected: Vec<Option<DVec2>> = points

@@ -9,6 +9,7 @@ mod bad_images;
 mod fixtures;
 mod hand_appearance;
 mod hand_appearance_files;
+mod inspection;
 mod interhand;
 mod interhand_annotations;
 mod interhand_files;

@@ -97,6 +97,16 @@ pub enum Shading {
     Transparent,
 }
 
+impl Shading {
+    /// A light above the photographer's left shoulder, and `ambient`, `[0, 1]`, from everywhere; a little more than white where
+    /// it falls in squarely, since hardly any skin is there.
+    pub fn soft(camera: &Camera, ambient: f64) -> Shading {
+        let direction = camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0);
+        let key = Light { direction, color: DVec3::splat(1.1 - ambient) };
+        Shading::Lit { ambient: DVec3::splat(ambient), lights: vec![key], wrap: 0.3 }
+    }
+}
+
 /// The mesh's edges as lines.
 ///
 /// A line is as wide as it says everywhere, on the outline too, with round ends. Whether it is hidden is decided on its

@@ -1,0 +1,68 @@
+//! What is in a hand model.
+
+use ghand_core::hand_model::inspection::inspect;
+use ghand_core::hand_model::read::HandModelFile;
+use ghand_core::{HandModel, Side};
+use glam::DVec3;
+
+/// What is in a hand model and what is odd about it, a line each.
+pub fn describe(file: &HandModelFile) -> String {
+    let found = inspect(&file.model);
+    let model = &file.model;
+    let side = match model.side {
+        Side::Right => "right",
+        Side::Left => "left",
+    };
+    let mut lines = vec![format!("{}: {}, {side}", model.name, file.kind)];
+    let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}"));
+    row("joints", format!("{}", model.joint_count()));
+    for line in joint_tree(model) {
+        row("", line);
+    }
+    let in_file = match model.source_vertices.len() {
+        0 => String::new(),
+        split => format!(" ({split} in the file, split at seams)"),
+    };
+    row("vertices", format!("{}{in_file}", model.vertices.len()));
+    let opening = match found.boundary_edges {
+        0 => "closed".into(),
+        edges => format!("open at {edges} edges"),
+    };
+    row("triangles", format!("{}, {opening}", model.faces.len()));
+    row("size", format!("{} m", vector(found.high - found.low)));
+    row("shapes", format!("{} directions", model.shape_count()));
+    row("correctives", format!("{} pose directions", model.pose_directions.len() / model.vertices.len().max(1)));
+    row("joints from", if model.joint_regressor.is_empty() { "fixed positions" } else { "the shaped vertices" }.into());
+    if let Some(space) = &model.pose_space {
+        let components = space.components.len().checked_div(space.mean.len()).unwrap_or(0);
+        row("mean pose", format!("yes, with {components} components"));
+    }
+    row("UV", format!("{} points, the atlas fills {:.0}% of its square", model.uvs.len(), 100.0 * found.uv_fill));
+    for (resolution, texels) in &found.texels {
+        row(&format!("  at {resolution}"), format!("{texels} texels"));
+    }
+    let warnings: Vec<&String> = file.warnings.iter().chain(&found.warnings).collect();
+    if warnings.is_empty() {
+        row("warnings", "none".into());
+    }
+    for warning in warnings {
+        row("warning", warning.clone());
+    }
+    lines.join("\n") + "\n"
+}
+
+/// The joints, children indented below their parents.
+fn joint_tree(model: &HandModel) -> Vec<String> {
+    let mut depth = vec![0; model.joint_count()];
+    let joints = model.joint_names.iter().zip(&model.joints).zip(&model.parents).enumerate();
+    joints
+        .map(|(k, ((name, at), parent))| {
+            depth[k] = parent.map_or(0, |p| depth[p] + 1);
+            format!("{:>2} {:indent$}{name}  {}", k, "", vector(*at), indent = 2 * depth[k])
+        })
+        .collect()
+}
+
+fn vector(v: DVec3) -> String {
+    format!("({:.4}, {:.4}, {:.4})", v.x, v.y, v.z)
+}

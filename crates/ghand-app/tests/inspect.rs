@@ -1,0 +1,175 @@
+//! `ghand inspect` on captures, as a user runs it.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(dead_code, reason = "the fixtures are those of ghand-data, whose tests need more of them")]
+
+mod common;
+
+#[path = "../../ghand-core/tests/support/mod.rs"]
+mod support;
+
+#[path = "../../ghand-data/tests/data_sets/fixtures.rs"]
+mod fixtures;
+#[path = "../../ghand-data/tests/data_sets/hand_appearance_files.rs"]
+mod hand_appearance_files;
+#[path = "../../ghand-data/tests/data_sets/interhand_files.rs"]
+mod interhand_files;
+
+use std::path::Path;
+use std::process::Output;
+
+use common::{assert_one_sentence, listing, run, run_in};
+
+const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+
+/// A folder with a copy of the synthetic capture in it, called `rig`.
+fn folder_with_capture() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let copied = std::process::Command::new("cp")
+        .arg("-r")
+        .arg(&fixtures::synthetic().root)
+        .arg(folder.path().join("rig"))
+        .status()
+        .unwrap();
+    assert!(copied.success());
+    folder
+}
+
+/// What a run that must succeed says on stdout.
+fn said(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn inspect(folder: &Path, arguments: &[&str]) -> Output {
+    run(GHAND, folder, &[&["inspect"], arguments].concat())
+}
+
+/// Asserts that a text says all parts.
+fn assert_says(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in {text}");
+    }
+}
+
+#[test]
+fn a_capture_is_described_and_its_pictures_are_written() {
+    let folder = folder_with_capture();
+    let text = said(&inspect(folder.path(), &["rig"]));
+    assert_says(
+        &text,
+        &["rig: capture in ghand's own format, right hand", "16 joints", "the true poses of all are known"],
+    );
+    assert_says(&text, &["cam00", "128 x 192 pixels: 22 images", "train: 6 cameras x 3 frames: 18 images"]);
+    assert_says(&text, &["44, images and masks of 22 views: all there", "test 4 of 4", "train 18 of 18"]);
+    assert_says(
+        &text,
+        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect.png"],
+    );
+    let rows = text.lines().filter(|line| line.contains("  train  ") || line.contains("  test   ")).count();
+    assert_eq!(rows, 12, "a line for each view: {text}");
+    let sheet = image::open(folder.path().join("out/inspect.png")).unwrap().into_rgb8();
+    // Three views side by side, each of three pictures of 160 x 240 pixels, in four rows below the legend.
+    assert_eq!(sheet.dimensions(), (3 * (3 * 160 + 2 * 4 + 16) + 16, 16 + 18 + 16 + 4 * (2 * 18 + 240 + 16)));
+    // The poses are noisy: the template is off the mask here and there, and misses some of it.
+    let count = |is: fn([u8; 3]) -> bool| sheet.pixels().filter(|p| is(p.0)).count();
+    let red = count(|[r, g, b]| r > 100 && r > 2 * g.max(b));
+    let blue = count(|[r, _, b]| b > 100 && b > 2 * r);
+    assert!(red > 1000 && blue > 1000, "{red} red, {blue} blue");
+    assert_eq!(listing(folder.path()), ["out", "rig"]);
+}
+
+#[test]
+fn a_capture_json_is_a_capture_and_the_pictures_go_where_they_are_asked_for_or_nowhere() {
+    let folder = folder_with_capture();
+    let text = said(&inspect(folder.path(), &["rig/capture.json", "--sheet", "a.png"]));
+    assert_says(&text, &["pictures: a.png"]);
+    assert_eq!(listing(folder.path()), ["a.png", "rig"]);
+    assert!(!said(&inspect(folder.path(), &["rig", "--no-sheet"])).contains("pictures"));
+    assert_eq!(listing(folder.path()), ["a.png", "rig"]);
+}
+
+#[test]
+fn files_that_cannot_be_used_are_named_and_do_not_fail() {
+    let folder = folder_with_capture();
+    let image = |camera: usize, frame| {
+        let file = fixtures::synthetic().image_file(camera, frame).unwrap();
+        folder.path().join("rig").join(file.strip_prefix(&fixtures::synthetic().root).unwrap())
+    };
+    let view = fixtures::synthetic().splits["train"].views[0];
+    let [missing, cut] =
+        [view.camera, fixtures::synthetic().splits["train"].views[1].camera].map(|c| image(c, view.frame));
+    std::fs::remove_file(&missing).unwrap();
+    let bytes = std::fs::read(&cut).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
+    assert_says(&text, &["1 missing, 1 broken", "read the image", "replace the file", "train 16 of 18"]);
+    for file in [missing, cut] {
+        assert_says(&text, &[&file.strip_prefix(folder.path()).unwrap().display().to_string()]);
+    }
+    // Nothing at all is left to look at.
+    for kind in ["images", "masks"] {
+        std::fs::remove_dir_all(folder.path().join("rig").join(kind)).unwrap();
+    }
+    let text = said(&inspect(folder.path(), &["rig"]));
+    assert_says(&text, &["44 missing, 0 broken", "and 39 more", "train 0 of 18", "no pictures: "]);
+    assert_eq!(listing(folder.path()), ["rig"]);
+}
+
+#[test]
+fn without_an_adapter_everything_but_the_pictures_is_told() {
+    let folder = folder_with_capture();
+    let nowhere = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|variable| (variable, "/nonexistent.json"));
+    let text = said(&run_in(GHAND, folder.path(), &["inspect", "rig"], &nowhere));
+    if text.contains("pictures: ") {
+        println!("left out: this system finds its graphics driver without Vulkan's loader");
+        return;
+    }
+    assert_says(&text, &["train: given poses 0.", "no pictures: no graphics adapter"]);
+    assert_eq!(listing(folder.path()), ["rig"]);
+}
+
+#[test]
+fn data_sets_are_looked_over_in_their_own_layouts() {
+    let folder = tempfile::tempdir().unwrap();
+    let mano = support::hands::as_pickle(&fixtures::mano_hand().published());
+    std::fs::write(folder.path().join("MANO_RIGHT.pkl"), mano).unwrap();
+    interhand_files::right().write(&folder.path().join("InterHand2.6M"));
+    hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");
+    let told = |path| said(&inspect(folder.path(), &[path, "--hand-model", "MANO_RIGHT.pkl", "--no-sheet"]));
+    let interhand = told("InterHand2.6M");
+    assert_says(
+        &interhand,
+        &["InterHand2.6M, right hand", "(MANO)", "no true pose is known", "test_all:", "made from"],
+    );
+    let subject = told("subject_1");
+    assert_says(&subject, &["Hand Appearance, right hand", "448 x 448", "phone"]);
+    assert_one_sentence(&inspect(folder.path(), &["InterHand2.6M"]), &["MANO_RIGHT.pkl", "--hand-model"]);
+}
+
+#[test]
+fn what_is_no_capture_and_a_sheet_that_cannot_be_written_are_one_sentence() {
+    let folder = folder_with_capture();
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    std::fs::write(folder.path().join("broken.json"), "{").unwrap();
+    std::fs::write(folder.path().join("file"), "in the way").unwrap();
+    std::fs::create_dir_all(folder.path().join("taken.png/inside")).unwrap();
+    let before = listing(folder.path());
+    for (arguments, parts) in [
+        (&["empty"][..], &["empty"][..]),
+        (&["broken.json"], &["broken.json", "line 1"]),
+        (&["absent.json"], &["absent.json"]),
+        (&["rig", "--sheet", "file/a.png"], &["file", "--sheet"]),
+        (&["rig", "--sheet", "taken.png"], &["taken.png"]),
+        (&["rig", "--sheet", "a.jpg"], &["a.jpg", ".png"]),
+        (&["rig", "--sheet", "a.png", "--no-sheet"], &["--no-sheet"]),
+        (&["file", "--hand-model", "file"], &["file", "captures only", "--hand-model"]),
+        (&["file", "--no-sheet"], &["captures only", "--no-sheet"]),
+        (&["--no-sheet"], &["PATH"]),
+        (&["rig", "--principal-point", "1"], &["224,224"]),
+    ] {
+        assert_one_sentence(&inspect(folder.path(), arguments), parts);
+        assert_eq!(listing(folder.path()), before, "{arguments:?}");
+        assert_eq!(listing(&folder.path().join("taken.png")), ["inside"]);
+    }
+}

@@ -1,0 +1,118 @@
+//! Whether the files of a capture's images are there, whole and of their cameras' sizes.
+
+use std::collections::{BTreeMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::capture::Capture;
+use crate::error::CaptureError;
+use crate::image_file::{Role, check};
+
+/// Most problems that are kept with their reasons; all are counted.
+pub const MOST_PROBLEMS: usize = 100;
+
+/// A file that cannot be used.
+#[derive(Debug)]
+pub struct FileProblem {
+    /// The file.
+    pub file: PathBuf,
+    /// Whether it is not there at all.
+    pub missing: bool,
+    /// What is wrong, with the file's name and what to do.
+    pub reason: String,
+}
+
+/// The files of all splits, each looked at once.
+#[derive(Debug, Default)]
+pub struct FileCheck {
+    /// Images of the splits.
+    pub images: usize,
+    /// Files of images and masks that should be there.
+    pub files: usize,
+    /// Files that are not there.
+    pub missing: usize,
+    /// Files that are there but truncated, no images, or of another size than their cameras'.
+    pub broken: usize,
+    /// Masks that have no file and are made from the posed hand model.
+    pub made_masks: usize,
+    /// Sizes (width, height) of cameras, pixels, and how many images have them.
+    pub sizes: BTreeMap<[u32; 2], usize>,
+    /// The first problems in the order of cameras and frames, at most [`MOST_PROBLEMS`].
+    pub problems: Vec<FileProblem>,
+}
+
+/// What was found of one image.
+#[derive(Debug, Default)]
+struct Found {
+    files: usize,
+    made_mask: bool,
+    size: Option<[u32; 2]>,
+    problems: Vec<FileProblem>,
+}
+
+impl FileCheck {
+    /// Looks at the headers and ends of the files of some pairs of camera and frame, in parallel. Gives the pairs, too, of which
+    /// something is wrong.
+    pub(super) fn of(capture: &Capture, pairs: &[(usize, usize)]) -> (FileCheck, HashSet<(usize, usize)>) {
+        // In parts, so that a capture without any file does not pile up as many reasons.
+        const PART: usize = 4096;
+        let mut total = FileCheck { images: pairs.len(), ..Default::default() };
+        let mut unusable = HashSet::new();
+        for part in pairs.chunks(PART) {
+            let found: Vec<Found> = part.par_iter().map(|&(camera, frame)| look(capture, camera, frame)).collect();
+            for (pair, Found { files, made_mask, size, problems }) in part.iter().zip(found) {
+                if !problems.is_empty() {
+                    unusable.insert(*pair);
+                }
+                total.files += files;
+                total.made_masks += usize::from(made_mask);
+                if let Some(size) = size {
+                    *total.sizes.entry(size).or_default() += 1;
+                }
+                problems.into_iter().for_each(|problem| total.add(problem));
+            }
+        }
+        (total, unusable)
+    }
+
+    /// Counts and, while there is room, keeps a problem.
+    pub(super) fn add(&mut self, problem: FileProblem) {
+        *(if problem.missing { &mut self.missing } else { &mut self.broken }) += 1;
+        if self.problems.len() < MOST_PROBLEMS {
+            self.problems.push(problem);
+        }
+    }
+}
+
+impl FileProblem {
+    pub(super) fn new(error: &CaptureError) -> FileProblem {
+        let missing = matches!(error, CaptureError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound);
+        let file = error.path().unwrap_or(Path::new("")).to_path_buf();
+        FileProblem { file, missing, reason: error.to_string() }
+    }
+}
+
+fn look(capture: &Capture, camera: usize, frame: usize) -> Found {
+    let mut found = Found::default();
+    let Ok(size) = capture.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height)) else { return found };
+    let mut look_at = |file: PathBuf, role: Role| {
+        found.files += 1;
+        let checked = check(&file, role, size);
+        if let Err(error) = &checked {
+            found.problems.push(FileProblem::new(error));
+        }
+        checked.is_ok()
+    };
+    let sound = capture.image_file(camera, frame).is_ok_and(|file| look_at(file, Role::Image));
+    let may_make = capture.images.made_masks.is_some();
+    let mask = capture.mask_file(camera, frame).ok().flatten();
+    match mask.filter(|file| !may_make || file.exists()) {
+        Some(file) => {
+            look_at(file, Role::Mask);
+        }
+        None => found.made_mask = may_make,
+    }
+    found.size = sound.then_some([size.0, size.1]);
+    found
+}

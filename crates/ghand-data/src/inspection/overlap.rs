@@ -1,0 +1,85 @@
+//! How well two masks agree, and how numbers of many images spread.
+
+/// Intersection over union of two masks of the same image, in `[0, 1]`; `None` where both are empty, which says nothing about
+/// how well they agree. What one mask has beyond the length of the other counts as disagreement.
+pub fn iou(a: &[bool], b: &[bool]) -> Option<f64> {
+    let both = a.iter().zip(b).filter(|(a, b)| **a && **b).count();
+    let count = |mask: &[bool]| mask.iter().filter(|inside| **inside).count();
+    let either = count(a) + count(b) - both;
+    (either > 0).then(|| both as f64 / either as f64)
+}
+
+/// How numbers spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// How many there are, at least 1.
+    pub count: usize,
+    /// Their mean.
+    pub mean: f64,
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Spread {
+    /// The spread of some numbers; `None` if there are none. One that is NaN makes mean, minimum and maximum NaN.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
+        let mut values = values.into_iter();
+        let first = values.next()?;
+        let (mut count, mut sum, mut min, mut max) = (1, first, first, first);
+        for value in values {
+            count += 1;
+            sum += value;
+            // `f64::min` would drop a NaN.
+            min = if value < min || value.is_nan() { value } else { min };
+            max = if value > max || value.is_nan() { value } else { max };
+        }
+        Some(Spread { count, mean: sum / count as f64, min, max })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(text: &str) -> Vec<bool> {
+        text.bytes().map(|b| b == b'#').collect()
+    }
+
+    #[test]
+    fn equal_masks_have_one_and_disjoint_ones_zero() {
+        assert_eq!(iou(&mask("##.#"), &mask("##.#")), Some(1.0));
+        assert_eq!(iou(&mask("##.."), &mask("..##")), Some(0.0));
+        assert_eq!(iou(&mask("...."), &mask("...#")), Some(0.0));
+        assert_eq!(iou(&mask("...#"), &mask("....")), Some(0.0));
+    }
+
+    #[test]
+    fn a_case_by_hand() {
+        // 2 in both, 5 in either.
+        assert_eq!(iou(&mask("###.#.."), &mask(".##..#.")), Some(0.4));
+    }
+
+    #[test]
+    fn empty_masks_say_nothing_and_lengths_that_differ_disagree() {
+        assert_eq!(iou(&mask("..."), &mask("...")), None);
+        assert_eq!(iou(&[], &[]), None);
+        assert_eq!(iou(&mask("##"), &mask("####")), Some(0.5));
+    }
+
+    #[test]
+    fn spreads_are_of_all_numbers() {
+        let spread = Spread::of([2.0, 0.5, 3.5]);
+        assert_eq!(spread, Some(Spread { count: 3, mean: 2.0, min: 0.5, max: 3.5 }));
+        assert_eq!(Spread::of([]), None);
+    }
+
+    #[test]
+    fn a_nan_is_seen_wherever_it_stands() {
+        for values in [[f64::NAN, 1.0, 2.0], [1.0, f64::NAN, 2.0], [1.0, 2.0, f64::NAN]] {
+            let spread = Spread::of(values).unwrap();
+            assert!(spread.mean.is_nan() && spread.min.is_nan() && spread.max.is_nan(), "{spread:?}");
+        }
+    }
+}
