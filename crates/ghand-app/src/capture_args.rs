@@ -8,6 +8,7 @@ use ghand_data::{Capture, OpenOptions, Opened};
 use glam::DVec2;
 
 use crate::hand_model_file::HandModelArgs;
+use crate::say;
 
 /// A capture and what its own files do not say.
 #[derive(Debug, Clone, Default, Args)]
@@ -41,21 +42,23 @@ pub struct CaptureOptions {
 }
 
 impl CaptureArgs {
-    /// Opens the capture at `path` and takes images that are of no use out of `splits`. What was left out is said in one
-    /// warning.
+    /// Opens the capture at `path` and takes images that are of no use out of `needed` splits, and of `optional` ones where
+    /// they have any. What was left out is said in one warning.
     ///
     /// # Errors
-    /// One sentence that names the file, the field and what to do.
-    pub fn open(&self, path: &Path, splits: &[&str]) -> anyhow::Result<Capture> {
+    /// One sentence that names the file, the field and what to do; also when a needed split is not there.
+    pub fn open(&self, path: &Path, needed: &[&str], optional: &[&str]) -> anyhow::Result<Capture> {
         let opened = self.options.open(path)?;
         opened.warnings.iter().for_each(|warning| log::warn!("{warning}"));
         let mut capture = opened.capture;
         // Before images are looked at, which may take long.
-        splits.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;
+        needed.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;
+        let has_images = |name: &&&str| capture.splits.get(**name).is_some_and(|split| !split.views.is_empty());
+        let splits: Vec<&str> = needed.iter().chain(optional.iter().filter(has_images)).copied().collect();
         if capture.images.made_masks.is_some() {
-            println!("looking at the images of {}; masks that are not there are made, once", splits.join(" and "));
+            say!("looking at the images of {}; masks that are not there are made, once", splits.join(" and "));
         }
-        let dropped = capture.drop_unusable(splits)?;
+        let dropped = capture.drop_unusable(&splits)?;
         for counts in [opened.left_out, dropped] {
             if counts.total() > 0 {
                 log::warn!("{}: {counts}", path.display());

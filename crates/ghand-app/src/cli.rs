@@ -1,5 +1,6 @@
 //! What the command lines have in common: options, errors in one sentence, exit codes.
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
@@ -64,6 +65,18 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
 
 fn tell(error: &anyhow::Error) {
     eprintln!("error: {}", sentence(error));
+}
+
+/// Prints a line on stdout, as `println!` does, but for a reader that has gone away: that is its own choice, no error of the
+/// program's, which may have work to finish.
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => { $crate::cli::say(format_args!($($text)*)) };
+}
+
+/// See [`say!`].
+pub fn say(line: std::fmt::Arguments) {
+    let _ = writeln!(std::io::stdout(), "{line}");
 }
 
 /// Ends the program at once as an error of [`run`] does, for where going back is not possible.

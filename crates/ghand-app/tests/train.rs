@@ -16,11 +16,15 @@ use ghand_train::synthetic_scene::make_capture;
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
 fn small_capture(folder: &Path) {
+    small_capture_with(1, folder);
+}
+
+fn small_capture_with(test_frames: usize, folder: &Path) {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let options = SyntheticOptions {
         views: 5,
         train_frames: 2,
-        test_frames: 1,
+        test_frames,
         test_views: 1,
         width: 64,
         height: 96,
@@ -78,6 +82,27 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     let large = copy("large");
     image::RgbImage::new(65, 96).save(large.join("images/cam00/0000.png")).unwrap();
     train("large", &[], &["0000.png", "65"]);
+}
+
+#[test]
+fn a_capture_without_test_images_trains_and_claims_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture_with(0, &folder.path().join("capture"));
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    std::fs::write(folder.path().join("out/report.png"), "of an earlier run").unwrap();
+    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
+    let output = run(TRAIN, folder.path(), &arguments);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(
+        said.contains("no image to evaluate on") && !said.contains("PSNR") && said.contains("pose error"),
+        "{said}"
+    );
+    assert_eq!(listing(&folder.path().join("out")), ["avatar.ghand", "metrics.json", "poses.json"]);
+    let metrics = std::fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
+    assert!(metrics.contains("pose_error_deg") && !metrics.contains("psnr"), "{metrics}");
+    let asked = run(TRAIN, folder.path(), &[&arguments[..], &["--test-split", "exam"]].concat());
+    assert_one_sentence(&asked, &["exam", "train"]);
 }
 
 #[test]

@@ -257,14 +257,15 @@ fn plan(
     let truth: Vec<Pose> = train.into_iter().chain(test).collect();
 
     let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
-    let count = options.views + options.test_views;
+    let test_views = if options.test_frames == 0 { 0 } else { options.test_views };
+    let count = options.views + test_views;
     let border = match options.format {
         CaptureFormat::Ghand => 0.0,
         CaptureFormat::InterHand => INTERHAND_BORDER,
     };
     let cameras = rig::cameras(count, options.width, options.height, border, &points);
     // Test cameras lie spread between the others.
-    let is_test = |i: usize| (i + 1) * options.test_views / count != i * options.test_views / count;
+    let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
     let train_frames: Vec<usize> = (0..options.train_frames).collect();
     let five = well_spread(&cameras, &train_cameras, 5);

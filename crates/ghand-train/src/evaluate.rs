@@ -116,6 +116,22 @@ pub fn evaluate(
 /// Contents of `metrics.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Metrics {
+    /// The figures on images; absent where there was none to evaluate on.
+    #[serde(flatten)]
+    pub images: Option<ImageMetrics>,
+    /// Mean joint-angle error of the training poses, degrees, where the truth is known.
+    pub pose_error_deg: Option<PoseError>,
+    /// Wall-clock time of training, seconds.
+    pub seconds: f64,
+    /// Training iterations.
+    pub iterations: u64,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+}
+
+/// The part of [`Metrics`] that needs images.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImageMetrics {
     /// The evaluated split.
     pub split: String,
     /// Number of evaluated images.
@@ -128,17 +144,9 @@ pub struct Metrics {
     pub ssim: f64,
     /// The floor's.
     pub floor: FloorMetrics,
-    /// Mean joint-angle error of the training poses, degrees, where the truth is known.
-    pub pose_error_deg: Option<PoseError>,
-    /// Wall-clock time of training, seconds.
-    pub seconds: f64,
-    /// Training iterations.
-    pub iterations: u64,
-    /// Number of Gaussians.
-    pub gaussians: usize,
 }
 
-/// The floor's part of [`Metrics`].
+/// The floor's part of [`ImageMetrics`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FloorMetrics {
     /// Mean PSNR, dB.

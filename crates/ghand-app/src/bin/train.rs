@@ -9,11 +9,12 @@ use clap::Parser;
 use ghand_app::LAST_AVATAR;
 use ghand_app::capture_args::CaptureArgs;
 use ghand_app::cli::{self, AdapterArgs};
+use ghand_app::say;
 use ghand_core::atomic_file::write_atomically;
-use ghand_data::Capture;
 use ghand_data::synthetic::SyntheticOptions;
+use ghand_data::{Capture, Split};
 use ghand_render::Gpu;
-use ghand_train::evaluate::{EvaluatedView, FloorMetrics, Metrics, PoseError, evaluate};
+use ghand_train::evaluate::{EvaluatedView, FloorMetrics, ImageMetrics, Metrics, PoseError, evaluate};
 use ghand_train::floor::Floor;
 use ghand_train::metrics::pose_error_degrees;
 use ghand_train::report::report;
@@ -31,9 +32,9 @@ struct Arguments {
     /// Split to train on.
     #[arg(long, default_value = "train")]
     split: String,
-    /// Split to evaluate on.
-    #[arg(long, default_value = "test")]
-    test_split: String,
+    /// Split to evaluate on [default: test, if there is one]
+    #[arg(long)]
+    test_split: Option<String>,
     /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train]
     #[arg(long)]
     out: Option<PathBuf>,
@@ -51,6 +52,8 @@ fn main() -> ExitCode {
     cli::run(|arguments: Arguments| run(&arguments))
 }
 
+/// What the split with the figures is usually called.
+const DEFAULT_TEST_SPLIT: &str = "test";
 /// How many views of the test split the report shows.
 const REPORT_VIEWS: usize = 5;
 /// Views that the floor's colours are averaged over.
@@ -65,7 +68,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         settings.seed = seed;
     }
     let mut gpu = arguments.adapter.open()?;
-    println!("adapter: {}", gpu.info.name);
+    say!("adapter: {}", gpu.info.name);
     let avatar_path = match &arguments.out {
         Some(out) => out.join("avatar.ghand"),
         None => PathBuf::from(LAST_AVATAR),
@@ -73,16 +76,17 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = avatar_path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(out).with_context(|| format!("{}: cannot make the output folder", out.display()))?;
 
-    let splits = [arguments.split.as_str(), arguments.test_split.as_str()];
-    // A test split that is not there fails here, before the training.
-    let capture = match &arguments.capture.capture {
-        Some(path) => arguments.capture.open(path, &splits)?,
-        None => arguments.capture.open(&demo_capture(&mut gpu, out)?, &splits)?,
-    };
+    // A split that was asked for and is not there fails here, before the training.
+    let needed: Vec<&str> =
+        std::iter::once(&arguments.split).chain(&arguments.test_split).map(String::as_str).collect();
+    let demo = if arguments.capture.capture.is_none() { Some(demo_capture(&mut gpu, out)?) } else { None };
+    let path = arguments.capture.capture.as_ref().or(demo.as_ref()).context("--capture: is missing")?;
+    let capture = arguments.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
+    let test_split = arguments.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
     let train_split = capture.split(&arguments.split)?.clone();
     let trainer = Trainer::new(&gpu, &capture, &arguments.split, &settings)?;
     let gaussians = trainer.gaussians();
-    println!(
+    say!(
         "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
         train_split.cameras.len(),
         train_split.frames.len(),
@@ -94,32 +98,26 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
     save_poses(&capture, &train_split.frames, &trained, &out.join("poses.json"))?;
 
-    let test = capture.split(&arguments.test_split)?;
-    let total = test.views.len();
-    let (evaluation, shown) = gpu.persist("the evaluation", |gpu| -> anyhow::Result<_> {
-        let floor = Floor::new(gpu, &capture, &train_split, &trained.poses, FLOOR_VIEWS)?;
-        let mut shown: Vec<EvaluatedView> = Vec::new();
-        let mut index = 0;
-        let evaluation = evaluate(gpu, &trained.avatar, &capture, &arguments.test_split, &floor, |view| {
-            // Evenly over the frames, a different camera each time.
-            let rows = REPORT_VIEWS.min(total);
-            if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
-                shown.push(view);
-            }
-            index += 1;
-        })?;
-        Ok((evaluation, shown))
-    })?;
     let report_path = out.join("report.png");
-    save_png(&report(&shown), &report_path)?;
-    let floor = evaluation.floor;
+    let images = match capture.splits.get(test_split) {
+        Some(test) if !test.views.is_empty() => {
+            let (metrics, shown) = gpu
+                .persist("the evaluation", |gpu| evaluate_images(gpu, &capture, &train_split, &trained, test_split))?;
+            save_png(&report(&shown), &report_path)?;
+            Some(metrics)
+        }
+        _ => {
+            // That of an earlier run would be taken for this one's.
+            match std::fs::remove_file(&report_path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(error).with_context(|| format!("{}: cannot be removed", report_path.display()));
+                }
+                _ => None,
+            }
+        }
+    };
     let metrics = Metrics {
-        split: arguments.test_split.clone(),
-        frames: evaluation.views,
-        psnr: evaluation.avatar.psnr,
-        psnr_hand: evaluation.avatar.psnr_hand,
-        ssim: evaluation.avatar.ssim,
-        floor: FloorMetrics { psnr: floor.psnr, psnr_hand: floor.psnr_hand, ssim: floor.ssim },
+        images,
         pose_error_deg: pose_error(&capture, &train_split.frames, &trained),
         seconds: trained.seconds,
         iterations: settings.iterations,
@@ -130,15 +128,52 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     write_atomically(&metrics_path, text.as_bytes())
         .with_context(|| format!("{}: cannot write", metrics_path.display()))?;
     print_table(&metrics);
-    println!("avatar: {}\nreport: {}", avatar_path.display(), report_path.display());
+    say!("avatar: {}", avatar_path.display());
+    match metrics.images {
+        Some(_) => say!("report: {}", report_path.display()),
+        None => say!("no report: there is no image to evaluate on in a split `{test_split}`"),
+    }
     Ok(())
+}
+
+/// The figures on a split that has images, and some of them for the report.
+fn evaluate_images(
+    gpu: &Gpu,
+    capture: &Capture,
+    train: &Split,
+    trained: &Trained,
+    split: &str,
+) -> anyhow::Result<(ImageMetrics, Vec<EvaluatedView>)> {
+    let test = capture.split(split)?;
+    let total = test.views.len();
+    let floor = Floor::new(gpu, capture, train, &trained.poses, FLOOR_VIEWS)?;
+    let mut shown: Vec<EvaluatedView> = Vec::new();
+    let mut index = 0;
+    let evaluation = evaluate(gpu, &trained.avatar, capture, split, &floor, |view| {
+        // Evenly over the frames, a different camera each time.
+        let rows = REPORT_VIEWS.min(total);
+        if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
+            shown.push(view);
+        }
+        index += 1;
+    })?;
+    let (avatar, floor) = (evaluation.avatar, evaluation.floor);
+    let metrics = ImageMetrics {
+        split: split.into(),
+        frames: evaluation.views,
+        psnr: avatar.psnr,
+        psnr_hand: avatar.psnr_hand,
+        ssim: avatar.ssim,
+        floor: FloorMetrics { psnr: floor.psnr, psnr_hand: floor.psnr_hand, ssim: floor.ssim },
+    };
+    Ok((metrics, shown))
 }
 
 /// The synthetic capture of runs without one: made once, in the output folder.
 fn demo_capture(gpu: &mut Gpu, out: &Path) -> anyhow::Result<PathBuf> {
     let folder = out.join("capture");
     if !folder.join("capture.json").exists() {
-        println!("making a synthetic capture in {}", folder.display());
+        say!("making a synthetic capture in {}", folder.display());
         gpu.persist("the synthetic capture", |gpu| -> anyhow::Result<()> {
             Ok(make_capture(gpu, &SyntheticOptions::default(), &folder)?)
         })?;
@@ -156,7 +191,7 @@ fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {
     let trained = trainer.train(|p| {
         let message = p.l1.map_or(String::new(), |l1| format!("stage {} L1 {l1:.4}", p.stage));
         if bar.is_hidden() && p.iteration % (iterations / PROGRESS_LINES).max(1) == 0 {
-            println!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
+            say!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
         }
         bar.set_position(p.iteration);
         bar.set_message(message);
@@ -206,18 +241,20 @@ fn save_png(picture: &image::RgbImage, path: &Path) -> anyhow::Result<()> {
 }
 
 fn print_table(m: &Metrics) {
-    println!("\n{} images of split `{}` (new poses, new views)", m.frames, m.split);
-    println!("            PSNR   PSNR on the hand   SSIM");
-    println!("  floor    {:6.2}      {:6.2}         {:.4}", m.floor.psnr, m.floor.psnr_hand, m.floor.ssim);
-    println!("  avatar   {:6.2}      {:6.2}         {:.4}", m.psnr, m.psnr_hand, m.ssim);
-    println!(
-        "  gain     {:+6.2}      {:+6.2}         {:+.4}",
-        m.psnr - m.floor.psnr,
-        m.psnr_hand - m.floor.psnr_hand,
-        m.ssim - m.floor.ssim
-    );
-    if let Some(e) = m.pose_error_deg {
-        println!("pose error: {:.2} degrees given, {:.2} refined", e.before, e.after);
+    if let Some(m) = &m.images {
+        say!("\n{} images of split `{}` (new poses, new views)", m.frames, m.split);
+        say!("            PSNR   PSNR on the hand   SSIM");
+        say!("  floor    {:6.2}      {:6.2}         {:.4}", m.floor.psnr, m.floor.psnr_hand, m.floor.ssim);
+        say!("  avatar   {:6.2}      {:6.2}         {:.4}", m.psnr, m.psnr_hand, m.ssim);
+        say!(
+            "  gain     {:+6.2}      {:+6.2}         {:+.4}",
+            m.psnr - m.floor.psnr,
+            m.psnr_hand - m.floor.psnr_hand,
+            m.ssim - m.floor.ssim
+        );
     }
-    println!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
+    if let Some(e) = m.pose_error_deg {
+        say!("pose error: {:.2} degrees given, {:.2} refined", e.before, e.after);
+    }
+    say!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
 }

@@ -17,6 +17,7 @@ use ghand_render::{Gpu, buffers};
 
 use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::turntable;
+use crate::say;
 
 /// Options of `ghand bench`.
 #[derive(Debug, Args)]
@@ -176,14 +177,14 @@ fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
         stages: stages.into_iter().map(|(name, times)| (name, Times::of(times))).collect(),
     };
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        say!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
     let Report { adapter, tier, gaussians, width, height, .. } = &report;
-    println!("{adapter}, {tier} tier: {gaussians} Gaussians, {wanted} tile intersections, {width}x{height}");
+    say!("{adapter}, {tier} tier: {gaussians} Gaussians, {wanted} tile intersections, {width}x{height}");
     let totals = [("forward", &report.forward_ms), ("backward", &report.backward_ms)];
     for (name, t) in totals.into_iter().chain(report.stages.iter().map(|(name, t)| (*name, t))) {
-        println!("{name:18} median {:.2} ms, min {:.2}, max {:.2}", t.median, t.min, t.max);
+        say!("{name:18} median {:.2} ms, min {:.2}, max {:.2}", t.median, t.min, t.max);
     }
     Ok(())
 }

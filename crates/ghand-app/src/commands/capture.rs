@@ -8,6 +8,7 @@ use ghand_data::synthetic::{CaptureFormat, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
 use crate::cli::{AdapterArgs, parse_size};
+use crate::say;
 
 /// Command line of `ghand capture`.
 #[derive(Debug, Args)]
@@ -71,10 +72,10 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     })?;
     let images = options.views * options.train_frames + options.test_views * options.test_frames;
     let (folder, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
-    println!("{folder}: {images} images of {width} x {height} in {seconds:.1} s");
+    say!("{folder}: {images} images of {width} x {height} in {seconds:.1} s");
     match options.format {
-        CaptureFormat::Ghand => println!("train on it: train --capture {folder}"),
-        CaptureFormat::InterHand => println!(
+        CaptureFormat::Ghand => say!("train on it: train --capture {folder}"),
+        CaptureFormat::InterHand => say!(
             "train on it: train --capture {folder} --hand-model {folder}/{} --test-split test_all",
             ghand_data::synthetic::HAND_MODEL_FILE
         ),

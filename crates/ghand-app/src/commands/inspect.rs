@@ -16,6 +16,7 @@ use crate::LAST_SHEET;
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
+use crate::say;
 
 /// Views of a contact sheet.
 const SHEET_VIEWS: usize = 12;
@@ -53,7 +54,7 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                     path.display()
                 );
             }
-            print!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?));
+            say!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?).trim_end());
             Ok(())
         }
     }
@@ -73,11 +74,11 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
         .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
         .collect();
-    print!("{}", capture::describe(path, &opened, &found, &views));
+    say!("{}", capture::describe(path, &opened, &found, &views).trim_end());
     match (args.no_sheet, views.is_empty()) {
         (true, _) => {}
-        (_, true) => println!("\nno pictures: there is no image that could be decoded"),
-        _ => println!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
+        (_, true) => say!("\nno pictures: there is no image that could be decoded"),
+        _ => say!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
     }
     Ok(())
 }

@@ -21,6 +21,7 @@ use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw, over};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
+use crate::say;
 
 /// Size of a picture when neither the command line nor a camera says.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -106,7 +107,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
         }
         write_poses(path, &sequence)?;
-        println!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
+        say!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
         return Ok(());
     }
     let frame = chosen(args, sequence.frames, args.frame.as_deref().unwrap_or("0"))?;
@@ -119,11 +120,11 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     };
     if let Some(Output::Mesh(path, write)) = output {
         write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
-        println!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
+        say!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
     }
     if let Some((path, picture)) = picture {
         write_png(path, &picture)?;
-        println!("{}: {} x {} pixels", path.display(), picture.width(), picture.height());
+        say!("{}: {} x {} pixels", path.display(), picture.width(), picture.height());
     }
     Ok(())
 }

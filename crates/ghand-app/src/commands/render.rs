@@ -17,6 +17,7 @@ use image::{ImageFormat, RgbImage};
 use crate::cli::{AdapterArgs, parse_color, parse_size};
 use crate::framing::turntable;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
+use crate::say;
 
 /// Size of a picture when neither the command line nor a camera says.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -90,7 +91,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
         Ok(())
     })?;
-    println!("{number} pictures of {} x {} pixels in {}", size[0], size[1], args.out.display());
+    say!("{number} pictures of {} x {} pixels in {}", size[0], size[1], args.out.display());
     Ok(())
 }
 

@@ -18,6 +18,7 @@ use safetensors::tensor::TensorView;
 
 use super::render::{to_rgb8, write_png};
 use crate::cli::{AdapterArgs, parse_color};
+use crate::say;
 
 /// Command line of `ghand splat`.
 #[derive(Debug, Args)]
@@ -74,7 +75,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if let (Some(path), Some(bytes)) = (&args.gradients, gradients) {
         write_atomically(path, &bytes).with_context(|| format!("{}: cannot write the gradients", path.display()))?;
     }
-    println!("{} Gaussians, {} x {} pixels: {}", scene.count, size[0], size[1], args.out.display());
+    say!("{} Gaussians, {} x {} pixels: {}", scene.count, size[0], size[1], args.out.display());
     Ok(())
 }
 
