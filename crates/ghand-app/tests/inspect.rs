@@ -72,7 +72,7 @@ fn a_capture_is_described_and_its_pictures_are_written() {
     // Three views side by side, each of three pictures of 160 x 240 pixels, in four rows below the legend.
     assert_eq!(sheet.dimensions(), (3 * (3 * 160 + 2 * 4 + 16) + 16, 16 + 18 + 16 + 4 * (2 * 18 + 240 + 16)));
     // The poses are noisy: the template is off the mask here and there, and misses some of it.
-    let count = |is: fn([u8; 3]) -> bool| sheet.pixels().filter(|p| is(p.0)).count();
+    let count = |is: fn([u32; 3]) -> bool| sheet.pixels().filter(|p| is(p.0.map(u32::from))).count();
     let red = count(|[r, g, b]| r > 100 && r > 2 * g.max(b));
     let blue = count(|[r, _, b]| b > 100 && b > 2 * r);
     assert!(red > 1000 && blue > 1000, "{red} red, {blue} blue");

@@ -49,10 +49,7 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
-                bail!(
-                    "{}: is no folder and no .json, so no capture, for which alone {option} is there",
-                    path.display()
-                );
+                bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
             say!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?).trim_end());
             Ok(())
