@@ -171,13 +171,13 @@ mod tests {
     fn views_are_laid_out_in_rows_without_touching() {
         let picture = |color| (String::new(), RgbImage::from_pixel(150, 240, Rgb(color)));
         let view = || Row { title: String::new(), pictures: vec![picture([1, 0, 0]), picture([0, 1, 0])] };
-        let rows: Vec<Row> = (0..5).map(|_| view()).collect();
+        let rows: Vec<Row> = (0..7).map(|_| view()).collect();
         let sheet = laid_out(&rows);
-        // Views of 304 pixels: four side by side, then one more row.
+        // Views of 304 pixels: five side by side, then one more row.
         let height = MARGIN + LINE + MARGIN + 2 * (2 * LINE + 240 + MARGIN);
-        assert_eq!(sheet.dimensions(), (4 * (304 + MARGIN) + MARGIN, height));
+        assert_eq!(sheet.dimensions(), (5 * (304 + MARGIN) + MARGIN, height));
         for color in [[1, 0, 0], [0, 1, 0]] {
-            assert_eq!(sheet.pixels().filter(|p| p.0 == color).count(), 5 * 150 * 240);
+            assert_eq!(sheet.pixels().filter(|p| p.0 == color).count(), 7 * 150 * 240);
         }
         assert!(laid_out(&[]).width() > 100, "no view at all");
     }
