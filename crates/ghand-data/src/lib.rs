@@ -31,6 +31,7 @@ mod split;
 pub mod synthetic;
 #[cfg(test)]
 mod test_hands;
+mod text_file;
 pub mod untrusted;
 mod usable;
 pub mod view;

@@ -1,7 +1,6 @@
 //! Reading and checking of `capture.json` and `truth.json`.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ghand_core::hand_model::gltf::read_gltf;
@@ -16,9 +15,13 @@ use super::{
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::checks::Checker;
+use crate::text_file::read_text;
 
 /// Larger files are taken for a mistake; ten thousand frames of 25 joints take 15 MB.
 const LARGEST_FILE: u64 = 1 << 28;
+
+/// Most images that all splits name together; the largest data sets have some million.
+const MOST_VIEWS: usize = 1 << 23;
 
 /// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
@@ -27,7 +30,7 @@ const LARGEST_FILE: u64 = 1 << 28;
 pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
                   Capture1 and so on, or a subject of the Hand Appearance dataset";
-    let text = read_text(path, "read the capture", remedy)?;
+    let text = read_text(path, LARGEST_FILE, "read the capture", remedy)?;
     read_capture_text(path, &text, mano)
 }
 
@@ -36,18 +39,6 @@ pub(crate) fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel
     let reader = Reader { checks: Checker { path }, mano };
     reader.header(text)?;
     reader.capture(parse(path, text)?)
-}
-
-fn read_text(path: &Path, action: &'static str, remedy: &'static str) -> Result<String, CaptureError> {
-    let io = |source| CaptureError::Io { path: path.into(), action, source, remedy };
-    let mut text = String::new();
-    let file = std::fs::File::open(path).map_err(io)?;
-    file.take(LARGEST_FILE + 1).read_to_string(&mut text).map_err(io)?;
-    if text.len() as u64 > LARGEST_FILE {
-        let problem = format!("is larger than {} MiB; split it into several captures", LARGEST_FILE >> 20);
-        return Err(Checker { path }.invalid("file", problem));
-    }
-    Ok(text)
 }
 
 fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
@@ -127,9 +118,10 @@ impl Reader<'_> {
 
         let images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
         self.templates(&images, &camera_indices, &frame_indices)?;
+        let mut views_left = MOST_VIEWS;
         let splits = (file.splits.into_iter())
             .map(|(name, split)| {
-                let split = self.split(&name, &split, &camera_indices, &frame_indices)?;
+                let split = self.split(&name, &split, &camera_indices, &frame_indices, &mut views_left)?;
                 Ok((name, split))
             })
             .collect::<Result<BTreeMap<_, _>, CaptureError>>()?;
@@ -306,6 +298,7 @@ impl Reader<'_> {
         file: &SplitFile,
         cameras: &HashMap<&str, usize>,
         frames: &HashMap<&str, usize>,
+        views_left: &mut usize,
     ) -> Result<Split, CaptureError> {
         let look_up = |what: &str, ids: &[String], index: &HashMap<&str, usize>| {
             let field = format!("splits[{name:?}].{what}");
@@ -317,7 +310,18 @@ impl Reader<'_> {
             found.collect::<Result<Vec<_>, _>>()
         };
         let cameras = look_up("cameras", &file.cameras, cameras)?;
-        Ok(Split::product(cameras, look_up("frames", &file.frames, frames)?))
+        let frames = look_up("frames", &file.frames, frames)?;
+        // A short file can name far more pairs than memory holds.
+        let left = cameras.len().checked_mul(frames.len()).and_then(|views| views_left.checked_sub(views));
+        *views_left = left.ok_or_else(|| {
+            let [cameras, frames] = [cameras.len(), frames.len()];
+            let problem = format!(
+                "has {cameras} cameras with {frames} frames each, and all splits together may have at most {MOST_VIEWS} images; \
+                 name fewer"
+            );
+            self.invalid(format!("splits[{name:?}]"), problem)
+        })?;
+        Ok(Split::product(cameras, frames))
     }
 
     fn templates(
@@ -354,7 +358,8 @@ impl Reader<'_> {
         if !path.exists() {
             return Ok(None);
         }
-        let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
+        let remedy = "make the file readable or remove it: it is optional";
+        let text = read_text(path, LARGEST_FILE, "read the exact poses", remedy)?;
         let file: TruthFile = parse(path, &text)?;
         let reader = Reader { checks: Checker { path }, mano: self.mano };
         reader.checks.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
