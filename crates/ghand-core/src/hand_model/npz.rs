@@ -6,7 +6,7 @@ mod header;
 use std::io::{Cursor, Read};
 
 pub use array::{ArrayError, NumericArray};
-pub(crate) use array::{ElementKind, ElementType};
+pub(crate) use array::{ElementKind, ElementType, element_count};
 
 use header::{Header, split_header};
 
