@@ -5,6 +5,7 @@ use std::io::{Cursor, Read};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use ghand_core::input_file;
 use image::error::{DecodingError, ImageFormatHint};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
@@ -14,6 +15,12 @@ use crate::error::CaptureError;
 const FILE_BYTES_A_PIXEL: u64 = 64;
 /// Room for what is in a file beside pixels.
 const FILE_BYTES_BESIDE: u64 = 1 << 20;
+
+/// Bytes that are read to find the header of an image: of nearly all the first, of one with a picture or a profile before its
+/// header the second.
+const HEADER_BYTES: [u64; 2] = [1 << 16, 1 << 24];
+/// Memory for what stands before the header's end.
+const HEADER_MEMORY: u64 = 1 << 26;
 
 /// What a file is to its capture, for messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,21 +40,45 @@ impl Role {
 
 /// The bytes of the file of an image of `size` pixels (width, height).
 pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Vec<u8>, CaptureError> {
-    let io = |source| CaptureError::Io {
+    let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
+    input_file::read(file, most).map_err(io(file, role))?.ok_or_else(|| {
+        let problem =
+            format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
+        CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+    })
+}
+
+fn io(file: &Path, role: Role) -> impl Fn(std::io::Error) -> CaptureError {
+    move |source| CaptureError::Io {
         path: file.into(),
         action: if role == Role::Mask { "read the mask" } else { "read the image" },
         source,
         remedy: "add the file, or take its camera or frame out of the splits",
-    };
-    let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
-    let mut bytes = Vec::new();
-    std::fs::File::open(file).and_then(|f| f.take(most + 1).read_to_end(&mut bytes)).map_err(io)?;
-    if bytes.len() as u64 > most {
-        let problem =
-            format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
-        return Err(CaptureError::Invalid { path: file.into(), field: role.name().into(), problem });
     }
-    Ok(bytes)
+}
+
+/// Width and height that the header of an image says. Of most files, only the beginning is read.
+pub(crate) fn header_size(file: &Path, role: Role) -> Result<(u32, u32), CaptureError> {
+    let mut refusal = broken(ImageFormatHint::Unknown, "its header cannot be read");
+    for most in HEADER_BYTES {
+        let mut bytes = Vec::new();
+        input_file::open(file).and_then(|f| f.take(most).read_to_end(&mut bytes)).map_err(io(file, role))?;
+        match guarded(|| Ok(decoder(&bytes, HEADER_MEMORY)?.dimensions())) {
+            Ok(size) => return Ok(size),
+            Err(error) => refusal = error,
+        }
+        if (bytes.len() as u64) < most {
+            break;
+        }
+    }
+    Err(refusal.error(file, role, (0, 0)))
+}
+
+/// Refuses an image that is not there, or whose header is broken or of another size, without decoding it. What is cut short
+/// behind its header passes.
+pub(crate) fn check_header(file: &Path, role: Role, size: (u32, u32)) -> Result<(), CaptureError> {
+    let found = header_size(file, role)?;
+    if found == size { Ok(()) } else { Err(Refusal::OtherSize(found.0, found.1).error(file, role, size)) }
 }
 
 /// Why bytes are no image.
@@ -56,22 +87,32 @@ enum Refusal {
     OtherSize(u32, u32),
 }
 
+impl Refusal {
+    /// `size` is the camera's.
+    fn error(self, file: &Path, role: Role, size: (u32, u32)) -> CaptureError {
+        match self {
+            Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
+            Refusal::OtherSize(width, height) => {
+                let problem = format!(
+                    "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and intrinsics \
+                     of the camera",
+                    size.0, size.1
+                );
+                CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+            }
+        }
+    }
+}
+
 /// The image of these bytes, which must be of `size` pixels. `file` is for messages.
 pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
-    // Hostile files run decoders into bugs of their own.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode_sized(bytes, size)));
+    guarded(|| decode_sized(bytes, size)).map_err(|refusal| refusal.error(file, role, size))
+}
+
+/// Hostile files run decoders into bugs of their own.
+fn guarded<T>(read: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
     let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
-    decoded.unwrap_or_else(gave_up).map_err(|refusal| match refusal {
-        Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
-        Refusal::OtherSize(width, height) => {
-            let problem = format!(
-                "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and intrinsics \
-                 of the camera",
-                size.0, size.1
-            );
-            CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
-        }
-    })
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(gave_up)
 }
 
 fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {
@@ -80,26 +121,30 @@ fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {
 
 fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal> {
     let pixels = u64::from(size.0) * u64::from(size.1);
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|error| Refusal::Broken(ImageError::IoError(error)))?;
-    match reader.format() {
-        Some(ImageFormat::OpenExr) => check_exr(bytes, pixels)?,
-        Some(ImageFormat::Jpeg) if !has_end(bytes) => {
+    match image::guess_format(bytes) {
+        Ok(ImageFormat::OpenExr) => check_exr(bytes, pixels)?,
+        Ok(ImageFormat::Jpeg) if !has_end(bytes) => {
             return Err(broken(ImageFormatHint::Exact(ImageFormat::Jpeg), "it is cut short"));
         }
         _ => {}
     }
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(Refusal::Broken)?;
-    // Only the header is read so far.
+    let decoder = decoder(bytes, FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels)?;
     let (width, height) = decoder.dimensions();
     if (width, height) != size {
         return Err(Refusal::OtherSize(width, height));
     }
     DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)
+}
+
+/// A decoder that has read the header, and may take so much memory.
+fn decoder(bytes: &[u8], memory: u64) -> Result<impl ImageDecoder, Refusal> {
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|error| Refusal::Broken(ImageError::IoError(error)))?;
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(memory);
+    reader.limits(limits);
+    reader.into_decoder().map_err(Refusal::Broken)
 }
 
 /// Whether the end of the picture is in a JPEG. The decoder fills what is missing of a truncated one with grey.
