@@ -3,25 +3,23 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
-use ghand_core::{HandModel, Side};
 use ghand_data::camera_file::read_camera;
-use ghand_data::{Capture, PoseOptions, read_poses};
+use ghand_data::{Capture, CaptureError, PoseOptions, read_poses};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::fixtures::{assert_says, rows, synthetic};
+use crate::fixtures::{assert_says, mano, rows, synthetic};
 use crate::hand_appearance_files::write_subject;
 use crate::interhand_files::{options, right};
 
-/// One camera and one frame of the built-in hand, in a folder of its own.
+/// One camera and one frame of a MANO hand, which need not be built anew, in a folder of its own.
 fn small() -> (TempDir, Value) {
     let folder = tempfile::tempdir().unwrap();
     let camera = &synthetic().cameras[0];
     let value = json!({
         "format": "ghand-capture", "version": 1, "units": "metre", "side": "right",
-        "hand_model": {"kind": "procedural", "parameters": ProceduralHand { detail: 1, ..Default::default() }},
+        "hand_model": {"kind": "mano"},
         "cameras": [{
             "id": "a", "width": 128, "height": 192, "intrinsics": [[100, 0, 64], [0, 100, 96], [0, 0, 1]],
             "rotation": rows(camera.rotation), "translation": [0, 0, 1],
@@ -44,7 +42,11 @@ fn message(change: impl FnOnce(&mut Value)) -> String {
     let (folder, mut value) = small();
     change(&mut value);
     save(folder.path(), &value);
-    Capture::open(folder.path()).unwrap_err().to_string()
+    open(folder.path()).unwrap_err().to_string()
+}
+
+fn open(folder: &Path) -> Result<Capture, CaptureError> {
+    Capture::open_with(folder, &options()).map(|opened| opened.capture)
 }
 
 /// What can stand in place of a file.
@@ -113,10 +115,10 @@ fn said<T>(result: Result<T, impl std::fmt::Display>) -> Result<(), String> {
 fn whatever_stands_in_place_of_a_file_of_the_own_format_is_named() {
     let (folder, mut value) = small();
     let root = folder.path();
-    harm(&save(root, &value), || said(Capture::open(root)));
+    harm(&save(root, &value), || said(open(root)));
     put(Harm::Nothing, &root.join("capture.json"));
     let file = save(root, &value);
-    let capture = Capture::open(root).unwrap();
+    let capture = open(root).unwrap();
     harm(&root.join("image.png"), || said(capture.load_view(0, 0)));
     image::RgbImage::new(128, 192)
         .save({
@@ -127,7 +129,7 @@ fn whatever_stands_in_place_of_a_file_of_the_own_format_is_named() {
     harm(&root.join("mask.png"), || said(capture.load_view(0, 0)));
     value["hand_model"] = json!({"kind": "gltf", "path": "hand.glb"});
     save(root, &value);
-    harm(&root.join("hand.glb"), || said(Capture::open(root)));
+    harm(&root.join("hand.glb"), || said(open(root)));
     harm(&root.join("camera.json"), || said(read_camera(&root.join("camera.json"))));
     std::fs::remove_file(file).unwrap();
 }
@@ -139,9 +141,8 @@ fn whatever_stands_in_place_of_a_model_or_of_poses_is_named() {
         let path = folder.path().join(name);
         harm(&path, || said(read_hand_model(&path, &ReadOptions::default())));
     }
-    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let path = folder.path().join("poses.json");
-    harm(&path, || said(read_poses(&path, &model, &PoseOptions::default())));
+    harm(&path, || said(read_poses(&path, mano(), &PoseOptions::default())));
 }
 
 #[test]
@@ -209,9 +210,9 @@ fn a_mark_of_the_encoding_is_read_over() {
     let (folder, value) = small();
     let file = save(folder.path(), &value);
     std::fs::write(&file, format!("\u{feff}{value}")).unwrap();
-    Capture::open(folder.path()).unwrap();
+    open(folder.path()).unwrap();
     std::fs::write(&file, b"\xfe\xff\0{\0}").unwrap();
-    assert_says(&said(Capture::open(folder.path())).unwrap_err(), &["capture.json", "UTF-16", "save it as UTF-8"]);
+    assert_says(&said(open(folder.path())).unwrap_err(), &["capture.json", "UTF-16", "save it as UTF-8"]);
 }
 
 #[test]
@@ -225,7 +226,7 @@ fn rotations_beyond_rounding_are_refused_with_their_error() {
     let (folder, mut value) = small();
     off(4.9e-4)(&mut value);
     save(folder.path(), &value);
-    assert_eq!(Capture::open(folder.path()).unwrap().cameras[0].rotation, glam::DMat3::IDENTITY);
+    assert_eq!(open(folder.path()).unwrap().cameras[0].rotation, glam::DMat3::IDENTITY);
     assert_says(&message(off(6e-4)), &["cameras[\"a\"].rotation", "1.2e-3", "at most 1e-3"]);
     assert_says(&message(off(1e200)), &["rotation", "inf"]);
 }
@@ -260,19 +261,13 @@ fn a_few_thousand_ids_do_not_become_millions_of_images() {
     assert_says(&said, &["splits[\"train\"]", "3000 cameras", "at most 8388608 images"]);
 }
 
-fn model() -> HandModel {
-    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-    assert_eq!(model.side, Side::Right);
-    model
-}
-
 #[test]
 fn numbers_that_frames_share_are_not_copied_without_bound() {
     let folder = tempfile::tempdir().unwrap();
     let message = |value: Value| {
         let path = folder.path().join("poses.json");
         std::fs::write(&path, value.to_string()).unwrap();
-        read_poses(&path, &model(), &PoseOptions::default()).unwrap_err().to_string()
+        read_poses(&path, mano(), &PoseOptions::default()).unwrap_err().to_string()
     };
     // 20,000 hands with 100,000 shape parameters each are 16 GB, from a file of a few megabytes.
     let hand = json!({"hand_pose": vec![0; 45], "global_orient": [0, 0, 0]});
