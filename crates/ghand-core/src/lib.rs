@@ -11,6 +11,7 @@ pub mod blend_shapes;
 pub mod camera;
 pub mod deformation;
 pub mod hand_model;
+pub mod input_file;
 pub mod mesh;
 mod parallel;
 pub mod pose;

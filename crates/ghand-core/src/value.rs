@@ -8,12 +8,11 @@ mod collect;
 mod json;
 mod python;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use crate::hand_model::npz::{Npz, NumericArray};
 use crate::hand_model::pickle::Graph;
+use crate::input_file;
 
 /// Most bytes of a file; all poses of InterHand2.6M together take about a tenth.
 const MAX_BYTES: u64 = 1 << 29;
@@ -53,17 +52,10 @@ impl Value {
     /// # Errors
     /// [`ValueError`] when it cannot be opened, is larger than 512 MiB, is of no kind that is read, or is damaged.
     pub fn read(path: &Path) -> Result<Value, ValueError> {
-        let file = File::open(path)?;
-        let mut bytes = Vec::new();
-        // What a file system says of a file's size need not hold by the time that it is read.
-        let length = file.metadata()?.len();
-        if length <= MAX_BYTES {
-            file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
-        }
-        if length.max(bytes.len() as u64) > MAX_BYTES {
+        let Some(bytes) = input_file::read(path, MAX_BYTES)? else {
             let problem = format!("is larger than {} MiB; split it, or keep only what is needed", MAX_BYTES >> 20);
             return Err(ValueError::Content(problem));
-        }
+        };
         Value::from_bytes(&bytes)
     }
 

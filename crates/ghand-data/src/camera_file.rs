@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::CaptureError;
 use crate::checks::{CameraEntry, Checker, Position, member};
+use crate::text_file::read_text;
+
+/// Larger files hold more than one camera.
+const LARGEST_FILE: u64 = 1 << 20;
 
 #[derive(Serialize, Deserialize)]
 pub(crate) struct CameraFile {
@@ -25,12 +29,8 @@ pub(crate) struct CameraFile {
 /// # Errors
 /// [`CaptureError`] names the file, the field and what is wrong with it.
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
-    let text = std::fs::read_to_string(path).map_err(|source| CaptureError::Io {
-        path: path.into(),
-        action: "read the camera",
-        source,
-        remedy: "give a JSON file with one camera as in the `cameras` of a capture.json",
-    })?;
+    let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
+    let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
     let file: CameraFile =
         serde_json::from_str(&text).map_err(|source| CaptureError::Json { path: path.into(), source })?;
     file.camera(Checker { path }, String::new())

@@ -82,7 +82,8 @@ impl Checker<'_> {
     /// The rotation nearest to a matrix that is one but for rounding.
     fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
         let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
-        let error = entries.iter().fold(0.0, |worst: f64, e| if e.is_nan() { f64::NAN } else { worst.max(e.abs()) });
+        let error =
+            entries.iter().fold(0.0, |worst: f64, e| if worst >= e.abs() || worst.is_nan() { worst } else { e.abs() });
         if !(matrix.is_finite() && error <= ROTATION_TOLERANCE && matrix.determinant() > 0.0) {
             let problem = format!(
                 "is no rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), determinant {:.3}; give \

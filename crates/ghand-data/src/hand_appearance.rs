@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_core::hand_model::mano::{NamedArrays, PARENTS};
 use ghand_core::posing::shape_hand;
-use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
+use ghand_core::{Camera, HandModel, HandModelError, Pose, Side, input_file};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
@@ -145,14 +145,10 @@ fn pose_files(folder: &Path) -> Result<Vec<(String, PathBuf)>, CaptureError> {
 }
 
 fn read_frame(file: &Path, id: String, model: &HandModel) -> Result<Frame, CaptureError> {
-    use std::io::Read;
     let io = |source| CaptureError::Io { path: file.into(), action: "read the pose", source, remedy: REMEDY };
-    let mut bytes = Vec::new();
-    std::fs::File::open(file).and_then(|f| f.take(LARGEST_POSE + 1).read_to_end(&mut bytes)).map_err(io)?;
-    if bytes.len() as u64 > LARGEST_POSE {
-        let problem = format!("is larger than {LARGEST_POSE} bytes; {REMEDY}");
-        return Err(Checker { path: file }.invalid("file", problem));
-    }
+    let bytes = input_file::read(file, LARGEST_POSE).map_err(io)?.ok_or_else(|| {
+        Checker { path: file }.invalid("file", format!("is larger than {LARGEST_POSE} bytes; {REMEDY}"))
+    })?;
     let (pose, shape) = read_pose(&file.display().to_string(), &bytes, model).map_err(CaptureError::Parameters)?;
     Ok(Frame { id, pose, shape })
 }

@@ -6,6 +6,7 @@ use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use ghand_core::input_file;
 use image::error::{DecodingError, ImageFormatHint};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
@@ -35,16 +36,11 @@ impl Role {
 /// The bytes of the file of an image of `size` pixels (width, height).
 pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Vec<u8>, CaptureError> {
     let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
-    let mut bytes = Vec::new();
-    File::open(file)
-        .and_then(|f| f.take(most + 1).read_to_end(&mut bytes))
-        .map_err(|source| unread(file, role, source))?;
-    if bytes.len() as u64 > most {
+    input_file::read(file, most).map_err(|source| unread(file, role, source))?.ok_or_else(|| {
         let problem =
             format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
-        return Err(CaptureError::Invalid { path: file.into(), field: role.name().into(), problem });
-    }
-    Ok(bytes)
+        CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+    })
 }
 
 fn unread(file: &Path, role: Role, source: std::io::Error) -> CaptureError {
@@ -62,9 +58,8 @@ const TAIL: u64 = 4096;
 /// Checks that a file is an image of `size` pixels (width, height) and not cut short, by its header and its end alone where
 /// they leave no doubt.
 pub(crate) fn check(file: &Path, role: Role, size: (u32, u32)) -> Result<(), CaptureError> {
-    let mut opened = File::open(file).map_err(|source| unread(file, role, source))?;
-    let looked = catch_unwind(AssertUnwindSafe(|| has_header_and_end(&mut opened, size)));
-    if looked.unwrap_or_else(|_| Err(gave_up())).map_err(|refusal| refusal.of(file, role, size))? {
+    let mut opened = input_file::open(file).map_err(|source| unread(file, role, source))?;
+    if guarded(|| has_header_and_end(&mut opened, size)).map_err(|refusal| refusal.of(file, role, size))? {
         return Ok(());
     }
     // The mark may lie further inside: some programs write behind it.
@@ -101,9 +96,13 @@ enum Refusal {
 
 /// The image of these bytes, which must be of `size` pixels. `file` is for messages.
 pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
-    // Hostile files run decoders into bugs of their own.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode_sized(bytes, size)));
-    decoded.unwrap_or_else(|_| Err(gave_up())).map_err(|refusal| refusal.of(file, role, size))
+    guarded(|| decode_sized(bytes, size)).map_err(|refusal| refusal.of(file, role, size))
+}
+
+/// Hostile files run decoders into bugs of their own.
+fn guarded<T>(read: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
+    let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(gave_up)
 }
 
 impl Refusal {
@@ -121,10 +120,6 @@ impl Refusal {
             }
         }
     }
-}
-
-fn gave_up() -> Refusal {
-    broken(ImageFormatHint::Unknown, "the decoder gave up on the file")
 }
 
 fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {

@@ -1,11 +1,11 @@
 //! JSON from files too large to hold: read in passing, a value at a time, with bounds on what one value may take.
 
 use std::fmt;
-use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::marker::PhantomData;
 use std::path::Path;
 
+use ghand_core::input_file;
 use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
@@ -24,7 +24,7 @@ pub(crate) fn read_streaming<'de, S: DeserializeSeed<'de>>(
     seed: S,
     remedy: &'static str,
 ) -> Result<S::Value, CaptureError> {
-    let file = File::open(path).map_err(|source| CaptureError::Io {
+    let file = input_file::open(path).map_err(|source| CaptureError::Io {
         path: path.into(),
         action: "read the annotations",
         source,

@@ -1,30 +1,15 @@
 //! JSON files that are small enough to be held as a whole.
 
-use std::io::Read;
 use std::path::Path;
 
 use ghand_core::atomic_file::write_atomically;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::checks::Checker;
 use crate::error::CaptureError;
 
-/// Larger files are taken for a mistake; ten thousand frames of 25 joints take 15 MB.
-const LARGEST_FILE: u64 = 1 << 28;
-
-/// The text of a file.
-pub(crate) fn read_text(path: &Path, action: &'static str, remedy: &'static str) -> Result<String, CaptureError> {
-    let io = |source| CaptureError::Io { path: path.into(), action, source, remedy };
-    let mut text = String::new();
-    let file = std::fs::File::open(path).map_err(io)?;
-    file.take(LARGEST_FILE + 1).read_to_string(&mut text).map_err(io)?;
-    if text.len() as u64 > LARGEST_FILE {
-        let problem = format!("is larger than {} MiB; split it into several captures", LARGEST_FILE >> 20);
-        return Err(Checker { path }.invalid("file", problem));
-    }
-    Ok(text)
-}
+/// Larger files are taken for a mistake, bytes; ten thousand frames of 25 joints take 15 MB.
+pub(crate) const LARGEST_FILE: u64 = 1 << 28;
 
 /// What a file's text says.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {

@@ -16,7 +16,7 @@ pub enum LeftOut {
     AtBorder,
     /// Its hand is small.
     Small,
-    /// Its file is not there.
+    /// Its file, or that of its mask, is not there.
     Missing,
     /// Its file, or that of its mask, is truncated, no image, or not of its camera's size.
     Broken,
@@ -49,6 +49,8 @@ pub struct LeftOutCounts {
     pub looked_at: usize,
     /// Images left out by reason.
     pub reasons: BTreeMap<LeftOut, usize>,
+    /// What is wrong with the first file that is missing or broken, where that is known.
+    pub first: Option<String>,
 }
 
 impl LeftOutCounts {
@@ -72,6 +74,9 @@ impl fmt::Display for LeftOutCounts {
         for (i, (reason, count)) in self.reasons.iter().enumerate() {
             write!(f, "{} {count} {reason}", if i == 0 { ":" } else { "," })?;
         }
+        if let Some(first) = &self.first {
+            write!(f, "; the first: {first}")?;
+        }
         Ok(())
     }
 }
@@ -87,6 +92,8 @@ mod tests {
             .into_iter()
             .for_each(|r| counts.add(r));
         assert_eq!(counts.to_string(), "3 of 4 images are left out: 1 without a file, 2 too dark");
+        counts.first = Some("0.png: gone".into());
+        assert!(counts.to_string().ends_with("2 too dark; the first: 0.png: gone"));
         assert_eq!(LeftOutCounts { looked_at: 4, ..Default::default() }.to_string(), "0 of 4 images are left out");
     }
 }

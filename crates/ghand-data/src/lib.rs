@@ -33,6 +33,7 @@ mod split;
 pub mod synthetic;
 #[cfg(test)]
 mod test_hands;
+mod text_file;
 mod truth;
 pub mod untrusted;
 mod usable;

@@ -141,7 +141,7 @@ pub fn read_poses_bytes(
 /// Reads a file of its kind; `None` for one of another kind.
 type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
 
-fn poses_of_value(
+pub(crate) fn poses_of_value(
     origin: &str,
     value: &Value,
     model: &HandModel,

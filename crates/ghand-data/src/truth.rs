@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use crate::capture::Capture;
 use crate::checks::Checker;
 use crate::error::CaptureError;
-use crate::json_file::{parse, read_text, write_json};
+use crate::json_file::{LARGEST_FILE, parse, write_json};
+use crate::text_file::read_text;
 
 pub(crate) const TRUTH_FILE: &str = "truth.json";
 
@@ -32,7 +33,8 @@ pub(crate) fn read_truth(path: &Path, joint_order: &[usize]) -> Result<Option<Ve
     if !path.exists() {
         return Ok(None);
     }
-    let text = read_text(path, "read the exact poses", "make the file readable or remove it: it is optional")?;
+    let remedy = "make the file readable or remove it: it is optional";
+    let text = read_text(path, LARGEST_FILE, "read the exact poses", remedy)?;
     let file: TruthFile = parse(path, &text)?;
     let checks = Checker { path };
     checks.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;

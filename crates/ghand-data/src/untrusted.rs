@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use ghand_core::hand_model::HandModelError;
-use ghand_core::{HandModel, Pose, Side};
+use ghand_core::{HandModel, Pose, Side, Value};
 
 use crate::capture::{Capture, CaptureError};
+use crate::pose_sequence::{PoseError, PoseOptions, PoseSequence, poses_of_value};
 use crate::{ghand_format, hand_appearance, interhand};
 
 /// Reads the text of a `capture.json`. `path` is where it would be: for messages, and for a hand model beside it.
@@ -42,4 +43,58 @@ pub fn read_interhand_annotations(json: &[u8]) -> InterHandCounts {
 /// [`HandModelError::Invalid`] names the array that is missing or wrong.
 pub fn read_hand_appearance_pose(bytes: &[u8], model: &HandModel) -> Result<(Pose, Vec<f64>), HandModelError> {
     hand_appearance::read_pose("0001_mano.pkl", bytes, model)
+}
+
+/// Names of arrays that readers of poses ask for.
+const ARRAY_NAMES: [&str; 32] = [
+    "pose",
+    "translation",
+    "shape",
+    "fps",
+    "flat_hand_mean",
+    "ids",
+    "joints",
+    "rot",
+    "trans",
+    "poses",
+    "pose_hand",
+    "right_hand_pose",
+    "left_hand_pose",
+    "pose_r",
+    "rot_r",
+    "trans_r",
+    "shape_r",
+    "pred_rot",
+    "pred_hand_pose",
+    "pred_trans",
+    "pred_betas",
+    "pred_valid",
+    "global_orient",
+    "hand_pose",
+    "betas",
+    "is_right",
+    "cam_t",
+    "positions",
+    "orientations",
+    "world_landmarks",
+    "handedness",
+    "mocap_framerate",
+];
+
+/// Reads poses from arrays as an `.npz` archive would hold them, whose checksums would keep changes of them out. Each array is a
+/// byte that chooses its name, two bytes with a length (the low one first), and so many bytes of an `.npy` file.
+///
+/// # Errors
+/// As of [`crate::read_poses`].
+pub fn read_pose_arrays(mut bytes: &[u8], model: &HandModel) -> Result<PoseSequence, PoseError> {
+    let mut arrays: Vec<(String, Value)> = Vec::new();
+    while let [choice, low, high, rest @ ..] = bytes {
+        let (npy, rest) = rest.split_at(usize::from(u16::from_le_bytes([*low, *high])).min(rest.len()));
+        let name = ARRAY_NAMES[usize::from(*choice) % ARRAY_NAMES.len()];
+        if arrays.iter().all(|(known, _)| known != name) {
+            arrays.push((name.into(), Value::from_bytes(npy).unwrap_or_else(|e| Value::Unreadable(e.to_string()))));
+        }
+        bytes = rest;
+    }
+    poses_of_value("file", &Value::Map(arrays), model, &PoseOptions::default())
 }

@@ -1,12 +1,14 @@
-//! The inputs of `fuzz/corpus/poses`, and changes of them, through the readers that `fuzz/fuzz_targets/poses.rs` runs: finite poses
-//! or an error that names the file, never a panic.
+//! The inputs of `fuzz/corpus/poses` and `fuzz/corpus/pose_arrays`, and changes of them, through the readers that the targets of
+//! these names in `fuzz/fuzz_targets` run: finite poses or an error that names the file, never a panic.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};
 
+use ghand_core::HandModel;
 use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_data::PoseOptions;
 use ghand_data::pose_sequence::read_poses_bytes;
+use ghand_data::untrusted::read_pose_arrays;
+use ghand_data::{PoseError, PoseOptions, PoseSequence};
 use rand::{Rng, RngExt, SeedableRng};
 
 /// Changes of each input: enough that all readers see some hundred, few enough that it takes a few seconds.
@@ -37,16 +39,17 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
-#[test]
-fn poses_of_the_corpus_and_changes_of_them_are_finite_or_an_error() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/poses");
+/// Runs the inputs of a folder of the corpus, and changes of them; the names of all that are poses as they are must be all but
+/// the hopeless ones.
+fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
     // Those that libFuzzer adds have hashes as names.
     let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some());
     paths.sort();
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
-    let check = |bytes: &[u8]| match read_poses_bytes("file", bytes, &model, &PoseOptions::default()) {
+    let check = |bytes: &[u8]| match read(bytes, &model) {
         Ok(sequence) => {
             assert!(!sequence.frames.is_empty() && sequence.fps > 0.0);
             for frame in &sequence.frames {
@@ -61,22 +64,27 @@ fn poses_of_the_corpus_and_changes_of_them_are_finite_or_an_error() {
             false
         }
     };
-    let mut read = Vec::new();
+    let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+    let mut found = Vec::new();
     for path in &paths {
         println!("{}", path.display());
         let bytes = std::fs::read(path).unwrap();
-        if check(&bytes) {
-            read.push(path.file_name().unwrap().to_string_lossy().into_owned());
-        }
+        found.extend(check(&bytes).then(|| name(path)));
         for _ in 0..CHANGES {
             check(&changed(&bytes, &mut random));
         }
     }
+    let expected: Vec<String> = paths.iter().map(name).filter(|name| !hopeless.contains(&name.as_str())).collect();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn poses_of_the_corpus_and_changes_of_them_are_finite_or_an_error() {
     let hopeless = ["deep.json", "list_in_itself.pkl", "nan_of_python.json", "no_poses.json"];
-    let expected: Vec<String> = paths
-        .iter()
-        .map(|path| path.file_name().unwrap().to_string_lossy().into_owned())
-        .filter(|name| !hopeless.contains(&name.as_str()))
-        .collect();
-    assert_eq!(read, expected);
+    run("poses", &hopeless, |bytes, model| read_poses_bytes("file", bytes, model, &PoseOptions::default()));
+}
+
+#[test]
+fn arrays_of_the_corpus_and_changes_of_them_are_finite_poses_or_an_error() {
+    run("pose_arrays", &["frames_without_joints.arrays", "half_of_infinite_frames.arrays"], read_pose_arrays);
 }

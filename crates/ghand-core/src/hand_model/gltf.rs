@@ -8,8 +8,6 @@ mod buffers;
 mod joints;
 mod weld;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use ::gltf::json::validation::Checked;
@@ -18,6 +16,7 @@ use ::gltf::{Gltf, Node, Semantic};
 use glam::{DVec2, DVec3};
 
 use super::{HandModel, HandModelError, Side};
+use crate::input_file;
 use buffers::{Buffers, MAX_BYTES};
 use joints::Rig;
 
@@ -42,12 +41,10 @@ const MAX_SETS: u32 = 64;
 pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     let name = path.display().to_string();
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
-    let mut bytes = Vec::new();
-    File::open(path).map_err(io)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
-    if bytes.len() as u64 > MAX_BYTES {
+    let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
         let source = Source { name };
         return Err(source.invalid("size", format!("is more than {MAX_BYTES} bytes; export the hand alone")));
-    }
+    };
     read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 

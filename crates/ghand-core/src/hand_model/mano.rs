@@ -10,7 +10,6 @@ mod named_arrays;
 mod side;
 mod write;
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -18,6 +17,7 @@ use glam::DVec3;
 use super::obj::read_obj_uvs;
 use super::uv_atlas::build_atlas;
 use super::{HandModel, HandModelError, Side};
+use crate::input_file;
 use fields::Fields;
 pub use named_arrays::NamedArrays;
 pub use write::write_mano;
@@ -161,18 +161,10 @@ fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandMode
 
 fn read_file(path: &Path) -> Result<Vec<u8>, HandModelError> {
     let failed = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
-    let file = std::fs::File::open(path).map_err(failed)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() > MAX_BYTES {
+    input_file::read(path, MAX_BYTES as u64).map_err(failed)?.ok_or_else(|| {
         let problem = format!("is larger than {MAX_BYTES} bytes; pass a MANO model, or store less in it");
-        return Err(HandModelError::Invalid {
-            origin: path.display().to_string(),
-            field: "hand model".into(),
-            problem,
-        });
-    }
-    Ok(bytes)
+        HandModelError::Invalid { origin: path.display().to_string(), field: "hand model".into(), problem }
+    })
 }
 
 fn dvec3(v: &[f64; 3]) -> DVec3 {

@@ -7,7 +7,7 @@ mod write;
 use std::io::{Cursor, Read};
 
 pub use array::{ArrayError, NumericArray};
-pub(crate) use array::{ElementKind, ElementType};
+pub(crate) use array::{ElementKind, ElementType, element_count};
 pub(crate) use write::{NamedNumbers, npz_bytes};
 
 use header::{Header, split_header};

@@ -55,6 +55,6 @@ fn is_gltf(path: &Path) -> bool {
     use std::io::Read;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let mut start = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let read = crate::input_file::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
     matches!(extension.as_deref(), Some("glb" | "gltf")) || (read.is_ok() && start == b"glTF")
 }

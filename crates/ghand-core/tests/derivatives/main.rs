@@ -14,6 +14,7 @@ mod parts;
 mod posing;
 mod reference;
 
+use check::largest;
 use glam::DVec3;
 
 /// Step of the differences to rotations, radians: five points leave some 1e-9 of the fifth power of the turns along a
@@ -27,10 +28,6 @@ fn dvec3s(flat: &[f64]) -> Vec<DVec3> {
 
 fn flat(vectors: &[DVec3]) -> Vec<f64> {
     vectors.iter().flat_map(|v| v.to_array()).collect()
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
 /// Joints on the longest way from the root.

@@ -11,8 +11,12 @@ use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::checks::Checker;
-use crate::json_file::{parse, read_text};
+use crate::json_file::{LARGEST_FILE, parse};
+use crate::text_file::read_text;
 use crate::truth::{TRUTH_FILE, read_truth};
+
+/// Most images that all splits name together; the largest data sets have some million.
+const MOST_VIEWS: usize = 1 << 23;
 
 /// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
@@ -21,7 +25,7 @@ use crate::truth::{TRUTH_FILE, read_truth};
 pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
                   Capture1 and so on, or a subject of the Hand Appearance dataset";
-    let text = read_text(path, "read the capture", remedy)?;
+    let text = read_text(path, LARGEST_FILE, "read the capture", remedy)?;
     read_capture_text(path, &text, mano)
 }
 
@@ -105,9 +109,10 @@ impl Reader<'_> {
 
         let images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
         self.templates(&images, &camera_indices, &frame_indices)?;
+        let mut views_left = MOST_VIEWS;
         let splits = (file.splits.into_iter())
             .map(|(name, split)| {
-                let split = self.split(&name, &split, &camera_indices, &frame_indices)?;
+                let split = self.split(&name, &split, &camera_indices, &frame_indices, &mut views_left)?;
                 Ok((name, split))
             })
             .collect::<Result<BTreeMap<_, _>, CaptureError>>()?;
@@ -254,6 +259,7 @@ impl Reader<'_> {
         file: &SplitFile,
         cameras: &HashMap<&str, usize>,
         frames: &HashMap<&str, usize>,
+        views_left: &mut usize,
     ) -> Result<Split, CaptureError> {
         let look_up = |what: &str, ids: &[String], index: &HashMap<&str, usize>| {
             let field = format!("splits[{name:?}].{what}");
@@ -265,7 +271,18 @@ impl Reader<'_> {
             found.collect::<Result<Vec<_>, _>>()
         };
         let cameras = look_up("cameras", &file.cameras, cameras)?;
-        Ok(Split::product(cameras, look_up("frames", &file.frames, frames)?))
+        let frames = look_up("frames", &file.frames, frames)?;
+        // A short file can name far more pairs than memory holds.
+        let left = cameras.len().checked_mul(frames.len()).and_then(|views| views_left.checked_sub(views));
+        *views_left = left.ok_or_else(|| {
+            let [cameras, frames] = [cameras.len(), frames.len()];
+            let problem = format!(
+                "has {cameras} cameras with {frames} frames each, and all splits together may have at most {MOST_VIEWS} images; \
+                 name fewer"
+            );
+            self.invalid(format!("splits[{name:?}]"), problem)
+        })?;
+        Ok(Split::product(cameras, frames))
     }
 
     fn templates(

@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
+use crate::test_hands::larger;
 use ghand_core::atomic_file::write_atomically;
 
 fn hand() -> ProceduralHand {
@@ -76,6 +77,20 @@ fn assert_contains(message: &str, parts: &[&str]) {
     }
 }
 
+/// The largest difference of any entry; NaN where one is.
+fn apart(a: DMat3, b: DMat3) -> f64 {
+    (a - b).to_cols_array().iter().map(|e| e.abs()).fold(0.0, larger)
+}
+
+#[test]
+fn matrices_that_differ_in_one_entry_are_apart_and_nan_is_kept() {
+    let mut other = DMat3::IDENTITY;
+    other.y_axis.x = -0.5;
+    assert_eq!(apart(other, DMat3::IDENTITY), 0.5);
+    other.x_axis.x = f64::NAN;
+    assert!(apart(other, DMat3::IDENTITY).is_nan());
+}
+
 #[test]
 fn what_is_written_is_read_back_exactly() {
     let folder = tempfile::tempdir().unwrap();
@@ -84,7 +99,7 @@ fn what_is_written_is_read_back_exactly() {
     let read = Capture::open(folder.path()).unwrap();
     // Rotations are made orthonormal again, which may move their last bit.
     for (a, b) in read.cameras.iter().zip(&capture.cameras) {
-        let error = (a.rotation - b.rotation).to_cols_array().iter().fold(0.0f64, |worst, e| worst.max(e.abs()));
+        let error = apart(a.rotation, b.rotation);
         assert!(error <= 4.0 * f64::EPSILON, "{error}");
     }
     let cameras = capture.cameras.clone();
@@ -222,9 +237,8 @@ fn rounded_rotations_become_rotations_again() {
     capture.cameras[0].rotation = DMat3::from_cols_array(&capture.cameras[0].rotation.to_cols_array().map(rounded));
     capture.save().unwrap();
     let read = Capture::open(folder.path()).unwrap().cameras[0].rotation;
-    let entries = |m: DMat3| m.to_cols_array().iter().fold(0.0f64, |worst, e| worst.max(e.abs()));
-    assert!(entries(read * read.transpose() - DMat3::IDENTITY) < 1e-15);
-    assert!(entries(read - capture.cameras[0].rotation) < 1e-4);
+    assert!(apart(read * read.transpose(), DMat3::IDENTITY) < 1e-15);
+    assert!(apart(read, capture.cameras[0].rotation) < 1e-4);
 }
 
 #[test]

@@ -8,12 +8,12 @@ use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
 use serde::Deserialize;
-use serde::de::MapAccess;
+use serde::de::{DeserializeSeed, Deserializer, MapAccess};
 
 use super::annotations::REMEDY;
 use crate::capture::Frame;
 use crate::error::CaptureError;
-use crate::json::{Keys, Numbers, Object, read_streaming, skip};
+use crate::json::{ForEach, Keys, Numbers, Object, read_streaming, skip};
 
 /// The annotation's joint for each of MANO's: right hand first, every finger from its tip to its base, thumb to little
 /// finger, then the wrist.
@@ -87,7 +87,7 @@ impl Keys for Frames {
         match key.parse().ok().and_then(|number: u64| self.0.get_mut(&number)) {
             Some(slot) => {
                 let record = map.next_value::<Option<JointRecord>>()?;
-                *slot = record.and_then(|record| record.world_coord).filter(|joints| joints.len() == 2 * JOINTS);
+                *slot = record.and_then(|record| record.world_coord?.0);
                 Ok(())
             }
             None => skip(map),
@@ -97,5 +97,24 @@ impl Keys for Frames {
 
 #[derive(Deserialize)]
 struct JointRecord {
-    world_coord: Option<Vec<Numbers<3>>>,
+    world_coord: Option<BothHands>,
+}
+
+/// The joints of both hands; nothing if there are more or fewer, however many.
+struct BothHands(Option<Vec<Numbers<3>>>);
+
+impl<'de> Deserialize<'de> for BothHands {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut joints = Vec::with_capacity(2 * JOINTS);
+        let mut count = 0;
+        let each = |joint: Numbers<3>| {
+            count += 1;
+            if count <= 2 * JOINTS {
+                joints.push(joint);
+            }
+            Ok(())
+        };
+        ForEach::new(each).deserialize(deserializer)?;
+        Ok(BothHands((count == 2 * JOINTS).then_some(joints)))
+    }
 }

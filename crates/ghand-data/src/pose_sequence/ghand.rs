@@ -157,6 +157,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
             let width = width.map_or("n_s".into(), |width| width.to_string());
             return Err(source.invalid(name, format!("has the shape {:?}, expected ({count}, {width})", found.shape)));
         }
+        source.copied(name, columns, count)?;
         let row = |k: usize| found.values.chunks(columns.max(1)).nth(k.min(rows - 1)).unwrap_or_default().to_vec();
         Ok((0..count).map(row).collect())
     };

@@ -7,6 +7,9 @@ use glam::DVec3;
 use super::landmarks::LandmarkFrame;
 use super::{PoseError, PoseFrame};
 
+/// Most numbers that are copied to the frames that share them: as many as a file may hold.
+const MOST_COPIES: usize = 1 << 25;
+
 /// The file that is read, and what is wanted of it.
 pub(crate) struct Source<'a> {
     /// Its name, for messages.
@@ -41,6 +44,16 @@ pub(crate) enum Motion {
 impl Source<'_> {
     pub fn invalid(&self, field: &str, problem: String) -> PoseError {
         PoseError::Invalid { origin: self.origin.into(), field: field.into(), problem }
+    }
+
+    /// Refuses numbers that all frames share when each frame's copy would take memory without bound.
+    pub fn copied(&self, field: &str, numbers: usize, frames: usize) -> Result<(), PoseError> {
+        if numbers.checked_mul(frames).is_some_and(|copies| copies <= MOST_COPIES) {
+            return Ok(());
+        }
+        let problem =
+            format!("has {numbers} numbers for each of {frames} frames, which is far too much; give some ten");
+        Err(self.invalid(field, problem))
     }
 
     /// The rate that a file gives, if it does.

@@ -329,3 +329,20 @@ fn own_archives_are_read_with_names_and_rate() {
     let twice = [&text[..4], &text[..4]].concat();
     assert!(read(&arrays("(2, 16, 3)", &twice)).unwrap_err().to_string().contains("twice"));
 }
+
+#[test]
+fn archives_of_many_empty_rows_or_one_long_row_for_all_are_refused() {
+    // 10^18 frames without a joint take no byte of the file.
+    let empty = npz(&[("pose", npy("(1000000000000000000, 0, 3)", "<f8", &[]))]);
+    let message =
+        |bytes: &[u8]| read_poses_bytes("poses.npz", bytes, right(), &PoseOptions::default()).unwrap_err().to_string();
+    assert!(message(&empty).contains("poses.npz"), "{}", message(&empty));
+    let hawor = ["pred_rot", "pred_hand_pose", "pred_trans"];
+    let hawor = hawor.map(|name| (name, npy("(2, 9223372036854775807, 0)", "<f8", &[])));
+    assert!(message(&npz(&hawor)).contains("pred_rot"));
+    let many = npz(&[
+        ("pose", npy("(30000, 1, 3)", "<f8", &[0; 30_000 * 24])),
+        ("shape", npy("(30000,)", "<f8", &[0; 30_000 * 8])),
+    ]);
+    assert!(message(&many).contains("shape: has 30000 numbers for each of 30000 frames"), "{}", message(&many));
+}

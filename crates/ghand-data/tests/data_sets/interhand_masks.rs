@@ -145,10 +145,3 @@ fn images_of_no_use_by_their_content_are_dropped_and_counted() {
     assert_says(&capture.drop_unusable(&["test"]).unwrap_err().to_string(), &["\"test\"", "1 too dark"]);
     assert_says(&capture.drop_unusable(&["nonsense"]).unwrap_err().to_string(), &["nonsense"]);
 }
-
-#[test]
-fn a_capture_of_the_own_format_keeps_all_its_images() {
-    let mut capture = synthetic().clone();
-    assert_eq!(capture.drop_unusable(&["train"]).unwrap().looked_at, 0);
-    assert_eq!(capture, *synthetic());
-}

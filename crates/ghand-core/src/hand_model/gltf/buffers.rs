@@ -1,7 +1,6 @@
 //! Bytes of a glTF file and the typed values in them, with every range checked.
 
 use std::cell::OnceCell;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -16,6 +15,7 @@ use percent_encoding::percent_decode_str;
 
 use super::Source;
 use crate::hand_model::HandModelError;
+use crate::input_file;
 
 /// Largest file or buffer that is read.
 pub(super) const MAX_BYTES: u64 = 1 << 30;
@@ -85,12 +85,8 @@ impl<'a> Buffers<'a> {
         let folder = self.folder.ok_or_else(|| format!("is in the file {uri}; export as .glb, which is one file"))?;
         let path = folder.join(relative_path(uri)?);
         let readable = || -> std::io::Result<Vec<u8>> {
-            // Reading a pipe could wait for ever.
-            if !std::fs::metadata(&path)?.is_file() {
-                return Err(std::io::Error::other("it is no file"));
-            }
             let mut bytes = Vec::new();
-            File::open(&path)?.take(length as u64).read_to_end(&mut bytes)?;
+            input_file::open(&path)?.take(length as u64).read_to_end(&mut bytes)?;
             Ok(bytes)
         };
         readable()

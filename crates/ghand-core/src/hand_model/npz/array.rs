@@ -123,11 +123,12 @@ impl ElementType {
     }
 }
 
-/// Product of the axes, within the limits.
-fn element_count(shape: &[usize]) -> Result<usize, ArrayError> {
-    let count = shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n));
-    match count {
-        Some(count) if count <= MAX_ELEMENTS && shape.len() <= MAX_AXES => Ok(count),
+/// Product of the axes, within the limits. These hold for the other axes where one has no length, too: who reads such an
+/// array may count its rows.
+pub(crate) fn element_count(shape: &[usize]) -> Result<usize, ArrayError> {
+    let most = shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n.max(1)));
+    match most {
+        Some(most) if most <= MAX_ELEMENTS && shape.len() <= MAX_AXES => Ok(shape.iter().product()),
         _ => Err(ArrayError(format!(
             "has the shape {shape:?}; at most {MAX_ELEMENTS} numbers in {MAX_AXES} axes are read, store less in it"
         ))),

@@ -1,13 +1,12 @@
 //! Reads the UV atlas of an OBJ file.
 
 use std::collections::HashSet;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use glam::DVec2;
 
 use crate::hand_model::HandModelError;
+use crate::input_file;
 
 /// Largest file that is read: room for about a million vertices.
 const MAX_BYTES: u64 = 64 << 20;
@@ -37,13 +36,11 @@ pub struct UvLayout {
 /// edges elsewhere, or wound the other way round.
 pub fn read_obj_uvs(path: &Path, vertex_count: usize, faces: &[[u32; 3]]) -> Result<UvLayout, HandModelError> {
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
-    let mut bytes = Vec::new();
-    File::open(path).map_err(io)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
     let origin = path.display().to_string();
-    if bytes.len() as u64 > MAX_BYTES {
+    let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
         let problem = format!("is larger than {} MiB; export the hand's mesh alone", MAX_BYTES >> 20);
         return Err(HandModelError::Invalid { origin, field: "size".into(), problem });
-    }
+    };
     // Names and comments may be in any encoding.
     parse(&String::from_utf8_lossy(&bytes), vertex_count, faces).map_err(|(field, problem)| HandModelError::Invalid {
         origin,

@@ -1,7 +1,7 @@
 //! Arrays in a pickle: NumPy's in all protocols, chumpy's, and SciPy's sparse matrices.
 
 use super::{Class, Graph, Id, Node, Object, Plain};
-use crate::hand_model::npz::{ArrayError, ElementKind, ElementType, NumericArray};
+use crate::hand_model::npz::{ArrayError, ElementKind, ElementType, NumericArray, element_count};
 
 /// A matrix of which only some entries are stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,7 +127,7 @@ impl Graph<'_> {
             Ok(shape) => self.integers(shape)?,
             Err(_) => vec![picks.len()],
         };
-        if shape.iter().try_fold(1usize, |product, n| product.checked_mul(*n)) != Some(picks.len()) {
+        if element_count(&shape)? != picks.len() {
             return Err(ArrayError(format!(
                 "is a chumpy selection of {} numbers for the shape {shape:?}; {SAVE_AGAIN}",
                 picks.len()

@@ -149,13 +149,11 @@ fn at_most_four_joints_move_a_vertex_and_neighbouring_fingers_do_not() {
 #[test]
 fn weights_change_gradually_along_the_skin() {
     let model = ProceduralHand::default().build().unwrap();
-    let mut largest = 0.0f64;
     for &[a, b, _] in &model.faces {
         let (p, q) = (model.vertex_weights(a as usize), model.vertex_weights(b as usize));
-        largest = largest.max(p.iter().zip(q).map(|(p, q)| (p - q).abs()).fold(0.0, f64::max));
+        // A joint's weight rises over about a finger's width, four to six edges, steepest (1.5 times) in the middle.
+        assert!(p.iter().zip(q).all(|(p, q)| (p - q).abs() < 0.4), "{p:?} {q:?}");
     }
-    // A joint's weight rises over about a finger's width, four to six edges, steepest (1.5 times) in the middle.
-    assert!(largest < 0.4, "{largest}");
 }
 
 #[test]

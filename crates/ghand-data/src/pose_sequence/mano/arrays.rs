@@ -92,13 +92,12 @@ fn rows_of_hand(
         }
     }
     // One shape for all frames, or one each.
+    let one_each = shape.len().is_multiple_of(count.max(1)) && shape.len() >= 10 * count;
+    let width_of_shape = if one_each { shape.len() / count.max(1) } else { shape.len() };
+    source.copied("shape", width_of_shape, count)?;
     let shape_of = |k: usize| {
-        let width = if shape.len().is_multiple_of(count.max(1)) && shape.len() >= 10 * count {
-            shape.len() / count.max(1)
-        } else {
-            return shape.clone();
-        };
-        shape.iter().skip(k * width).take(width).copied().collect()
+        let first = if one_each { k * width_of_shape } else { 0 };
+        shape.iter().skip(first).take(width_of_shape).copied().collect::<Vec<f64>>()
     };
     for k in 0..count {
         let row: Vec<f64> = pose.values.iter().skip(k * width).take(width).copied().collect();

@@ -11,6 +11,11 @@ use crate::retarget::mirrored;
 /// How deep parameters may lie in lists and maps.
 const MAX_DEPTH: usize = 5;
 
+/// Longest id of a frame, bytes: every hand in it has a copy.
+const LONGEST_ID: usize = 256;
+/// Most shape parameters of a hand; MANO has 10.
+const MOST_SHAPES: usize = 300;
+
 const POSE_NAMES: [&str; 3] = ["hand_pose", "mano_hand_pose", "pred_hand_pose"];
 const ORIENT_NAMES: [&str; 4] = ["global_orient", "mano_global_orient", "pred_global_orient", "root_orient"];
 const SHAPE_NAMES: [&str; 4] = ["betas", "mano_betas", "pred_betas", "shape"];
@@ -42,6 +47,7 @@ pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, Pos
             for (number, frame) in frames.iter().enumerate() {
                 let before = hands.len();
                 let id = id_of(frame, number);
+                check_id(source, &id)?;
                 walk(source, frame, Some(&id), &[], None, 0, &mut hands)?;
                 if hands.len() == before {
                     hands.push(Hand { id, side: Some(source.wanted), frame: Err("has no hand".into()) });
@@ -50,11 +56,19 @@ pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, Pos
         }
         _ => {
             for (id, frame) in top.entries() {
+                check_id(source, id)?;
                 walk(source, frame, Some(id), &[], None, 0, &mut hands)?;
             }
         }
     }
     Ok(hands)
+}
+
+fn check_id(source: &Source, id: &str) -> Result<(), PoseError> {
+    if id.len() <= LONGEST_ID {
+        return Ok(());
+    }
+    Err(source.invalid("frames", format!("has an id of {} bytes; give ids of at most {LONGEST_ID}", id.len())))
 }
 
 fn walk<'a>(
@@ -118,6 +132,22 @@ fn parameters(
         }
     };
     let count = pose.values.len() / width;
+    let [shapes, places] = [first(maps, &SHAPE_NAMES), first(maps, &PLACE_NAMES)];
+    // Every dictionary of a file may share those of one above it, and would have its own copy.
+    for (name, value, most) in
+        [("global_orient", Some(orient), 9), ("betas", shapes, MOST_SHAPES), ("the place", places, 3)]
+    {
+        let numbers = value.and_then(Value::numbers).map_or(0, |array| array.values.len());
+        if numbers > most * count.max(1) {
+            let problem = format!("has {numbers} numbers in {name} for {count} hands, expected at most {most} each");
+            hands.push(Hand {
+                id: id.unwrap_or("0000").into(),
+                side: side.or(Some(source.wanted)),
+                frame: Err(problem),
+            });
+            return Ok(());
+        }
+    }
     let orient = flat(Some(orient));
     let per_hand = |values: &[f64], k: usize| -> Vec<f64> {
         let width = values.len() / count.max(1);
@@ -128,8 +158,7 @@ fn parameters(
         if widths.contains(&values.len()) && count != 1 { values.to_vec() } else { per_hand(values, k) }
     };
     let sides = first(maps, &SIDE_NAMES);
-    let shapes = flat(first(maps, &SHAPE_NAMES));
-    let places = flat(first(maps, &PLACE_NAMES));
+    let (shapes, places) = (flat(shapes), flat(places));
     for k in 0..count {
         let own_side = match sides {
             Some(Value::Numbers(array)) => array

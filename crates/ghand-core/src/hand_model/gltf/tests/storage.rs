@@ -1,5 +1,7 @@
 //! All the ways in which a file may store its numbers, and the harm that they could do.
 
+use std::fs::File;
+
 use base64::Engine;
 use base64::prelude::{BASE64_STANDARD, BASE64_STANDARD_NO_PAD};
 

@@ -1,0 +1,71 @@
+//! Files that a user names: whole, within a bound, and nothing that could be waited for.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Opens a file for reading.
+///
+/// # Errors
+/// Of the file system; also for whatever is no plain file: a folder, or a named pipe or a device, which may have no end, or
+/// keep the program waiting for its beginning.
+pub fn open(path: &Path) -> io::Result<File> {
+    let kind = std::fs::metadata(path)?;
+    if kind.is_dir() {
+        return Err(io::Error::other("it is a folder, not a file"));
+    }
+    if !kind.is_file() {
+        return Err(io::Error::other("it is a pipe or a device, not a file"));
+    }
+    File::open(path)
+}
+
+/// The bytes of a file, or nothing if they are more than `most`.
+///
+/// # Errors
+/// As of [`open`].
+pub fn read(path: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
+    let file = open(path)?;
+    if file.metadata()?.len() > most {
+        return Ok(None);
+    }
+    // What a file system says of a file's size need not hold by the time that it is read.
+    let mut bytes = Vec::new();
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= most).then_some(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_up_to_the_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, b"12345").unwrap();
+        assert_eq!(read(&path, 5).unwrap().as_deref(), Some(&b"12345"[..]));
+        assert_eq!(read(&path, 4).unwrap(), None);
+        // Sparse: it takes no room on the disk.
+        File::options().write(true).open(&path).unwrap().set_len(1 << 40).unwrap();
+        assert_eq!(read(&path, 1 << 39).unwrap(), None);
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(read(folder.path(), 5).unwrap_err().to_string().contains("folder"));
+        assert_eq!(read(&folder.path().join("none"), 5).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_waits_for_a_pipe_or_reads_a_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for path in [pipe.as_path(), Path::new("/dev/zero")] {
+            assert!(read(path, 5).unwrap_err().to_string().contains("pipe or a device"), "{}", path.display());
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Any arrays of an archive, read as poses of any kind, give finite poses of the hand model or an error that names the file.
+#![no_main]
+
+use std::sync::LazyLock;
+
+use ghand_core::HandModel;
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_data::untrusted::read_pose_arrays;
+use libfuzzer_sys::fuzz_target;
+
+static HAND: LazyLock<HandModel> = LazyLock::new(|| {
+    let hand = ProceduralHand { detail: 1, ..Default::default() };
+    hand.build().expect("the built-in hand can be built")
+});
+
+fuzz_target!(|bytes: &[u8]| match read_pose_arrays(bytes, &HAND) {
+    Ok(sequence) => {
+        for frame in &sequence.frames {
+            assert_eq!(frame.pose.rotations.len(), HAND.joint_count());
+            assert!(frame.pose.rotations.iter().all(|rotation| rotation.is_finite()));
+        }
+    }
+    Err(error) => assert!(error.to_string().starts_with("file: ")),
+});
