@@ -1,34 +1,59 @@
 //! Labels in pictures.
 
+use std::convert::Infallible;
+
+use embedded_graphics::Pixel;
+use embedded_graphics::draw_target::DrawTarget;
+use embedded_graphics::geometry::{OriginDimensions, Point, Size};
+use embedded_graphics::mono_font::ascii::FONT_7X13;
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::{Drawable, RgbColor};
+use embedded_graphics::text::{Baseline, Text};
 use image::{Rgb, RgbImage};
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 /// Height of a line, pixels.
 pub const LINE: u32 = 18;
-const SIZE: RasterHeight = RasterHeight::Size16;
-const WEIGHT: FontWeight = FontWeight::Regular;
+const FONT: MonoFont = FONT_7X13;
 
 /// Width of a letter, pixels; all have the same.
 pub fn letter_width() -> u32 {
-    get_raster_width(WEIGHT, SIZE) as u32
+    FONT.character_size.width + FONT.character_spacing
+}
+
+/// A picture to draw letters in; what lies outside of it is not drawn.
+struct Canvas<'a>(&'a mut RgbImage);
+
+impl OriginDimensions for Canvas<'_> {
+    fn size(&self) -> Size {
+        Size::new(self.0.width(), self.0.height())
+    }
+}
+
+impl DrawTarget for Canvas<'_> {
+    type Color = Rgb888;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+        for Pixel(Point { x, y }, color) in pixels {
+            let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else { continue };
+            if let Some(pixel) = self.0.get_pixel_mut_checked(x, y) {
+                *pixel = Rgb([color.r(), color.g(), color.b()]);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Writes a line of text with its top left corner at (x, y). What does not fit into `width` pixels is taken out of its middle,
 /// since ids differ at their ends.
 pub fn write(sheet: &mut RgbImage, [x, y]: [u32; 2], width: u32, color: Rgb<u8>, text: &str) {
-    let letters = shortened(text, (width / letter_width().max(1)) as usize);
-    for (left, letter) in (0..).map(|i| x + i * letter_width()).zip(letters) {
-        let Some(raster) = get_raster(letter, WEIGHT, SIZE).or_else(|| get_raster('?', WEIGHT, SIZE)) else { continue };
-        for (row, line) in (y..).zip(raster.rows()) {
-            for (column, coverage) in (left..).zip(line) {
-                if let Some(pixel) = sheet.get_pixel_mut_checked(column, row) {
-                    let part = f32::from(*coverage) / 255.0;
-                    let mix = |c: usize| f32::from(color.0[c]) * part + f32::from(pixel.0[c]) * (1.0 - part);
-                    *pixel = Rgb([0, 1, 2].map(|c| mix(c).round() as u8));
-                }
-            }
-        }
-    }
+    let letters: String = shortened(text, (width / letter_width().max(1)) as usize).into_iter().collect();
+    let [r, g, b] = color.0;
+    let style = MonoTextStyle::new(&FONT, Rgb888::new(r, g, b));
+    // Letters that the font lacks become question marks.
+    let Ok(_) =
+        Text::with_baseline(&letters, Point::new(x as i32, y as i32), style, Baseline::Top).draw(&mut Canvas(sheet));
 }
 
 /// At most `most` letters of a text, `..` in place of what is taken out.
