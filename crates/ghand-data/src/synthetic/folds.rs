@@ -169,7 +169,7 @@ impl Folds<'_> {
         }
         let warp = 0.0007 * s * noise(place.position, 0.004 * s, self.seed + 70);
         let faint = 0.7 + 0.3 * noise(place.position, 0.006 * s, self.seed + 75);
-        let (along, _) = self.from_joint(finger, k, place);
+        let (along, _) = distances(finger, k, place);
         let lines: &[f64] = if k == 1 { &[-0.0010, 0.0012] } else { &[0.0] };
         for line in lines {
             let d = along + warp - line * s;
@@ -188,7 +188,7 @@ impl Folds<'_> {
             return;
         }
         let warp = 0.0007 * s * noise(place.position, 0.004 * s, self.seed + 70);
-        let (along, across) = self.from_joint(finger, k, place);
+        let (along, across) = distances(finger, k, place);
         let reach = [0.0, 0.0042, 0.0026][k] * s;
         for i in -2..=2 {
             let center = f64::from(i) * 0.0019 * s;
@@ -198,19 +198,19 @@ impl Folds<'_> {
             Fold::add(&mut fold.height, [-0.00035, 0.0], s * depth);
         }
     }
+}
 
-    /// Distances of a place from a joint's crease, along and across the finger, metres.
-    fn from_joint(&self, finger: &Finger, k: usize, place: &Place) -> (f64, f64) {
-        let axis: DVec3 =
-            if k == 0 { finger.direction(0) } else { (finger.direction(k - 1) + finger.direction(k)).normalize() };
-        // The crease at a finger's base is where it leaves the palm, not at the knuckle.
-        let beyond = match (k, finger.is_thumb) {
-            (0, true) => 0.05,
-            (0, false) => 0.47,
-            _ => 0.0,
-        };
-        let start = finger.points[k] + axis * beyond * finger.points[0].distance(finger.points[1]);
-        let offset = place.position - start;
-        (offset.dot(axis), offset.dot(finger.dorsal.cross(axis)))
-    }
+/// Distances of a place from a joint's crease, along and across the finger, metres.
+fn distances(finger: &Finger, k: usize, place: &Place) -> (f64, f64) {
+    let axis: DVec3 =
+        if k == 0 { finger.direction(0) } else { (finger.direction(k - 1) + finger.direction(k)).normalize() };
+    // The crease at a finger's base is where it leaves the palm, not at the knuckle.
+    let beyond = match (k, finger.is_thumb) {
+        (0, true) => 0.05,
+        (0, false) => 0.47,
+        _ => 0.0,
+    };
+    let start = finger.points[k] + axis * beyond * finger.points[0].distance(finger.points[1]);
+    let offset = place.position - start;
+    (offset.dot(axis), offset.dot(finger.dorsal.cross(axis)))
 }
