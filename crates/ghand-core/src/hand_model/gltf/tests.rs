@@ -162,7 +162,7 @@ fn bad_files_are_refused_with_the_part_and_a_remedy() {
         (uri("file:///etc/passwd"), "lies at 'file:///etc/passwd', outside"),
         (uri("https://example.org/a.bin"), "lies at 'https://example.org/a.bin', outside"),
         (uri("%FF.bin"), "is no UTF-8"),
-        (uri("."), "it is no file; put '.' beside the .gltf file"),
+        (uri("."), "it is a folder, not a file; put '.' beside the .gltf file"),
         (uri("none.bin"), "put 'none.bin' beside the .gltf file"),
         (small().replace(r#""byteLength":432}"#, r#""byteLength":4320000000}"#), "more than 1073741824"),
         (required("KHR_draco_mesh_compression"), "extensionsRequired: names KHR_draco_mesh_compression"),
