@@ -126,6 +126,10 @@ fn without_an_adapter_everything_but_the_pictures_is_told() {
         return;
     }
     assert_says(&text, &["train: given poses 0.", "no pictures: no graphics adapter"]);
+    let asked = run_in(GHAND, folder.path(), &["inspect", "rig", "--sheet", "sheet.png"], &nowhere);
+    assert_one_sentence(&asked, &["no graphics adapter"]);
+    let wrong = run(GHAND, folder.path(), &["inspect", "rig", "--adapter", "no such thing"]);
+    assert_one_sentence(&wrong, &["no such thing"]);
     assert_eq!(listing(folder.path()), ["rig"]);
 }
 
