@@ -74,14 +74,30 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
         json.to_string()
     });
     train("short", &[], &["capture.json", "pose", "16", "15"]);
-    let cut = copy("cut");
-    let image = cut.join("images/cam00/0000.png");
-    let bytes = std::fs::read(&image).unwrap();
-    std::fs::write(&image, &bytes[..bytes.len() / 2]).unwrap();
-    train("cut", &[], &["0000.png"]);
-    let large = copy("large");
-    image::RgbImage::new(65, 96).save(large.join("images/cam00/0000.png")).unwrap();
-    train("large", &[], &["0000.png", "65"]);
+    let gone = copy("gone");
+    std::fs::remove_dir_all(gone.join("images")).unwrap();
+    train("gone", &[], &["gone", "nothing is left of split \"train\"", "11 without a file", "0000.png"]);
+}
+
+#[test]
+fn images_that_are_of_no_use_are_left_out_with_one_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture(&folder.path().join("capture"));
+    let image = |name: &str| folder.path().join("capture/images").join(name);
+    let bytes = std::fs::read(image("cam00/0000.png")).unwrap();
+    std::fs::write(image("cam00/0000.png"), &bytes[..bytes.len() / 2]).unwrap();
+    image::RgbImage::new(65, 96).save(image("cam00/0001.png")).unwrap();
+    std::fs::remove_file(image("cam01/0001.png")).unwrap();
+    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
+    let output = run(TRAIN, folder.path(), &arguments);
+    let (said, warned) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{warned}");
+    assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
+    assert!(
+        warned.contains("3 of 11 images are left out: 1 without a file, 2 with a broken file; the first:"),
+        "{warned}"
+    );
+    assert_eq!(warned.matches("left out").count(), 1, "{warned}");
 }
 
 #[test]
