@@ -1,13 +1,14 @@
 //! A small capture whose truth is known: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
-//! The true hand has other lengths than the template (by up to 6 %), relief, skin, and volume-preserving skinning, so
-//! that the template under plain linear blend skinning is wrong where templates are wrong. Training poses carry a tracker's
+//! The true hand has other lengths than the template (by up to 6 %), a finer mesh, relief and skin that follow the pose, and
+//! volume-preserving skinning, so that the template under plain linear blend skinning is wrong where templates are wrong. Training poses carry a tracker's
 //! errors; test poses and truth are exact. The same options give the same capture, up to the renderer's rounding.
 
 pub(crate) mod anatomy;
 mod atlas;
 mod complexion;
 mod curve;
+mod draw;
 mod exposure;
 mod folds;
 mod noise;
@@ -28,16 +29,13 @@ use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, Pose, Side};
 use glam::{DVec2, DVec3};
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 
 use crate::camera_choice::well_spread;
-use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, fill_template};
+use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
 use crate::interhand::{lay_out, write_annotations};
-use ghand_core::atomic_file::write_atomically;
+use draw::draw;
 use trajectory::PoseNoise;
-use true_hand::{PosedHand, TrueHand};
+use true_hand::TrueHand;
 
 /// How a synthetic capture is laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,8 +48,9 @@ pub enum CaptureFormat {
     InterHand,
 }
 
-/// Of 100.
-const JPEG_QUALITY: u8 = 95;
+/// More are taken for a mistake.
+const MOST_CAMERAS: usize = 1000;
+const MOST_FRAMES: usize = 100_000;
 /// Pixels around the hand, since readers of InterHand2.6M leave out hands within ten of the border.
 const INTERHAND_BORDER: f64 = 12.0;
 /// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers want.
@@ -150,7 +149,7 @@ pub struct SceneMesh<'a> {
 /// why it could not.
 pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>, String> + 'a;
 
-/// Makes a synthetic capture in the folder `out_dir`, in the project's own format.
+/// Makes a synthetic capture in the folder `out_dir`.
 ///
 /// The capture appears there whole or not at all: it is made beside `out_dir` and renamed.
 ///
@@ -195,7 +194,6 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
     if out_dir.exists() {
         std::fs::remove_dir(out_dir).map_err(io("replace the empty folder"))?;
     }
-    capture.root = out_dir.into();
     // Temporary folders are private; the capture is not.
     #[cfg(unix)]
     {
@@ -210,9 +208,18 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     let fail = |field: &str, problem: String| {
         Err(CaptureError::Invalid { path: out_dir.into(), field: field.into(), problem })
     };
-    let counts = [("views", options.views), ("train_frames", options.train_frames)];
-    if let Some((field, _)) = counts.into_iter().find(|(_, count)| *count == 0) {
-        return fail(field, "is 0; a capture needs at least one to train on".into());
+    // A split `test` without images is no InterHand2.6M.
+    let least_test = usize::from(options.format == CaptureFormat::InterHand);
+    let counts = [
+        ("views", options.views, 1, MOST_CAMERAS),
+        ("test_views", options.test_views, least_test, MOST_CAMERAS),
+        ("train_frames", options.train_frames, 1, MOST_FRAMES),
+        ("test_frames", options.test_frames, least_test, MOST_FRAMES),
+    ];
+    if let Some((field, count, least, most)) =
+        counts.into_iter().find(|(_, n, least, most)| !(least..=most).contains(&n))
+    {
+        return fail(field, format!("is {count}; give {least} to {most}"));
     }
     if options.width < 16 || options.height < 16 || options.width.max(options.height) > 4096 {
         return fail("width and height", format!("{} x {}; give 16 to 4096", options.width, options.height));
@@ -287,112 +294,5 @@ fn plan(
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits,
         truth: Some(truth.into_iter().map(Some).collect()),
-    })
-}
-
-/// A warm key light from above on the back's side, a weaker one from the palm's side, and a faint one from below.
-fn lighting() -> SceneLighting {
-    let light = |x: f64, y: f64, z: f64, color: [f64; 3]| SceneLight {
-        direction: DVec3::new(x, y, z).normalize(),
-        color: DVec3::from(color),
-    };
-    SceneLighting {
-        ambient: DVec3::new(0.36, 0.355, 0.36),
-        lights: vec![
-            light(0.75, -0.55, -0.50, [0.74, 0.70, 0.64]),
-            light(-0.80, -0.45, 0.35, [0.64, 0.62, 0.60]),
-            light(0.10, 0.60, 0.85, [0.26, 0.23, 0.21]),
-        ],
-        wrap: 0.25,
-    }
-}
-
-/// Renders and writes the image and mask of every pair of the splits `train` and `test`.
-fn draw(capture: &Capture, hand: &TrueHand, render: &mut RenderScene) -> Result<(), CaptureError> {
-    let lighting = lighting();
-    let poses = capture.truth.iter().flatten().map(|pose| pose.as_ref());
-    for (frame, pose) in poses.enumerate() {
-        let Some(pose) = pose else { continue };
-        let posed = hand.pose(pose);
-        for split in ["train", "test"].iter().filter_map(|name| capture.splits.get(*name)) {
-            if !split.frames.contains(&frame) {
-                continue;
-            }
-            for camera in split.cameras.iter().filter_map(|&i| capture.cameras.get(i)) {
-                draw_view(capture, hand, &posed, &lighting, camera, &capture.frames[frame].id, render)?;
-            }
-        }
-    }
-    Ok(())
-}
-
-fn draw_view(
-    capture: &Capture,
-    hand: &TrueHand,
-    posed: &PosedHand,
-    lighting: &SceneLighting,
-    camera: &Camera,
-    frame: &str,
-    render: &mut RenderScene,
-) -> Result<(), CaptureError> {
-    let scene = SceneMesh {
-        positions: &posed.positions,
-        normals: &posed.normals,
-        uvs: &hand.mesh.uvs,
-        exposure: &posed.exposure,
-        triangles: &hand.mesh.triangles,
-        texture: &posed.texture,
-        lighting,
-    };
-    let failed = |problem| CaptureError::Render { frame: frame.into(), camera: camera.id.clone(), problem };
-    let pixels = render(&scene, camera).map_err(failed)?;
-    let expected = camera.width as usize * camera.height as usize;
-    if pixels.len() != expected {
-        return Err(failed(format!("it gave {} pixels, expected {expected}", pixels.len())));
-    }
-    let over_background = |[r, g, b, a]: [u8; 4]| {
-        let a = f64::from(a) / 255.0;
-        let mix = |value: u8, behind: f64| (f64::from(value) * a + 255.0 * behind * (1.0 - a)).round() as u8;
-        [mix(r, capture.background[0]), mix(g, capture.background[1]), mix(b, capture.background[2])]
-    };
-    let colors: Vec<u8> = pixels.iter().flat_map(|p| over_background(*p)).collect();
-    let mask: Vec<u8> = pixels.iter().map(|p| if p[3] >= 128 { 255 } else { 0 }).collect();
-    let file = |template: &str| capture.root.join(fill_template(template, &camera.id, frame));
-    write_image(&file(&capture.images.image), "image", &colors, camera, ExtendedColorType::Rgb8)?;
-    match &capture.images.mask {
-        Some(template) => write_image(&file(template), "mask", &mask, camera, ExtendedColorType::L8),
-        None => Ok(()),
-    }
-}
-
-/// Writes a JPEG where the path says so, else a PNG.
-fn write_image(
-    path: &Path,
-    what: &'static str,
-    pixels: &[u8],
-    camera: &Camera,
-    color: ExtendedColorType,
-) -> Result<(), CaptureError> {
-    let mut bytes = Vec::new();
-    let encoded = if path.extension().is_some_and(|e| e == "jpg") {
-        JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(pixels, camera.width, camera.height, color)
-    } else {
-        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive).write_image(
-            pixels,
-            camera.width,
-            camera.height,
-            color,
-        )
-    };
-    encoded.map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
-    let written = match path.parent() {
-        Some(folder) => std::fs::create_dir_all(folder).and_then(|()| write_atomically(path, &bytes)),
-        None => write_atomically(path, &bytes),
-    };
-    written.map_err(|source| CaptureError::Io {
-        path: path.into(),
-        action: "write the image",
-        source,
-        remedy: "check that the folder may be written and has space",
     })
 }

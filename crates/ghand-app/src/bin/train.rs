@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Parser;
 use ghand_app::LAST_AVATAR;
 use ghand_app::capture_args::CaptureArgs;
 use ghand_app::cli::{self, AdapterArgs};
+use ghand_app::commands::render::write_png;
 use ghand_app::say;
 use ghand_core::atomic_file::write_atomically;
 use ghand_data::synthetic::SyntheticOptions;
@@ -103,7 +104,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(test) if !test.views.is_empty() => {
             let (metrics, shown) = gpu
                 .persist("the evaluation", |gpu| evaluate_images(gpu, &capture, &train_split, &trained, test_split))?;
-            save_png(&report(&shown), &report_path)?;
+            write_png(&report_path, &report(&shown))?;
             Some(metrics)
         }
         _ => {
@@ -229,15 +230,6 @@ fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: &Pat
         .collect();
     let text = serde_json::to_string_pretty(&serde_json::json!({ "fps": 30, "frames": frames }))?;
     write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
-}
-
-fn save_png(picture: &image::RgbImage, path: &Path) -> anyhow::Result<()> {
-    let mut bytes = Vec::new();
-    picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png)?;
-    if bytes.is_empty() {
-        bail!("{}: the picture came out empty", path.display());
-    }
-    write_atomically(path, &bytes).with_context(|| format!("{}: cannot write", path.display()))
 }
 
 fn print_table(m: &Metrics) {

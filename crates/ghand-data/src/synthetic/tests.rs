@@ -248,6 +248,9 @@ fn unusable_options_are_named() {
     says(SyntheticOptions { views: 0, ..options() }, &out, "views");
     says(SyntheticOptions { width: 0, ..options() }, &out, "width");
     says(SyntheticOptions { format: CaptureFormat::InterHand, ..options() }, &out, "at least 160");
+    let untested = SyntheticOptions { test_frames: 0, width: 200, height: 200, ..options() };
+    says(SyntheticOptions { format: CaptureFormat::InterHand, ..untested }, &out, "test_frames: is 0");
+    says(SyntheticOptions { views: 100_000, ..options() }, &out, "views: is 100000; give 1 to 1000");
     says(SyntheticOptions { pose_noise_degrees: f64::NAN, ..options() }, &out, "pose_noise_degrees");
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("mine"), "precious").unwrap();
