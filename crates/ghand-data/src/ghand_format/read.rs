@@ -17,8 +17,8 @@ use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, 
 use crate::checks::Checker;
 use crate::text_file::read_text;
 
-/// Larger files are taken for a mistake; ten thousand frames of 25 joints take 15 MB.
-const LARGEST_FILE: u64 = 1 << 28;
+/// Larger files are taken for a mistake: ten thousand frames of 25 joints take 15 MB. Reading may take nine times as much memory.
+const LARGEST_FILE: u64 = 1 << 26;
 
 /// Most images that all splits name together; the largest data sets have some million.
 const MOST_VIEWS: usize = 1 << 23;
