@@ -8,8 +8,9 @@ use serde::de::DeserializeOwned;
 
 use crate::error::CaptureError;
 
-/// Larger files are taken for a mistake, bytes; ten thousand frames of 25 joints take 15 MB.
-pub(crate) const LARGEST_FILE: u64 = 1 << 28;
+/// Larger files are taken for a mistake, bytes: ten thousand frames of 25 joints take 15 MB. Reading may take nine times as much
+/// memory.
+pub(crate) const LARGEST_FILE: u64 = 1 << 26;
 
 /// What a file's text says.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
