@@ -146,3 +146,14 @@ fn what_cannot_be_rendered_is_one_sentence_and_leaves_no_file() {
         assert_eq!(listing(folder.path()), before);
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_device_in_place_of_a_scene_or_an_avatar_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    set_up(folder.path());
+    let splat = ["splat", "/dev/zero", "--camera", "camera.json", "--out", "out.png"];
+    assert_one_sentence(&run(GHAND, folder.path(), &splat), &["/dev/zero", "not a file"]);
+    let render = ["render", "/dev/zero", "--pose", "fist", "--turntable", "1", "--out", "pictures"];
+    assert_one_sentence(&run(GHAND, folder.path(), &render), &["/dev/zero", "not a file"]);
+}

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use ghand_core::atomic_file::write_atomically;
-use ghand_core::{HandModel, Side};
+use ghand_core::{HandModel, Side, input_file};
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
@@ -16,6 +16,8 @@ use crate::direct::{DirectTables, table_lengths};
 
 /// Version of the format that this program writes and reads.
 const VERSION: u32 = 1;
+/// Bytes of a file: the largest avatars have some hundred million.
+const LARGEST_FILE: u64 = 1 << 32;
 /// Key of the JSON block in the file's metadata.
 const METADATA_KEY: &str = "ghand";
 
@@ -142,8 +144,12 @@ impl Avatar {
     /// # Errors
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
     pub fn load(path: &Path) -> Result<Avatar, AvatarFileError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| AvatarFileError::Io { path: path.into(), action: "read", source })?;
+        let io = |source| AvatarFileError::Io { path: path.into(), action: "read", source };
+        let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| AvatarFileError::Invalid {
+            path: path.into(),
+            field: "file".into(),
+            problem: format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30),
+        })?;
         Reader::new(path, &bytes)?.avatar()
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use ghand_core::input_file;
 use ghand_render::splat::SplatModel;
 
 /// What is wrong with a scene file.
@@ -27,6 +28,9 @@ pub enum PlyError {
     },
 }
 
+/// Bytes; the largest scenes that are published have about 1.5 GiB.
+const LARGEST_FILE: u64 = 1 << 32;
+
 /// Gaussians as they are stored: means in metres, logarithms of sizes, quaternions (w, x, y, z) of any length, logits of
 /// opacities, coefficients of spherical harmonics.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,8 +55,11 @@ impl SplatScene {
     /// # Errors
     /// [`PlyError`] names the file, the part and a remedy.
     pub fn read(path: &Path) -> Result<SplatScene, PlyError> {
-        let bytes = std::fs::read(path).map_err(|source| PlyError::Io { path: path.into(), source })?;
-        parse(&bytes).map_err(|(field, problem)| PlyError::Invalid { path: path.into(), field, problem })
+        let bytes =
+            input_file::read(path, LARGEST_FILE).map_err(|source| PlyError::Io { path: path.into(), source })?;
+        let too_large = || ("file".into(), format!("is larger than {} GiB; split the scene", LARGEST_FILE >> 30));
+        let scene = bytes.ok_or_else(too_large).and_then(|bytes| parse(&bytes));
+        scene.map_err(|(field, problem)| PlyError::Invalid { path: path.into(), field, problem })
     }
 }
 

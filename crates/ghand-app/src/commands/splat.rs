@@ -9,6 +9,7 @@ use bytemuck::cast_slice;
 use clap::Args;
 use ghand_avatar::ply::SplatScene;
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::input_file;
 use ghand_data::camera_file::read_camera;
 use ghand_render::splat::{Image, Purpose, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
@@ -89,10 +90,14 @@ fn write_exr(path: &Path, image: &Image) -> anyhow::Result<()> {
     write_atomically(path, bytes.get_ref()).with_context(context)
 }
 
+/// Bytes: a picture as large as can be, 16384 x 16384, of half floats.
+const LARGEST_WEIGHTS: u64 = 1 << 31;
+
 /// The gradient of the image: one weight for each of red, green and blue.
 fn read_weights(path: &Path, [width, height]: [u32; 2]) -> anyhow::Result<Vec<[f32; 4]>> {
     let name = path.display();
-    let bytes = std::fs::read(path).with_context(|| format!("{name}: cannot read the weights"))?;
+    let bytes = input_file::read(path, LARGEST_WEIGHTS).with_context(|| format!("{name}: cannot read the weights"))?;
+    let bytes = bytes.with_context(|| format!("{name}: is larger than {} MiB", LARGEST_WEIGHTS >> 20))?;
     let mut reader = image::ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr);
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(width);
