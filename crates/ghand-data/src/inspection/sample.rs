@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-/// At most `count` of `views`, which lie frames outermost, in their order: one from each of as many stretches of equal length, so that they are spread over
-/// the frames, and there one of the camera that has been chosen least so far.
+/// At most `count` of `views`, which lie frames outermost, in their order: one from each of as many stretches of equal length,
+/// so that they are spread over the frames, and there one of the camera that has been chosen least so far.
 ///
 /// `chosen` counts how often each camera has been chosen; it is brought up to date, so that several calls share the cameras
 /// among them.

@@ -154,7 +154,8 @@ fn identities_have_other_hands_and_seeds_other_motions() {
         let capture = Capture::open(&folder.path().join("c")).unwrap();
         (capture.truth.unwrap(), contents(&folder.path().join("c/images")))
     };
-    let [base, other_hand, other_motion] = [(7, 7), (8, 7), (7, 8)].map(|(identity, seed)| capture(identity, seed));
+    let [base, other_hand, other_motion] =
+        [(7, 7), (u64::MAX, 7), (7, u64::MAX)].map(|(identity, seed)| capture(identity, seed));
     assert!(base.0 == other_hand.0 && base.1 != other_hand.1);
     assert!(base.0 != other_motion.0);
 }

@@ -52,6 +52,8 @@ impl TrueHand {
     /// Varies the template's lengths by the seed and grows skin on the result.
     pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
         let mut model = varied(template, seed).build()?;
+        // The skin counts on from its seed.
+        let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
         let coarse_vertices = model.vertices.len();
         for _ in 0..SUBDIVISIONS {
