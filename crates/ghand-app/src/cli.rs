@@ -7,6 +7,9 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
+use crate::crash;
+use crate::runtime_dir::RuntimeDir;
+
 /// Largest edge of an image that the splatter takes, pixels.
 const LARGEST_EDGE: u32 = 16_384;
 
@@ -29,8 +32,11 @@ impl AdapterArgs {
     }
 }
 
-/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr. Called first thing in
+/// `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
+    let _runtime_dir = RuntimeDir::ensure();
+    crash::explain();
     // The device's own failures come back as errors; the driver's chatter would only hide them.
     let quiet =
         "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::json_error::plain_json_error;
 use ghand_core::{HandModel, Side, input_file};
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
@@ -182,7 +183,7 @@ impl<'a> Reader<'a> {
                 ));
             }
         }
-        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", e.to_string()))?;
+        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", plain_json_error(&e)))?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;
         Ok(Reader { path, tensors, metadata })
     }
