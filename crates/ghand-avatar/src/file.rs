@@ -15,8 +15,9 @@ use serde::{Deserialize, Serialize};
 use crate::avatar::{Avatar, AvatarConfig, Provenance, Template};
 use crate::direct::{DirectTables, table_lengths};
 
-/// Version of the format that this program writes and reads.
-const VERSION: u32 = 1;
+/// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response followed
+/// the root.
+const VERSION: u32 = 2;
 /// Bytes of a file: the largest avatars have some hundred million.
 const LARGEST_FILE: u64 = 1 << 32;
 /// Key of the JSON block in the file's metadata.
@@ -96,6 +97,7 @@ fn tensors(avatar: &Avatar) -> Tensors {
     out.add("appearance", Dtype::F32, &[d.appearance.len() / count.max(1), count], &d.appearance);
     out.add("response_bias", Dtype::F32, &[channels], &d.response[..channels]);
     out.add("response_gain", Dtype::F32, &[channels, joints, 9], &d.response[channels..]);
+    out.add("response_limits", Dtype::F32, &[channels, joints, 2], &d.response_limits);
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
     out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
@@ -175,6 +177,10 @@ impl<'a> Reader<'a> {
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
+            Some(v) if v < u64::from(VERSION) => {
+                let problem = format!("is {v}, this program reads version {VERSION}; train the avatar again");
+                return Err(invalid("version", problem));
+            }
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
                 return Err(invalid(
@@ -265,6 +271,12 @@ impl<'a> Reader<'a> {
         };
         let bias = self.floats("response_bias", &[Some(channels)])?;
         let gain = self.floats("response_gain", &[Some(channels), Some(joints), Some(9)])?;
+        let response_limits = self.floats("response_limits", &[Some(channels), Some(joints), Some(2)])?;
+        if let Some(i) = response_limits.as_chunks::<2>().0.iter().position(|[low, high]| low > high) {
+            let (channel, joint) = (i / joints, i % joints);
+            let problem = format!("channel {channel}, joint {joint}: the lower limit is above the upper one");
+            return Err(self.invalid("response_limits", format!("{problem}; train the avatar again")));
+        }
         let appearance_rows = table_lengths(count, joints, config)[3] / count;
         let tables = DirectTables {
             shape_basis: self.floats("shape_basis", &[Some(config.shape_bases), Some(3), Some(count)])?,
@@ -272,6 +284,7 @@ impl<'a> Reader<'a> {
             regressor: self.floats("skeleton_regressor", &[Some(joints), Some(count)])?,
             appearance: self.floats("appearance", &[Some(appearance_rows), Some(count)])?,
             response: [bias, gain].concat(),
+            response_limits,
         };
         let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
         let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();

@@ -25,7 +25,7 @@ pub struct Step {
     response: AdamTable,
     poses: AdamTable,
     joints: AdamTable,
-    lengths: [usize; 5],
+    lengths: [usize; 6],
     count: usize,
     joint_count: usize,
 }

@@ -197,8 +197,15 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let avatar = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?.0;
+        let mut avatar = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?.0;
+        avatar.limit_response(&self.seen_poses());
         Ok(Trained { avatar, poses: self.poses, seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// The poses of the frames that training has images of.
+    fn seen_poses(&self) -> Vec<Pose> {
+        let seen = |position: usize| self.split.views.iter().any(|view| view.position == position);
+        self.poses.iter().enumerate().filter(|(position, _)| seen(*position)).map(|(_, pose)| pose.clone()).collect()
     }
 
     /// The avatar that a stage starts from: the template's surface with mean texel colours.
