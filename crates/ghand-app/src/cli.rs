@@ -32,8 +32,23 @@ impl AdapterArgs {
     }
 }
 
-/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr. Called first thing in
-/// `main`.
+/// Exit code of a program that the user has stopped, as of one that Ctrl-C has ended.
+pub const STOPPED: u8 = 130;
+
+/// The user has stopped the program: what there is, in one line.
+#[derive(Debug)]
+pub struct Stopped(pub String);
+
+impl std::fmt::Display for Stopped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr, or [`STOPPED`] with
+/// the line of [`Stopped`] there. Called first thing in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     let _runtime_dir = RuntimeDir::ensure();
     crash::explain();
@@ -62,6 +77,10 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
     };
     match program(args) {
         Ok(()) => ExitCode::SUCCESS,
+        Err(e) if e.is::<Stopped>() => {
+            eprintln!("{}", sentence(&e));
+            ExitCode::from(STOPPED)
+        }
         Err(e) => {
             tell(&e);
             ExitCode::FAILURE

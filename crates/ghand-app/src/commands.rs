@@ -6,3 +6,4 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod train;

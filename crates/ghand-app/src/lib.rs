@@ -10,7 +10,5 @@ pub mod hand_model_file;
 pub mod mesh_picture;
 pub mod pose_choice;
 pub mod runtime_dir;
+pub mod train_run;
 pub mod viewer;
-
-/// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.
-pub const LAST_AVATAR: &str = "out/train/avatar.ghand";

@@ -37,7 +37,7 @@ fn without_an_avatar_the_last_trained_one_is_shown_else_a_bare_hand() {
         std::fs::read(folder.path().join(name)).unwrap()
     };
     let bare = shot("bare.png");
-    let last = folder.path().join(ghand_app::LAST_AVATAR);
+    let last = folder.path().join("out/train-2/avatar.ghand");
     std::fs::create_dir_all(last.parent().unwrap()).unwrap();
     std::fs::rename(save_avatar(folder.path()), &last).unwrap();
     assert_ne!(bare, shot("trained.png"));

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use ghand_app::LAST_AVATAR;
 use ghand_app::bare_hand::bare_hand;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::pose_choice::PoseReadingArgs;
+use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::window;
@@ -18,7 +18,7 @@ use ghand_core::Pose;
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// The avatar, a .ghand file [default: the last trained one, out/train/avatar.ghand, else a bare hand]
+    /// The avatar, a .ghand file [default: the last trained one of out/train, out/train-2, ..., else a bare hand]
     avatar: Option<PathBuf>,
     /// The pose at first, or what to play: a pose or a motion by name, or a file of poses of any kind that `ghand render` takes
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
@@ -60,9 +60,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 
 /// The avatar to show and where it is from.
 fn avatar(path: Option<&Path>) -> anyhow::Result<(Avatar, String)> {
-    let last = Path::new(LAST_AVATAR);
-    match path.or(last.exists().then_some(last)) {
-        Some(path) => Ok((Avatar::load(path)?, path.display().to_string())),
+    match path.map(Path::to_owned).or_else(last_avatar) {
+        Some(path) => Ok((Avatar::load(&path)?, path.display().to_string())),
         None => Ok((bare_hand()?, "no avatar trained yet: bare hand".into())),
     }
 }
