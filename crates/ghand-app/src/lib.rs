@@ -7,7 +7,9 @@ pub mod commands;
 pub mod framing;
 pub mod hand_model_file;
 pub mod mesh_picture;
+pub mod pictures;
 pub mod pose_choice;
+pub mod scene_framing;
 pub mod viewer;
 
 /// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.
