@@ -29,9 +29,9 @@ pub struct PoseReadingArgs {
     /// Leave the hand where it is at rest: only the fingers move
     #[arg(long)]
     in_place: bool,
-    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]
+    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]; and of a film
     #[arg(long, value_name = "N", value_parser = parse_fps)]
-    fps: Option<f64>,
+    pub(crate) fps: Option<f64>,
 }
 
 fn parse_side(text: &str) -> Result<Side, String> {
@@ -42,7 +42,7 @@ fn parse_side(text: &str) -> Result<Side, String> {
     }
 }
 
-fn parse_fps(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_fps(text: &str) -> Result<f64, String> {
     let fps = text.parse().ok().filter(|fps| (0.1..=1000.0).contains(fps));
     fps.ok_or_else(|| "must be a number of frames a second from 0.1 to 1000".into())
 }
@@ -94,10 +94,19 @@ impl PoseReadingArgs {
 /// # Errors
 /// One that tells the first and the last id.
 pub fn choose_frame(mut frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {
+    let number = frame_number(&frames, wanted)?;
+    Ok(frames.swap_remove(number))
+}
+
+/// The number, counted from 0, of the frame of that id, else of that number.
+///
+/// # Errors
+/// As [`choose_frame`].
+pub fn frame_number(frames: &[PoseFrame], wanted: &str) -> anyhow::Result<usize> {
     let count = frames.len();
     let by_number = || wanted.parse().ok().filter(|n| *n < count);
     match frames.iter().position(|f| f.id == wanted).or_else(by_number) {
-        Some(index) => Ok(frames.swap_remove(index)),
+        Some(number) => Ok(number),
         None => {
             let id = |frame: Option<&PoseFrame>| frame.map_or(String::new(), |f| f.id.clone());
             Err(anyhow!(

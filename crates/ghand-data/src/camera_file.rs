@@ -1,4 +1,5 @@
 //! Cameras as files have them: objects as in the `cameras` of a `capture.json`, one of which may be a file of its own.
+//! [`crate::named_camera`] reads either.
 
 use std::path::Path;
 

@@ -25,6 +25,7 @@ mod json_file;
 pub mod left_out;
 mod mask;
 pub mod motions;
+pub mod named_camera;
 pub mod open;
 pub mod pose_sequence;
 pub mod retarget;
