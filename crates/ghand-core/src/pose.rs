@@ -9,6 +9,10 @@ pub const LARGEST_ANGLE: f64 = 100.0;
 /// coarser than 0.06 mm, and millimetres or a broken track are likelier than a hand.
 pub const LARGEST_TRANSLATION: f64 = 1000.0;
 
+/// Largest shape parameter that [`check_shape_range`] accepts. They count standard deviations, or weights from 0 to 1; fits stay
+/// below ten.
+pub const LARGEST_SHAPE: f64 = 100.0;
+
 /// Joint rotations and global translation of a hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pose {
@@ -38,6 +42,25 @@ pub enum PoseRangeError {
         /// Length of the translation, metres.
         distance: f64,
     },
+    /// A shape parameter is far beyond any hand, or not finite.
+    #[error("number {index} is {value:?}, must be from -{LARGEST_SHAPE} to {LARGEST_SHAPE}; give standard deviations")]
+    Shape {
+        /// Which parameter, counted from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// Checks that shape parameters are finite and within what a hand can have.
+///
+/// # Errors
+/// [`PoseRangeError::Shape`] for the first beyond [`LARGEST_SHAPE`].
+pub fn check_shape_range(shape: &[f64]) -> Result<(), PoseRangeError> {
+    match shape.iter().enumerate().find(|(_, v)| !(-LARGEST_SHAPE..=LARGEST_SHAPE).contains(*v)) {
+        Some((index, &value)) => Err(PoseRangeError::Shape { index, value }),
+        None => Ok(()),
+    }
 }
 
 impl Pose {
@@ -92,6 +115,15 @@ mod tests {
             let wrong = Pose { translation: DVec3::new(value, 0.0, 0.0), ..pose.clone() };
             let message = wrong.check_range(&names).unwrap_err().to_string();
             assert!(message.contains("metres"), "{message}");
+        }
+    }
+
+    #[test]
+    fn shapes_out_of_range_are_named_by_number_and_at_the_bound_accepted() {
+        assert_eq!(check_shape_range(&[0.0, LARGEST_SHAPE, -LARGEST_SHAPE]), Ok(()));
+        for (value, said) in [(1e30, "number 1 is 1e30"), (-100.5, "number 1 is -100.5"), (f64::NAN, "number 1 is NaN")] {
+            let message = check_shape_range(&[0.0, value]).unwrap_err().to_string();
+            assert!(message.contains(said), "{message}");
         }
     }
 }

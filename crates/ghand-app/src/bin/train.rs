@@ -8,6 +8,7 @@ use anyhow::Context;
 use clap::Parser;
 use ghand_app::LAST_AVATAR;
 use ghand_app::capture_args::CaptureArgs;
+use ghand_app::capture_checks::check_before_training;
 use ghand_app::cli::{self, AdapterArgs};
 use ghand_app::commands::render::write_png;
 use ghand_app::say;
@@ -45,6 +46,10 @@ struct Arguments {
     /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Train even where no avatar can be expected of the capture, such as one in millimetres; what is wrong with it is a warning
+    /// then.
+    #[arg(long)]
+    ignore_checks: bool,
     #[command(flatten)]
     adapter: AdapterArgs,
 }
@@ -84,6 +89,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let path = arguments.capture.capture.as_ref().or(demo.as_ref()).context("--capture: is missing")?;
     let capture = arguments.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = arguments.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
+    check_before_training(&capture, path, &arguments.split, test_split, arguments.ignore_checks)?;
     let train_split = capture.split(&arguments.split)?.clone();
     let trainer = Trainer::new(&gpu, &capture, &arguments.split, &settings)?;
     let gaussians = trainer.gaussians();
