@@ -1,5 +1,5 @@
-// The `direct` property model: blend coefficients and colours as local, linear functions of the joints' rotations, and
-// the appearance tables. CPU twin: `ghand_core::pose_response`.
+// The `direct` property model: blend coefficients and colours as local, linear functions of the joints' rotations within
+// limits, and the appearance tables. CPU twin: `ghand_core::pose_response`.
 //
 // Channels are the basis_count blend coefficients, then the colour components. `response` holds one bias a channel, then
 // gains [channels][joints][9].
@@ -20,7 +20,7 @@ const ROW_COMPONENTS: u32 = 4u;
 @group(0) @binding(1) var<uniform> response_sizes: ResponseUniforms;
 @group(0) @binding(2) var<storage, read> response: array<f32>;
 @group(0) @binding(3) var<storage, read> chain: array<f32>;
-// What each joint adds to each channel, [channels][joints].
+// What each joint adds to each channel, within its limits, [channels][joints].
 @group(0) @binding(4) var<storage, read_write> joint_terms: array<f32>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 @group(0) @binding(6) var<storage, read> appearance: array<f32>;
@@ -35,6 +35,11 @@ const ROW_COMPONENTS: u32 = 4u;
 @group(0) @binding(12) var<storage, read> d_joint_terms: array<f32>;
 @group(0) @binding(13) var<storage, read_write> d_response: array<f32>;
 @group(0) @binding(14) var<storage, read_write> d_local: array<f32>;
+// Smallest and largest joint term, [channels][joints].
+@group(0) @binding(15) var<storage, read> response_limits: array<vec2<f32>>;
+
+// The root turns the whole hand and takes no part: neither shape nor look depends on its rotation.
+const ROOT: u32 = 0u;
 
 fn channel_count() -> u32 {
     return pose.basis_count + response_sizes.color_components;
@@ -61,10 +66,18 @@ fn response_terms(@builtin(global_invocation_id) id: vec3<u32>) {
     let channel = id.x / pose.joint_count;
     let k = id.x % pose.joint_count;
     var sum = 0.0;
-    for (var c = 0u; c < 9u; c++) {
-        sum += response[gain_at(channel, k) + c] * feature(k, c);
+    if k != ROOT {
+        for (var c = 0u; c < 9u; c++) {
+            sum += response[gain_at(channel, k) + c] * feature(k, c);
+        }
     }
-    joint_terms[id.x] = sum;
+    joint_terms[id.x] = clamp(sum, response_limits[id.x].x, response_limits[id.x].y);
+}
+
+// Whether a joint term follows the joint's rotation: at a limit it does not.
+fn follows(channel: u32, k: u32) -> bool {
+    let at = channel * pose.joint_count + k;
+    return k != ROOT && joint_terms[at] > response_limits[at].x && joint_terms[at] < response_limits[at].y;
 }
 
 fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
@@ -196,7 +209,7 @@ fn response_backward(@builtin(global_invocation_id) id: vec3<u32>) {
         var d_feature = 0.0;
         for (var i = 0u; i < count; i++) {
             let at = gain_at(i, k) + c;
-            let d_term = d_joint_terms[k * count + i];
+            let d_term = select(0.0, d_joint_terms[k * count + i], follows(i, k));
             d_response[at] = d_term * feature(k, c);
             d_feature += d_term * response[at];
         }

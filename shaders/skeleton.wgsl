@@ -47,11 +47,19 @@ fn skeleton() {
 }
 
 // The residual chain. Residual weights whose mean over the joints is taken off act on bones as they are just as weights
-// as they are act on bones whose mean is taken off; the latter is done once instead of for every point.
+// as they are act on bones whose mean is taken off; the latter is done once instead of for every point. Where no mean is
+// taken off, the root turns about the origin instead of about its joint.
 @compute @workgroup_size(1)
 fn residual_skeleton() {
     walk();
     if pose.zero_sum == 0u {
+        for (var r = 0u; r < 3u; r++) {
+            let c = CHAIN_POSED + 4u * r + 3u;
+            let root = chain[c];
+            for (var k = 0u; k < pose.joint_count; k++) {
+                chain[k * CHAIN_STRIDE + c] -= root;
+            }
+        }
         return;
     }
     for (var c = 0u; c < 12u; c++) {

@@ -118,6 +118,15 @@ fn residual_skeleton_backward() {
                 d_bones[12u * k + c] -= mean;
             }
         }
+    } else {
+        // The residual bones had the root's translation taken off.
+        for (var r = 0u; r < 3u; r++) {
+            var sum = 0.0;
+            for (var k = 0u; k < pose.joint_count; k++) {
+                sum += d_bones[12u * k + 4u * r + 3u];
+            }
+            d_bones[4u * r + 3u] -= sum;
+        }
     }
     walk(0.0);
 }

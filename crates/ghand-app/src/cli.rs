@@ -8,6 +8,9 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
+use crate::crash;
+use crate::runtime_dir::RuntimeDir;
+
 /// Largest edge of an image that the splatter takes, pixels.
 const LARGEST_EDGE: u32 = 16_384;
 
@@ -30,8 +33,26 @@ impl AdapterArgs {
     }
 }
 
-/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
+/// Exit code of a program that the user has stopped, as of one that Ctrl-C has ended.
+pub const STOPPED: u8 = 130;
+
+/// The user has stopped the program: what there is, in one line.
+#[derive(Debug)]
+pub struct Stopped(pub String);
+
+impl std::fmt::Display for Stopped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr, or [`STOPPED`] with
+/// the line of [`Stopped`] there. Called first thing in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
+    let _runtime_dir = RuntimeDir::ensure();
+    crash::explain();
     // The device's own failures come back as errors; the driver's chatter would only hide them.
     let quiet =
         "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";
@@ -64,6 +85,10 @@ fn told(result: anyhow::Result<()>) -> ExitCode {
     let unprinted = STDOUT_ERROR.get().map(|e| anyhow::anyhow!("stdout: cannot be written: {e}"));
     match (result, unprinted) {
         (Ok(()), None) => ExitCode::SUCCESS,
+        (Err(e), _) if e.is::<Stopped>() => {
+            eprintln!("{}", sentence(&e));
+            ExitCode::from(STOPPED)
+        }
         (Err(e), _) | (Ok(()), Some(e)) => {
             tell(&e);
             ExitCode::FAILURE

@@ -7,3 +7,4 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod train;

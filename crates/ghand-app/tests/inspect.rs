@@ -64,11 +64,11 @@ fn a_capture_is_described_and_its_pictures_are_written() {
     assert_says(&text, &["44, images and masks of 22 views: all there", "test 4 of 4", "train 18 of 18"]);
     assert_says(
         &text,
-        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect.png"],
+        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect-rig.png"],
     );
     let rows = text.lines().filter(|line| line.contains("  train  ") || line.contains("  test   ")).count();
     assert_eq!(rows, 12, "a line for each view: {text}");
-    let sheet = image::open(folder.path().join("out/inspect.png")).unwrap().into_rgb8();
+    let sheet = image::open(folder.path().join("out/inspect-rig.png")).unwrap().into_rgb8();
     // Three views side by side, each of three pictures of 160 x 240 pixels, in four rows below the legend.
     assert_eq!(sheet.dimensions(), (3 * (3 * 160 + 2 * 4 + 16) + 16, 16 + 18 + 16 + 4 * (2 * 18 + 240 + 16)));
     // The poses are noisy: the template is off the mask here and there, and misses some of it.
@@ -176,4 +176,13 @@ fn what_is_no_capture_and_a_sheet_that_cannot_be_written_are_one_sentence() {
         assert_eq!(listing(folder.path()), before, "{arguments:?}");
         assert_eq!(listing(&folder.path().join("taken.png")), ["inside"]);
     }
+}
+
+#[test]
+fn a_path_that_is_not_there_is_said_to_be_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["nowhere", "nowhere/hand.glb", "capture.json"] {
+        assert_one_sentence(&inspect(folder.path(), &[name]), &[name, "no such file or folder"]);
+    }
+    assert_eq!(listing(folder.path()), [""; 0]);
 }

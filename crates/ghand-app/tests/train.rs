@@ -8,30 +8,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{assert_one_sentence, listing, run};
-use ghand_data::synthetic::SyntheticOptions;
-use ghand_render::{AdapterChoice, Gpu};
-use ghand_train::synthetic_scene::make_capture;
+use common::{assert_one_sentence, listing, run, small_capture, small_capture_with};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
-
-fn small_capture(folder: &Path) {
-    small_capture_with(1, folder);
-}
-
-fn small_capture_with(test_frames: usize, folder: &Path) {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
-    let options = SyntheticOptions {
-        views: 5,
-        train_frames: 2,
-        test_frames,
-        test_views: 1,
-        width: 64,
-        height: 96,
-        ..SyntheticOptions::default()
-    };
-    make_capture(&gpu, &options, folder).unwrap();
-}
 
 /// Changes the text of a file.
 fn edit(path: &Path, change: impl Fn(&str) -> String) {

@@ -8,6 +8,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
 use crate::avatar::{AvatarConfig, Template, max_scale};
+use crate::response_limits::unlimited;
 
 /// Rows of the appearance table before the colour components: scale logit and base colour.
 const APPEARANCE_ROWS: usize = 4;
@@ -25,10 +26,12 @@ pub struct DirectTables {
     pub appearance: Vec<f32>,
     /// Biases `[n + m]`, then gains `[n + m][n_b][9]`.
     pub response: Vec<f32>,
+    /// Smallest and largest term of each joint in each channel of the response, `[n + m][n_b][2]`; not learned.
+    pub response_limits: Vec<f32>,
 }
 
 /// Lengths of the tables of [`DirectTables`], in the order of its fields.
-pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usize; 5] {
+pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usize; 6] {
     let channels = config.shape_bases + config.color_components;
     [
         3 * config.shape_bases * count,
@@ -36,6 +39,7 @@ pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usi
         joints * count,
         (APPEARANCE_ROWS + 3 * config.color_components) * count,
         channels + channels * joints * 9,
+        channels * joints * 2,
     ]
 }
 
@@ -96,6 +100,7 @@ impl DirectTables {
             regressor: vec![0.0; lengths[2]],
             appearance,
             response,
+            response_limits: unlimited(lengths[5] / 2),
         }
     }
 }
@@ -136,6 +141,8 @@ pub struct DirectBuffers {
     pub appearance: wgpu::Buffer,
     /// Biases and gains.
     pub response: wgpu::Buffer,
+    /// Limits of the joint terms. They get no gradient: among gradients the buffer is not used.
+    pub response_limits: wgpu::Buffer,
     /// Channel values `[n + m][N]` of the current pose.
     pub channels: wgpu::Buffer,
 }
@@ -149,19 +156,21 @@ impl DirectBuffers {
             regressor: buffers::filled(gpu, "regressor", &tables.regressor),
             appearance: buffers::filled(gpu, "appearance", &tables.appearance),
             response: buffers::filled(gpu, "response", &tables.response),
+            response_limits: buffers::filled(gpu, "response limits", &tables.response_limits),
             channels: buffers::zeroed(gpu, "channels", (config.shape_bases + config.color_components) * count),
         }
     }
 
     /// Zeroed buffers of the same sizes, for gradients.
     pub fn zeroed(gpu: &Gpu, count: usize, joints: usize, config: &AvatarConfig) -> DirectBuffers {
-        let [shape, weights, regressor, appearance, response] = table_lengths(count, joints, config);
+        let [shape, weights, regressor, appearance, response, limits] = table_lengths(count, joints, config);
         DirectBuffers {
             shape_basis: buffers::zeroed(gpu, "d shape basis", shape),
             residual_weights: buffers::zeroed(gpu, "d residual weights", weights),
             regressor: buffers::zeroed(gpu, "d regressor", regressor),
             appearance: buffers::zeroed(gpu, "d appearance", appearance),
             response: buffers::zeroed(gpu, "d response", response),
+            response_limits: buffers::zeroed(gpu, "d response limits", limits),
             channels: buffers::zeroed(gpu, "d channels", (config.shape_bases + config.color_components) * count),
         }
     }
@@ -177,13 +186,14 @@ impl DirectBuffers {
         joints: usize,
         config: &AvatarConfig,
     ) -> Result<DirectTables, RenderError> {
-        let [shape, weights, regressor, appearance, response] = table_lengths(count, joints, config);
+        let [shape, weights, regressor, appearance, response, limits] = table_lengths(count, joints, config);
         Ok(DirectTables {
             shape_basis: buffers::read(gpu, &self.shape_basis, shape)?,
             residual_weights: buffers::read(gpu, &self.residual_weights, weights)?,
             regressor: buffers::read(gpu, &self.regressor, regressor)?,
             appearance: buffers::read(gpu, &self.appearance, appearance)?,
             response: buffers::read(gpu, &self.response, response)?,
+            response_limits: buffers::read(gpu, &self.response_limits, limits)?,
         })
     }
 
@@ -225,6 +235,7 @@ fn module(gpu: &Gpu) -> Module {
 /// Forward stages: pose to coefficients, scales and colours.
 pub struct DirectForward {
     sizes: wgpu::Buffer,
+    joint_terms: wgpu::Buffer,
     response_terms: Bound,
     respond: Bound,
     term_groups: u32,
@@ -254,7 +265,14 @@ impl DirectForward {
         DirectForward {
             response_terms: module.stage(gpu, "response_terms", &[]).bind(
                 gpu,
-                &[(0, pose.uniforms()), (1, &sizes), (2, &buffers_in.response), (3, &pose.chain), (4, &joint_terms)],
+                &[
+                    (0, pose.uniforms()),
+                    (1, &sizes),
+                    (2, &buffers_in.response),
+                    (3, &pose.chain),
+                    (4, &joint_terms),
+                    (15, &buffers_in.response_limits),
+                ],
             ),
             respond: module.stage(gpu, "respond", &[]).bind(
                 gpu,
@@ -270,6 +288,7 @@ impl DirectForward {
                 ],
             ),
             sizes,
+            joint_terms,
             term_groups: (terms as u32).div_ceil(64),
             point_groups: (template.len() as u32).div_ceil(64),
         }
@@ -332,9 +351,11 @@ impl DirectBackward {
                     (1, &forward.sizes),
                     (2, &tables.response),
                     (3, &pose.chain),
+                    (4, &forward.joint_terms),
                     (12, &term_sums.total),
                     (13, &gradients.response),
                     (14, &pose_backward.d_local),
+                    (15, &tables.response_limits),
                 ],
             ),
             term_sums,

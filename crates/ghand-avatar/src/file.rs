@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::json_error::plain_json_error;
 use ghand_core::{HandModel, Side, input_file};
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
@@ -14,8 +15,9 @@ use serde::{Deserialize, Serialize};
 use crate::avatar::{Avatar, AvatarConfig, Provenance, Template};
 use crate::direct::{DirectTables, table_lengths};
 
-/// Version of the format that this program writes and reads.
-const VERSION: u32 = 1;
+/// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response followed
+/// the root.
+const VERSION: u32 = 2;
 /// Bytes of a file: the largest avatars have some hundred million.
 const LARGEST_FILE: u64 = 1 << 32;
 /// Key of the JSON block in the file's metadata.
@@ -33,6 +35,16 @@ pub enum AvatarFileError {
         action: &'static str,
         /// The cause.
         source: std::io::Error,
+    },
+    /// The avatar cannot be written, since nothing could read it.
+    #[error("{path}: not written, for nothing could read it: {field} {problem}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The part of the avatar that is wrong.
+        field: String,
+        /// What is wrong.
+        problem: String,
     },
     /// The contents are unusable.
     #[error("{path}: {field}: {problem}")]
@@ -95,6 +107,7 @@ fn tensors(avatar: &Avatar) -> Tensors {
     out.add("appearance", Dtype::F32, &[d.appearance.len() / count.max(1), count], &d.appearance);
     out.add("response_bias", Dtype::F32, &[channels], &d.response[..channels]);
     out.add("response_gain", Dtype::F32, &[channels, joints, 9], &d.response[channels..]);
+    out.add("response_limits", Dtype::F32, &[channels, joints, 2], &d.response_limits);
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
     out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
@@ -104,11 +117,27 @@ fn tensors(avatar: &Avatar) -> Tensors {
 }
 
 impl Avatar {
-    /// Writes the avatar to a file, atomically.
+    /// Writes the avatar to a file, atomically. What is written has been read back before, by what [`Avatar::load`] reads
+    /// with: it accepts every file that this writes.
     ///
     /// # Errors
-    /// [`AvatarFileError::Io`] if the file cannot be written; nothing half-written is left.
+    /// [`AvatarFileError::Unreadable`] if the avatar is one that [`Avatar::load`] refuses, [`AvatarFileError::Io`] if the
+    /// file cannot be written. The file is then as it was before.
     pub fn save(&self, path: &Path) -> Result<(), AvatarFileError> {
+        let bytes = self.to_bytes(path).and_then(|bytes| from_bytes(path, &bytes).map(|_| bytes));
+        let bytes = bytes.map_err(|error| match error {
+            AvatarFileError::Invalid { path, field, problem } => AvatarFileError::Unreadable { path, field, problem },
+            other => other,
+        })?;
+        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io {
+            path: path.into(),
+            action: "write",
+            source,
+        })
+    }
+
+    /// The avatar as the contents of a file.
+    fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
             format: "ghand-avatar".into(),
@@ -131,12 +160,7 @@ impl Avatar {
             views.push((name.as_str(), view));
         }
         let block = HashMap::from([(METADATA_KEY.to_owned(), metadata)]);
-        let bytes = serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))?;
-        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io {
-            path: path.into(),
-            action: "write",
-            source,
-        })
+        serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))
     }
 
     /// Reads an avatar from a file and checks all of it.
@@ -145,13 +169,22 @@ impl Avatar {
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
     pub fn load(path: &Path) -> Result<Avatar, AvatarFileError> {
         let io = |source| AvatarFileError::Io { path: path.into(), action: "read", source };
-        let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| AvatarFileError::Invalid {
-            path: path.into(),
-            field: "file".into(),
-            problem: format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30),
-        })?;
-        Reader::new(path, &bytes)?.avatar()
+        let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| too_large(path))?;
+        from_bytes(path, &bytes)
     }
+}
+
+fn too_large(path: &Path) -> AvatarFileError {
+    let problem = format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30);
+    AvatarFileError::Invalid { path: path.into(), field: "file".into(), problem }
+}
+
+/// The avatar in the contents of a file, which is checked as a whole.
+fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
+    if bytes.len() as u64 > LARGEST_FILE {
+        return Err(too_large(path));
+    }
+    Reader::new(path, bytes)?.avatar()
 }
 
 struct Reader<'a> {
@@ -174,6 +207,10 @@ impl<'a> Reader<'a> {
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
+            Some(v) if v < u64::from(VERSION) => {
+                let problem = format!("is {v}, this program reads version {VERSION}; train the avatar again");
+                return Err(invalid("version", problem));
+            }
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
                 return Err(invalid(
@@ -182,7 +219,7 @@ impl<'a> Reader<'a> {
                 ));
             }
         }
-        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", e.to_string()))?;
+        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", plain_json_error(&e)))?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;
         Ok(Reader { path, tensors, metadata })
     }
@@ -264,6 +301,12 @@ impl<'a> Reader<'a> {
         };
         let bias = self.floats("response_bias", &[Some(channels)])?;
         let gain = self.floats("response_gain", &[Some(channels), Some(joints), Some(9)])?;
+        let response_limits = self.floats("response_limits", &[Some(channels), Some(joints), Some(2)])?;
+        if let Some(i) = response_limits.as_chunks::<2>().0.iter().position(|[low, high]| low > high) {
+            let (channel, joint) = (i / joints, i % joints);
+            let problem = format!("channel {channel}, joint {joint}: the lower limit is above the upper one");
+            return Err(self.invalid("response_limits", format!("{problem}; train the avatar again")));
+        }
         let appearance_rows = table_lengths(count, joints, config)[3] / count;
         let tables = DirectTables {
             shape_basis: self.floats("shape_basis", &[Some(config.shape_bases), Some(3), Some(count)])?,
@@ -271,6 +314,7 @@ impl<'a> Reader<'a> {
             regressor: self.floats("skeleton_regressor", &[Some(joints), Some(count)])?,
             appearance: self.floats("appearance", &[Some(appearance_rows), Some(count)])?,
             response: [bias, gain].concat(),
+            response_limits,
         };
         let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
         let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();
@@ -293,5 +337,52 @@ impl<'a> Reader<'a> {
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
         Ok(Avatar { template, model, config: config.clone(), tables, provenance: meta.provenance.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    fn small() -> Avatar {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let config = AvatarConfig { uv_resolution: 16, ..Default::default() };
+        Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_not_written_and_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.ghand");
+        small().save(&path).unwrap();
+        let before = std::fs::read(&path).unwrap();
+        let spoil: [(&str, fn(&mut Avatar)); 9] = [
+            ("response_bias", |a| a.tables.response[0] = f32::INFINITY),
+            ("response_gain", |a| *a.tables.response.last_mut().unwrap() = f32::NAN),
+            ("shape_basis", |a| a.tables.shape_basis[5] = f32::NAN),
+            ("appearance", |a| a.tables.appearance[5] = f32::NEG_INFINITY),
+            ("joints", |a| a.template.joints[3].y = f64::NAN),
+            ("mesh", |a| a.model.faces[0] = [u32::MAX; 3]),
+            ("mesh", |a| a.model.weights[0] = -1.0),
+            ("config", |a| {
+                a.config.color_components = 65;
+                let [_, _, _, appearance, response] = table_lengths(a.template.len(), 16, &a.config);
+                a.tables.appearance.resize(appearance, 0.0);
+                a.tables.response.resize(response, 0.0);
+            }),
+            ("avatar", |a| a.tables.regressor.truncate(7)),
+        ];
+        for (field, spoil) in spoil {
+            let mut avatar = small();
+            spoil(&mut avatar);
+            let error = avatar.save(&path).unwrap_err();
+            assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+            let sentence = error.to_string();
+            assert!(sentence.contains("hand.ghand: not written") && !sentence.contains('\n'), "{sentence}");
+            assert!(std::fs::read(&path).unwrap() == before, "{field}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        }
+        Avatar::load(&path).unwrap();
     }
 }

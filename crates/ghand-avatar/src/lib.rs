@@ -6,6 +6,7 @@ pub mod direct;
 pub mod file;
 pub mod ply;
 pub mod renderer;
+pub mod response_limits;
 
 pub use avatar::{Avatar, AvatarConfig, Provenance, Template};
 pub use direct::DirectTables;

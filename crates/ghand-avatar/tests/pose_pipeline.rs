@@ -2,59 +2,24 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-use ghand_avatar::direct::{DirectBackward, DirectBuffers, DirectTables, table_lengths};
-use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer, Template};
+mod common;
+
+use common::{COUNT, JOINTS, random, random_avatar};
+use ghand_avatar::direct::{DirectBackward, DirectBuffers};
+use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
 use ghand_core::deformation::{Deformation, deform, deform_vjp};
 use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::pose_response::{PoseResponse, rotation_features, rotation_features_vjp};
+use ghand_core::Pose;
+use ghand_core::pose_response::{pose_features, response_features_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_core::{Pose, Side};
 use ghand_render::pose::PoseBackward;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
 
-const COUNT: usize = 333;
-const JOINTS: usize = 7;
 const OFFSET_WEIGHT: f32 = 0.7;
 const SCALE_WEIGHT: f32 = 0.3;
-
-fn random(seed: u64, count: usize, size: f32) -> Vec<f32> {
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-    (0..count).map(|_| rng.random_range(-size..size)).collect()
-}
-
-fn avatar(config: &AvatarConfig) -> Avatar {
-    let mut weights: Vec<f32> = random(1, JOINTS * COUNT, 1.0).iter().map(|w| w.abs()).collect();
-    for p in 0..COUNT {
-        let sum: f32 = (0..JOINTS).map(|k| weights[k * COUNT + p]).sum();
-        (0..JOINTS).for_each(|k| weights[k * COUNT + p] /= sum);
-    }
-    let vec3 = |v: Vec<f32>| v.chunks_exact(3).map(|c| DVec3::new(c[0].into(), c[1].into(), c[2].into())).collect();
-    let template = Template {
-        name: "random".into(),
-        side: Side::Right,
-        joint_names: (0..JOINTS).map(|k| format!("joint{k}")).collect(),
-        parents: vec![None, Some(0), Some(1), Some(2), Some(0), Some(4), Some(0)],
-        joints: vec3(random(2, 3 * JOINTS, 0.1)),
-        rest: random(3, 3 * COUNT, 0.1),
-        weights,
-        spacings: vec![0.001; COUNT],
-    };
-    let lengths = table_lengths(COUNT, JOINTS, config);
-    let tables = DirectTables {
-        shape_basis: random(4, lengths[0], 0.01),
-        residual_weights: random(5, lengths[1], 0.2),
-        regressor: random(6, lengths[2], 0.05),
-        appearance: random(7, lengths[3], 1.0),
-        response: random(8, lengths[4], 0.8),
-    };
-    let model = ProceduralHand::default().build().unwrap();
-    Avatar { template, model, config: config.clone(), tables, provenance: Default::default() }
-}
 
 /// What both sides compute, flat: posed table, then the gradients of the five tables and of the pose.
 struct Outcome {
@@ -133,13 +98,10 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let (bases, components) = (config.shape_bases, config.color_components);
     let weights = widen(&template.weights);
     let (residual_weights, regressor) = (widen(&tables.residual_weights), widen(&tables.regressor));
-    let response = widen(&tables.response);
-    let response =
-        PoseResponse { bias: response[..bases + components].to_vec(), gain: response[bases + components..].to_vec() };
+    let response = tables.pose_response(bases + components);
     let basis: Vec<DVec3> = (0..bases).flat_map(|i| planes(&tables.shape_basis, 3 * i)).collect();
 
-    let chain = pose_skeleton(&template.parents, &template.joints, &pose.rotations);
-    let features: Vec<_> = chain.local.iter().map(rotation_features).collect();
+    let features = pose_features(pose);
     let channels = response.evaluate(&weights, &features, COUNT);
     let coefficients: Vec<DVec3> = channels[..bases * COUNT].iter().map(|v| DVec3::splat(*v)).collect();
     let rest = planes(&template.rest, 0);
@@ -188,7 +150,7 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let mut d = deform_vjp(&deformation, pose, &forward, &planes(d_gaussians, 0), &d_offsets);
     let d_values: Vec<f64> = d.blend_coefficients.iter().map(|c| c.element_sum()).chain(d_channels).collect();
     let (d_response, d_features) = response.evaluate_vjp(&weights, &features, &d_values, COUNT);
-    d.local.iter_mut().zip(&d_features).for_each(|(sum, features)| *sum += rotation_features_vjp(features));
+    d.local.iter_mut().zip(response_features_vjp(&d_features)).for_each(|(sum, d_local)| *sum += d_local);
     let mut d_pose: Vec<f64> = d.rotations(pose).iter().flat_map(|v| v.to_array()).collect();
     d_pose.extend(d.translation.to_array());
     Outcome {
@@ -212,6 +174,16 @@ fn relative_error(a: &[f64], b: &[f64]) -> f64 {
     (difference / norm.max(0.01)).sqrt()
 }
 
+/// Some terms of the response are held at a limit and some are not.
+fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
+    let response = avatar.tables.pose_response(avatar.config.shape_bases + avatar.config.color_components);
+    let features = pose_features(pose);
+    let (free, held) = (response.unlimited_terms(&features), response.joint_terms(&features));
+    // Not counting the root, whose term does not vary.
+    let limited = free.iter().zip(&held).enumerate().filter(|(i, (a, b))| i % JOINTS != 0 && a != b).count();
+    assert!((5..free.len() - 10).contains(&limited), "{limited} of {} terms are limited", free.len());
+}
+
 #[test]
 fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
     for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
@@ -223,7 +195,7 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
                 residual_skeleton,
                 ..Default::default()
             };
-            let avatar = avatar(&config);
+            let avatar = random_avatar(0, &config);
             for angle in [0.0, 1e-6, 0.7, 3.0] {
                 let values = widen(&random(9, 3 * JOINTS + 3, 1.0));
                 let vectors: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
@@ -232,6 +204,9 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
                     rotations: vectors[..JOINTS].iter().map(|v| (*v * angle).as_vec3().as_dvec3()).collect(),
                     translation: vectors[JOINTS] * 0.1,
                 };
+                if angle == 0.7 {
+                    assert_some_are_limited(&avatar, &pose);
+                }
                 let d_gaussians = random(10, 7 * COUNT, 1.0);
                 let device = on_device(&avatar, &pose, &d_gaussians);
                 let exact = in_f64(&avatar, &pose, &d_gaussians);
@@ -254,7 +229,10 @@ fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
     let path = folder.path().join("a.ghand");
     let config = AvatarConfig { uv_resolution: 32, shape_bases: 2, color_components: 1, ..Default::default() };
     let model = ProceduralHand::default().build().unwrap();
-    let avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
+    let mut avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
+    avatar.save(&path).unwrap();
+    assert_eq!(Avatar::load(&path).unwrap(), avatar, "without limits");
+    avatar.tables.response_limits.iter_mut().zip(-50..).for_each(|(limit, i)| *limit = 0.01 * i as f32);
     avatar.save(&path).unwrap();
     assert_eq!(Avatar::load(&path).unwrap(), avatar);
     let bytes = std::fs::read(&path).unwrap();
@@ -271,11 +249,21 @@ fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
     other.tables.regressor[3] = f32::NAN;
     other.save(&damaged).unwrap();
     assert!(Avatar::load(&damaged).unwrap_err().to_string().contains("skeleton_regressor"));
-    let version = b"\\\"version\\\":1";
+    for (low, high) in [(0.5, 0.25), (f32::NAN, 0.5), (0.5, f32::INFINITY)] {
+        let mut other = avatar.clone();
+        other.tables.response_limits[6..8].copy_from_slice(&[low, high]);
+        other.save(&damaged).unwrap();
+        let message = Avatar::load(&damaged).unwrap_err().to_string();
+        assert!(message.contains("damaged.ghand: response_limits: ") && !message.contains('\n'), "{message}");
+    }
+    let version = b"\\\"version\\\":2";
     let at = bytes.windows(version.len()).position(|w| w == version).unwrap();
-    let mut future = bytes.clone();
-    future[at + version.len() - 1] = b'9';
-    std::fs::write(&damaged, &future).unwrap();
-    assert!(Avatar::load(&damaged).unwrap_err().to_string().contains("version"));
+    for (number, remedy) in [(b'9', "use the ghand that wrote it"), (b'1', "train the avatar again")] {
+        let mut other = bytes.clone();
+        other[at + version.len() - 1] = number;
+        std::fs::write(&damaged, &other).unwrap();
+        let message = Avatar::load(&damaged).unwrap_err().to_string();
+        assert!(message.contains("version") && message.contains(remedy), "{message}");
+    }
     assert!(Avatar::load(&folder.path().join("missing.ghand")).unwrap_err().to_string().contains("missing.ghand"));
 }

@@ -1,7 +1,5 @@
 //! Linear blend skinning (paper eq. 4) with the residual correction (eq. 11), and its derivative.
 
-use std::borrow::Cow;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -12,7 +10,8 @@ use crate::skeleton::{Affine, outer};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResidualWeights {
-    /// Used as they are, as in the paper: the rest pose swells by their sum.
+    /// Used as they are, as in the paper: the rest pose swells by their sum. The residual root turns about the origin, not
+    /// about its joint; otherwise a turn of the whole hand would move points by their sum times the joint's way.
     Paper,
     /// Their mean over the joints is subtracted, so that the rest pose stays where it is.
     #[default]
@@ -56,10 +55,10 @@ pub struct SkinGradients {
 impl<'a> Skinning<'a> {
     /// The residual bones that the residual weights blend as they are. Taking the mean over the joints off the weights
     /// is the same map as taking it off the bones, which are far fewer.
-    fn effective_residual_bones(&self) -> Cow<'a, [Affine]> {
+    fn effective_residual_bones(&self) -> Vec<Affine> {
         match self.mode {
-            ResidualWeights::Paper => self.residual_bones.into(),
-            ResidualWeights::ZeroSum => centred(self.residual_bones).into(),
+            ResidualWeights::Paper => about_the_origin(self.residual_bones),
+            ResidualWeights::ZeroSum => centred(self.residual_bones),
         }
     }
 
@@ -84,6 +83,25 @@ fn centred(maps: &[Affine]) -> Vec<Affine> {
     maps.iter().map(|map| map.add_scaled(1.0, &mean)).collect()
 }
 
+/// The maps of a chain whose root, map 0, turns about the origin: all less the root's translation.
+///
+/// With the root turned by `R_0` about `J_0`, every map is `R_0 B + (J_0 - R_0 J_0)` of the map B without that turn. What is
+/// taken off is the second term, so that a turn of the root turns every weighted sum of the maps.
+fn about_the_origin(maps: &[Affine]) -> Vec<Affine> {
+    let root = maps.first().map_or(DVec3::ZERO, |map| map.translation);
+    maps.iter().map(|map| Affine { translation: map.translation - root, ..*map }).collect()
+}
+
+/// The adjoint of [`about_the_origin`].
+fn about_the_origin_vjp(d_maps: &[Affine]) -> Vec<Affine> {
+    let mut d = d_maps.to_vec();
+    let sum: DVec3 = d_maps.iter().map(|map| map.translation).sum();
+    if let Some(root) = d.first_mut() {
+        root.translation -= sum;
+    }
+    d
+}
+
 /// Posed points (metres): `x_p = sum_k W_k B_k x + sum_k W^_k B^_k x + t`, applied as affine maps without
 /// renormalising.
 pub fn skin(s: &Skinning) -> Vec<DVec3> {
@@ -105,7 +123,7 @@ pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
     let d_bones = |weights: &[f64]| weights.par_chunks_exact(count.max(1)).map(d_bone).collect();
     let d_effective: Vec<Affine> = d_bones(s.residual_weights);
     let mut d_residual_weights = vec![0.0; s.residual_weights.len()];
-    let rows = d_residual_weights.par_chunks_exact_mut(count.max(1)).zip(residual_bones.as_ref());
+    let rows = d_residual_weights.par_chunks_exact_mut(count.max(1)).zip(&residual_bones);
     rows.for_each(|(row, bone)| {
         for ((slot, x), d) in row.iter_mut().zip(s.rest).zip(d_posed) {
             *slot = bone.apply(*x).dot(*d);
@@ -115,8 +133,11 @@ pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
         rest: d_posed.par_iter().enumerate().with_min_len(CHUNK).map(d_rest).collect(),
         residual_weights: d_residual_weights,
         bones: d_bones(s.weights),
-        // Taking off the mean is its own adjoint.
-        residual_bones: if s.mode == ResidualWeights::ZeroSum { centred(&d_effective) } else { d_effective },
+        residual_bones: match s.mode {
+            ResidualWeights::Paper => about_the_origin_vjp(&d_effective),
+            // Taking off the mean is its own adjoint.
+            ResidualWeights::ZeroSum => centred(&d_effective),
+        },
         translation: sum_in_chunks(count, DVec3::ZERO, |sum, p| sum + d_posed[p], |a, b| a + b),
     }
 }

@@ -183,6 +183,15 @@ proptest! {
             let joint = rotation * (a.translation - p.joints[0]) + p.joints[0];
             prop_assert!((joint - b.translation).length() <= 0.4 * f64::EPSILON * p.extent(size));
         }
+        // So does skinning with residual weights, in all its settings.
+        for skeleton in SKELETONS {
+            for weights in WEIGHTS {
+                let before = p.deform(skeleton, weights).0.posed;
+                let expected: Vec<DVec3> = before.iter().map(rigid).collect();
+                let error = apart(&moved.deform(skeleton, weights).0.posed, &expected);
+                prop_assert!(error <= 0.4 * f64::EPSILON * p.extent(size), "{skeleton:?} {weights:?}: {error}");
+            }
+        }
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use ghand_core::json_error::plain_json_error;
+
 use ghand_core::HandModelError;
 
 /// What is wrong with a capture. Every message names the file, the field and what to do.
@@ -20,7 +22,7 @@ pub enum CaptureError {
         remedy: &'static str,
     },
     /// A file is not JSON, or a field is missing or has the wrong type.
-    #[error("{path}: {source}; correct the file at that place or export the capture again")]
+    #[error("{path}: {}; correct the file at that place or export it again", plain_json_error(source))]
     Json {
         /// The file.
         path: PathBuf,

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_core::atomic_file::check_target;
 use ghand_data::Opened;
 use ghand_data::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_render::DeviceError;
 use ghand_train::contact_sheet::{SheetView, contact_sheet};
 
-use crate::LAST_SHEET;
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
@@ -30,7 +30,8 @@ pub struct InspectArgs {
     capture: Option<PathBuf>,
     #[command(flatten)]
     options: CaptureOptions,
-    /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default: out/inspect.png]
+    /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default:
+    /// out/inspect-NAME.png, with the name of the capture]
     #[arg(long, value_name = "FILE", requires = "capture", conflicts_with = "no_sheet")]
     sheet: Option<PathBuf>,
     /// No pictures
@@ -45,6 +46,7 @@ pub struct InspectArgs {
 /// are no error.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
+        Some(path) if !path.exists() => bail!("{}: no such file or folder", path.display()),
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
@@ -62,9 +64,23 @@ fn is_capture(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
+/// Where the pictures of a capture go unless told otherwise; relative to the current folder. Each capture has its own file, so
+/// that no inspection replaces the pictures of another capture.
+fn default_sheet(capture: &Path) -> PathBuf {
+    // `.` and `..` have no name of their own, a capture.json that of its folder.
+    let full = std::fs::canonicalize(capture).unwrap_or_else(|_| capture.to_path_buf());
+    let folder = if full.is_dir() { Some(full.as_path()) } else { full.parent() };
+    let name = folder.and_then(Path::file_name).map_or("capture".into(), |name| name.to_string_lossy());
+    Path::new("out").join(format!("inspect-{name}.png"))
+}
+
 fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
         bail!("--sheet {}: must end in .png", sheet.display());
+    }
+    let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
+    if !args.no_sheet {
+        check_target(&sheet).with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }
     let opened = args.options.open(path)?;
     let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
@@ -75,14 +91,15 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     match (args.no_sheet, views.is_empty()) {
         (true, _) => {}
         (_, true) => say!("\nno pictures: there is no image that could be decoded"),
-        _ => say!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
+        _ => say!("\n{}", write_sheet(&sheet, args.sheet.is_some(), adapter, &opened, &views)?),
     }
     Ok(())
 }
 
 /// Draws and writes the sheet; gives a line that says where it is, or why there is none.
 fn write_sheet(
-    path: Option<&Path>,
+    path: &Path,
+    is_wanted: bool,
     adapter: &AdapterArgs,
     opened: &Opened,
     views: &[SheetView],
@@ -90,16 +107,11 @@ fn write_sheet(
     let none_is_there = |error: &DeviceError| matches!(error, DeviceError::NoAdapter { found, .. } if found.is_empty());
     let mut gpu = match adapter.open() {
         // The rest of an inspection needs none, and nobody has asked for the pictures.
-        Err(error) if path.is_none() && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
+        Err(error) if !is_wanted && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
         opened => opened?,
     };
     let sheet = gpu
         .persist("the contact sheet", |gpu| -> anyhow::Result<_> { Ok(contact_sheet(gpu, &opened.capture, views)?) })?;
-    let path = path.unwrap_or(Path::new(LAST_SHEET));
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder of the pictures; see --sheet", folder.display()))?;
-    }
     write_png(path, &sheet)?;
     Ok(format!("pictures: {}", path.display()))
 }

@@ -2,9 +2,8 @@
 
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
-use ghand_core::pose_response::{PoseResponse, rotation_features, rotation_features_vjp};
+use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features, response_features_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::rotations_vjp;
 use ghand_core::skinning::ResidualWeights;
 use glam::{DMat3, DVec3};
@@ -80,9 +79,10 @@ impl Whole {
         };
         let n = self.case.points;
         let pose = Pose { rotations: dvec3s(rotations), translation: DVec3::from_slice(translation) };
-        let local: Vec<DMat3> = pose.rotations.iter().map(|v| rotation_from_axis_angle(*v)).collect();
-        let features: Vec<[f64; 9]> = local.iter().map(rotation_features).collect();
-        let response = PoseResponse { bias: bias.to_vec(), gain: gain.to_vec() };
+        let features = pose_features(&pose);
+        // Limits have their derivative tested with the response alone.
+        let limits = vec![UNLIMITED; gain.len() / 9];
+        let response = PoseResponse { bias: bias.to_vec(), gain: gain.to_vec(), limits };
         let values = response.evaluate(&self.weights, &features, n);
         let coefficients: Vec<DVec3> = dvec3s(coefficients).iter().zip(&values).map(|(c, v)| *c + *v).collect();
         let (canonical, joints, basis) = (dvec3s(canonical), dvec3s(joints), dvec3s(basis));
@@ -110,7 +110,8 @@ impl Whole {
         let g = deform_vjp(&d, &pose, &forward, &dvec3s(d_posed), &dvec3s(d_offsets));
         let d_values: Vec<f64> = g.blend_coefficients.iter().map(|c| c.element_sum()).collect();
         let (d_response, d_features) = response.evaluate_vjp(&self.weights, &features, &d_values, n);
-        let d_local: Vec<DMat3> = g.local.iter().zip(&d_features).map(|(l, f)| *l + rotation_features_vjp(f)).collect();
+        let d_response_local = response_features_vjp(&d_features);
+        let d_local: Vec<DMat3> = g.local.iter().zip(d_response_local).map(|(l, d)| *l + d).collect();
         let gradients = vec![
             flat(&g.canonical),
             flat(&g.joints),
@@ -153,7 +154,7 @@ impl Problem for Whole {
         };
         let (n, joints) = (self.case.points, vec3s(joints));
         let local: Vec<[S; 9]> = vec3s(rotations).into_iter().map(reference::rotation).collect();
-        let values = reference::pose_response(bias, gain, &self.weights, &local, n);
+        let values = reference::pose_response(bias, gain, &[], &self.weights, &local, n);
         let coefficients: Vec<_> = vec3s(coefficients).iter().zip(values).map(|(c, v)| c.map(|x| x + v)).collect();
         let offsets = reference::offsets(&vec3s(basis), &coefficients, n);
         let rest: Vec<_> = vec3s(canonical).iter().zip(&offsets).map(|(x, o)| reference::add3(*x, *o)).collect();

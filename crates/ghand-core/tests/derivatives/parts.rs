@@ -1,12 +1,13 @@
 //! Each stage of the way by itself.
 
 use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
-use ghand_core::pose_response::{PoseResponse, rotation_features, rotation_features_vjp};
+use ghand_core::pose_response::{PoseResponse, UNLIMITED, response_features, response_features_vjp};
 use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints, residual_joints_vjp};
 use ghand_core::rotation::{rotation_from_axis_angle, rotation_from_axis_angle_vjp};
 use ghand_core::skeleton::{Affine, pose_skeleton, pose_skeleton_vjp, rotations_vjp};
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
 use glam::{DMat3, DVec3};
+use rand::RngExt;
 
 use crate::cases::{About, Case, cases, uniform};
 use crate::check::{Input, Problem, SLOPE, prove};
@@ -55,9 +56,15 @@ struct Part {
     case: Case,
     parents: Vec<Option<usize>>,
     weights: Vec<f64>,
+    /// Of the pose response.
+    limits: Vec<[f64; 2]>,
     inputs: Vec<Input>,
     size: f64,
 }
+
+/// How far the limits of a response are from its terms. A term changes by less than 12 in the differences: by at most 2 x 9
+/// steps of 2/3 in the gains. So a term stays on its side of a limit, where it is linear or constant.
+const REACH: f64 = 20.0;
 
 impl Part {
     fn new(stage: Stage, case: &Case) -> Part {
@@ -66,6 +73,7 @@ impl Part {
         let parents = case.parents(rng);
         let weights = case.weights(rng, n);
         let points = n as f64;
+        let mut limits = vec![];
         let (inputs, size) = match stage {
             Stage::Rotation => (vec![Input::new("rotation", case.rotations(rng, 1), ROTATION_STEP, 9.0 * SLOPE)], 1.0),
             Stage::Skeleton => {
@@ -121,10 +129,21 @@ impl Part {
                     Input::new("gain", uniform(rng, 9 * bases * joints), 1.0, 2.0 * all),
                     Input::new("local rotations", uniform(rng, 9 * joints), 1.0, (1 + bases) as f64 * all),
                 ];
-                (inputs, 1.0 + 18.0 * (joints as f64) * largest(&weights))
+                let rotations: Vec<[f64; 9]> = inputs[2].values.as_chunks::<9>().0.to_vec();
+                let terms = reference::response_terms(&inputs[1].values, &rotations);
+                // A root's term is 0 and stays so, whatever the limits.
+                let mut around = |term: f64| match rng.random_range(0..4) {
+                    0 => UNLIMITED,
+                    1 => [term - REACH, term + REACH],
+                    2 => [term + REACH, term + 2.0 * REACH],
+                    _ => [term - 2.0 * REACH, term - REACH],
+                };
+                limits = terms.into_iter().map(&mut around).collect();
+                // A term is at most 18, and held at most REACH away from that.
+                (inputs, 1.0 + (18.0 + REACH) * (joints as f64) * largest(&weights))
             }
         };
-        Part { stage, case: case.clone(), parents, weights, inputs, size }
+        Part { stage, case: case.clone(), parents, weights, limits, inputs, size }
     }
 
     fn residual_skeleton(&self) -> ResidualSkeleton {
@@ -144,8 +163,12 @@ impl Part {
         })
     }
 
-    fn features(&self, rotations: &[f64]) -> Vec<[f64; 9]> {
-        rotations.chunks_exact(9).map(|r| rotation_features(&matrix(r))).collect()
+    /// The crate's pose response and the features it depends on.
+    fn response(&self, inputs: &[&[f64]]) -> (PoseResponse, Vec<[f64; 9]>) {
+        let local: Vec<DMat3> = inputs[2].chunks_exact(9).map(matrix).collect();
+        let response =
+            PoseResponse { bias: inputs[0].to_vec(), gain: inputs[1].to_vec(), limits: self.limits.clone() };
+        (response, response_features(&local))
     }
 }
 
@@ -202,7 +225,7 @@ impl Problem for Part {
             }
             Stage::PoseResponse => {
                 let local: Vec<[S; 9]> = inputs[2].chunks_exact(9).map(|r| std::array::from_fn(|i| r[i])).collect();
-                reference::pose_response(inputs[0], inputs[1], &self.weights, &local, n)
+                reference::pose_response(inputs[0], inputs[1], &self.limits, &self.weights, &local, n)
             }
         }
     }
@@ -222,8 +245,8 @@ impl Problem for Part {
                 flat(&residual_joints(inputs[0], &dvec3s(inputs[1]), &dvec3s(inputs[2]), self.residual_skeleton()))
             }
             Stage::PoseResponse => {
-                let response = PoseResponse { bias: inputs[0].to_vec(), gain: inputs[1].to_vec() };
-                response.evaluate(&self.weights, &self.features(inputs[2]), n)
+                let (response, features) = self.response(inputs);
+                response.evaluate(&self.weights, &features, n)
             }
         }
     }
@@ -259,11 +282,9 @@ impl Problem for Part {
                 vec![regressor, flat(&offsets), d_joints]
             }
             Stage::PoseResponse => {
-                let response = PoseResponse { bias: inputs[0].to_vec(), gain: inputs[1].to_vec() };
-                let features = self.features(inputs[2]);
+                let (response, features) = self.response(&inputs);
                 let (d, d_features) = response.evaluate_vjp(&self.weights, &features, d_outputs, n);
-                let d_local: Vec<DMat3> = d_features.iter().map(rotation_features_vjp).collect();
-                vec![d.bias, d.gain, rows(&d_local)]
+                vec![d.bias, d.gain, rows(&response_features_vjp(&d_features))]
             }
         }
     }

@@ -95,7 +95,8 @@ pub fn chain<S: Scalar>(
     (world, from_rest)
 }
 
-/// `sum_k W_k B_k x + sum_k W^_k B^_k x + t`, with the residual weights made to sum to zero if `zero_sum`.
+/// `sum_k W_k B_k x + sum_k W^_k B^_k x + t`, with the residual weights made to sum to zero if `zero_sum`; else all B^ are
+/// moved by what puts the image of the origin under B^_0 back to the origin.
 pub struct Skin<'a, S> {
     pub rest: &'a [Vec3<S>],
     pub weights: &'a [f64],
@@ -120,8 +121,9 @@ impl<S: Scalar> Skin<'_, S> {
         let column: Vec<S> = (0..self.residual_bones.len()).map(|k| self.residual_weights[k * n + p]).collect();
         let total = column.iter().fold(zero(), |sum: S, w| sum + *w);
         let mean = if self.zero_sum { total * S::constant(1.0 / column.len() as f64) } else { zero() };
+        let root = if self.zero_sum { [zero(); 3] } else { transform(&self.residual_bones[0], [zero(); 3]) };
         for (bone, w) in self.residual_bones.iter().zip(column) {
-            sum = add3(sum, scale3(transform(bone, x), w - mean));
+            sum = add3(sum, scale3(sub3(transform(bone, x), root), w - mean));
         }
         sum
     }
@@ -151,18 +153,34 @@ pub fn residual_joints<S: Scalar>(
     joints.iter().enumerate().map(row).collect()
 }
 
-/// `bias_i + sum_k W_k^p gain_{i,k} . vec(R_k - I)`, `[channels][N]`.
-pub fn pose_response<S: Scalar>(bias: &[S], gain: &[S], weights: &[f64], rotations: &[[S; 9]], n: usize) -> Vec<S> {
+/// `gain_{i,k} . vec(R_k - I)`, `[channels][n_b]`, with 0 for the root.
+pub fn response_terms<S: Scalar>(gain: &[S], rotations: &[[S; 9]]) -> Vec<S> {
     let joints = rotations.len();
+    let entry = |at: usize, e: usize| {
+        gain[at * 9 + e] * (rotations[at % joints][e] - S::constant(f64::from(e % 4 == 0)))
+    };
+    let term = |at: usize| if at % joints == 0 { zero() } else { (0..9).fold(zero(), |sum: S, e| sum + entry(at, e)) };
+    (0..gain.len() / 9).map(term).collect()
+}
+
+/// `bias_i + sum_k W_k^p t_{i,k}` of the terms t within their limits, `[channels][N]`.
+pub fn pose_response<S: Scalar>(
+    bias: &[S],
+    gain: &[S],
+    limits: &[[f64; 2]],
+    weights: &[f64],
+    rotations: &[[S; 9]],
+    n: usize,
+) -> Vec<S> {
+    let joints = rotations.len();
+    let mut terms = response_terms(gain, rotations);
+    for (term, limit) in terms.iter_mut().zip(limits) {
+        let [low, high] = limit.map(S::constant);
+        *term = if term.value() < low.value() { low } else { *term };
+        *term = if term.value() > high.value() { high } else { *term };
+    }
     let value = |i: usize, p: usize| {
-        let mut sum = bias[i];
-        for (k, r) in rotations.iter().enumerate() {
-            for e in 0..9 {
-                let moved = r[e] - S::constant(f64::from(e % 4 == 0));
-                sum = sum + S::constant(weights[k * n + p]) * gain[(i * joints + k) * 9 + e] * moved;
-            }
-        }
-        sum
+        (0..joints).fold(bias[i], |sum, k| sum + S::constant(weights[k * n + p]) * terms[i * joints + k])
     };
     (0..bias.len()).flat_map(|i| (0..n).map(move |p| (i, p))).map(|(i, p)| value(i, p)).collect()
 }

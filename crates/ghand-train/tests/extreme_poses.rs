@@ -1,0 +1,82 @@
+//! A trained avatar in poses far outside of what training saw.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
+
+use ghand_avatar::Avatar;
+use ghand_avatar::response_limits::{RESPONSE_MARGIN, unlimited};
+use ghand_core::Pose;
+use ghand_core::pose_response::pose_features;
+use ghand_data::Capture;
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::synthetic_scene::make_capture;
+use ghand_train::{TrainSettings, Trainer};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+
+/// Lengths of all Gaussians' offsets in a pose, metres, and their colours' logits.
+fn offsets_and_logits(avatar: &Avatar, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
+    let (count, config, tables) = (avatar.template.len(), &avatar.config, &avatar.tables);
+    let weights: Vec<f64> = avatar.template.weights.iter().map(|w| f64::from(*w)).collect();
+    let response = tables.pose_response(config.shape_bases + config.color_components);
+    let values = response.evaluate(&weights, &pose_features(pose), count);
+    let offset = |p: usize| {
+        let component = |c: usize| -> f64 {
+            let basis = |i: usize| f64::from(tables.shape_basis[(3 * i + c) * count + p]);
+            (0..config.shape_bases).map(|i| values[i * count + p] * basis(i)).sum()
+        };
+        DVec3::new(component(0), component(1), component(2)).length()
+    };
+    let logit = |p: usize, c: usize| {
+        let part = |j: usize| {
+            let component = f64::from(tables.appearance[(4 + 3 * j + c) * count + p]);
+            values[(config.shape_bases + j) * count + p] * component
+        };
+        f64::from(tables.appearance[(1 + c) * count + p]) + (0..config.color_components).map(part).sum::<f64>()
+    };
+    ((0..count).map(offset).collect(), (0..3 * count).map(|i| logit(i / 3, i % 3)).collect())
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m, v| if m >= v.abs() { m } else { v.abs() })
+}
+
+#[test]
+fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let folder = tempfile::tempdir().unwrap();
+    let options =
+        SyntheticOptions { views: 4, train_frames: 8, test_frames: 1, test_views: 1, width: 96, height: 144, ..Default::default() };
+    make_capture(&gpu, &options, folder.path()).unwrap();
+    let capture = Capture::open(folder.path()).unwrap();
+    let settings = TrainSettings {
+        iterations: 300,
+        pose_stage: 0.2,
+        uv_resolution: 48,
+        pose_uv_resolution: 32,
+        // The response has little time.
+        rate_response: 3e-2,
+        ..TrainSettings::default()
+    };
+    let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
+    let mut free = trained.avatar.clone();
+    free.tables.response_limits = unlimited(free.tables.response_limits.len() / 2);
+
+    // Training poses are drawn as without limits.
+    for pose in &trained.poses {
+        assert_eq!(offsets_and_logits(&trained.avatar, pose), offsets_and_logits(&free, pose));
+    }
+    let over = |avatar: &Avatar, poses: &[Pose]| {
+        let each: Vec<_> = poses.iter().map(|pose| offsets_and_logits(avatar, pose)).collect();
+        [0, 1].map(|i| each.iter().map(|e| largest(if i == 0 { &e.0 } else { &e.1 })).fold(0.0, f64::max))
+    };
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let mut vector = || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-3.0..3.0)));
+    let joints = capture.template.joint_count();
+    let extreme: Vec<Pose> =
+        (0..50).map(|_| Pose { rotations: (0..joints).map(|_| vector()).collect(), translation: DVec3::ZERO }).collect();
+    let [seen, held, unheld] =
+        [over(&free, &trained.poses), over(&trained.avatar, &extreme), over(&free, &extreme)];
+    println!("offset, logit: training {seen:?}, extreme {held:?}, extreme without limits {unheld:?}; {RESPONSE_MARGIN}");
+    panic!();
+}
