@@ -90,7 +90,7 @@ fn a_capture_json_is_a_capture_and_the_pictures_go_where_they_are_asked_for_or_n
 }
 
 #[test]
-fn files_that_cannot_be_used_are_named_and_do_not_fail() {
+fn files_that_cannot_be_used_are_named_and_fail_only_where_nothing_is_left() {
     let folder = folder_with_capture();
     let image = |camera: usize, frame| {
         let file = fixtures::synthetic().image_file(camera, frame).unwrap();
@@ -111,9 +111,31 @@ fn files_that_cannot_be_used_are_named_and_do_not_fail() {
     for kind in ["images", "masks"] {
         std::fs::remove_dir_all(folder.path().join("rig").join(kind)).unwrap();
     }
-    let text = said(&inspect(folder.path(), &["rig"]));
+    let output = inspect(folder.path(), &["rig"]);
+    assert_one_sentence(&output, &["rig", "no image that can be used"]);
+    let text = String::from_utf8_lossy(&output.stdout);
     assert_says(&text, &["44 missing, 0 broken", "and 39 more", "train 0 of 18", "no pictures: "]);
+    assert_says(&text, &["problem      none of the 22 images can be used"]);
+    assert!(!text.contains("warnings"), "{text}");
     assert_eq!(listing(folder.path()), ["rig"]);
+}
+
+#[test]
+fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
+    let folder = folder_with_capture();
+    let file = folder.path().join("rig/capture.json");
+    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    for camera in json["cameras"].as_array_mut().unwrap() {
+        for value in camera["translation"].as_array_mut().unwrap() {
+            *value = (value.as_f64().unwrap() * 1000.0).into();
+        }
+    }
+    std::fs::write(&file, json.to_string()).unwrap();
+    let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
+    assert_says(&text, &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"]);
+    json["mask_path"] = serde_json::Value::Null;
+    std::fs::write(&file, json.to_string()).unwrap();
+    assert_says(&said(&inspect(folder.path(), &["rig", "--no-sheet"])), &["warning      22 of 22 images have no mask"]);
 }
 
 #[test]

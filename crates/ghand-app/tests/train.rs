@@ -58,6 +58,91 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     train("gone", &[], &["gone", "nothing is left of split \"train\"", "11 without a file", "0000.png"]);
 }
 
+/// Changes every mask of a capture.
+fn change_masks(capture: &Path, change: impl Fn(u8) -> u8) {
+    for camera in listing(&capture.join("masks")) {
+        let folder = capture.join("masks").join(camera);
+        for name in listing(&folder) {
+            let mut mask = image::open(folder.join(&name)).unwrap().into_luma8();
+            mask.pixels_mut().for_each(|value| value.0[0] = change(value.0[0]));
+            mask.save(folder.join(&name)).unwrap();
+        }
+    }
+}
+
+/// Changes a capture's `capture.json`.
+fn change_json(capture: &Path, change: impl Fn(&mut serde_json::Value)) {
+    edit(&capture.join("capture.json"), |text| {
+        let mut json = serde_json::from_str(text).unwrap();
+        change(&mut json);
+        json.to_string()
+    });
+}
+
+#[test]
+fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    small_capture(&capture);
+    let json = std::fs::read_to_string(capture.join("capture.json")).unwrap();
+    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=2"];
+    let refused = |parts: &[&str]| {
+        let output = run(TRAIN, folder.path(), &arguments);
+        assert_one_sentence(&output, &[&["capture"], parts].concat());
+        assert!(listing(&folder.path().join("out")).is_empty());
+    };
+    let remedy = ["no avatar can come of the split \"train\"", "ghand inspect", "--ignore-checks"];
+    let scaled = |json: &mut serde_json::Value, list: &str, field: &str, factor: f64| {
+        for entry in json[list].as_array_mut().unwrap() {
+            for value in entry[field].as_array_mut().unwrap() {
+                if let Some(number) = value.as_f64() {
+                    *value = (number * factor).into();
+                } else {
+                    value.as_array_mut().unwrap().iter_mut().for_each(|v| *v = (v.as_f64().unwrap() * factor).into());
+                }
+            }
+        }
+    };
+    change_json(&capture, |json| scaled(json, "cameras", "translation", 1000.0));
+    refused(&[&remedy[..], &["not between 0.03 and 20 m", "metre", "(0.00)"]].concat());
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_json(&capture, |json| scaled(json, "frames", "pose", 40.0));
+    refused(&[&remedy[..], &["longer than a whole turn", "radians"]].concat());
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_json(&capture, |json| json["frames"][0]["pose"][1][2] = 1e30.into());
+    refused(&["frames[\"0000\"].pose", "joint \"index1\"", "radians"]);
+    std::fs::write(capture.join("capture.json"), json.replace("mask_path", "mask_paht")).unwrap();
+    refused(&["mask_paht", "nearest", "\"mask_path\""]);
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_masks(&capture, |value| value / 4);
+    refused(&[&remedy[..], &["masks are empty", "128"]].concat());
+    // Who knows better may train all the same.
+    let forced = run(TRAIN, folder.path(), &[&arguments[..], &["--ignore-checks"]].concat());
+    let warned = String::from_utf8_lossy(&forced.stderr);
+    assert!(forced.status.success() && warned.contains("masks are empty"), "{warned}");
+    assert!(listing(&folder.path().join("out")).contains(&"avatar.ghand".into()));
+}
+
+#[test]
+fn masks_of_zero_and_one_give_the_avatar_of_those_of_zero_and_255_and_one_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    small_capture(&capture);
+    let train = |out: &str| {
+        let arguments = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
+        let output = run(TRAIN, folder.path(), &arguments);
+        let warned = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{warned}");
+        (std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap(), warned)
+    };
+    let (avatar, warned) = train("a");
+    assert!(!warned.contains("masks"), "{warned}");
+    change_masks(&capture, |value| value / 255);
+    let (same, warned) = train("b");
+    assert!(avatar == same, "another avatar");
+    assert_eq!(warned.matches("split \"train\": 10 of 10 masks hold 0 and 1").count(), 1, "{warned}");
+}
+
 #[test]
 fn images_that_are_of_no_use_are_left_out_with_one_warning() {
     let folder = tempfile::tempdir().unwrap();

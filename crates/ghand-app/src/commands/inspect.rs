@@ -43,7 +43,7 @@ pub struct InspectArgs {
 ///
 /// # Errors
 /// One that names the file and the part that cannot be used, or the sheet that cannot be written. Images that cannot be used
-/// are no error.
+/// are no error unless none can be.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
         Some(path) if !path.exists() => bail!("{}: no such file or folder", path.display()),
@@ -92,6 +92,9 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
         (true, _) => {}
         (_, true) => say!("\nno pictures: there is no image that could be decoded"),
         _ => say!("\n{}", write_sheet(&sheet, args.sheet.is_some(), adapter, &opened, &views)?),
+    }
+    if !found.has_usable_image() {
+        bail!("{}: there is no image that can be used; the output above names what is wrong", path.display());
     }
     Ok(())
 }

@@ -11,6 +11,7 @@ use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::capture_args::CaptureArgs;
+use crate::capture_checks::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::say;
@@ -46,6 +47,10 @@ pub struct TrainArgs {
     /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Train even where no avatar can be expected of the capture, such as one in millimetres; what is wrong with it is a warning
+    /// then.
+    #[arg(long)]
+    ignore_checks: bool,
 }
 
 impl TrainArgs {
@@ -95,6 +100,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let needed: Vec<&str> = std::iter::once(&args.split).chain(&args.test_split).map(String::as_str).collect();
     let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
+    check_before_training(&capture, path, &args.split, test_split, args.ignore_checks)?;
     let train_split = capture.split(&args.split)?.clone();
     let trainer = Trainer::new(&gpu, &capture, &args.split, &settings)?;
     let gaussians = trainer.gaussians();

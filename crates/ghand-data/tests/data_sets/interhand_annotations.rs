@@ -158,3 +158,15 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
         assert_says(&message(&options()), &[kind, "annotations", "download"]);
     }
 }
+
+#[test]
+fn poses_beyond_all_hands_are_named_with_file_frame_and_joint() {
+    let message = |field: &str, index: usize| {
+        let (opened, _folder) = open_after(|data| data.mano["0"][number(2).to_string()]["right"][field][index] = json!(1e30));
+        opened.unwrap_err().to_string()
+    };
+    let frame = format!("frames[\"{}\"]", number(2));
+    assert_says(&message("pose", 4), &["MANO_NeuralAnnot.json", &frame, "pose: joint \"index1\"", "1e30 rad"]);
+    assert_says(&message("trans", 1), &["MANO_NeuralAnnot.json", &frame, "translation", "1e30 m"]);
+    assert_says(&message("shape", 9), &["MANO_NeuralAnnot.json", &frame, "shape: number 9 is 1e30"]);
+}
