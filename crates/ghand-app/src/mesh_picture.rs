@@ -5,7 +5,7 @@ use std::str::FromStr;
 use anyhow::bail;
 use ghand_core::{Camera, HandModel};
 use ghand_render::Gpu;
-use ghand_render::mesh::weights::{joint_heat, joint_mix};
+use ghand_render::mesh::weights::{heat_texture, joint_heat_uvs, joint_mix};
 use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
 use glam::DVec3;
 
@@ -22,7 +22,7 @@ pub enum PictureStyle {
     SolidWireframe,
     /// A colour a joint, mixed by skinning weight.
     Weights,
-    /// The skinning weight of one joint, by name or number: from dark violet, for the smallest, to yellow; grey is none.
+    /// The skinning weight of one joint, by name or number: from grey, for none, over dark violet to yellow.
     JointWeights(String),
 }
 
@@ -66,12 +66,18 @@ pub fn draw(
     picture: &mut Picture,
 ) -> anyhow::Result<()> {
     let joints = model.joint_count();
-    let (colors, plain) = match style {
-        PictureStyle::Solid | PictureStyle::Wireframe => (None, SKIN),
-        PictureStyle::SolidWireframe => (None, PALE),
-        PictureStyle::Weights => (Some(joint_mix(&model.weights, joints)?), SKIN),
+    let (colors, uvs, texture);
+    let surface = match style {
+        PictureStyle::Solid | PictureStyle::Wireframe => Surface::Color(SKIN),
+        PictureStyle::SolidWireframe => Surface::Color(PALE),
+        PictureStyle::Weights => {
+            colors = joint_mix(&model.weights, joints)?;
+            Surface::VertexColors(&colors)
+        }
         PictureStyle::JointWeights(joint) => {
-            (Some(joint_heat(&model.weights, joints, joint_number(model, joint)?)?), SKIN)
+            uvs = joint_heat_uvs(&model.weights, joints, joint_number(model, joint)?)?;
+            texture = heat_texture();
+            Surface::Texture { uvs: &uvs, texture: &texture }
         }
     };
     let shading = match style {
@@ -88,7 +94,7 @@ pub fn draw(
         normals: &model.vertex_normals(positions),
         exposure: None,
         triangles: &model.faces,
-        surface: colors.as_deref().map_or(Surface::Color(plain), Surface::VertexColors),
+        surface,
     };
     let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe };
     MeshRenderer::new(gpu)?.render_blocks(&mesh, camera, &style, |corner, block| picture.place_mesh(corner, &block))?;

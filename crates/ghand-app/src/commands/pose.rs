@@ -59,7 +59,7 @@ pub struct PoseArgs {
 #[derive(Debug, Args)]
 struct LookArgs {
     /// solid, wireframe (hidden lines removed), solid-wireframe, weights (a colour a joint, mixed by skinning weight), or
-    /// weights=JOINT (one joint's weight from violet to yellow, grey where it is 0; a name or number as `inspect` lists)
+    /// weights=JOINT (one joint's weight: grey where it is 0, then violet to yellow; a name or number as `inspect` lists)
     #[arg(long, value_name = "STYLE", default_value = "solid", requires = "picture")]
     style: PictureStyle,
     /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03 [default: one
