@@ -12,12 +12,17 @@ pub enum FileKind {
     Avatar,
     /// A scene of Gaussians, `.ply`.
     Ply,
-    /// Anything else, or a file that cannot be opened: the reader that is tried tells what is wrong with it.
+    /// A hand model: `.glb`, `.gltf`, or MANO's `.pkl` and `.npz`.
+    HandModel,
+    /// Anything else.
     Other,
 }
 
 /// Longest JSON header of a safetensors file, bytes; the format's own bound.
 const LARGEST_HEADER: u64 = 100_000_000;
+
+/// First bytes of binary glTF, of an archive of arrays, and of pickles of the protocols 2 to 5.
+const HAND_MODEL_STARTS: [&[u8]; 6] = [b"glTF", b"PK\x03\x04", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"];
 
 /// The kind of a file by its first bytes; by its name where they say nothing.
 pub fn file_kind(path: &Path) -> FileKind {
@@ -31,8 +36,10 @@ pub fn file_kind(path: &Path) -> FileKind {
     match extension.as_deref() {
         _ if read.is_ok() && is_safetensors => FileKind::Avatar,
         _ if read.is_ok() && start.starts_with(b"ply") => FileKind::Ply,
+        _ if read.is_ok() && HAND_MODEL_STARTS.iter().any(|mark| start.starts_with(mark)) => FileKind::HandModel,
         Some("ghand") => FileKind::Avatar,
         Some("ply") => FileKind::Ply,
+        Some("glb" | "gltf" | "pkl" | "npz") => FileKind::HandModel,
         _ => FileKind::Other,
     }
 }
@@ -52,9 +59,10 @@ mod tests {
         let tensors = [&40u64.to_le_bytes()[..], b"{\"__metadata__\":{}}"].concat();
         assert_eq!(kind("a.bin", &tensors), FileKind::Avatar);
         assert_eq!(kind("a.bin", b"ply\nformat ascii 1.0\n"), FileKind::Ply);
-        assert_eq!(kind("a.bin", b"\x80\x02}q\x00(X"), FileKind::Other);
+        assert_eq!(kind("a.bin", b"\x80\x02}q\x00(X"), FileKind::HandModel);
         assert_eq!(kind("a.bin", b"{\"frames\":[{}]}"), FileKind::Other);
         assert_eq!((kind("a.ghand", b""), kind("a.PLY", b"cut")), (FileKind::Avatar, FileKind::Ply));
-        assert_eq!(file_kind(&folder.path().join("absent.glb")), FileKind::Other);
+        assert_eq!(file_kind(&folder.path().join("absent.glb")), FileKind::HandModel);
+        assert_eq!(file_kind(&folder.path().join("absent.txt")), FileKind::Other);
     }
 }

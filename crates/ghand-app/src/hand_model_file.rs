@@ -55,6 +55,6 @@ pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<Han
              avatar (.ghand)",
             path.display()
         ),
-        FileKind::Other => Ok(read_hand_model(path, options)?),
+        FileKind::HandModel | FileKind::Other => Ok(read_hand_model(path, options)?),
     }
 }
