@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::capture::CaptureError;
 use crate::checks::{CameraEntry, Checker, Position, member};
 use crate::distortion::Distortion;
+use crate::json_file::parse;
 use crate::text_file::read_text;
 
 /// Larger files hold more than one camera.
@@ -40,8 +41,7 @@ pub(crate) struct CameraFile {
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
     let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
-    let file: CameraFile =
-        serde_json::from_str(&text).map_err(|source| CaptureError::Json { path: path.into(), source })?;
+    let file: CameraFile = parse(path, &text)?;
     let checks = Checker { path };
     let camera = file.camera(checks, String::new())?;
     match file.distortion(checks, "", &camera)? {

@@ -6,16 +6,19 @@
 use std::path::Path;
 
 use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_core::json_error::plain_json_error;
 use serde::de::value::Error as AnyError;
 use serde::de::{DeserializeOwned, Error, Visitor};
 use serde::{Deserializer, forward_to_deserialize_any};
 use serde_ignored::Path as FieldPath;
+use serde_path_to_error::Track;
 use serde_json::{Map, Value};
 
 use super::{CaptureFile, FrameFile, HandModelFile, SplitFile};
 use crate::camera_file::CameraFile;
 use crate::checks::Checker;
 use crate::error::CaptureError;
+use crate::json_file::not_as_expected;
 
 /// What the name of a comment begins with.
 const COMMENTS: [&str; 3] = ["_", "//", "$"];
@@ -29,7 +32,8 @@ const LONGEST_FIELD: usize = 100;
 pub(super) fn read_fields(path: &Path, text: &str) -> Result<CaptureFile, CaptureError> {
     let mut unknown = None;
     let mut json = serde_json::Deserializer::from_str(text);
-    let read = serde_ignored::deserialize(&mut json, |field| {
+    let mut track = Track::new();
+    let read = serde_ignored::deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track), |field| {
         let field = Place::of(&field);
         if unknown.is_none() && !is_comment(&field.name) {
             unknown = Some(field);
@@ -38,7 +42,7 @@ pub(super) fn read_fields(path: &Path, text: &str) -> Result<CaptureFile, Captur
     let read = read.and_then(|file: CaptureFile| json.end().map(|()| file));
     match unknown {
         Some(field) => Err(field.unknown(Checker { path })),
-        None => read.map_err(|source| CaptureError::Json { path: path.into(), source }),
+        None => read.map_err(|error| not_as_expected(path, track, &error)),
     }
 }
 
@@ -51,7 +55,7 @@ pub(super) fn parameters(checks: Checker, mut fields: Map<String, Value>) -> Res
         return Err(unknown_field(checks, &format!("{FIELD}.{name}"), name, known));
     }
     serde_json::from_value(Value::Object(fields))
-        .map_err(|error| checks.invalid(FIELD, format!("{error}; give numbers of metres, or leave the parameter out")))
+        .map_err(|error| checks.invalid(FIELD, format!("{}; give numbers of metres, or leave the parameter out", plain_json_error(&error))))
 }
 
 fn is_comment(name: &str) -> bool {
