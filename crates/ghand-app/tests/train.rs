@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{assert_one_sentence, listing, run, small_capture, small_capture_with};
+use common::{assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
@@ -33,6 +33,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
         assert!(left.iter().all(|f| !f.contains("avatar") && !f.starts_with('.')), "{name} left {left:?}");
     };
     std::fs::create_dir(folder.path().join("out")).unwrap();
+    std::fs::write(folder.path().join("out/notes.txt"), "of the user").unwrap();
     train("missing", &[], &["missing"]);
     train("good", &["--split", "nonsense"], &["nonsense", "train5"]);
     train("good", &["--set", "nonsense=1"], &["nonsense", "iterations"]);
@@ -154,8 +155,7 @@ fn images_that_are_of_no_use_are_left_out_with_one_warning() {
     std::fs::remove_file(image("cam01/0001.png")).unwrap();
     let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
     let output = run(TRAIN, folder.path(), &arguments);
-    let (said, warned) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{warned}");
+    let [said, warned] = assert_trained(&output);
     assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
     assert!(
         warned.contains("3 of 11 images are left out: 1 without a file, 2 with a broken file; the first:"),
@@ -170,7 +170,8 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
     small_capture_with(0, &folder.path().join("capture"));
     std::fs::create_dir(folder.path().join("out")).unwrap();
     std::fs::write(folder.path().join("out/report.png"), "of an earlier run").unwrap();
-    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
+    let arguments =
+        ["--capture", "capture", "--out", "out", "--force", "--set", "uv_resolution=32", "--set", "iterations=4"];
     let output = run(TRAIN, folder.path(), &arguments);
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
@@ -189,9 +190,8 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
 fn killing_a_run_leaves_the_old_avatar_whole() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set"];
-    let first = run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat());
-    assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
+    let arguments = ["--capture", "capture", "--out", "out", "--force", "--set", "uv_resolution=32", "--set"];
+    assert_trained(&run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat()));
     let files = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
     assert_eq!(listing(&folder.path().join("out")), files);
     let avatar = std::fs::read(folder.path().join("out/avatar.ghand")).unwrap();
@@ -207,6 +207,8 @@ fn killing_a_run_leaves_the_old_avatar_whole() {
     assert!(lines.any(|l| l.unwrap().starts_with("training:")), "the second run never started");
     child.kill().unwrap();
     child.wait().unwrap();
+    // The file of the lock, which is free again.
+    std::fs::remove_file(folder.path().join("out/.train.lock")).unwrap();
     assert_eq!(listing(&folder.path().join("out")), files);
     assert!(std::fs::read(folder.path().join("out/avatar.ghand")).unwrap() == avatar);
 }
@@ -223,7 +225,7 @@ fn a_full_disk_is_one_sentence_and_leaves_no_half_written_avatar() {
         return;
     }
     let output = run(TRAIN, folder.path(), &["--capture", "capture", "--out", "disk/out", "--set", "iterations=2"]);
-    let left = listing(&disk.join("out"));
+    let left = listing(&disk);
     let unmounted = Command::new("umount").arg(&disk).status().unwrap();
     assert!(unmounted.success());
     assert_one_sentence(&output, &["avatar.ghand"]);

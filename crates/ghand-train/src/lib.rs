@@ -8,6 +8,7 @@ mod loss_watch;
 pub mod metrics;
 pub mod pose_prior;
 pub mod report;
+mod room;
 mod setting_rules;
 pub mod settings;
 pub mod step;

@@ -186,12 +186,7 @@ impl Step {
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
-        self.renderer.pose.set_frame(
-            gpu,
-            view.frame,
-            per_gaussian(settings.offset_weight),
-            per_gaussian(scale_weight),
-        );
+        self.renderer.pose.set_frame(gpu, view.frame, per_gaussian(settings.offset_weight), per_gaussian(scale_weight));
         self.renderer.set_view(gpu, &view.camera, background)
     }
 

@@ -42,6 +42,19 @@ pub enum TrainError {
         /// "cameras", "frames" or "images".
         what: &'static str,
     },
+    /// The host's memory has no room.
+    #[error(
+        "not enough memory for {gaussians} Gaussians, which need about {mebibytes} MiB; close other programs or choose \
+         fewer Gaussians than with uv_resolution={uv_resolution}"
+    )]
+    NoMemory {
+        /// Number of Gaussians.
+        gaussians: usize,
+        /// What they need, MiB.
+        mebibytes: u64,
+        /// The setting that decides on the number.
+        uv_resolution: u32,
+    },
     /// Numbers became infinite, or the loss rose: what was learned is worth nothing.
     #[error("training failed in stage {stage}, iteration {iteration} of {iterations}: {fault}; {remedy}")]
     Diverged {
@@ -58,8 +71,8 @@ pub enum TrainError {
     },
     /// The run was told to stop before there was an avatar.
     #[error(
-        "stopped after {iteration} of {iterations} iterations: the poses were still being refined, so there is no avatar \
-         to save yet"
+        "stopped after {iteration} of {iterations} iterations, before stage 2 had begun to make the avatar: there is no \
+         avatar to save yet"
     )]
     Stopped {
         /// Iterations done.

@@ -16,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::floor::texel_colors;
 use crate::loss_watch::{Fault, check_change, check_learned, check_loss, remedy};
 use crate::pose_prior::shrink;
+use crate::room;
 use crate::settings::TrainSettings;
 use crate::step::{Rates, Step};
 use crate::train_error::TrainError;
@@ -122,6 +123,7 @@ impl<'a> Trainer<'a> {
             }
         }
         let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
+        room::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
             capture,
@@ -220,12 +222,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Runs one stage: a view an iteration, in shuffled passes over all views.
-    fn run(
-        &self,
-        gpu: &Gpu,
-        stage: &Stage,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<StageResult, TrainError> {
+    fn run(&self, gpu: &Gpu, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let avatar = self.start(gpu, settings)?;
         let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
@@ -317,13 +314,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// The mean loss over some of the views, always the same, evenly over all of them.
-    fn watched_loss(
-        &self,
-        gpu: &Gpu,
-        step: &mut Step,
-        stage: &Stage,
-        background: [f32; 3],
-    ) -> Result<f64, TrainError> {
+    fn watched_loss(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, background: [f32; 3]) -> Result<f64, TrainError> {
         let count = self.views.len().min(WATCHED_VIEWS);
         let mut sum = 0.0;
         for k in 0..count {

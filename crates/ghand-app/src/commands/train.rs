@@ -19,9 +19,7 @@ use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{evaluate_images, failure, pose_error, print_table};
 use crate::train_run::interruption::{BEFORE_TRAINING, Interruption};
 use crate::train_run::results::{save_metrics, save_poses};
-use crate::train_run::run_folder::{
-    AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder,
-};
+use crate::train_run::run_folder::{AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
 
 /// Command line of `train`.
 #[derive(Debug, Args)]

@@ -31,7 +31,9 @@ pub fn demo_capture(gpu: &mut Gpu, folder: PathBuf, interruption: &Interruption)
     interruption.end_with(BEFORE_TRAINING.into());
     match made {
         Ok(true) => Ok(folder),
-        Ok(false) => Err(Stopped("stopped while the synthetic capture was being made: nothing was written".into()).into()),
+        Ok(false) => {
+            Err(Stopped("stopped while the synthetic capture was being made: nothing was written".into()).into())
+        }
         // Another run has made the same one meanwhile.
         Err(_) if is_there(&folder) => Ok(folder),
         Err(error) => Err(error),

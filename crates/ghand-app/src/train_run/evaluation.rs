@@ -136,7 +136,10 @@ mod tests {
         assert_eq!(failure(&Metrics { images: None, ..metrics(0.0, 1.0, 9) }, &settings), None);
         for psnr in [20.0, 9.7, f64::NAN] {
             let text = failure(&metrics(psnr, 20.0, 9), &settings).unwrap();
-            assert!(text.contains("too few iterations (9, the default is 3400)") && text.contains("20.00 dB"), "{text}");
+            assert!(
+                text.contains("too few iterations (9, the default is 3400)") && text.contains("20.00 dB"),
+                "{text}"
+            );
             assert!(text.contains("ghand inspect") && !text.contains("settings") && !text.contains('\n'), "{text}");
         }
         let other = TrainSettings { rate_color: 1.0, ..settings };

@@ -58,7 +58,10 @@ impl FolderLock {
                     return Ok(Attempt::Taken(number.map_or("another process".into(), |id| format!("process {id}"))));
                 }
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
-                    log::warn!("{}: this file system has no locks; run only one `train` into this folder", path.display());
+                    log::warn!(
+                        "{}: this file system has no locks; run only one `train` into this folder",
+                        path.display()
+                    );
                     return Ok(Attempt::Locked(FolderLock { _file: file }));
                 }
                 Err(TryLockError::Error(error)) => {

@@ -44,8 +44,7 @@ impl Interruption {
     /// If the system refuses handlers of signals.
     pub fn listen(line: &str) -> anyhow::Result<Interruption> {
         let state = State { response: Response::End(line.into()), leftovers: None };
-        let interruption =
-            Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
+        let interruption = Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
         let arrived = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, arrived.clone()).context("cannot listen to Ctrl-C")?;

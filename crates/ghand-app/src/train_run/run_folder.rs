@@ -104,7 +104,10 @@ impl RunFolder {
                 _ => {}
             }
         }
-        bail!("{}: there are {MOST_FOLDERS} earlier runs; remove some or choose another folder with --out", base.display())
+        bail!(
+            "{}: there are {MOST_FOLDERS} earlier runs; remove some or choose another folder with --out",
+            base.display()
+        )
     }
 
     /// Makes and locks a folder; tells who holds it if another process does.
