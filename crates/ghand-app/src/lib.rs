@@ -6,6 +6,7 @@ pub mod capture_checks;
 pub mod cli;
 pub mod commands;
 pub mod crash;
+pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
 pub mod mesh_picture;

@@ -132,7 +132,10 @@ fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
     }
     std::fs::write(&file, json.to_string()).unwrap();
     let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
-    assert_says(&text, &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"]);
+    assert_says(
+        &text,
+        &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"],
+    );
     json["mask_path"] = serde_json::Value::Null;
     std::fs::write(&file, json.to_string()).unwrap();
     assert_says(&said(&inspect(folder.path(), &["rig", "--no-sheet"])), &["warning      22 of 22 images have no mask"]);

@@ -125,9 +125,8 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     check(&["cut.ghand", "--screenshot", "a.png"], &["cut.ghand", "cut short"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--pose", "salute"], &["salute", "thumbs-up"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--adapter", "no such"], &["no such", "adapter"]);
-    check(&["hand.ghand", "--screenshot", "no/a.png", "--size", "64x64"], &["no/a.png"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--size", "64"], &["--size"]);
-    check(&["cut.ply", "--screenshot", "a.png"], &["cut.ply: data", "cut short"]);
+    check(&["cut.ply", "--screenshot", "a.png"], &["cut.ply: data"]);
     check(&["empty.ply", "--screenshot", "a.png"], &["empty.ply: Gaussians"]);
     check(&["missing.ply", "--screenshot", "a.png"], &["missing.ply"]);
     check(&["ball.ply", "--screenshot", "a.png", "--pose", "fist"], &["--pose", "ball.ply", "scene"]);

@@ -121,7 +121,8 @@ mod tests {
     #[test]
     fn shapes_out_of_range_are_named_by_number_and_at_the_bound_accepted() {
         assert_eq!(check_shape_range(&[0.0, LARGEST_SHAPE, -LARGEST_SHAPE]), Ok(()));
-        for (value, said) in [(1e30, "number 1 is 1e30"), (-100.5, "number 1 is -100.5"), (f64::NAN, "number 1 is NaN")] {
+        for (value, said) in [(1e30, "number 1 is 1e30"), (-100.5, "number 1 is -100.5"), (f64::NAN, "number 1 is NaN")]
+        {
             let message = check_shape_range(&[0.0, value]).unwrap_err().to_string();
             assert!(message.contains(said), "{message}");
         }

@@ -131,7 +131,8 @@ mod tests {
     /// A smooth picture of the rays that a pinhole camera sees, and a mask: a disc.
     fn scene(ray: DVec2) -> [f64; 4] {
         let wave = |phase: f64| 127.5 + 100.0 * (4.0 * ray.x + phase).sin() * (3.0 * ray.y - phase).cos();
-        let disc = if (ray - DVec2::new(0.1, -0.05)).length() < 0.35 { 255.0 } else { 0.0 };
+        // Its edge is as soft as two pixels are wide.
+        let disc = 255.0 * (0.5 + 40.0 * (0.35 - (ray - DVec2::new(0.1, -0.05)).length())).clamp(0.0, 1.0);
         [wave(0.0), wave(0.7), wave(2.0), disc]
     }
 
@@ -166,8 +167,8 @@ mod tests {
         for coefficients in [
             [-0.25, 0.08, 0.004, -0.006, -0.01],
             [0.15, -0.05, -0.003, 0.002, 0.02],
-            [0.0, 0.0, 0.01, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 0.01, 0.0],
+            [0.0, 0.0, 0.04, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.04, 0.0],
         ] {
             let distorted = picture(&camera, |seen| ray_seen_at(seen, coefficients));
             let ideal = picture(&camera, |ray| ray);
@@ -179,10 +180,10 @@ mod tests {
                 (worst, masks, pairs().count())
             };
             let (worst, masks, seen) = error(&found);
-            assert!(worst <= 2 && masks <= 12 && seen > 6000, "{coefficients:?}: {worst} {masks} {seen}");
+            assert!(worst <= 2 && masks <= 4 && seen > 6000, "{coefficients:?}: {worst} {masks} {seen}");
             // Without it, the picture is another one.
             let (worst, masks, _) = error(&distorted);
-            assert!(worst > 6 && masks > 12, "{coefficients:?}: {worst} {masks}");
+            assert!(worst > 10 && masks > 12, "{coefficients:?}: {worst} {masks}");
         }
     }
 

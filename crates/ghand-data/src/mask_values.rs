@@ -96,7 +96,8 @@ mod tests {
 
     #[test]
     fn coloured_labels_are_hand_and_what_is_transparent_is_not() {
-        let labels = RgbImage::from_fn(4, 1, |x, _| Rgb([[0, 0, 0], [128, 0, 0], [0, 128, 0], [20, 20, 20]][x as usize]));
+        let labels =
+            RgbImage::from_fn(4, 1, |x, _| Rgb([[0, 0, 0], [128, 0, 0], [0, 128, 0], [20, 20, 20]][x as usize]));
         assert_eq!(hand(labels), (vec![false, true, true, false], false));
         let alpha = [0, 127, 128, 255];
         let cut_out = RgbaImage::from_fn(4, 1, |x, _| Rgba([255, 255, 255, alpha[x as usize]]));

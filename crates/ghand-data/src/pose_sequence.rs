@@ -45,6 +45,9 @@ use to_model::{carried_over, fitted, mano_rows, rows, side_name};
 /// Frames a second of what does not say.
 pub const DEFAULT_FPS: f64 = 30.0;
 
+/// Most frames that a motion is resampled to: nine hours at 30 a second.
+const MOST_FRAMES: usize = 1_000_000;
+
 /// What is wrong with a file of poses. Every message names the file, the field and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
@@ -227,15 +230,29 @@ impl PoseSequence {
     }
 
     /// The same motion at another rate. Ids are counted anew; shapes are those of the frame before.
-    pub fn resampled(&self, fps: f64) -> PoseSequence {
-        let count = (self.duration() * fps + 1e-9).floor() as usize + 1;
+    ///
+    /// # Errors
+    /// [`PoseError::Invalid`] when that would be more than a million frames.
+    pub fn resampled(&self, fps: f64) -> Result<PoseSequence, PoseError> {
+        let last = (self.duration() * fps + 1e-9).floor();
+        let fits = last < MOST_FRAMES as f64;
+        if !fits {
+            return Err(PoseError::Invalid {
+                origin: "resampling".into(),
+                field: "fps".into(),
+                problem: format!(
+                    "{} s at {fps} frames a second are more than {MOST_FRAMES} frames; give fewer a second, or a part of the motion",
+                    self.duration()
+                ),
+            });
+        }
         let frame = |k: usize| {
             let seconds = k as f64 / fps;
             let before = ((seconds * self.fps).floor() as usize).min(self.frames.len().saturating_sub(1));
             let shape = self.frames.get(before).map(|frame| frame.shape.clone()).unwrap_or_default();
             Some(PoseFrame { id: format!("{k:04}"), pose: self.at(seconds)?, shape })
         };
-        PoseSequence { fps, frames: (0..count).filter_map(frame).collect(), ..self.clone() }
+        Ok(PoseSequence { fps, frames: (0..last as usize + 1).filter_map(frame).collect(), ..self.clone() })
     }
 }
 

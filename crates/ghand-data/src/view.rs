@@ -84,11 +84,7 @@ impl Capture {
     }
 
     /// As [`Capture::load_view`], with what reading it came across.
-    pub(crate) fn load_view_with_notes(
-        &self,
-        camera: usize,
-        frame: usize,
-    ) -> Result<(View, ViewNotes), CaptureError> {
+    pub(crate) fn load_view_with_notes(&self, camera: usize, frame: usize) -> Result<(View, ViewNotes), CaptureError> {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
         let file = self.image_file(camera, frame)?;
         let bytes = read_bytes(&file, Role::Image, size)?;

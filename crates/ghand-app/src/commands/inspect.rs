@@ -1,12 +1,16 @@
-//! `ghand inspect`: what is in a capture or a hand model, and what is odd about it.
+//! `ghand inspect`: what is in a capture, a hand model, an avatar or a scene of Gaussians, and what is odd about it.
 
+mod avatar;
 mod capture;
 mod hand_model;
+mod scene;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::Avatar;
+use ghand_avatar::ply::SplatScene;
 use ghand_core::atomic_file::check_target;
 use ghand_data::Opened;
 use ghand_data::inspection::{CaptureInspection, DEFAULT_SAMPLE};
@@ -16,6 +20,7 @@ use ghand_train::contact_sheet::{SheetView, contact_sheet};
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
+use crate::file_kind::{FileKind, file_kind};
 use crate::say;
 
 /// Views of a contact sheet.
@@ -25,7 +30,7 @@ const SHEET_VIEWS: usize = 12;
 #[derive(Debug, Args)]
 pub struct InspectArgs {
     /// A capture: a folder of any kind that `train` takes, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
-    /// (.glb, .gltf) [default: the built-in hand]
+    /// (.glb, .gltf). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -39,7 +44,8 @@ pub struct InspectArgs {
     no_sheet: bool,
 }
 
-/// Prints what is in a capture or a hand model, and what is odd about it; of a capture, writes a sheet of pictures.
+/// Prints what is in a capture, a hand model, an avatar or a scene, and what is odd about it; of a capture, writes a sheet of
+/// pictures.
 ///
 /// # Errors
 /// One that names the file and the part that cannot be used, or the sheet that cannot be written. Images that cannot be used
@@ -53,7 +59,12 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
-            say!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?).trim_end());
+            let text = match (path, path.as_deref().map(file_kind)) {
+                (Some(path), Some(FileKind::Avatar)) => avatar::describe(path, &Avatar::load(path)?),
+                (Some(path), Some(FileKind::Ply)) => scene::describe(path, &SplatScene::read(path)?),
+                _ => hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?),
+            };
+            say!("{}", text.trim_end());
             Ok(())
         }
     }

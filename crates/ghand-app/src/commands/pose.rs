@@ -29,13 +29,14 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
 pub struct PoseArgs {
-    /// The hand model: MANO (.pkl, .npz) or rigged glTF (.glb, .gltf) [default: the built-in hand]
-    #[arg(long, value_name = "FILE")]
+    /// The hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf) or an avatar (.ghand), whose mesh and joints are taken; poses are
+    /// written for its joints [default: the built-in hand]
+    #[arg(long, value_name = "FILE", visible_alias = "for")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
     reading: HandModelArgs,
-    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
-    /// MediaPipe's world landmarks; its shape and translation are used, too [default: zeros]
+    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
     #[command(flatten)]
@@ -105,7 +106,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         if let Some(wanted) = &args.frame {
             sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
         }
-        write_poses(path, &sequence)?;
+        write_poses(path, &sequence, model)?;
         say!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
         return Ok(());
     }

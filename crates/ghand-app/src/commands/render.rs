@@ -27,8 +27,8 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 pub struct RenderArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
-    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
-    /// MediaPipe's world landmarks
+    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// joints of WebXR or OpenXR, landmarks
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
     #[command(flatten)]

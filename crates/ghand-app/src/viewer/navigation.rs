@@ -137,9 +137,10 @@ mod tests {
     fn only_the_button_that_began_a_drag_ends_it() {
         let mut drags = Drags::default();
         let middle = |pressed, x| button(pressed, x, PointerButton::Middle, Modifiers::NONE);
-        assert_eq!(follow(&mut drags, &[press(110.0), middle(true, 111.0), middle(false, 113.0), at(120.0)]), [turn(
-            10.0
-        )]);
+        assert_eq!(
+            follow(&mut drags, &[press(110.0), middle(true, 111.0), middle(false, 113.0), at(120.0)]),
+            [turn(10.0)]
+        );
         assert_eq!(follow(&mut drags, &[at(125.0), release(125.0), at(130.0)]), [turn(5.0)]);
         assert_eq!(follow(&mut drags, &[at(140.0)]), []);
     }

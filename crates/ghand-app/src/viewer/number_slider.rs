@@ -7,13 +7,14 @@ use egui::{Slider, SliderClamping};
 /// A slider with so many decimals. It changes its value only when the user does: without that, rounding to the decimals counts
 /// as a change.
 pub fn number_slider<'a>(value: &'a mut f64, range: RangeInclusive<f64>, decimals: usize, unit: &'a str) -> Slider<'a> {
-    let accepted = range.clone();
+    let (accepted, now) = (range.clone(), *value);
     Slider::new(value, range)
         .clamping(SliderClamping::Edits)
         .fixed_decimals(decimals)
         .suffix(unit)
         .custom_formatter(move |value, _| shown(value, decimals))
-        .custom_parser(move |text| typed(text, unit, &accepted))
+        // Who only looks at the number does not round it.
+        .custom_parser(move |text| if text == shown(now, decimals) { Some(now) } else { typed(text, unit, &accepted) })
         // What is typed counts once it is complete: the 18 on the way to 180 is no value to show.
         .update_while_editing(false)
 }
@@ -48,10 +49,12 @@ mod tests {
     #[test]
     fn only_numbers_in_the_range_are_taken() {
         let typed = |text| typed(text, "°", &(-180.0..=180.0));
-        assert_eq!([" 12.5 ", "-180", "\u{2212}3", "90°", "1e1"].map(typed).map(Option::unwrap), [
-            12.5, -180.0, -3.0, 90.0, 10.0
-        ]);
-        for text in ["", "nan", "NaN", "-nan", "inf", "-inf", "infinity", "181", "-180.5", "1e300", "ten", "1 2", "°"] {
+        assert_eq!(
+            [" 12.5 ", "-180", "\u{2212}3", "90°", "1e1"].map(typed).map(Option::unwrap),
+            [12.5, -180.0, -3.0, 90.0, 10.0]
+        );
+        for text in ["", "nan", "NaN", "-nan", "inf", "-inf", "infinity", "181", "-180.5", "1e300", "ten", "1 2", "°"]
+        {
             assert_eq!(typed(text), None, "{text}");
         }
     }

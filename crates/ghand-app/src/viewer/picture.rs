@@ -142,7 +142,19 @@ impl Picture {
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
-        Picture { renderer, pipeline, group, columns, read_back, timer, target, pending, frame_ms, intersections, broken }
+        Picture {
+            renderer,
+            pipeline,
+            group,
+            columns,
+            read_back,
+            timer,
+            target,
+            pending,
+            frame_ms,
+            intersections,
+            broken,
+        }
     }
 
     /// Number of Gaussians.

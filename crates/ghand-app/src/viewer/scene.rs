@@ -128,22 +128,22 @@ pub(crate) mod tests {
     fn what_lies_far_outside_or_is_not_seen_does_not_count() {
         let places = grid([1.0, 2.0, 3.0], 0.5);
         let plain = Bounds::of(&scene(&places, 0.01, &[2.0])).unwrap();
-        let near = |other: Bounds| {
-            assert!(other.middle.distance(plain.middle) < 0.1 * plain.radius, "{other:?} {plain:?}");
-            assert!((other.radius / plain.radius).ln().abs() < 0.3, "{other:?} {plain:?}");
+        let near = |other: Bounds, times: f64| {
+            assert!(other.middle.distance(plain.middle) < 0.2 * plain.radius, "{other:?} {plain:?}");
+            assert!((other.radius / plain.radius).ln().abs() < times.ln(), "{other:?} {plain:?}");
         };
         // Floaters, a few of them not finite.
         let mut outliers = places.clone();
         outliers.extend((0..30).map(|i| [1e3 + i as f32, -500.0, 1e6]));
         outliers.extend([[f32::NAN, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0]]);
-        near(Bounds::of(&scene(&outliers, 0.01, &[2.0])).unwrap());
+        near(Bounds::of(&scene(&outliers, 0.01, &[2.0])).unwrap(), 1.2);
         // A background on all sides.
         let mut background = places.clone();
         background.extend(grid([1.0, 2.0, 3.0], 80.0).into_iter().step_by(4));
-        near(Bounds::of(&scene(&background, 0.01, &[2.0])).unwrap());
+        near(Bounds::of(&scene(&background, 0.01, &[2.0])).unwrap(), 2.0);
         // Every other Gaussian is far away and nearly transparent.
         let mixed: Vec<[f32; 3]> = places.iter().flat_map(|p| [*p, [p[0] + 50.0, p[1], p[2]]]).collect();
-        near(Bounds::of(&scene(&mixed, 0.01, &[2.0, -5.0])).unwrap());
+        near(Bounds::of(&scene(&mixed, 0.01, &[2.0, -5.0])).unwrap(), 1.01);
     }
 
     #[test]

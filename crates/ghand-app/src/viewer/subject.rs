@@ -1,9 +1,8 @@
 //! What the viewer shows: a hand that can be posed, or a scene that stands still.
 
-use std::io::Read;
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use bytemuck::cast_slice;
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
@@ -14,6 +13,7 @@ use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError};
 
 use crate::bare_hand::bare_hand_of;
+use crate::file_kind::{FileKind, file_kind};
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::hand::Hand;
 use crate::viewer::scene::read_scene;
@@ -37,20 +37,21 @@ impl Subject {
     /// # Errors
     /// One sentence that names the file, and the part that is wrong or what it should be.
     pub fn read(path: &Path) -> anyhow::Result<Subject> {
-        match Kind::of(path) {
-            Some(Kind::Avatar) => Ok(Subject::avatar(Avatar::load(path)?)),
-            Some(Kind::Scene) => {
+        input_file::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        match file_kind(path) {
+            FileKind::Avatar => Ok(Subject::avatar(Avatar::load(path)?)),
+            FileKind::Ply => {
                 let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                 Ok(Subject::Scene { gaussians: read_scene(path)?, name })
             }
-            Some(Kind::HandModel) => {
+            FileKind::HandModel => {
                 let file = read_hand_model(path, &ReadOptions::default())?;
                 for warning in &file.warnings {
                     log::warn!("{}: {warning}", path.display());
                 }
                 Ok(Subject::avatar(bare_hand_of(&file.model)?))
             }
-            None => bail!(
+            FileKind::Other => bail!(
                 "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or a \
                  MANO .pkl or .npz)",
                 path.display()
@@ -113,34 +114,6 @@ impl Subject {
                 true
             }
             Subject::Scene { .. } => false,
-        }
-    }
-}
-
-/// What a file is to the viewer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Avatar,
-    Scene,
-    HandModel,
-}
-
-impl Kind {
-    /// By the file's first bytes, else by its name. Whether the rest is as it should be is for the readers to say, also of
-    /// files that cannot be opened.
-    fn of(path: &Path) -> Option<Kind> {
-        let mut start = Vec::new();
-        let read = input_file::open(path).and_then(|file| file.take(9).read_to_end(&mut start));
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        match (&start[..], extension.as_deref()) {
-            ([b'p', b'l', b'y', b'\n' | b'\r', ..], _) => Some(Kind::Scene),
-            // A safetensors file: the length of a header, then a header of JSON.
-            ([_, _, _, _, _, _, _, _, b'{'], _) => Some(Kind::Avatar),
-            ([b'g', b'l', b'T', b'F', ..] | [b'P', b'K', 3, 4, ..] | [0x80, 2..=5, ..], _) => Some(Kind::HandModel),
-            (_, Some("ply")) => Some(Kind::Scene),
-            (_, Some("ghand")) => Some(Kind::Avatar),
-            (_, Some("glb" | "gltf" | "pkl" | "npz")) => Some(Kind::HandModel),
-            _ => read.is_err().then_some(Kind::Avatar),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egui::{Button, Ui};
+use egui::{Button, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
 use ghand_data::PoseSequence;
 use ghand_data::motions::{MOTION_NAMES, motion};
@@ -15,6 +15,8 @@ use crate::viewer::number_slider::number_slider;
 const LONGEST_STEP: f64 = 3.0;
 /// Seconds from one picture of a motion to the next.
 const FRAME: f64 = 1.0 / 60.0;
+/// Width of the button that starts and stops a motion, points.
+const BUTTON_WIDTH: f32 = 52.0;
 
 /// A motion and its place.
 pub struct Timeline {
@@ -63,7 +65,9 @@ impl Timeline {
         let Some(timeline) = timeline else { return };
         let mut moved = timeline.playing;
         ui.horizontal(|ui| {
-            if ui.button(if timeline.playing { "Pause" } else { "Play" }).clicked() {
+            // As wide with either word, or the slider would move away from the pointer that stops the motion.
+            let word = if timeline.playing { "Pause" } else { "Play" };
+            if ui.add(Button::new(word).min_size(Vec2::new(BUTTON_WIDTH, 0.0))).clicked() {
                 timeline.playing = !timeline.playing;
             }
             let end = timeline.sequence.duration();

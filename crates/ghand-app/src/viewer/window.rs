@@ -7,14 +7,12 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::cli;
 use crate::viewer::app::Viewer;
-use crate::viewer::slow_frames::ClicksOverTwoFrames;
+use crate::viewer::slow_frames::take_clicks_in_slow_frames;
 
 /// Size of the window at first, points.
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
 /// Smallest window in which everything has room, points.
 const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
-/// Longest time between the clicks of a double click, seconds: as most desktops have it, and longer than a slow frame.
-const DOUBLE_CLICK_SECS: f64 = 0.5;
 /// What to do without a display.
 const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
 
@@ -114,8 +112,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     };
     let create: eframe::AppCreator<'_> = Box::new(|context| {
         style(&context.egui_ctx);
-        context.egui_ctx.add_plugin(ClicksOverTwoFrames::default());
-        context.egui_ctx.options_mut(|options| options.input_options.max_double_click_delay = DOUBLE_CLICK_SECS);
+        take_clicks_in_slow_frames(&context.egui_ctx);
         context.egui_ctx.add_plugin(DrawNothingOnceLost { gpu });
         Ok(Box::new(Window { viewer, closing: false }))
     });

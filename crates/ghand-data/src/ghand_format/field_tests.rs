@@ -38,7 +38,10 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
         (|v| rename(v, "image_path", "imagepath"), &["imagepath: is not a field", "\"image_path\""]),
         (|v| v["scale"] = json!(2), &["scale: is not a field", "known here are format, version, units"]),
         (|v| v["hand_model"]["joint_names"] = json!([]), &["hand_model.joint_names", "\"joints\""]),
-        (|v| v["hand_model"]["parameters"]["palm_widht"] = json!(1), &["hand_model.parameters.palm_widht", "\"palm_width\""]),
+        (
+            |v| v["hand_model"]["parameters"]["palm_widht"] = json!(1),
+            &["hand_model.parameters.palm_widht", "\"palm_width\""],
+        ),
         (|v| v["cameras"][1]["Distortions"] = json!([0.1]), &["cameras[1].Distortions", "\"distortion\""]),
         (|v| v["cameras"][2]["dist_coeffs"] = json!([0.1]), &["cameras[2].dist_coeffs", "distortion"]),
         (|v| rename(&mut v["cameras"][0], "rotation", "rotations"), &["cameras[0].rotations", "\"rotation\""]),
@@ -63,7 +66,10 @@ fn names_that_begin_as_comments_do_are_comments_at_every_level() {
         v["frames"][0]["_blurred"] = json!(true);
         v["splits"]["train"]["_"] = json!(null);
     });
-    assert_eq!((commented.frames, commented.hand_model, commented.splits), (plain.frames, plain.hand_model, plain.splits));
+    assert_eq!(
+        (commented.frames, commented.hand_model, commented.splits),
+        (plain.frames, plain.hand_model, plain.splits)
+    );
 }
 
 #[test]
@@ -86,7 +92,10 @@ fn numbers_beyond_all_hands_are_named_with_file_frame_and_joint() {
             |v| v["frames"][1]["pose"][2] = json!([0.0, 1e30, 0.0]),
             &["capture.json: frames[\"0001\"].pose: joint \"index2\"", "1e30 rad", "radians"],
         ),
-        (|v| v["frames"][0]["translation"] = json!([0.0, 0.0, -1e30]), &["frames[\"0000\"].translation", "1e30 m", "metres"]),
+        (
+            |v| v["frames"][0]["translation"] = json!([0.0, 0.0, -1e30]),
+            &["frames[\"0000\"].translation", "1e30 m", "metres"],
+        ),
         (|v| v["frames"][1]["shape"] = json!([0.0, 1e30]), &["frames[\"0001\"].shape", "number 1 is 1e30"]),
         (|v| v["cameras"][2]["translation"] = json!([1e30, 0.0, 0.0]), &["cameras[\"cam2\"].translation", "metres"]),
         (|v| v["cameras"][0]["intrinsics"][0][0] = json!(1e30), &["cameras[\"cam0\"].intrinsics", "1e7", "pixels"]),

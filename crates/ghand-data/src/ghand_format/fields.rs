@@ -21,6 +21,8 @@ use crate::error::CaptureError;
 const COMMENTS: [&str; 3] = ["_", "//", "$"];
 /// Names that are less alike (Jaro-Winkler, 1 for the same) are not called near.
 const LEAST_LIKENESS: f64 = 0.75;
+/// Letters of a field that a message has.
+const LONGEST_FIELD: usize = 100;
 
 /// What the text of a file says, if it has no field that is unknown. An unknown field is the error even where something else is
 /// wrong, too: a misspelt name leaves another field missing.
@@ -80,9 +82,9 @@ impl Place {
                 let above = Place::of(parent);
                 Place { written: format!("{}[{index}]", above.written), ..above }
             }
-            FieldPath::Some { parent }
-            | FieldPath::NewtypeStruct { parent }
-            | FieldPath::NewtypeVariant { parent } => Place::of(parent),
+            FieldPath::Some { parent } | FieldPath::NewtypeStruct { parent } | FieldPath::NewtypeVariant { parent } => {
+                Place::of(parent)
+            }
             FieldPath::Root => Place { written: String::new(), name: String::new(), top: None },
         }
     }
@@ -106,6 +108,8 @@ fn unknown_field(checks: Checker, field: &str, name: &str, known: &[&str]) -> Ca
         Some(nearest) => format!("the nearest that is known here is {nearest:?}"),
         None => format!("known here are {}", known.join(", ")),
     };
+    // A hostile file has names of any length.
+    let field: String = field.chars().take(LONGEST_FIELD).collect();
     let problem = format!(
         "is not a field of the format; {instead}; correct or remove it, or begin its name with _ if it is a comment"
     );

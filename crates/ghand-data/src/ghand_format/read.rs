@@ -263,9 +263,10 @@ impl Reader<'_> {
 
     /// The cameras' distortion; nothing if none has any.
     fn distortion(&self, files: &[CameraFile], cameras: &[Camera]) -> Result<Vec<Option<Distortion>>, CaptureError> {
-        let found = files.iter().zip(cameras).map(|(file, camera)| {
-            file.distortion(self.checks, &format!("cameras[{:?}]", file.id), camera)
-        });
+        let found = files
+            .iter()
+            .zip(cameras)
+            .map(|(file, camera)| file.distortion(self.checks, &format!("cameras[{:?}]", file.id), camera));
         let found = found.collect::<Result<Vec<_>, _>>()?;
         Ok(if found.iter().any(Option::is_some) { found } else { vec![] })
     }

@@ -61,7 +61,10 @@ impl Capture {
             side: if self.side == Side::Right { "right" } else { "left" }.into(),
             background: self.background,
             hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
-            cameras: (0..).zip(&self.cameras).map(|(i, c)| camera_file(c, self.distortion.get(i).copied().flatten())).collect(),
+            cameras: (0..)
+                .zip(&self.cameras)
+                .map(|(i, c)| camera_file(c, self.distortion.get(i).copied().flatten()))
+                .collect(),
             frames: frames.collect(),
             image_path: self.images.image.clone(),
             mask_path: self.images.mask.clone(),

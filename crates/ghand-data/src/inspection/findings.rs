@@ -101,7 +101,9 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
         |_| true,
         |view| view.brightest < LEAST_BRIGHTNESS,
         |dark, all| {
-            format!("{dark} of {all} images are black, or their hand is; export them again with the light that they need")
+            format!(
+                "{dark} of {all} images are black, or their hand is; export them again with the light that they need"
+            )
         },
     );
     let flat = faulty(
@@ -113,7 +115,10 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
     let holes = views(found).filter(|view| view.nan_pixels > 0).count();
     let holes = (holes > 0).then(|| {
         let all = views(found).count();
-        finding(false, format!("{holes} of {all} images hold pixels that are not a number (NaN), which are taken for black"))
+        finding(
+            false,
+            format!("{holes} of {all} images hold pixels that are not a number (NaN), which are taken for black"),
+        )
     });
     [dark, flat, holes].into_iter().flatten().collect()
 }
@@ -147,7 +152,8 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
     ));
     let zero_one = views(found).filter(|view| view.is_zero_one).count();
     if zero_one > 0 {
-        let text = format!("{zero_one} of {looked_at} masks hold 0 and 1 instead of 0 and 255; the 1 is taken for the hand");
+        let text =
+            format!("{zero_one} of {looked_at} masks hold 0 and 1 instead of 0 and 255; the 1 is taken for the hand");
         findings.push(finding(false, text));
     }
     let made = found.files.made_masks;
@@ -219,7 +225,9 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
         |_| true,
         |view| !view.shows_template,
         |outside, all| {
-            format!("the posed template is outside of {outside} of {all} images; cameras, poses or units are not what they should be")
+            format!(
+                "the posed template is outside of {outside} of {all} images; cameras, poses or units are not what they should be"
+            )
         },
     );
     let worse_than = |most: f64, least: f64| {

@@ -1,7 +1,7 @@
 //! How much of an image is hand, and how well the posed template meets it.
 
-use ghand_core::posing::pose_hand;
 use ghand_core::Pose;
+use ghand_core::posing::pose_hand;
 use glam::DVec3;
 use rayon::prelude::*;
 

@@ -16,9 +16,10 @@
 //! another rig takes.
 
 use ghand_core::hand_model::joint_names::{Finger, JointRole};
+use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::value::Value;
 use ghand_core::{HandModel, Side};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde_json::json;
 
 use super::recording::{shown, side_of};
@@ -27,6 +28,9 @@ use crate::rig::Rig;
 
 /// Rest positions this near to each other are the same, metres.
 const SAME_PLACE: f64 = 1e-6;
+/// Bones of one mesh whose frames at rest differ by less than this are in the same rest pose, radians: far more than proportions
+/// do, half of what other axes would.
+const SAME_REST_POSE: f64 = std::f64::consts::FRAC_PI_4;
 /// Larger coordinates at rest are not metres.
 const LARGEST_COORDINATE: f64 = 1000.0;
 /// How far a fingertip is beyond the last joint when nothing tells, in lengths of the bone before.
@@ -67,9 +71,7 @@ impl FileRig {
         };
         let points = |name: &str, count: usize| match map.get(name) {
             None => Ok(None),
-            Some(value) => {
-                points(value, count).map(Some).map_err(|problem| source.invalid(&field(name), problem))
-            }
+            Some(value) => points(value, count).map(Some).map_err(|problem| source.invalid(&field(name), problem)),
         };
         let rest_joints = points("rest_joints", count)?;
         let tips = points("tips", Finger::ALL.len())?.and_then(|tips| <[DVec3; 5]>::try_from(tips).ok());
@@ -118,8 +120,11 @@ impl FileRig {
 
     /// What carrying poses over takes and the description lacks.
     pub fn missing(&self) -> Vec<&'static str> {
-        let parts =
-            [("side", self.side.is_none()), ("parents", self.parents.is_none()), ("rest_joints", self.rest_joints.is_none())];
+        let parts = [
+            ("side", self.side.is_none()),
+            ("parents", self.parents.is_none()),
+            ("rest_joints", self.rest_joints.is_none()),
+        ];
         parts.into_iter().filter_map(|(name, missing)| missing.then_some(name)).collect()
     }
 
@@ -135,23 +140,37 @@ impl FileRig {
         Rig::at_rest(&self.name, side, &self.joint_names, parents, joints, tips)
     }
 
-    /// Whether rotations of this rig are those of a model as they are: it has the model's joints, and either the same mesh, or the
-    /// same joints at rest.
-    pub fn is_of(&self, model: &HandModel) -> bool {
+    /// Whether rotations of this rig are those of a model as they are: it has the model's joints, and either the same joints at rest,
+    /// or the same mesh at rest in about the same pose. The latter is a hand of other proportions, such as an avatar whose joints
+    /// were learned: what turns is the skin, so that copied rotations show the same.
+    pub fn is_of(&self, model: &HandModel, source: &Source) -> bool {
         let Some(rows) = self.rows_of(&model.joint_names) else { return false };
-        let same_mesh = self.mesh == Some([model.vertices.len(), model.faces.len()]);
+        let same_mesh = || {
+            self.mesh == Some([model.vertices.len(), model.faces.len()])
+                && match (self.rig(source), Rig::of(model)) {
+                    (Ok(own), Ok(other)) => rows.iter().zip(&other.frames).all(|(row, frame)| {
+                        own.frames.get(*row).is_some_and(|own| angle_between(own, frame) <= SAME_REST_POSE)
+                    }),
+                    // Joints whose names say nothing have no frames.
+                    _ => true,
+                }
+        };
         let same_joints = self.rest_joints.as_ref().is_some_and(|joints| {
             rows.iter()
                 .zip(&model.joints)
                 .all(|(row, own)| joints.get(*row).is_some_and(|joint| joint.distance(*own) <= SAME_PLACE))
         });
-        self.side == Some(model.side) && (same_mesh || same_joints)
+        self.side == Some(model.side) && (same_joints || same_mesh())
     }
 
     /// The row of each of these joints, if all are there.
     pub fn rows_of(&self, names: &[String]) -> Option<Vec<usize>> {
         names.iter().map(|name| self.joint_names.iter().position(|own| own == name)).collect()
     }
+}
+
+fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
+    axis_angle_from_rotation(&(a.transpose() * *b)).length()
 }
 
 /// Names in a row.
@@ -171,7 +190,9 @@ fn parents(value: &Value, count: usize) -> Result<Vec<Option<usize>>, String> {
     let parent = |(k, number): (usize, &f64)| match (k, *number) {
         (0, -1.0) => Ok(None),
         (_, number) if number >= 0.0 && number < k as f64 && number.fract() == 0.0 => Ok(Some(number as usize)),
-        (_, number) => Err(format!("joint {k} has parent {number}; the root comes first with -1, and parents before children")),
+        (_, number) => {
+            Err(format!("joint {k} has parent {number}; the root comes first with -1, and parents before children"))
+        }
     };
     numbers.iter().enumerate().map(parent).collect()
 }

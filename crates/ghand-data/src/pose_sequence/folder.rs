@@ -20,11 +20,8 @@ pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
     if capture.exists() {
         return read(&capture).map(|value| (capture, value));
     }
-    let invalid = |problem: String| PoseError::Invalid {
-        origin: path.display().to_string(),
-        field: "folder".into(),
-        problem,
-    };
+    let invalid =
+        |problem: String| PoseError::Invalid { origin: path.display().to_string(), field: "folder".into(), problem };
     let mut files = pickles(&path.join("meta"));
     if files.is_empty() {
         files = pickles(path);
@@ -36,7 +33,10 @@ pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
         )));
     }
     if files.len() > MOST_FILES {
-        return Err(invalid(format!("has {} .pkl files, at most {MOST_FILES} are read; give a part of them", files.len())));
+        return Err(invalid(format!(
+            "has {} .pkl files, at most {MOST_FILES} are read; give a part of them",
+            files.len()
+        )));
     }
     let mut frames = Vec::with_capacity(files.len());
     for file in &files {

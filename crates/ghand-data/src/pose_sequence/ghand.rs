@@ -62,9 +62,8 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
     let side = side(source, value)?;
     let rig = hand_model.map_or(Ok(None), |model| FileRig::read(source, model, "hand_model."))?;
     let fps_of_times = fps_of_times(frames);
-    let capture_kind = format.map(|_| {
-        hand_model.and_then(|model| model.get("kind")).and_then(Value::text).unwrap_or_default().to_owned()
-    });
+    let capture_kind = format
+        .map(|_| hand_model.and_then(|model| model.get("kind")).and_then(Value::text).unwrap_or_default().to_owned());
     let mut ids = HashSet::new();
     let frame = |(number, frame): (usize, &Value)| {
         let id = match frame.get("id") {
@@ -79,7 +78,9 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
         }
         let field = |name: &str| format!("frames[{id:?}].{name}");
         let Some(pose) = frame.get("pose") else {
-            return Err(source.invalid(&field("pose"), "is missing; give one axis-angle rotation for each joint".into()));
+            return Err(
+                source.invalid(&field("pose"), "is missing; give one axis-angle rotation for each joint".into())
+            );
         };
         let rotations = rotations(source, &field("pose"), pose, rig.as_ref())?;
         let translation = match frame.get("translation") {
@@ -162,7 +163,8 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let pose = array("pose").filter(|pose| pose.shape.last() == Some(&3));
     let Some((pose, &[count, rows, _])) = pose.and_then(|pose| Some((pose, pose.shape.first_chunk::<3>()?))) else {
         let found = array("pose").map_or_else(Vec::new, |pose| pose.shape.clone());
-        let problem = format!("has the shape {found:?}, must have (T, n_b, 3): rows of 3 numbers for each joint of each frame");
+        let problem =
+            format!("has the shape {found:?}, must have (T, n_b, 3): rows of 3 numbers for each joint of each frame");
         return Err(source.invalid("pose", problem));
     };
     // One row a frame, or one row for all of them.
@@ -215,8 +217,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     }
     let fps = source.fps(value, &["fps"])?;
     let side = side(source, value)?;
-    let motion =
-        Motion::Rows(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side });
+    let motion = Motion::Rows(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side });
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 

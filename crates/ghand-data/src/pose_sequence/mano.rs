@@ -102,7 +102,13 @@ fn recording(
 }
 
 /// Numbers of one hand and one frame: the root and 15 joints as axis-angles or matrices.
-pub(super) fn frame(id: &str, orient: &[f64], fingers: &[f64], shape: &[f64], place: &[f64]) -> Result<PoseFrame, String> {
+pub(super) fn frame(
+    id: &str,
+    orient: &[f64],
+    fingers: &[f64],
+    shape: &[f64],
+    place: &[f64],
+) -> Result<PoseFrame, String> {
     let mut rotations = axis_angles(orient, 0..1)?;
     rotations.extend(axis_angles(fingers, 1..16)?);
     let translation = match place {

@@ -55,7 +55,13 @@ const SIDE_NAMES: [&str; 5] = ["side", "handedness", "hand_side", "hand", "is_ri
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meaning {
     /// MANO's joints: with the wrist or without, numbers of a rotation, numbers of translation and of shape after them.
-    Mano { joints: usize, width: usize, translation: usize, shape: usize, from_mean: bool },
+    Mano {
+        joints: usize,
+        width: usize,
+        translation: usize,
+        shape: usize,
+        from_mean: bool,
+    },
     Landmarks,
     /// The model's own joints.
     Own,
@@ -80,8 +86,7 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
         return Some(recording_of_array(source, value, found(source, array)?));
     }
     let frames = frames_of(value)?;
-    let frames: Vec<(&Value, Option<Found>)> =
-        frames.iter().map(|frame| (frame, single(source, frame))).collect();
+    let frames: Vec<(&Value, Option<Found>)> = frames.iter().map(|frame| (frame, single(source, frame))).collect();
     let meaning = frames.iter().find_map(|(_, found)| Some(found.as_ref()?.meaning))?;
     Some(recording_of_frames(source, value, &frames, meaning))
 }
@@ -91,12 +96,13 @@ fn array_of<'a>(source: &Source, value: &'a Value) -> Option<&'a Value> {
     let is_one = |value: &Value| found(source, value).is_some() || xr::is_joints(value);
     match value {
         Value::Numbers(_) => is_one(value).then_some(value),
+        // ghand's own rows, whatever else is there.
+        Value::Map(_) if value.get("pose").is_some_and(|pose| is_own_rows(source, pose)) => None,
         Value::Map(entries) => {
             let is_pose = |(name, value): &(&str, &Value)| {
                 let is_beside = NOT_THE_POSE.iter().any(|names| names.contains(name));
                 let is_hand = side_of(&Value::Text((*name).into())).is_some();
-                let is_own = *name == "pose" && is_own_rows(source, value);
-                !is_beside && !is_hand && !is_own && is_one(value)
+                !is_beside && !is_hand && is_one(value)
             };
             let named = ARRAY_NAMES.iter().filter_map(|name| Some((*name, value.get(name)?))).find(is_pose);
             let mut all = entries.iter().map(|(name, value)| (name.as_str(), value)).filter(is_pose);
@@ -298,7 +304,13 @@ impl Reader {
         self.skipped.add(id, problem);
     }
 
-    fn finish(self, source: &Source, value: &Value, flat: Option<f64>, fps: Option<f64>) -> Result<Recording, PoseError> {
+    fn finish(
+        self,
+        source: &Source,
+        value: &Value,
+        flat: Option<f64>,
+        fps: Option<f64>,
+    ) -> Result<Recording, PoseError> {
         let total = self.posed.len() + self.seen.len() + self.skipped_count;
         let warnings = self.skipped.finish(source, total)?.into_iter().collect();
         let flat = value.get("flat_hand_mean").and_then(Value::number).or(flat).map(|flat| flat != 0.0);
@@ -312,7 +324,8 @@ impl Reader {
                 (Motion::Rows(rows), side)
             }
             Meaning::Mano { from_mean, .. } => {
-                let rows = ManoRows { frames: self.posed, from_mean: flat.map_or(from_mean, |flat| !flat), opengl: false };
+                let rows =
+                    ManoRows { frames: self.posed, from_mean: flat.map_or(from_mean, |flat| !flat), opengl: false };
                 // FreiHAND has right hands alone.
                 (Motion::Mano(rows), side.or(from_mean.then_some(Side::Right)))
             }

@@ -1,6 +1,6 @@
 //! What a reader found, before it is for a hand model.
 
-use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError};
+use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
 use ghand_core::value::Value;
 use ghand_core::{Pose, Side};
 use glam::{DMat3, DVec3};
@@ -11,9 +11,6 @@ use super::{DEFAULT_FPS, PoseError, PoseFrame};
 
 /// Most numbers that are copied to the frames that share them: as many as a file may hold.
 const MOST_COPIES: usize = 1 << 25;
-
-/// Largest shape parameter, in standard deviations of the people that the model was made from: nobody is near it.
-pub(crate) const LARGEST_SHAPE: f64 = 1000.0;
 
 /// Frames a second that a file may give: from one in a quarter of an hour to more than any camera takes.
 const FPS_RANGE: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
@@ -111,21 +108,14 @@ impl Source<'_> {
 
 /// Whether a hand can have this pose and shape: else the field that is out of range and what is wrong with it.
 pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
-    pose.check_range(names).map_err(|error| match error {
-        PoseRangeError::Rotation { .. } => ("pose", error.to_string()),
-        PoseRangeError::Translation { .. } => ("translation", error.to_string()),
-    })?;
-    // Not `>`: NaN is out of range, too.
-    match shape.iter().position(|value| !matches!(value.abs().partial_cmp(&LARGEST_SHAPE), Some(order) if order.is_le())) {
-        Some(k) => {
-            let problem = format!(
-                "parameter {k} is {:?}, at most {LARGEST_SHAPE} can be; a unit is about a standard deviation among people",
-                shape[k]
-            );
-            Err(("shape", problem))
-        }
-        None => Ok(()),
-    }
+    pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
+        let field = match error {
+            PoseRangeError::Rotation { .. } => "pose",
+            PoseRangeError::Translation { .. } => "translation",
+            PoseRangeError::Shape { .. } => "shape",
+        };
+        (field, error.to_string())
+    })
 }
 
 /// Whether a point that a tracker saw is near enough; else what is wrong with it.

@@ -16,7 +16,8 @@ pub(super) fn problem(value: &Value) -> String {
         Value::List(items) => items.first(),
         _ => None,
     };
-    let components = COMPONENT_NAMES.iter().find(|name| [Some(value), first].iter().flatten().any(|v| v.get(name).is_some()));
+    let components =
+        COMPONENT_NAMES.iter().find(|name| [Some(value), first].iter().flatten().any(|v| v.get(name).is_some()));
     if let Some(name) = components {
         return format!(
             "{name:?} holds principal components of a pose, not rotations; store MANO's full pose, 45 or 48 axis-angle numbers, \

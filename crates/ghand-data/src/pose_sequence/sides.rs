@@ -43,7 +43,8 @@ pub(super) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
     }
     let name = if side == Side::Left { "left" } else { "right" };
     let missing = frames.len() - found.len();
-    let warning = (missing > 0).then(|| format!("{missing} of {} frames have no {name} hand and are skipped", frames.len()));
+    let warning =
+        (missing > 0).then(|| format!("{missing} of {} frames have no {name} hand and are skipped", frames.len()));
     let mut outer = vec![("frames".to_owned(), Value::List(found))];
     if let Some(fps) = fps_of_times(frames) {
         outer.push(("fps".into(), Value::Numbers(NumericArray { shape: vec![], values: vec![fps] })));
@@ -55,7 +56,8 @@ pub(super) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
 /// The hand of that side, if it is there.
 fn hand(value: &Value, side: Side) -> Option<&Value> {
     let is_it = |(name, hand): &&(String, Value)| {
-        side_of(&Value::Text(name.clone())) == Some(side) && matches!(hand, Value::Map(_) | Value::List(_) | Value::Numbers(_))
+        side_of(&Value::Text(name.clone())) == Some(side)
+            && matches!(hand, Value::Map(_) | Value::List(_) | Value::Numbers(_))
     };
     value.entries().iter().find(is_it).map(|(_, hand)| hand)
 }

@@ -26,7 +26,7 @@ pub(super) fn rows(
 ) -> Result<(Vec<PoseFrame>, Side), PoseError> {
     let Rows { rig, mut frames, capture_kind, from_mean, side } = rows;
     let from_mean = from_mean && !options.flat_mean;
-    let rig = rig.map(|rig| FileRig { side: rig.side.or(side), ..rig });
+    let rig = rig.map(|rig| FileRig { side: rig.side.or(side).or(options.side), ..rig });
     let pose_model = options.pose_model.as_ref();
     // What tells most of the rig: the file itself, the capture's hand model, or the model that the user says it is.
     let is_complete = rig.as_ref().is_some_and(|rig| rig.missing().is_empty());
@@ -77,7 +77,7 @@ pub(super) fn rows(
             );
             return Err(source.invalid("hand_model.side", problem));
         }
-        if full.is_of(model) {
+        if full.is_of(model, source) {
             order(source, &full, &model.joint_names, &mut frames)?;
             if from_mean && named.is_none() {
                 add_mean(&mut frames, model);

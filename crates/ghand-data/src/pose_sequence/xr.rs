@@ -24,16 +24,8 @@ use super::recording::{OPENGL_AXES, fps_of_times, frames_of, id_of, point_in_ran
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rig::Rig;
 
-const JOINTS_NAMES: [&str; 8] = [
-    "joints",
-    "jointTransforms",
-    "joint_poses",
-    "jointPoses",
-    "poses",
-    "matrices",
-    "transforms",
-    "fillPoses",
-];
+const JOINTS_NAMES: [&str; 8] =
+    ["joints", "jointTransforms", "joint_poses", "jointPoses", "poses", "matrices", "transforms", "fillPoses"];
 const POSITION_NAMES: [&str; 5] = ["position", "positions", "translation", "pos", "p"];
 const ORIENTATION_NAMES: [&str; 6] = ["orientation", "orientations", "rotation", "quaternion", "rot", "q"];
 const MATRIX_NAMES: [&str; 3] = ["matrix", "offsetMatrix", "transform"];
@@ -53,8 +45,8 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     if is_joints(numbers) {
         return Some(numbers_of_joints(source, value, numbers));
     }
-    let single = [value.clone()];
-    let frames = if joints(value).is_some() || holds_joints(value) { &single[..] } else { frames_of(value)? };
+    let is_single = joints(value).is_some() || (matches!(value, Value::Map(_)) && holds_joints(value));
+    let frames = if is_single { std::slice::from_ref(value) } else { frames_of(value)? };
     if !frames.iter().any(holds_joints) {
         return None;
     }
@@ -247,7 +239,8 @@ fn is_row_by_row(joints: &Value) -> bool {
         return false;
     };
     let largest = |places: [usize; 3]| {
-        let entries = array.values.chunks_exact(16).flat_map(|m| places.map(|place| m.get(place).copied().unwrap_or(0.0)));
+        let entries =
+            array.values.chunks_exact(16).flat_map(|m| places.map(|place| m.get(place).copied().unwrap_or(0.0)));
         entries.fold(0.0, |largest: f64, entry| largest.max(entry.abs()))
     };
     largest([12, 13, 14]) <= AFFINE_TOLERANCE && largest([3, 7, 11]) > AFFINE_TOLERANCE
@@ -262,7 +255,8 @@ fn holders(joint: &Value) -> impl Iterator<Item = &Value> {
 /// Whether a value of a list looks like a joint.
 fn is_joint(value: &Value) -> bool {
     holders(value).any(|map| {
-        find(map, &MATRIX_NAMES).is_some() || (find(map, &POSITION_NAMES).is_some() && find(map, &ORIENTATION_NAMES).is_some())
+        find(map, &MATRIX_NAMES).is_some()
+            || (find(map, &POSITION_NAMES).is_some() && find(map, &ORIENTATION_NAMES).is_some())
     })
 }
 
@@ -271,7 +265,10 @@ fn placed_joint(joint: &Value, by_rows: bool) -> Result<Placed, String> {
         return match array.values[..] {
             [px, py, pz, x, y, z, w] => placed(DVec3::new(px, py, pz), DQuat::from_xyzw(x, y, z, w)),
             _ if array.values.len() == 16 => matrix(&array.values, by_rows),
-            _ => Err(format!("has {} numbers, expected 7 (position and quaternion) or 16 (a matrix)", array.values.len())),
+            _ => Err(format!(
+                "has {} numbers, expected 7 (position and quaternion) or 16 (a matrix)",
+                array.values.len()
+            )),
         };
     }
     let found = holders(joint).find_map(|map| {

@@ -45,9 +45,10 @@ fn rewrite(capture: &Capture, count: usize, write: impl Fn(&Path, &Path)) {
 fn a_sound_capture_has_no_finding_and_the_sample_bounds_what_is_decoded() {
     assert_eq!(found(synthetic()), ["", ""]);
     let sampled = CaptureInspection::of_split(synthetic(), "train", 7).unwrap();
-    assert_eq!(sampled.splits.iter().map(|split| (split.name.as_str(), split.views.len())).collect::<Vec<_>>(), [(
-        "train", 7
-    )]);
+    assert_eq!(
+        sampled.splits.iter().map(|split| (split.name.as_str(), split.views.len())).collect::<Vec<_>>(),
+        [("train", 7)]
+    );
     // A split that is part of another one is looked at, too, where it is asked for.
     let part = CaptureInspection::of_split(synthetic(), "train5", 60).unwrap();
     assert!(!part.splits[0].is_part && part.splits[0].views.len() == 15);
@@ -123,7 +124,8 @@ fn packed_png(width: u32, height: u32, palette: Option<[[u8; 3]; 2]>, on: impl F
         (a, (b + a) % 65521)
     });
     let data = [&[0x78, 1, 1], &length[..], &inverse, &rows, &(b << 16 | a).to_be_bytes()].concat();
-    [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &palette, &chunk(b"IDAT", &data), &chunk(b"IEND", b"")].concat()
+    [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &palette, &chunk(b"IDAT", &data), &chunk(b"IEND", b"")]
+        .concat()
 }
 
 #[test]

@@ -100,7 +100,11 @@ fn what_cannot_be_is_named() {
         ("rot", Some(floats(&[3], &[0.0, f64::NAN, 0.0])), &["rot", "NaN"]),
         ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" turns by 512.0 rad", "radians"]),
         ("cam", Some(floats(&[3], &[1.0, 4096.0, 0.0])), &["joints, trans or cam", "metres"]),
-        ("shape", Some(floats(&[10], &[0.0, 0.0, 512.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])), &["shape", "number 2 is 512.0"]),
+        (
+            "shape",
+            Some(floats(&[10], &[0.0, 0.0, 512.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+            &["shape", "number 2 is 512.0"],
+        ),
         ("cam", Some(floats(&[3], &[0.0, 0.1, 0.1])), &["cam", "scale 0", "positive"]),
         ("joints", Some(floats(&[63], &[0.0; 63])), &["joints", "[63]"]),
         ("shape", None, &["shape", "is missing"]),

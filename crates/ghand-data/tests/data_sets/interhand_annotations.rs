@@ -162,7 +162,8 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
 #[test]
 fn poses_beyond_all_hands_are_named_with_file_frame_and_joint() {
     let message = |field: &str, index: usize| {
-        let (opened, _folder) = open_after(|data| data.mano["0"][number(2).to_string()]["right"][field][index] = json!(1e30));
+        let (opened, _folder) =
+            open_after(|data| data.mano["0"][number(2).to_string()]["right"][field][index] = json!(1e30));
         opened.unwrap_err().to_string()
     };
     let frame = format!("frames[\"{}\"]", number(2));

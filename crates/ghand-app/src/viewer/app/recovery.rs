@@ -57,8 +57,8 @@ mod tests {
     use crate::bare_hand::bare_hand;
     use crate::pose_choice::pose_by_name;
     use crate::viewer::hand::Hand;
-    use crate::viewer::subject::Subject;
     use crate::viewer::screenshot::screenshot;
+    use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));

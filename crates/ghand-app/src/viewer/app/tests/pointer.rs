@@ -61,12 +61,18 @@ fn settle(ui: &mut Headless) {
 
 #[test]
 fn a_drag_turns_or_moves_the_view_by_its_length_in_however_few_frames() {
-    let edge = f64::from((SIZE.x - PANEL_WIDTH).min(SIZE.y));
+    let mut ui = viewer();
+    let picture = ui.viewer().picture.texture().unwrap();
+    let edge = f64::from(picture.width().min(picture.height()));
     for (pointer_button, turns) in
         [(PointerButton::Primary, true), (PointerButton::Secondary, false), (PointerButton::Middle, false)]
     {
         let mut expected = viewer().viewer().camera.clone();
-        if turns { expected.orbit(by(A, B)) } else { expected.pan(by(A, B), edge) }
+        if turns {
+            expected.orbit(by(A, B))
+        } else {
+            expected.pan(by(A, B), edge)
+        }
         let events = drag(pointer_button, A, B);
         // From all events in one frame to each in its own.
         for size in [events.len(), 5, 2, 1] {
