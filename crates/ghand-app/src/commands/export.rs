@@ -7,6 +7,7 @@ use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::renderer::AvatarRenderer;
+use ghand_core::atomic_file::check_target;
 use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
@@ -39,6 +40,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.ply.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("ply")) {
         bail!("--ply {}: must end in .ply", args.ply.display());
     }
+    check_target(&args.ply).with_context(|| format!("--ply {}: cannot be written", args.ply.display()))?;
     let avatar = Avatar::load(&args.avatar)?;
     let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");

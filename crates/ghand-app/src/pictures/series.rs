@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use ghand_core::atomic_file::check_target;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +55,9 @@ impl Series {
         background: Background,
         fps: f64,
     ) -> anyhow::Result<Series> {
+        if let Destination::Picture(path, _) | Destination::Film(path, _) = destination {
+            check_target(path).with_context(|| format!("--out {}: cannot be written", path.display()))?;
+        }
         let mut still = StillFormat::Png;
         let sink = match destination {
             Destination::Picture(path, format) => {
