@@ -61,6 +61,11 @@ mod tests {
         assert_eq!(kind("a.bin", b"ply\nformat ascii 1.0\n"), FileKind::Ply);
         assert_eq!(kind("a.bin", b"\x80\x02}q\x00(X"), FileKind::HandModel);
         assert_eq!(kind("a.bin", b"{\"frames\":[{}]}"), FileKind::Other);
+        assert_eq!(kind("avatar.ghand", b"ply\r\nformat"), FileKind::Ply);
+        assert_eq!(kind("a.bin", b"glTF\x02\0\0\0\0"), FileKind::HandModel);
+        // What is broken at its beginning is left to the reader that its name asks for.
+        assert_eq!(kind("e.pkl", b"(dp1\n"), FileKind::HandModel);
+        assert_eq!(kind("hand.obj", b"v 0 0 0\nv "), FileKind::Other);
         assert_eq!((kind("a.ghand", b""), kind("a.PLY", b"cut")), (FileKind::Avatar, FileKind::Ply));
         assert_eq!(file_kind(&folder.path().join("absent.glb")), FileKind::HandModel);
         assert_eq!(file_kind(&folder.path().join("absent.txt")), FileKind::Other);

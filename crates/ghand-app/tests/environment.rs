@@ -24,7 +24,9 @@ fn nothing_is_said_about_a_missing_runtime_folder_and_none_is_left() {
     for runtime in [None, Some("/nonexistent")] {
         let mut command = Command::new(VIEWER);
         command.current_dir(folder.path()).args(SCREENSHOT).env("TMPDIR", &temporary);
-        ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XDG_RUNTIME_DIR"].map(|variable| command.env_remove(variable));
+        for variable in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XDG_RUNTIME_DIR"] {
+            command.env_remove(variable);
+        }
         let output = command.envs(runtime.map(|folder| ("XDG_RUNTIME_DIR", folder))).output().unwrap();
         assert!(output.status.success(), "{output:?}");
         assert_eq!(String::from_utf8_lossy(&output.stderr), "");

@@ -367,7 +367,7 @@ mod tests {
             ("mesh", |a| a.model.weights[0] = -1.0),
             ("config", |a| {
                 a.config.color_components = 65;
-                let [_, _, _, appearance, response] = table_lengths(a.template.len(), 16, &a.config);
+                let [_, _, _, appearance, response, _] = table_lengths(a.template.len(), 16, &a.config);
                 a.tables.appearance.resize(appearance, 0.0);
                 a.tables.response.resize(response, 0.0);
             }),

@@ -55,7 +55,7 @@ fn bands_have_the_bits_of_the_whole_picture() {
             // The comparison sees a band in the wrong place.
             let mut small = splatter(&gpu, model, &table, [101, 8]);
             small.set_view(&gpu, view.band(8, 8)).unwrap();
-            assert!(bits(&small.render(&gpu).unwrap()) != bits(&expected)[..101 * 8 * 4]);
+            assert!(*bits(&small.render(&gpu).unwrap()) != bits(&expected)[..101 * 8 * 4]);
         }
     }
 }
@@ -135,7 +135,7 @@ fn the_blocks_of_a_large_mesh_fit_together_without_a_seam() {
     let style = lines(2, lights(), 1.5, None);
     let whole = renderer.render(&torus.textured(), &camera, &style).unwrap();
     assert_eq!((whole.width, whole.height, whole.rgba.len(), whole.depth.len()), (1060, 100, 106_000, 106_000));
-    let [left, width] = [980, 80];
+    let (left, width): (i32, u32) = (980, 80);
     let window = renderer.render(&torus.textured(), &camera.cropped(left, 0, width, 100), &style).unwrap();
     let cut = |shift: usize| {
         let rows = (0..100usize).map(|y| y * 1060 + left as usize - shift..y * 1060 + (left as usize + width as usize) - shift);

@@ -120,6 +120,7 @@ mod tests {
             regressor: vec![0.0; 3],
             appearance: vec![0.0; 3],
             response: vec![0.0; 3],
+            response_limits: vec![0.0; 6],
         };
         let (joints, pose) = ([[0.0; 3]; 2], Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO });
         check_learned(&tables, &joints, std::slice::from_ref(&pose)).unwrap();

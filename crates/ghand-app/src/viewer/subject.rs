@@ -196,28 +196,3 @@ impl SubjectRenderer {
         self.splatter().forward(encoder);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_is_recognised_by_its_contents_before_its_name() {
-        let folder = tempfile::tempdir().unwrap();
-        let kind = |name: &str, contents: &[u8]| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, contents).unwrap();
-            Kind::of(&path)
-        };
-        assert_eq!(kind("avatar.ghand", b"ply\r\nformat"), Some(Kind::Scene));
-        assert_eq!(kind("a", b"glTF\x02\0\0\0\0"), Some(Kind::HandModel));
-        assert_eq!(kind("b", b"\x80\x02}q\x01(U\x01\x01"), Some(Kind::HandModel));
-        assert_eq!(kind("c", b"\x10\0\0\0\0\0\0\0{\"a\""), Some(Kind::Avatar));
-        // What is broken at its beginning is left to the reader that its name asks for.
-        assert_eq!(kind("d.PLY", b"plx"), Some(Kind::Scene));
-        assert_eq!(kind("e.pkl", b"(dp1\n"), Some(Kind::HandModel));
-        assert_eq!(kind("f.ghand", b""), Some(Kind::Avatar));
-        assert_eq!(kind("notes.txt", b"hello there"), None);
-        assert_eq!(kind("hand.obj", b"v 0 0 0\nv "), None);
-    }
-}

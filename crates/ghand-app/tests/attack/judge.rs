@@ -25,7 +25,9 @@ pub fn run(case: &Case) -> Outcome {
     let folder = case.folder.path();
     let mut command = Command::new(&case.command[0]);
     command.args(&case.command[1..]).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null());
-    ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "RUST_LOG"].map(|variable| command.env_remove(variable));
+    for variable in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "RUST_LOG"] {
+        command.env_remove(variable);
+    }
     let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut pipe = child.stderr.take().unwrap();
     let reader = std::thread::spawn(move || {
