@@ -148,6 +148,16 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// Parses a number of views, frames or pictures.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_count(text: &str) -> Result<u32, String> {
+    const MOST: u32 = 10_000;
+    let count = text.trim().parse().ok().filter(|count| (1..=MOST).contains(count));
+    count.ok_or_else(|| format!("must be a whole number from 1 to {MOST}"))
+}
+
 /// Parses an image size like `640x480`.
 ///
 /// # Errors

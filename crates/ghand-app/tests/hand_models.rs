@@ -158,12 +158,13 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
             assert_near(&vertices(&folder.path().join("mesh.obj")), &fist);
         }
     }
-    // What ghand wrote for the large built-in hand, too, but for where the skin of its fingertips ends.
+    // What ghand wrote for the finer built-in hand, too, but for its last bones: they point to where the skin ends, which a coarse
+    // mesh has some millimetres off.
     pose(&["--pose", "fist", "--out", "large.json"]);
     pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
     let off =
         vertices(&folder.path().join("mesh.obj")).iter().zip(&fist).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-    assert!(off < 3e-3, "{off} m");
+    assert!(off < 8e-3, "{off} m");
     let from_avatar =
         ["--pose", "large.json", "--pose-model", "hand.ghand", "--for", "renamed.ghand", "--out", "mesh.obj"];
     pose(&from_avatar);

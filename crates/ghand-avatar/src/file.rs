@@ -357,9 +357,12 @@ mod tests {
         let path = folder.path().join("hand.ghand");
         small().save(&path).unwrap();
         let before = std::fs::read(&path).unwrap();
-        let spoil: [(&str, fn(&mut Avatar)); 9] = [
+        let spoil: [(&str, fn(&mut Avatar)); 12] = [
             ("response_bias", |a| a.tables.response[0] = f32::INFINITY),
             ("response_gain", |a| *a.tables.response.last_mut().unwrap() = f32::NAN),
+            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[0.5, 0.25])),
+            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[f32::NAN, 0.5])),
+            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[0.5, f32::INFINITY])),
             ("shape_basis", |a| a.tables.shape_basis[5] = f32::NAN),
             ("appearance", |a| a.tables.appearance[5] = f32::NEG_INFINITY),
             ("joints", |a| a.template.joints[3].y = f64::NAN),
@@ -367,9 +370,10 @@ mod tests {
             ("mesh", |a| a.model.weights[0] = -1.0),
             ("config", |a| {
                 a.config.color_components = 65;
-                let [_, _, _, appearance, response, _] = table_lengths(a.template.len(), 16, &a.config);
+                let [_, _, _, appearance, response, limits] = table_lengths(a.template.len(), 16, &a.config);
                 a.tables.appearance.resize(appearance, 0.0);
                 a.tables.response.resize(response, 0.0);
+                a.tables.response_limits.resize(limits, 0.0);
             }),
             ("avatar", |a| a.tables.regressor.truncate(7)),
         ];

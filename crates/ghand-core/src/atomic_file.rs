@@ -56,7 +56,7 @@ fn replaceable(path: &Path) -> io::Result<PathBuf> {
             Err(io::Error::new(ErrorKind::PermissionDenied, "the file is read-only; choose another name"))
         }
         Ok(_) => std::fs::File::options().append(true).open(&target).map(|_| target),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             match folder_of(&target).ancestors().find(|folder| folder.exists()) {
                 Some(folder) if !folder.is_dir() => {
                     Err(io::Error::new(ErrorKind::NotADirectory, format!("{} is not a folder", folder.display())))

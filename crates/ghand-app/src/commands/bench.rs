@@ -15,7 +15,7 @@ use ghand_data::named_camera::read_named_camera;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
 
-use crate::cli::{AdapterArgs, parse_size};
+use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::turntable;
 use crate::say;
 
@@ -47,7 +47,7 @@ struct SplatArgs {
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Frames that are timed, after a few that are not
-    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = parse_count)]
     frames: u32,
     /// One JSON object instead of lines of text
     #[arg(long)]

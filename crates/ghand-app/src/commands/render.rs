@@ -11,7 +11,7 @@ use ghand_data::named_camera::read_named_camera;
 use ghand_data::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
-use crate::cli::{AdapterArgs, parse_size};
+use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::{orbit, turntable};
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 pub use crate::pictures::write_png;
@@ -40,7 +40,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
     /// This many views around the hand, of every frame
-    #[arg(long, value_name = "N", group = "view", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
     /// One view of each frame of a motion, while the camera goes around the hand so many times; negative: the other way
     #[arg(long, value_name = "TURNS", group = "view", num_args = 0..=1, default_missing_value = "1")]

@@ -17,7 +17,7 @@ use image::ImageFormat;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
-use crate::cli::{AdapterArgs, parse_size};
+use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::pictures::{Background, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
@@ -36,7 +36,7 @@ pub struct SplatArgs {
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
     /// This many views around the scene; what strays far from it is not minded
-    #[arg(long, value_name = "N", group = "view", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
     /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z
     #[arg(long, value_name = "AXIS", default_value = "-y", allow_hyphen_values = true, requires = "turntable")]

@@ -104,7 +104,7 @@ fn indexed(pixels: &[[u8; 4]], background: Background) -> Indexed {
     distinct.sort_unstable();
     distinct.dedup();
     if distinct.len() <= COLORS {
-        for (color, place) in distinct.iter().zip(1..) {
+        for (color, place) in distinct.iter().zip(1..=u8::MAX) {
             places.insert([color[0], color[1], color[2]], place);
             palette.extend(&color[..3]);
         }

@@ -50,8 +50,8 @@ pub fn run(case: &Case) -> Outcome {
 }
 
 /// Words of parsers and of Rust, which tell users nothing.
-const JARGON: [&str; 14] = [
-    "panicked", "RUST_BACKTRACE", "invalid type", "invalid value", "expected u64", "expected u32", "expected f64", "usize",
+const JARGON: [&str; 15] = [
+    "panicked", "RUST_BACKTRACE", "invalid type: ", "invalid value: ", "invalid digit", "expected u64", "expected u32", "expected f64", "usize",
     "expected a string", "expected struct", "missing field", "Os {", "Error(", "called `Option::unwrap",
 ];
 

@@ -89,7 +89,7 @@ fn the_judge_knows_a_bad_end_when_it_sees_one() {
         (Some(1), ""),
         (Some(1), "error: one\nerror: two\n"),
         (Some(1), "something else\nerror: one\n"),
-        (Some(1), "error: a.json: invalid type: map, expected a string\n"),
+        (Some(1), "error: a.json: pose: invalid type: map, expected a string\n"),
         (Some(0), "error: told, but not in the exit code\n"),
         (Some(2), "error: another exit code\n"),
     ] {

@@ -171,7 +171,7 @@ mod tests {
         assert!(message.contains("vertex 5"), "{message}");
         positions[5].x = 0.0;
         let folder = tempfile::tempdir().unwrap();
-        let message = write_glb(&folder.path().join("no/hand.glb"), &model, &positions).unwrap_err().to_string();
-        assert!(message.contains("no/hand.glb: cannot write"), "{message}");
+        let message = write_glb(folder.path(), &model, &positions).unwrap_err().to_string();
+        assert!(message.contains(": cannot write") && message.contains("folder"), "{message}");
     }
 }
