@@ -121,7 +121,8 @@ impl<S: Scalar> Skin<'_, S> {
         let column: Vec<S> = (0..self.residual_bones.len()).map(|k| self.residual_weights[k * n + p]).collect();
         let total = column.iter().fold(zero(), |sum: S, w| sum + *w);
         let mean = if self.zero_sum { total * S::constant(1.0 / column.len() as f64) } else { zero() };
-        let root = if self.zero_sum { [zero(); 3] } else { transform(&self.residual_bones[0], [zero(); 3]) };
+        let root = self.residual_bones.first().filter(|_| !self.zero_sum);
+        let root = root.map_or([zero(); 3], |bone| transform(bone, [zero(); 3]));
         for (bone, w) in self.residual_bones.iter().zip(column) {
             sum = add3(sum, scale3(sub3(transform(bone, x), root), w - mean));
         }
