@@ -52,14 +52,14 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     // Where opacity * exp(-q / 2) = ALPHA_MIN; a little is added so that rounding never cuts a pixel off.
     let q = 2.0 * log(opacity / ALPHA_MIN) + 1e-3;
     let reach = sqrt(q * c.xz) + 1e-3;
-    let size = vec2<f32>(view.size);
-    let first = max(ceil(center - reach - 0.5), vec2(0.0));
-    let last = min(floor(center + reach - 0.5), size - 1.0);
+    let origin = vec2(0u, view.first_row);
+    let first = max(ceil(center - reach - 0.5), vec2<f32>(origin));
+    let last = min(floor(center + reach - 0.5), vec2<f32>(origin + view.size) - 1.0);
     if !(first.x <= last.x && first.y <= last.y) {
         return;
     }
-    let first_tile = vec2<u32>(first) / TILE_SIZE;
-    let end_tile = vec2<u32>(last) / TILE_SIZE + 1u;
+    let first_tile = (vec2<u32>(first) - origin) / TILE_SIZE;
+    let end_tile = (vec2<u32>(last) - origin) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
     // In order of the depth: the bits of positive floats are. Beyond 3e36 m all are one.
     depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX);

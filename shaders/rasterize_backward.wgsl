@@ -38,7 +38,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         let dx = splat.mean.x - x;
         var sums = Sums();
         for (var r = 0u; r < ROWS; r++) {
-            unblend(&rows, r, &sums, i, splat, dx, splat.mean.y - (f32(corner.y + r) + 0.5));
+            unblend(&rows, r, &sums, i, splat, dx, splat.mean.y - (f32(view.first_row + corner.y + r) + 0.5));
         }
         if sums.touched {
             let at = slot * CELLS + cell;

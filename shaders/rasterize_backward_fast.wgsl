@@ -90,7 +90,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     let corner =
         vec2(tile % view.tiles.x, tile / view.tiles.x) * TILE_SIZE + vec2((member & 1u) * 4u, (member >> 1u) * 2u);
     let x = vec4<f32>(vec4(corner.x) + vec4(0u, 1u, 2u, 3u)) + 0.5;
-    let y = f32(corner.y) + 0.5;
+    let y = f32(view.first_row + corner.y) + 0.5;
     var rows: array<Row, ROWS>;
     var start = 0u;
     var i = 0u;

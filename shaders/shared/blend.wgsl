@@ -60,7 +60,7 @@ fn area_of(tile: u32, local: u32) -> Area {
 fn empty_pixels(area: Area) -> Pixels {
     var pixels = Pixels();
     pixels.x = vec4<f32>(area.column) + 0.5;
-    pixels.y = vec4<f32>(area.row) + 0.5;
+    pixels.y = vec4<f32>(view.first_row + area.row) + 0.5;
     pixels.transmittance = vec4(1.0);
     pixels.live = area.inside;
     return pixels;

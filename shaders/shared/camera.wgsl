@@ -21,6 +21,12 @@ struct View {
     near: f32,
     // Opacity that all Gaussians share.
     opacity: f32,
+    // Where this frame is a band of a larger image: the first of its rows there, a multiple of TILE_SIZE. Projected
+    // positions are those of the larger image, to the bit; `size` and `tiles` are the band's.
+    first_row: u32,
+    padding_1: u32,
+    padding_2: u32,
+    padding_3: u32,
 }
 
 const TILE_SIZE: u32 = 8u;

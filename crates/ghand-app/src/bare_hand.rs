@@ -2,7 +2,7 @@
 
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::{HandModelError, surface};
+use ghand_core::{HandModel, HandModelError, surface};
 use glam::DVec3;
 
 use crate::framing::Upright;
@@ -19,16 +19,23 @@ const FACING: f64 = 0.25;
 /// # Errors
 /// [`HandModelError`] if the built-in hand cannot be built, which would be a mistake in it.
 pub fn bare_hand() -> Result<Avatar, HandModelError> {
-    let model = ProceduralHand::default().build()?;
+    bare_hand_of(&ProceduralHand::default().build()?)
+}
+
+/// As [`bare_hand`], of any hand model.
+///
+/// # Errors
+/// [`HandModelError`] if the model has no texture coordinates that an avatar could be made with.
+pub fn bare_hand_of(model: &HandModel) -> Result<Avatar, HandModelError> {
     let config = AvatarConfig::default();
-    let mut avatar = Avatar::untrained(&model, &config, COLOR.to_array(), 0)?;
-    let Upright { up, back } = Upright::at_rest(&model);
+    let mut avatar = Avatar::untrained(model, &config, COLOR.to_array(), 0)?;
+    let Upright { up, back } = Upright::at_rest(model);
     let light = (back + up + 0.7 * DVec3::NEG_Z).normalize();
     let shade = |normal: &DVec3| {
         let lit = (1.0 - AMBIENT - FACING) * (0.5 + 0.5 * normal.dot(light));
         (COLOR * (AMBIENT + FACING * normal.dot(back).abs() + lit)).to_array()
     };
-    let samples = surface::sample_surface(&model, config.uv_resolution)?;
+    let samples = surface::sample_surface(model, config.uv_resolution)?;
     avatar.tables.set_base_colors(&samples.normals.iter().map(shade).collect::<Vec<_>>());
     Ok(avatar)
 }

@@ -1,11 +1,15 @@
 //! What the command lines have in common: options, errors in one sentence, exit codes.
 
-use std::io::Write;
+use std::io::{self, ErrorKind as IoErrorKind, Write};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
+
+use crate::crash;
+use crate::runtime_dir::RuntimeDir;
 
 /// Largest edge of an image that the splatter takes, pixels.
 const LARGEST_EDGE: u32 = 16_384;
@@ -29,8 +33,26 @@ impl AdapterArgs {
     }
 }
 
-/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr.
+/// Exit code of a program that the user has stopped, as of one that Ctrl-C has ended.
+pub const STOPPED: u8 = 130;
+
+/// The user has stopped the program: what there is, in one line.
+#[derive(Debug)]
+pub struct Stopped(pub String);
+
+impl std::fmt::Display for Stopped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr, or [`STOPPED`] with
+/// the line of [`Stopped`] there. Called first thing in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
+    let _runtime_dir = RuntimeDir::ensure();
+    crash::explain();
     // The device's own failures come back as errors; the driver's chatter would only hide them.
     let quiet =
         "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";
@@ -48,18 +70,41 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
             eprintln!("{}; see --help", one_line(paragraph));
             return ExitCode::FAILURE;
         }
-        // Help or version, on stdout. A closed pipe is the reader's choice.
+        // Help or version, on stdout.
         Err(e) => {
-            let _ = e.print();
-            return ExitCode::SUCCESS;
+            note(e.print());
+            return told(Ok(()));
         }
     };
-    match program(args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
+    told(program(args))
+}
+
+/// The exit code of a program that has ended so: an error is told, and one of stdout's, too.
+fn told(result: anyhow::Result<()>) -> ExitCode {
+    note(io::stdout().flush());
+    let unprinted = STDOUT_ERROR.get().map(|e| anyhow::anyhow!("stdout: cannot be written: {e}"));
+    match (result, unprinted) {
+        (Ok(()), None) => ExitCode::SUCCESS,
+        (Err(e), _) if e.is::<Stopped>() => {
+            eprintln!("{}", sentence(&e));
+            ExitCode::from(STOPPED)
+        }
+        (Err(e), _) | (Ok(()), Some(e)) => {
             tell(&e);
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Why something could not be printed, if so: the first time.
+static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
+
+/// Remembers an error of stdout for the end of the program. A reader that has gone away is none: that is its own choice.
+fn note(printed: io::Result<()>) {
+    if let Err(error) = printed
+        && error.kind() != IoErrorKind::BrokenPipe
+    {
+        STDOUT_ERROR.get_or_init(|| error);
     }
 }
 
@@ -67,8 +112,9 @@ fn tell(error: &anyhow::Error) {
     eprintln!("error: {}", sentence(error));
 }
 
-/// Prints a line on stdout, as `println!` does, but for a reader that has gone away: that is its own choice, no error of the
-/// program's, which may have work to finish.
+/// Prints a line on stdout as `println!` does, but never panics. If a line cannot be written, on a full disk for instance, the
+/// program goes on with its work, and [`cli::run`](crate::cli::run) ends it with exit code 1. A reader that has gone away is
+/// no error.
 #[macro_export]
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::say(format_args!($($text)*)) };
@@ -76,7 +122,7 @@ macro_rules! say {
 
 /// See [`say!`].
 pub fn say(line: std::fmt::Arguments) {
-    let _ = writeln!(std::io::stdout(), "{line}");
+    note(writeln!(io::stdout(), "{line}"));
 }
 
 /// Ends the program at once as an error of [`run`] does, for where going back is not possible.
@@ -113,32 +159,15 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([edge(width)?, edge(height)?])
 }
 
-/// Parses a colour like `0.2,0.2,0.2`: display values from 0 to 1.
-///
-/// # Errors
-/// What is wrong with the text.
-pub fn parse_color(text: &str) -> Result<[f32; 3], String> {
-    let values: Option<Vec<f32>> =
-        text.split(',').map(|t| t.trim().parse().ok().filter(|v| (0.0..=1.0).contains(v))).collect();
-    match values.as_deref() {
-        Some(&[r, g, b]) => Ok([r, g, b]),
-        _ => Err("must be red,green,blue, each from 0 to 1, as in 0.2,0.2,0.2".into()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_colours_are_read_and_nonsense_is_refused() {
+    fn sizes_are_read_and_nonsense_is_refused() {
         assert_eq!(parse_size("334x512"), Ok([334, 512]));
         for text in ["", "x", "12", "0x4", "4x-1", "99999x4", "4x4x4"] {
             assert!(parse_size(text).is_err(), "{text}");
-        }
-        assert_eq!(parse_color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for text in ["", "1,2", "0,0,2", "0,0,nan", "0,0,0,0", "a,b,c"] {
-            assert!(parse_color(text).is_err(), "{text}");
         }
     }
 

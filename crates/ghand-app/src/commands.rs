@@ -2,7 +2,9 @@
 
 pub mod bench;
 pub mod capture;
+pub mod export;
 pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod train;

@@ -1,5 +1,7 @@
 //! Where cameras stand so that a hand fills the picture.
 
+use std::f64::consts::TAU;
+
 use ghand_core::hand_model::named_poses::hand_directions;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
@@ -60,31 +62,48 @@ pub fn middle(points: &[DVec3]) -> DVec3 {
 
 /// Cameras around a hand, `[pose][view]`, from the back of the hand on, fingers up as in the first pose. The whole ring follows
 /// the hand's translation and keeps one field of view, in which every pose fits.
-pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, [width, height]: [u32; 2]) -> Vec<Vec<Camera>> {
+pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, size: [u32; 2]) -> Vec<Vec<Camera>> {
+    let angles: Vec<f64> = (0..views).map(|view| TAU * view as f64 / views as f64).collect();
+    rings(model, poses, |_| angles.clone(), size)
+}
+
+/// A camera for each pose, going around the hand `turns` times from the back of the hand on: as in a turntable, and past the
+/// last pose it would be where it has begun.
+pub fn orbit(model: &HandModel, poses: &[&Pose], turns: f64, size: [u32; 2]) -> Vec<Camera> {
+    let angle = |pose: usize| vec![TAU * turns * pose as f64 / poses.len() as f64];
+    rings(model, poses, angle, size).into_iter().flatten().collect()
+}
+
+/// Cameras around a hand, `[pose][view]`, by the angles of each pose's.
+fn rings(
+    model: &HandModel,
+    poses: &[&Pose],
+    angles: impl Fn(usize) -> Vec<f64>,
+    [width, height]: [u32; 2],
+) -> Vec<Vec<Camera>> {
     let Some(first) = poses.first() else { return Vec::new() };
     let center = middle(&posed_vertices(model, first));
     let Upright { up, back } = Upright::posed(model, first);
-    let ring = |target: DVec3, fov_y: f64| -> Vec<Camera> {
-        let camera = |view: usize| {
-            let angle = std::f64::consts::TAU * view as f64 / views as f64;
+    let ring = |pose: usize, target: DVec3, fov_y: f64| -> Vec<Camera> {
+        let camera = |angle: f64| {
             let direction = DQuat::from_axis_angle(up, angle) * back;
             Camera::look_at(target + direction * TURNTABLE_DISTANCE, target, up, fov_y, width, height)
         };
-        (0..views).map(camera).collect()
+        angles(pose).into_iter().map(camera).collect()
     };
     let targets: Vec<DVec3> = poses.iter().map(|p| center + p.translation - first.translation).collect();
     // Slopes, as multiples of the picture's height, of the outermost point in any picture.
     let (aspect, mut slope) = (f64::from(width) / f64::from(height), 0.0f64);
-    for (pose, target) in poses.iter().zip(&targets) {
+    for (number, (pose, target)) in poses.iter().zip(&targets).enumerate() {
         let points = posed_vertices(model, pose);
-        for camera in ring(*target, 1.0) {
+        for camera in ring(number, *target, 1.0) {
             for p in points.iter().map(|p| camera.camera_from_world(*p)).filter(|p| p.z > 0.1 * TURNTABLE_DISTANCE) {
                 slope = slope.max(p.y.abs() / p.z).max(p.x.abs() / p.z / aspect);
             }
         }
     }
     let fov_y = 2.0 * (slope.clamp(1e-3, 10.0) / FILL).atan();
-    targets.iter().map(|target| ring(*target, fov_y)).collect()
+    targets.iter().enumerate().map(|(number, target)| ring(number, *target, fov_y)).collect()
 }
 
 /// A camera that sees the back of the hand and a little of the thumb's side, fingers up, whichever way the hand is turned;
@@ -160,6 +179,22 @@ mod tests {
                 }
                 assert!((most - 0.5 * FILL).abs() < 1e-6, "{size:?}: {most}");
             }
+        }
+    }
+
+    #[test]
+    fn an_orbit_goes_around_while_the_hand_moves() {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let (rest, fist) = (Pose::rest(model.joint_count()), named_pose("fist", &model).unwrap());
+        let poses = [&rest, &fist, &rest, &fist];
+        let still = turntable(&model, &[&rest], 4, [200, 200]);
+        for (turns, views) in [(1.0, [0, 1, 2, 3]), (-1.0, [0, 3, 2, 1]), (2.0, [0, 2, 0, 2]), (-0.5, [0, 9, 3, 9])] {
+            let cameras = orbit(&model, &poses, turns, [200, 200]);
+            assert_eq!(cameras.len(), 4);
+            for (camera, view) in cameras.iter().zip(views).filter(|(_, view)| *view < 4) {
+                assert!(camera.center().distance(still[0][view].center()) < 1e-9, "{turns} turns, view {view}");
+            }
+            assert!(cameras.iter().all(|c| c.focal == cameras[0].focal), "the field of view changes");
         }
     }
 

@@ -1,12 +1,15 @@
 //! Which hand model a command works on.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use clap::Args;
-use ghand_core::HandModelError;
+use ghand_avatar::Avatar;
 use ghand_core::hand_model::mano::LeftShapes;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
+
+use crate::file_kind::{FileKind, file_kind};
 
 /// How to read a hand model.
 #[derive(Debug, Clone, Default, Args)]
@@ -20,17 +23,38 @@ pub struct HandModelArgs {
 }
 
 impl HandModelArgs {
-    /// Reads the hand model, or builds the built-in hand if there is no file.
+    /// Reads the hand model, or the template mesh of an avatar, or builds the built-in hand if there is no file.
     ///
     /// # Errors
-    /// [`HandModelError`] if the file is no usable hand model.
-    pub fn load(&self, path: Option<&PathBuf>) -> Result<HandModelFile, HandModelError> {
+    /// One that names the file, when it is not a usable hand model or avatar.
+    pub fn load(&self, path: Option<&PathBuf>) -> anyhow::Result<HandModelFile> {
         let Some(path) = path else {
             let model = ProceduralHand::default().build()?;
             return Ok(HandModelFile { model, kind: "built-in hand", warnings: vec![] });
         };
+        if let (FileKind::Avatar, Some(uv)) = (file_kind(path), &self.uv) {
+            bail!("--uv {}: {} is an avatar and has UVs; leave --uv away", uv.display(), path.display());
+        }
         let left_shapes = if self.left_shapes_as_published { LeftShapes::AsPublished } else { LeftShapes::Fixed };
-        let options = ReadOptions { uv_obj: self.uv.clone(), left_shapes };
-        read_hand_model(path, &options)
+        load_hand_model(path, &ReadOptions { uv_obj: self.uv.clone(), left_shapes })
+    }
+}
+
+/// Reads a hand model file of any kind, or the template mesh out of an avatar.
+///
+/// # Errors
+/// As of [`HandModelArgs::load`].
+pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
+    match file_kind(path) {
+        FileKind::Avatar => {
+            let model = Avatar::load(path)?.model;
+            Ok(HandModelFile { model, kind: "template mesh of an avatar", warnings: vec![] })
+        }
+        FileKind::Ply => bail!(
+            "{}: is a scene of Gaussians (.ply), not a hand model; give MANO (.pkl, .npz), a rigged glTF hand (.glb, .gltf) or an \
+             avatar (.ghand)",
+            path.display()
+        ),
+        FileKind::HandModel | FileKind::Other => Ok(read_hand_model(path, options)?),
     }
 }

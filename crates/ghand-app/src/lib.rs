@@ -2,15 +2,17 @@
 
 pub mod bare_hand;
 pub mod capture_args;
+pub mod capture_checks;
 pub mod cli;
 pub mod commands;
+pub mod crash;
+pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
 pub mod mesh_picture;
+pub mod pictures;
 pub mod pose_choice;
+pub mod runtime_dir;
+pub mod scene_framing;
+pub mod train_run;
 pub mod viewer;
-
-/// Where `train` leaves its avatar unless told otherwise, and where `viewer` looks for it; relative to the current folder.
-pub const LAST_AVATAR: &str = "out/train/avatar.ghand";
-/// Where `ghand inspect` leaves the pictures of a capture unless told otherwise; relative to the current folder.
-pub const LAST_SHEET: &str = "out/inspect.png";

@@ -2,13 +2,14 @@
 
 use std::str::FromStr;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use ghand_core::{Camera, HandModel};
 use ghand_render::Gpu;
-use ghand_render::mesh::weights::{joint_heat, joint_mix};
-use ghand_render::mesh::{MeshImage, MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
+use ghand_render::mesh::weights::{heat_texture, joint_heat_uvs, joint_mix};
+use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
 use glam::DVec3;
-use image::RgbImage;
+
+use crate::pictures::Picture;
 
 /// How a mesh is shown.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +22,7 @@ pub enum PictureStyle {
     SolidWireframe,
     /// A colour a joint, mixed by skinning weight.
     Weights,
-    /// The skinning weight of one joint, by name or number: from dark violet, for the smallest, to yellow; grey is none.
+    /// The skinning weight of one joint, by name or number: from grey, for none, over dark violet to yellow.
     JointWeights(String),
 }
 
@@ -52,7 +53,7 @@ const LINES: DVec3 = DVec3::new(0.1, 0.12, 0.16);
 const LINE_SHARE: f64 = 0.08;
 const LINE_WIDTHS: [f64; 2] = [0.5, 3.0];
 
-/// Draws a hand model's mesh with its vertices at `positions` (world, metres).
+/// Draws a hand model's mesh with its vertices at `positions` (world, metres) into a picture of the camera's size.
 ///
 /// # Errors
 /// One that names the joint that the model lacks, or what cannot be drawn.
@@ -62,14 +63,21 @@ pub fn draw(
     positions: &[DVec3],
     camera: &Camera,
     style: &PictureStyle,
-) -> anyhow::Result<MeshImage> {
+    picture: &mut Picture,
+) -> anyhow::Result<()> {
     let joints = model.joint_count();
-    let (colors, plain) = match style {
-        PictureStyle::Solid | PictureStyle::Wireframe => (None, SKIN),
-        PictureStyle::SolidWireframe => (None, PALE),
-        PictureStyle::Weights => (Some(joint_mix(&model.weights, joints)?), SKIN),
+    let (colors, uvs, texture);
+    let surface = match style {
+        PictureStyle::Solid | PictureStyle::Wireframe => Surface::Color(SKIN),
+        PictureStyle::SolidWireframe => Surface::Color(PALE),
+        PictureStyle::Weights => {
+            colors = joint_mix(&model.weights, joints)?;
+            Surface::VertexColors(&colors)
+        }
         PictureStyle::JointWeights(joint) => {
-            (Some(joint_heat(&model.weights, joints, joint_number(model, joint)?)?), SKIN)
+            uvs = joint_heat_uvs(&model.weights, joints, joint_number(model, joint)?)?;
+            texture = heat_texture();
+            Surface::Texture { uvs: &uvs, texture: &texture }
         }
     };
     let shading = match style {
@@ -86,10 +94,11 @@ pub fn draw(
         normals: &model.vertex_normals(positions),
         exposure: None,
         triangles: &model.faces,
-        surface: colors.as_deref().map_or(Surface::Color(plain), Surface::VertexColors),
+        surface,
     };
     let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe };
-    Ok(MeshRenderer::new(gpu)?.render(&mesh, camera, &style)?)
+    MeshRenderer::new(gpu)?.render_blocks(&mesh, camera, &style, |corner, block| picture.place_mesh(corner, &block))?;
+    Ok(())
 }
 
 /// A line width, pixels, that suits the mesh as the camera sees it.
@@ -116,16 +125,6 @@ fn joint_number(model: &HandModel, text: &str) -> anyhow::Result<usize> {
             bail!("--style weights={text}: the hand model has no such joint; it has {}", model.joint_names.join(", "))
         }
     }
-}
-
-/// The image over a background, 8-bit display values.
-///
-/// # Errors
-/// One if the image has not as many pixels as it says.
-pub fn over(image: &MeshImage, background: [f32; 3]) -> anyhow::Result<RgbImage> {
-    let to_byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
-    let bytes = image.rgba.iter().flat_map(|p| [0, 1, 2].map(|c| to_byte(p[c] + (1.0 - p[3]) * background[c])));
-    RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")
 }
 
 #[cfg(test)]

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_core::hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
+use ghand_core::hand_model::read::ReadOptions;
 use ghand_core::{HandModel, Pose, Side};
 use ghand_data::motions::{MOTION_NAMES, motion};
 use ghand_data::pose_sequence::DEFAULT_FPS;
 use ghand_data::{PoseFrame, PoseOptions, PoseSequence, read_poses};
+
+use crate::hand_model_file::load_hand_model;
 
 /// How to read poses.
 #[derive(Debug, Clone, Default, Args)]
@@ -17,7 +19,8 @@ pub struct PoseReadingArgs {
     /// Which hand the poses are of, where a file has both or says it wrongly [default: the model's, else the other one, mirrored]
     #[arg(long, value_name = "left|right", value_parser = parse_side)]
     side: Option<Side>,
-    /// The MANO model that MANO parameters are for, to carry them over to another rig exactly
+    /// The hand model or avatar that the poses are for, to carry them over to another rig exactly: MANO's for MANO parameters, and
+    /// that of ghand's own poses where the file does not describe it
     #[arg(long, value_name = "FILE")]
     pose_model: Option<PathBuf>,
     /// Take poses as measured from the flat hand: a MANO model's mean pose is not added
@@ -29,9 +32,9 @@ pub struct PoseReadingArgs {
     /// Leave the hand where it is at rest: only the fingers move
     #[arg(long)]
     in_place: bool,
-    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]
+    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]; and of a film
     #[arg(long, value_name = "N", value_parser = parse_fps)]
-    fps: Option<f64>,
+    pub(crate) fps: Option<f64>,
 }
 
 fn parse_side(text: &str) -> Result<Side, String> {
@@ -42,7 +45,7 @@ fn parse_side(text: &str) -> Result<Side, String> {
     }
 }
 
-fn parse_fps(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_fps(text: &str) -> Result<f64, String> {
     let fps = text.parse().ok().filter(|fps| (0.1..=1000.0).contains(fps));
     fps.ok_or_else(|| "must be a number of frames a second from 0.1 to 1000".into())
 }
@@ -68,7 +71,7 @@ impl PoseReadingArgs {
             return Err(unknown_name(text));
         }
         let pose_model = match &self.pose_model {
-            Some(path) => Some(read_hand_model(path, &ReadOptions::default())?.model),
+            Some(path) => Some(load_hand_model(path, &ReadOptions::default())?.model),
             None => None,
         };
         let options = PoseOptions {
@@ -82,10 +85,10 @@ impl PoseReadingArgs {
         for warning in &sequence.warnings {
             log::warn!("{text}: {warning}");
         }
-        Ok(match self.fps {
-            Some(fps) => sequence.resampled(fps),
-            None => sequence,
-        })
+        match self.fps {
+            Some(fps) => Ok(sequence.resampled(fps).with_context(|| format!("{text}: --fps {fps}"))?),
+            None => Ok(sequence),
+        }
     }
 }
 
@@ -94,10 +97,19 @@ impl PoseReadingArgs {
 /// # Errors
 /// One that tells the first and the last id.
 pub fn choose_frame(mut frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {
+    let number = frame_number(&frames, wanted)?;
+    Ok(frames.swap_remove(number))
+}
+
+/// The number, counted from 0, of the frame of that id, else of that number.
+///
+/// # Errors
+/// As [`choose_frame`].
+pub fn frame_number(frames: &[PoseFrame], wanted: &str) -> anyhow::Result<usize> {
     let count = frames.len();
     let by_number = || wanted.parse().ok().filter(|n| *n < count);
     match frames.iter().position(|f| f.id == wanted).or_else(by_number) {
-        Some(index) => Ok(frames.swap_remove(index)),
+        Some(number) => Ok(number),
         None => {
             let id = |frame: Option<&PoseFrame>| frame.map_or(String::new(), |f| f.id.clone());
             Err(anyhow!(

@@ -2,8 +2,14 @@
 
 pub mod app;
 pub mod camera;
+pub mod hand;
+pub mod navigation;
+pub mod number_slider;
 pub mod picture;
 pub mod pose_panel;
+pub mod scene;
 pub mod screenshot;
+pub mod slow_frames;
+pub mod subject;
 pub mod timeline;
 pub mod window;

@@ -7,7 +7,7 @@ mod common;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use common::{assert_one_sentence, listing, run};
+use common::{assert_one_sentence, assert_trained, listing, run};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
@@ -62,8 +62,7 @@ fn training_starts_from_a_capture_in_the_layout_of_interhand() {
     let short =
         ["--set", "iterations=4", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32", "--out", "out"];
     let output = run(TRAIN, folder.path(), &[&arguments[..], &short].concat());
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let said = assert_trained(&output).concat();
     assert!(said.contains("2 cameras, 2 frames, 4 images") && said.contains("pose error: "), "{said}");
     assert!(!said.contains("left out"), "{said}");
 }

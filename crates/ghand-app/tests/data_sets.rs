@@ -17,7 +17,7 @@ mod interhand_files;
 
 use std::path::Path;
 
-use common::{assert_one_sentence, listing, run};
+use common::{assert_one_sentence, assert_trained, listing, run};
 use ghand_data::Capture;
 use ghand_data::capture::HandModelSource;
 
@@ -34,10 +34,12 @@ fn folder_with_mano() -> tempfile::TempDir {
 
 /// Trains and gives what was said.
 fn train(folder: &Path, arguments: &[&str]) -> String {
-    let output =
-        run(TRAIN, folder, &[arguments, &["--hand-model", "MANO_RIGHT.pkl", "--out", "out"], &SHORT[..]].concat());
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let output = run(
+        TRAIN,
+        folder,
+        &[arguments, &["--hand-model", "MANO_RIGHT.pkl", "--out", "out", "--force"], &SHORT[..]].concat(),
+    );
+    let said = assert_trained(&output).concat();
     assert_eq!(listing(&folder.join("out")), ["avatar.ghand", "metrics.json", "poses.json", "report.png"]);
     said
 }

@@ -9,7 +9,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::{listing, run_in, save_avatar};
+use common::{assert_trained, listing, run_in, save_avatar};
 use ghand_data::synthetic::SyntheticOptions;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_train::synthetic_scene::make_capture;
@@ -65,8 +65,12 @@ fn lines(output: &Output) -> Vec<String> {
 
 /// Asserts success with as many warnings of a loss as there were, and nothing else on stderr.
 fn assert_recovered(output: &Output, losses: usize) {
-    let lines = lines(output);
-    assert!(output.status.success(), "{lines:?}");
+    assert!(output.status.success(), "{:?}", lines(output));
+    assert_warned(&lines(output), losses);
+}
+
+/// Asserts as many warnings of a loss as there were, and nothing else.
+fn assert_warned(lines: &[String], losses: usize) {
     assert_eq!(lines.len(), losses, "{lines:?}");
     assert!(
         lines.iter().all(|l| l.contains("the graphics device was lost: ") && l.contains("with a new one")),
@@ -155,6 +159,10 @@ fn training_ends_with_the_same_avatar_or_none() {
         driver.run(TRAIN, folder.path(), &arguments, fault)
     };
     let avatar = |out: &str| std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap();
+    let assert_recovered = |output: &Output, losses| {
+        let [_, told] = assert_trained(output);
+        assert_warned(&told.lines().map(str::to_owned).collect::<Vec<_>>(), losses);
+    };
     assert_recovered(&train("whole", ("LOSE_AT", "")), 0);
     let faults = [("LOSE_AT", "5", 1), ("LOSE_AFTER", "40", 1), ("LOSE_AFTER", "30,90", 2)];
     for (k, (variable, number, losses)) in faults.into_iter().enumerate() {
@@ -163,7 +171,7 @@ fn training_ends_with_the_same_avatar_or_none() {
         assert!(avatar(&out) == avatar("whole"), "{variable} {number}");
     }
     assert_given_up(&train("never", ("LOSE_AFTER", &always())));
-    assert!(listing(&folder.path().join("never")).is_empty());
+    assert!(!folder.path().join("never").exists());
 }
 
 #[test]
@@ -172,13 +180,10 @@ fn a_device_without_memory_is_one_sentence_with_what_was_asked_for() {
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
-    let render = |size: &str| {
-        let arguments = ["render", "hand.ghand", "--turntable", "1", "--size", size, "--out", "pictures"];
-        // Beyond the blocks that allocators take at once.
-        driver.run(GHAND, folder.path(), &arguments, ("REFUSE_FROM", "300000000"))
-    };
-    assert_recovered(&render("64x64"), 0);
-    let output = render("8000x4000");
+    // Beyond the blocks that allocators take at once.
+    let run = |arguments: &[&str]| driver.run(GHAND, folder.path(), arguments, ("REFUSE_FROM", "300000000"));
+    assert_recovered(&run(&["render", "hand.ghand", "--turntable", "1", "--size", "64x64", "--out", "picture.png"]), 0);
+    // With gradients, which are not made in bands.
+    let output = run(&["bench", "splat", "--scene", "hand", "--n", "1000", "--size", "8000x4000"]);
     common::assert_one_sentence(&output, &["no room", "8000 x 4000 pixels", "smaller images"]);
-    assert_eq!(listing(&folder.path().join("pictures")), ["0000.png"]);
 }

@@ -6,9 +6,11 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{assert_one_sentence, run};
+use common::{assert_one_sentence, run, save_avatar};
+use ghand_avatar::{Avatar, AvatarConfig, Provenance};
 use ghand_core::Pose;
 use ghand_core::hand_model::mano::{ManoOptions, read_mano};
+use ghand_core::hand_model::named_poses::named_pose;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::posing::pose_hand;
 use glam::DVec3;
@@ -104,6 +106,73 @@ fn poses_of_any_kind_are_written_as_ghands_own_and_read_again() {
     let (hands, warnings) = written(&["--pose", "hands.json", "--out", "out.json"]);
     assert_eq!(hands["frames"].as_array().unwrap().len(), 1);
     assert!(warnings.contains("1 of 2 frames is left out") && warnings.lines().count() == 1, "{warnings}");
+}
+
+/// Writes an avatar of the small built-in hand whose joints have WebXR's names.
+fn save_renamed_avatar(folder: &Path) -> PathBuf {
+    let mut model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    for name in model.joint_names.iter_mut().skip(1) {
+        let number = name.pop().unwrap();
+        let parts = if name == "thumb" {
+            ["metacarpal", "phalanx-proximal", "phalanx-distal"]
+        } else {
+            ["phalanx-proximal", "phalanx-intermediate", "phalanx-distal"]
+        };
+        let finger = if name == "thumb" { "thumb".to_owned() } else { format!("{name}-finger") };
+        *name = format!("{finger}-{}", parts[number.to_digit(10).unwrap() as usize - 1]);
+    }
+    let config = AvatarConfig { uv_resolution: 64, ..Default::default() };
+    let mut avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap();
+    avatar.provenance = Provenance { capture: "rig".into(), iterations: 12, seed: 7, ..Default::default() };
+    let path = folder.join("renamed.ghand");
+    avatar.save(&path).unwrap();
+    path
+}
+
+#[test]
+fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    save_renamed_avatar(folder.path());
+    let pose = |arguments: &[&str]| {
+        let output = run(GHAND, folder.path(), &[&["pose"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let names = |file: &str| {
+        let text = std::fs::read(folder.path().join(file)).unwrap();
+        let file = serde_json::from_slice::<serde_json::Value>(&text).unwrap();
+        file["hand_model"]["joints"].clone()
+    };
+    pose(&["--pose", "fist", "--for", "hand.ghand", "--out", "mano-names.json"]);
+    pose(&["--pose", "mano-names.json", "--for", "renamed.ghand", "--out", "webxr-names.json"]);
+    assert_eq!(
+        (&names("mano-names.json")[1], &names("webxr-names.json")[1]),
+        (&"index1".into(), &"index-finger-phalanx-proximal".into())
+    );
+    let small = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let fist = pose_hand(&small.without_blend_shapes(), &[], &named_pose("fist", &small).unwrap()).unwrap().vertices;
+    // Either avatar in either file's poses is the same fist.
+    for avatar in ["hand.ghand", "renamed.ghand"] {
+        for file in ["mano-names.json", "webxr-names.json"] {
+            pose(&["--hand-model", avatar, "--pose", file, "--out", "mesh.obj"]);
+            assert_near(&vertices(&folder.path().join("mesh.obj")), &fist);
+        }
+    }
+    // What ghand wrote for the large built-in hand, too, but for where the skin of its fingertips ends.
+    pose(&["--pose", "fist", "--out", "large.json"]);
+    pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
+    let off =
+        vertices(&folder.path().join("mesh.obj")).iter().zip(&fist).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(off < 3e-3, "{off} m");
+    let from_avatar =
+        ["--pose", "large.json", "--pose-model", "hand.ghand", "--for", "renamed.ghand", "--out", "mesh.obj"];
+    pose(&from_avatar);
+    let both =
+        run(GHAND, folder.path(), &["pose", "--hand-model", "hand.ghand", "--uv", "uv.obj", "--out", "mesh.obj"]);
+    assert_one_sentence(&both, &["--uv uv.obj", "is an avatar"]);
+    std::fs::write(folder.path().join("cut.ghand"), b"").unwrap();
+    let cut = run(GHAND, folder.path(), &["pose", "--hand-model", "cut.ghand", "--out", "mesh.obj"]);
+    assert_one_sentence(&cut, &["cut.ghand", "not an avatar, or cut short"]);
 }
 
 #[test]
@@ -204,6 +273,81 @@ fn inspect_tells_what_is_in_a_model_and_what_is_odd() {
         assert!(mano.contains(expected), "no {expected:?} in {mano}");
     }
     assert_one_sentence(&run(GHAND, folder.path(), &["inspect", "absent.glb"]), &["absent.glb"]);
+}
+
+#[test]
+fn inspect_tells_what_is_in_an_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = save_renamed_avatar(folder.path());
+    save_avatar(folder.path());
+    // Whatever it is called.
+    std::fs::copy(&path, folder.path().join("avatar.bin")).unwrap();
+    let told = |path: &str| {
+        let output = run(GHAND, folder.path(), &["inspect", path]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let avatar = Avatar::load(&path).unwrap();
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    for expected in [
+        format!("renamed.ghand: avatar of {}, right", avatar.template.name),
+        format!("file         {bytes} bytes"),
+        format!("Gaussians    {}, ", avatar.template.len()),
+        "extents      (".into(),
+        "shape bases  8".into(),
+        "4 components".into(),
+        "joints       16".into(),
+        "index-finger-phalanx-distal".into(),
+        format!("mesh         {} vertices", avatar.model.vertices.len()),
+        "uv_resolution 64".into(),
+        "capture rig".into(),
+        "iterations 12".into(),
+        "seed 7".into(),
+    ] {
+        assert!(told("renamed.ghand").contains(&expected), "no {expected:?} in {}", told("renamed.ghand"));
+    }
+    assert_eq!(told("avatar.bin").replace("avatar.bin", "renamed.ghand"), told("renamed.ghand"));
+    assert!(told("hand.ghand").contains("trained      not yet"));
+    let wrong = run(GHAND, folder.path(), &["inspect", "renamed.ghand", "--hand-model", "hand.ghand"]);
+    assert_one_sentence(&wrong, &["captures only", "--hand-model"]);
+}
+
+#[test]
+fn inspect_tells_what_is_in_a_scene_and_counts_what_is_not_finite() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = "x y z scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 opacity f_dc_0 f_dc_1 f_dc_2";
+    let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let header = format!("ply\nformat ascii 1.0\nelement vertex 3\n{properties}end_header\n");
+    let good = "0 0 0 -2 -2 -2 1 0 0 0 0 0 0 0\n1 2 -3 0 0 0 1 0 0 0 20 0 0 0\n0.5 0 0 -4 -4 -4 0 1 0 0 -20 0 0 0\n";
+    let told = |name: &str, rows: &str| {
+        std::fs::write(folder.path().join(name), format!("{header}{rows}")).unwrap();
+        let output = run(GHAND, folder.path(), &["inspect", name]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let text = told("scene.ply", good);
+    for expected in [
+        "scene.ply: scene of Gaussians",
+        " bytes (",
+        "Gaussians    3",
+        "degree 0",
+        "(0.0000, 0.0000, -3.0000) to (1.0000, 2.0000, 0.0000)",
+        "1.832e-2 to 1.000e0, half of them below 1.353e-1",
+        "opacities    0.0000 to 1.0000, half of them below 0.5000",
+        "warnings     none",
+    ] {
+        assert!(text.contains(expected), "no {expected:?} in {text}");
+    }
+    let odd =
+        "nan 0 0 -2 -2 -2 1 0 0 0 inf 0 0 0\n1 2 -3 0 0 0 0 0 0 0 20 0 0 0\n0.5 0 0 -4 -4 -4 0 1 0 0 -20 0 nan 0\n";
+    let text = told("odd.ply", odd);
+    for expected in
+        ["3 numbers are not finite, in x, opacity, f_dc_1", "1 quaternions are all zeros", "(0.5000, 0.0000, -3.0000)"]
+    {
+        assert!(text.contains(expected), "no {expected:?} in {text}");
+    }
+    let model = run(GHAND, folder.path(), &["pose", "--hand-model", "scene.ply", "--out", "mesh.obj"]);
+    assert_one_sentence(&model, &["scene.ply", "not a hand model", ".ghand"]);
 }
 
 #[test]

@@ -64,11 +64,11 @@ fn a_capture_is_described_and_its_pictures_are_written() {
     assert_says(&text, &["44, images and masks of 22 views: all there", "test 4 of 4", "train 18 of 18"]);
     assert_says(
         &text,
-        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect.png"],
+        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect-rig.png"],
     );
     let rows = text.lines().filter(|line| line.contains("  train  ") || line.contains("  test   ")).count();
     assert_eq!(rows, 12, "a line for each view: {text}");
-    let sheet = image::open(folder.path().join("out/inspect.png")).unwrap().into_rgb8();
+    let sheet = image::open(folder.path().join("out/inspect-rig.png")).unwrap().into_rgb8();
     // Three views side by side, each of three pictures of 160 x 240 pixels, in four rows below the legend.
     assert_eq!(sheet.dimensions(), (3 * (3 * 160 + 2 * 4 + 16) + 16, 16 + 18 + 16 + 4 * (2 * 18 + 240 + 16)));
     // The poses are noisy: the template is off the mask here and there, and misses some of it.
@@ -90,7 +90,7 @@ fn a_capture_json_is_a_capture_and_the_pictures_go_where_they_are_asked_for_or_n
 }
 
 #[test]
-fn files_that_cannot_be_used_are_named_and_do_not_fail() {
+fn files_that_cannot_be_used_are_named_and_fail_only_where_nothing_is_left() {
     let folder = folder_with_capture();
     let image = |camera: usize, frame| {
         let file = fixtures::synthetic().image_file(camera, frame).unwrap();
@@ -111,9 +111,34 @@ fn files_that_cannot_be_used_are_named_and_do_not_fail() {
     for kind in ["images", "masks"] {
         std::fs::remove_dir_all(folder.path().join("rig").join(kind)).unwrap();
     }
-    let text = said(&inspect(folder.path(), &["rig"]));
+    let output = inspect(folder.path(), &["rig"]);
+    assert_one_sentence(&output, &["rig", "no image that can be used"]);
+    let text = String::from_utf8_lossy(&output.stdout);
     assert_says(&text, &["44 missing, 0 broken", "and 39 more", "train 0 of 18", "no pictures: "]);
+    assert_says(&text, &["problem      none of the 22 images can be used"]);
+    assert!(!text.contains("warnings"), "{text}");
     assert_eq!(listing(folder.path()), ["rig"]);
+}
+
+#[test]
+fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
+    let folder = folder_with_capture();
+    let file = folder.path().join("rig/capture.json");
+    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    for camera in json["cameras"].as_array_mut().unwrap() {
+        for value in camera["translation"].as_array_mut().unwrap() {
+            *value = (value.as_f64().unwrap() * 1000.0).into();
+        }
+    }
+    std::fs::write(&file, json.to_string()).unwrap();
+    let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
+    assert_says(
+        &text,
+        &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"],
+    );
+    json["mask_path"] = serde_json::Value::Null;
+    std::fs::write(&file, json.to_string()).unwrap();
+    assert_says(&said(&inspect(folder.path(), &["rig", "--no-sheet"])), &["warning      22 of 22 images have no mask"]);
 }
 
 #[test]
@@ -176,4 +201,13 @@ fn what_is_no_capture_and_a_sheet_that_cannot_be_written_are_one_sentence() {
         assert_eq!(listing(folder.path()), before, "{arguments:?}");
         assert_eq!(listing(&folder.path().join("taken.png")), ["inside"]);
     }
+}
+
+#[test]
+fn a_path_that_is_not_there_is_said_to_be_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["nowhere", "nowhere/hand.glb", "capture.json"] {
+        assert_one_sentence(&inspect(folder.path(), &[name]), &[name, "no such file or folder"]);
+    }
+    assert_eq!(listing(folder.path()), [""; 0]);
 }

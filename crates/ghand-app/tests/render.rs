@@ -36,8 +36,11 @@ fn a_turntable_shows_the_hand_from_all_sides() {
         ["render", "hand.ghand", "--turntable", "2", "--size", "120x160", "--out", "a/b", "--pose", "relaxed"];
     let output = run(GHAND, folder.path(), &arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(listing(&folder.path().join("a/b")), ["0000.png", "0001.png"]);
-    let pictures = ["a/b/0000.png", "a/b/0001.png"].map(|p| open(&folder.path().join(p)));
+    let names = ["frame-0000_view-00.png", "frame-0000_view-01.png"];
+    assert_eq!(listing(&folder.path().join("a/b")), [names[0], names[1], "render.json"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("a/b: 2 pictures of 120 x 160 pixels") && said.contains(names[1]), "{said}");
+    let pictures = names.map(|name| format!("a/b/{name}")).map(|p| open(&folder.path().join(p)));
     for picture in &pictures {
         assert_eq!(picture.dimensions(), (120, 160));
         let covered = coverage(picture, [0, 0, 0]);
@@ -57,13 +60,17 @@ fn every_frame_of_a_pose_file_is_rendered_or_the_one_asked_for() {
     let shared = ["render", "hand.ghand", "--pose", "poses.json", "--camera", "camera.json", "--background", "1,0,0"];
     let all = run(GHAND, folder.path(), &[&shared[..], &["--out", "all"]].concat());
     assert!(all.status.success(), "{}", String::from_utf8_lossy(&all.stderr));
-    assert_eq!(listing(&folder.path().join("all")), ["0000.png", "0001.png"]);
+    assert_eq!(listing(&folder.path().join("all")), ["frame-0000.png", "frame-0001.png", "render.json"]);
     let one = run(GHAND, folder.path(), &[&shared[..], &["--out", "one", "--frame", "second"]].concat());
     assert!(one.status.success());
-    assert_eq!(listing(&folder.path().join("one")), ["0000.png"]);
-    let [first, second] = ["all/0000.png", "all/0001.png"].map(|p| open(&folder.path().join(p)));
+    // The frame has the same name on its own, so that pictures of two renders can be compared.
+    assert_eq!(listing(&folder.path().join("one")), ["frame-0001.png", "render.json"]);
+    let list: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("one/render.json")).unwrap()).unwrap();
+    assert_eq!(list["pictures"][0], serde_json::json!({"file": "frame-0001.png", "frame": 1, "id": "second"}));
+    let [first, second] = ["all/frame-0000.png", "all/frame-0001.png"].map(|p| open(&folder.path().join(p)));
     assert_eq!((first.dimensions(), first.get_pixel(0, 0).0), ((96, 64), [255, 0, 0]));
-    assert!(first != second && second == open(&folder.path().join("one/0000.png")));
+    assert!(first != second && second == open(&folder.path().join("one/frame-0001.png")));
     // 0.02 m down at 0.6 m through 120 pixels: the picture moves 4 pixels down.
     let shifted = image::imageops::crop_imm(&first, 0, 0, 96, 60).to_image();
     let lower = image::imageops::crop_imm(&second, 0, 4, 96, 60).to_image();
@@ -80,8 +87,8 @@ fn a_motion_is_rendered_at_its_rate() {
     let output = run(GHAND, folder.path(), &[&arguments[..], &["--out", "out"]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let names = listing(&folder.path().join("out"));
-    assert_eq!(names.len(), 5);
-    let [open_hand, fist] = ["out/0000.png", "out/0002.png"].map(|name| open(&folder.path().join(name)));
+    assert_eq!(names.len(), 6);
+    let [open_hand, fist] = ["out/frame-0000_view-00.png", "out/frame-0002_view-00.png"].map(|name| open(&folder.path().join(name)));
     assert!(coverage(&fist, [0, 0, 0]) < 0.9 * coverage(&open_hand, [0, 0, 0]), "the hand does not close");
 }
 
@@ -129,6 +136,14 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     check(&["hand.ghand", "--camera", "missing.json"], &["missing.json"]);
     check(&["hand.ghand", "--camera", "broken.json"], &["broken.json"]);
     check(&["hand.ghand", "--camera", "mirror.json"], &["mirror.json", "rotation"]);
-    check(&["hand.ghand"], &["--camera", "--turntable"]);
+    check(&["hand.ghand"], &["--camera", "--turntable", "--orbit"]);
+    check(&with(&["hand.ghand", "--out", "out.jpg"]), &["--out out.jpg", ".png"]);
+    check(&with(&["hand.ghand", "--out", "a.png", "--format", "exr"]), &["a.png", "--format is exr"]);
+    check(&["hand.ghand", "--turntable", "2", "--out", "a.png"], &["--out a.png", "there are 2"]);
+    check(&["hand.ghand", "--pose", "grasp", "--turntable", "2", "--out", "a.gif"], &["--turntable", "--orbit"]);
+    check(&["hand.ghand", "--pose", "grasp", "--fps", "60", "--orbit", "--out", "a.gif"], &["at most 50", "--fps"]);
+    check(&["hand.ghand", "--pose", "fist", "--orbit"], &["--orbit", "--turntable"]);
+    check(&["hand.ghand", "--pose", "grasp", "--orbit", "0"], &["--orbit"]);
+    check(&["hand.ghand", "--camera", "camera.json:d"], &["camera.json: id", "\"c\""]);
     check(&["hand.ghand", "--turntable", "0"], &["--turntable"]);
 }

@@ -8,30 +8,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{assert_one_sentence, listing, run};
-use ghand_data::synthetic::SyntheticOptions;
-use ghand_render::{AdapterChoice, Gpu};
-use ghand_train::synthetic_scene::make_capture;
+use common::{assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
-
-fn small_capture(folder: &Path) {
-    small_capture_with(1, folder);
-}
-
-fn small_capture_with(test_frames: usize, folder: &Path) {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
-    let options = SyntheticOptions {
-        views: 5,
-        train_frames: 2,
-        test_frames,
-        test_views: 1,
-        width: 64,
-        height: 96,
-        ..SyntheticOptions::default()
-    };
-    make_capture(&gpu, &options, folder).unwrap();
-}
 
 /// Changes the text of a file.
 fn edit(path: &Path, change: impl Fn(&str) -> String) {
@@ -54,6 +33,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
         assert!(left.iter().all(|f| !f.contains("avatar") && !f.starts_with('.')), "{name} left {left:?}");
     };
     std::fs::create_dir(folder.path().join("out")).unwrap();
+    std::fs::write(folder.path().join("out/notes.txt"), "of the user").unwrap();
     train("missing", &[], &["missing"]);
     train("good", &["--split", "nonsense"], &["nonsense", "train5"]);
     train("good", &["--set", "nonsense=1"], &["nonsense", "iterations"]);
@@ -79,6 +59,91 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     train("gone", &[], &["gone", "nothing is left of split \"train\"", "11 without a file", "0000.png"]);
 }
 
+/// Changes every mask of a capture.
+fn change_masks(capture: &Path, change: impl Fn(u8) -> u8) {
+    for camera in listing(&capture.join("masks")) {
+        let folder = capture.join("masks").join(camera);
+        for name in listing(&folder) {
+            let mut mask = image::open(folder.join(&name)).unwrap().into_luma8();
+            mask.pixels_mut().for_each(|value| value.0[0] = change(value.0[0]));
+            mask.save(folder.join(&name)).unwrap();
+        }
+    }
+}
+
+/// Changes a capture's `capture.json`.
+fn change_json(capture: &Path, change: impl Fn(&mut serde_json::Value)) {
+    edit(&capture.join("capture.json"), |text| {
+        let mut json = serde_json::from_str(text).unwrap();
+        change(&mut json);
+        json.to_string()
+    });
+}
+
+#[test]
+fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    small_capture(&capture);
+    let json = std::fs::read_to_string(capture.join("capture.json")).unwrap();
+    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=2"];
+    let refused = |parts: &[&str]| {
+        let output = run(TRAIN, folder.path(), &arguments);
+        assert_one_sentence(&output, &[&["capture"], parts].concat());
+        assert!(listing(&folder.path().join("out")).is_empty());
+    };
+    let remedy = ["no avatar can come of the split \"train\"", "ghand inspect", "--ignore-checks"];
+    let scaled = |json: &mut serde_json::Value, list: &str, field: &str, factor: f64| {
+        for entry in json[list].as_array_mut().unwrap() {
+            for value in entry[field].as_array_mut().unwrap() {
+                if let Some(number) = value.as_f64() {
+                    *value = (number * factor).into();
+                } else {
+                    value.as_array_mut().unwrap().iter_mut().for_each(|v| *v = (v.as_f64().unwrap() * factor).into());
+                }
+            }
+        }
+    };
+    change_json(&capture, |json| scaled(json, "cameras", "translation", 1000.0));
+    refused(&[&remedy[..], &["not between 0.03 and 20 m", "metre", "(0.00)"]].concat());
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_json(&capture, |json| scaled(json, "frames", "pose", 40.0));
+    refused(&[&remedy[..], &["longer than a whole turn", "radians"]].concat());
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_json(&capture, |json| json["frames"][0]["pose"][1][2] = 1e30.into());
+    refused(&["frames[\"0000\"].pose", "joint \"index1\"", "radians"]);
+    std::fs::write(capture.join("capture.json"), json.replace("mask_path", "mask_paht")).unwrap();
+    refused(&["mask_paht", "nearest", "\"mask_path\""]);
+    std::fs::write(capture.join("capture.json"), &json).unwrap();
+    change_masks(&capture, |value| value / 4);
+    refused(&[&remedy[..], &["masks are empty", "128"]].concat());
+    // Who knows better may train all the same.
+    let forced = run(TRAIN, folder.path(), &[&arguments[..], &["--ignore-checks"]].concat());
+    let warned = String::from_utf8_lossy(&forced.stderr);
+    assert!(forced.status.success() && warned.contains("masks are empty"), "{warned}");
+    assert!(listing(&folder.path().join("out")).contains(&"avatar.ghand".into()));
+}
+
+#[test]
+fn masks_of_zero_and_one_give_the_avatar_of_those_of_zero_and_255_and_one_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    small_capture(&capture);
+    let train = |out: &str| {
+        let arguments = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
+        let output = run(TRAIN, folder.path(), &arguments);
+        let warned = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{warned}");
+        (std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap(), warned)
+    };
+    let (avatar, warned) = train("a");
+    assert!(!warned.contains("masks"), "{warned}");
+    change_masks(&capture, |value| value / 255);
+    let (same, warned) = train("b");
+    assert!(avatar == same, "another avatar");
+    assert_eq!(warned.matches("split \"train\": 10 of 10 masks hold 0 and 1").count(), 1, "{warned}");
+}
+
 #[test]
 fn images_that_are_of_no_use_are_left_out_with_one_warning() {
     let folder = tempfile::tempdir().unwrap();
@@ -90,8 +155,7 @@ fn images_that_are_of_no_use_are_left_out_with_one_warning() {
     std::fs::remove_file(image("cam01/0001.png")).unwrap();
     let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
     let output = run(TRAIN, folder.path(), &arguments);
-    let (said, warned) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{warned}");
+    let [said, warned] = assert_trained(&output);
     assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
     assert!(
         warned.contains("3 of 11 images are left out: 1 without a file, 2 with a broken file; the first:"),
@@ -106,7 +170,8 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
     small_capture_with(0, &folder.path().join("capture"));
     std::fs::create_dir(folder.path().join("out")).unwrap();
     std::fs::write(folder.path().join("out/report.png"), "of an earlier run").unwrap();
-    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=4"];
+    let arguments =
+        ["--capture", "capture", "--out", "out", "--force", "--set", "uv_resolution=32", "--set", "iterations=4"];
     let output = run(TRAIN, folder.path(), &arguments);
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
@@ -125,9 +190,8 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
 fn killing_a_run_leaves_the_old_avatar_whole() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    let arguments = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set"];
-    let first = run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat());
-    assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
+    let arguments = ["--capture", "capture", "--out", "out", "--force", "--set", "uv_resolution=32", "--set"];
+    assert_trained(&run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat()));
     let files = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
     assert_eq!(listing(&folder.path().join("out")), files);
     let avatar = std::fs::read(folder.path().join("out/avatar.ghand")).unwrap();
@@ -143,6 +207,8 @@ fn killing_a_run_leaves_the_old_avatar_whole() {
     assert!(lines.any(|l| l.unwrap().starts_with("training:")), "the second run never started");
     child.kill().unwrap();
     child.wait().unwrap();
+    // The file of the lock, which is free again.
+    std::fs::remove_file(folder.path().join("out/.train.lock")).unwrap();
     assert_eq!(listing(&folder.path().join("out")), files);
     assert!(std::fs::read(folder.path().join("out/avatar.ghand")).unwrap() == avatar);
 }
@@ -159,7 +225,7 @@ fn a_full_disk_is_one_sentence_and_leaves_no_half_written_avatar() {
         return;
     }
     let output = run(TRAIN, folder.path(), &["--capture", "capture", "--out", "disk/out", "--set", "iterations=2"]);
-    let left = listing(&disk.join("out"));
+    let left = listing(&disk);
     let unmounted = Command::new("umount").arg(&disk).status().unwrap();
     assert!(unmounted.success());
     assert_one_sentence(&output, &["avatar.ghand"]);

@@ -4,7 +4,11 @@
 
 mod common;
 
+use std::fmt::Write;
+
 use common::{assert_one_sentence, listing, run, save_avatar};
+use ghand_core::hand_model::mano::write_mano;
+use ghand_core::hand_model::procedural::ProceduralHand;
 
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 
@@ -28,6 +32,64 @@ fn a_screenshot_shows_panel_and_hand_without_a_display() {
     assert!(text > 500, "the panel is empty: {text} bright pixels");
 }
 
+/// A scene as text: a red ball of that radius about (7, -3, 20) and, as trained scenes have them, a few Gaussians far away.
+fn ball(radius: f64) -> String {
+    let properties = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let count = 400;
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", count + 10);
+    properties.split(' ').for_each(|name| writeln!(text, "property float {name}").unwrap());
+    text += "end_header\n";
+    let mut add = |[x, y, z]: [f64; 3]| {
+        let size = (0.1 * radius).ln();
+        writeln!(text, "{x} {y} {z} 1.5 -1.5 -1.5 4 {size} {size} {size} 1 0 0 0").unwrap();
+    };
+    for k in 0..count {
+        // Points of a spiral from pole to pole.
+        let (height, turn) = (2.0 * (f64::from(k) + 0.5) / f64::from(count) - 1.0, 2.4 * f64::from(k));
+        let ring = (1.0 - height * height).sqrt();
+        add([7.0 + radius * ring * turn.cos(), -3.0 + radius * height, 20.0 + radius * ring * turn.sin()]);
+    }
+    (0..10).for_each(|k| add([1e4 * radius, f64::from(k), -1e3 * radius]));
+    text
+}
+
+#[test]
+fn a_scene_fills_its_panel_whatever_its_units_and_outliers() {
+    let folder = tempfile::tempdir().unwrap();
+    for radius in [0.002, 1.0, 300.0] {
+        std::fs::write(folder.path().join("ball.ply"), ball(radius)).unwrap();
+        let output = run(VIEWER, folder.path(), &["ball.ply", "--screenshot", "shot.png", "--size", "560x300"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let picture = image::open(folder.path().join("shot.png")).unwrap().into_rgb8();
+        let red = picture.enumerate_pixels().filter(|(_, _, p)| p.0[0] > 120 && p.0[1] < 60 && p.0[2] < 60);
+        let places: Vec<[u32; 2]> = red.map(|(x, y, _)| [x, y]).collect();
+        // The panel of the picture begins at 260 and is 300 x 300.
+        for (axis, low) in [(0, 260), (1, 0)] {
+            let (first, last) = places.iter().fold((u32::MAX, 0), |(a, b), p| (a.min(p[axis]), b.max(p[axis])));
+            assert!(first >= low && (200..300).contains(&(last - first)), "{radius}: {first} to {last}");
+            assert!((first + last).abs_diff(2 * low + 300) < 30, "{radius}: {first} to {last} is not in the middle");
+        }
+        assert!(places.len() > 30_000, "{radius}: {} red pixels", places.len());
+    }
+}
+
+#[test]
+fn a_hand_model_is_shown_as_a_bare_hand_that_takes_poses() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    write_mano(&folder.path().join("right.npz"), &model).unwrap();
+    let shot = |pose: &str| {
+        let arguments = ["right.npz", "--screenshot", "shot.png", "--size", "500x240", "--pose", pose];
+        let output = run(VIEWER, folder.path(), &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        image::open(folder.path().join("shot.png")).unwrap().into_rgb8()
+    };
+    let [flat, fist] = ["rest", "fist"].map(|pose| {
+        shot(pose).enumerate_pixels().filter(|(x, _, p)| *x > 260 && p.0[0] > p.0[2].saturating_add(30)).count()
+    });
+    assert!(fist > 2000 && flat > fist, "{flat} pixels of a flat hand, {fist} of a fist");
+}
+
 #[test]
 fn without_an_avatar_the_last_trained_one_is_shown_else_a_bare_hand() {
     let folder = tempfile::tempdir().unwrap();
@@ -37,7 +99,7 @@ fn without_an_avatar_the_last_trained_one_is_shown_else_a_bare_hand() {
         std::fs::read(folder.path().join(name)).unwrap()
     };
     let bare = shot("bare.png");
-    let last = folder.path().join(ghand_app::LAST_AVATAR);
+    let last = folder.path().join("out/train-2/avatar.ghand");
     std::fs::create_dir_all(last.parent().unwrap()).unwrap();
     std::fs::rename(save_avatar(folder.path()), &last).unwrap();
     assert_ne!(bare, shot("trained.png"));
@@ -48,6 +110,11 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = std::fs::read(save_avatar(folder.path())).unwrap();
     std::fs::write(folder.path().join("cut.ghand"), &bytes[..bytes.len() / 2]).unwrap();
+    let scene = ball(1.0);
+    std::fs::write(folder.path().join("ball.ply"), &scene).unwrap();
+    std::fs::write(folder.path().join("cut.ply"), &scene[..scene.len() / 2]).unwrap();
+    std::fs::write(folder.path().join("empty.ply"), scene.replace("vertex 410", "vertex 0")).unwrap();
+    std::fs::write(folder.path().join("notes.txt"), "to do").unwrap();
     let before = listing(folder.path());
     let check = |arguments: &[&str], parts: &[&str]| {
         assert_one_sentence(&run(VIEWER, folder.path(), arguments), parts);
@@ -58,6 +125,11 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     check(&["cut.ghand", "--screenshot", "a.png"], &["cut.ghand", "cut short"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--pose", "salute"], &["salute", "thumbs-up"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--adapter", "no such"], &["no such", "adapter"]);
-    check(&["hand.ghand", "--screenshot", "no/a.png", "--size", "64x64"], &["no/a.png"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--size", "64"], &["--size"]);
+    check(&["cut.ply", "--screenshot", "a.png"], &["cut.ply: data"]);
+    check(&["empty.ply", "--screenshot", "a.png"], &["empty.ply: Gaussians"]);
+    check(&["missing.ply", "--screenshot", "a.png"], &["missing.ply"]);
+    check(&["ball.ply", "--screenshot", "a.png", "--pose", "fist"], &["--pose", "ball.ply", "scene"]);
+    check(&["notes.txt", "--screenshot", "a.png"], &["notes.txt", ".ghand", ".ply", ".glb"]);
+    check(&[".", "--screenshot", "a.png"], &["folder"]);
 }

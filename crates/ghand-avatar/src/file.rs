@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::json_error::plain_json_error;
 use ghand_core::{HandModel, Side, input_file};
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
@@ -34,6 +35,16 @@ pub enum AvatarFileError {
         action: &'static str,
         /// The cause.
         source: std::io::Error,
+    },
+    /// The avatar cannot be written, since nothing could read it.
+    #[error("{path}: not written, for nothing could read it: {field} {problem}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The part of the avatar that is wrong.
+        field: String,
+        /// What is wrong.
+        problem: String,
     },
     /// The contents are unusable.
     #[error("{path}: {field}: {problem}")]
@@ -106,11 +117,27 @@ fn tensors(avatar: &Avatar) -> Tensors {
 }
 
 impl Avatar {
-    /// Writes the avatar to a file, atomically.
+    /// Writes the avatar to a file, atomically. What is written has been read back before, by what [`Avatar::load`] reads
+    /// with: it accepts every file that this writes.
     ///
     /// # Errors
-    /// [`AvatarFileError::Io`] if the file cannot be written; nothing half-written is left.
+    /// [`AvatarFileError::Unreadable`] if the avatar is one that [`Avatar::load`] refuses, [`AvatarFileError::Io`] if the
+    /// file cannot be written. The file is then as it was before.
     pub fn save(&self, path: &Path) -> Result<(), AvatarFileError> {
+        let bytes = self.to_bytes(path).and_then(|bytes| from_bytes(path, &bytes).map(|_| bytes));
+        let bytes = bytes.map_err(|error| match error {
+            AvatarFileError::Invalid { path, field, problem } => AvatarFileError::Unreadable { path, field, problem },
+            other => other,
+        })?;
+        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io {
+            path: path.into(),
+            action: "write",
+            source,
+        })
+    }
+
+    /// The avatar as the contents of a file.
+    fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
             format: "ghand-avatar".into(),
@@ -133,12 +160,7 @@ impl Avatar {
             views.push((name.as_str(), view));
         }
         let block = HashMap::from([(METADATA_KEY.to_owned(), metadata)]);
-        let bytes = serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))?;
-        write_atomically(path, &bytes).map_err(|source| AvatarFileError::Io {
-            path: path.into(),
-            action: "write",
-            source,
-        })
+        serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))
     }
 
     /// Reads an avatar from a file and checks all of it.
@@ -147,13 +169,22 @@ impl Avatar {
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
     pub fn load(path: &Path) -> Result<Avatar, AvatarFileError> {
         let io = |source| AvatarFileError::Io { path: path.into(), action: "read", source };
-        let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| AvatarFileError::Invalid {
-            path: path.into(),
-            field: "file".into(),
-            problem: format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30),
-        })?;
-        Reader::new(path, &bytes)?.avatar()
+        let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| too_large(path))?;
+        from_bytes(path, &bytes)
     }
+}
+
+fn too_large(path: &Path) -> AvatarFileError {
+    let problem = format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30);
+    AvatarFileError::Invalid { path: path.into(), field: "file".into(), problem }
+}
+
+/// The avatar in the contents of a file, which is checked as a whole.
+fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
+    if bytes.len() as u64 > LARGEST_FILE {
+        return Err(too_large(path));
+    }
+    Reader::new(path, bytes)?.avatar()
 }
 
 struct Reader<'a> {
@@ -188,7 +219,7 @@ impl<'a> Reader<'a> {
                 ));
             }
         }
-        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", e.to_string()))?;
+        let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", plain_json_error(&e)))?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;
         Ok(Reader { path, tensors, metadata })
     }
@@ -306,5 +337,52 @@ impl<'a> Reader<'a> {
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
         Ok(Avatar { template, model, config: config.clone(), tables, provenance: meta.provenance.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ghand_core::hand_model::procedural::ProceduralHand;
+
+    fn small() -> Avatar {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let config = AvatarConfig { uv_resolution: 16, ..Default::default() };
+        Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_not_written_and_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.ghand");
+        small().save(&path).unwrap();
+        let before = std::fs::read(&path).unwrap();
+        let spoil: [(&str, fn(&mut Avatar)); 9] = [
+            ("response_bias", |a| a.tables.response[0] = f32::INFINITY),
+            ("response_gain", |a| *a.tables.response.last_mut().unwrap() = f32::NAN),
+            ("shape_basis", |a| a.tables.shape_basis[5] = f32::NAN),
+            ("appearance", |a| a.tables.appearance[5] = f32::NEG_INFINITY),
+            ("joints", |a| a.template.joints[3].y = f64::NAN),
+            ("mesh", |a| a.model.faces[0] = [u32::MAX; 3]),
+            ("mesh", |a| a.model.weights[0] = -1.0),
+            ("config", |a| {
+                a.config.color_components = 65;
+                let [_, _, _, appearance, response, _] = table_lengths(a.template.len(), 16, &a.config);
+                a.tables.appearance.resize(appearance, 0.0);
+                a.tables.response.resize(response, 0.0);
+            }),
+            ("avatar", |a| a.tables.regressor.truncate(7)),
+        ];
+        for (field, spoil) in spoil {
+            let mut avatar = small();
+            spoil(&mut avatar);
+            let error = avatar.save(&path).unwrap_err();
+            assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+            let sentence = error.to_string();
+            assert!(sentence.contains("hand.ghand: not written") && !sentence.contains('\n'), "{sentence}");
+            assert!(std::fs::read(&path).unwrap() == before, "{field}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        }
+        Avatar::load(&path).unwrap();
     }
 }

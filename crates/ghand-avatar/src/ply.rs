@@ -1,9 +1,12 @@
 //! Scenes of Gaussians as trainers of 3D Gaussian Splatting write them: `.ply` files.
 
+mod write;
+
 use std::path::{Path, PathBuf};
 
 use ghand_core::input_file;
 use ghand_render::splat::SplatModel;
+pub use write::{EXPORTED_OPACITY, exported_logit};
 
 /// What is wrong with a scene file.
 #[derive(Debug, thiserror::Error)]
@@ -11,6 +14,14 @@ pub enum PlyError {
     /// It could not be read.
     #[error("{path}: cannot read the scene: {source}")]
     Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// It could not be written.
+    #[error("{path}: cannot write the scene: {source}")]
+    Write {
         /// The file.
         path: PathBuf,
         /// The cause.

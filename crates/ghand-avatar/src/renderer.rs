@@ -3,13 +3,14 @@
 use ghand_core::{Camera, Pose};
 use ghand_render::pose::{PosePipeline, Template as PoseTemplate, pose_stride};
 use ghand_render::splat::{Image, Purpose, SplatOptions, Splatter, View};
-use ghand_render::{Gpu, RenderError};
+use ghand_render::{Gpu, RenderError, buffers};
 
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 
 use crate::avatar::Avatar;
 use crate::direct::{DirectBuffers, DirectForward};
+use crate::ply::SplatScene;
 
 /// Opacity of every Gaussian; fixed, as in the paper.
 pub const OPACITY: f32 = 1.0;
@@ -113,11 +114,44 @@ impl AvatarRenderer {
         camera: &Camera,
         background: [f32; 3],
     ) -> Result<Image, RenderError> {
-        self.pose.set_frame(gpu, frame, 0.0, 0.0);
         self.set_view(gpu, camera, background)?;
+        self.put_in_pose(gpu, frame);
+        self.splatter.render(gpu)
+    }
+
+    /// As [`AvatarRenderer::render`] for a picture of any height, in bands that the renderer holds: see
+    /// [`Splatter::render_bands`].
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost, or the image is too wide.
+    pub fn render_bands(
+        &mut self,
+        gpu: &Gpu,
+        frame: usize,
+        camera: &Camera,
+        background: [f32; 3],
+        sink: impl FnMut(u32, &Image),
+    ) -> Result<(), RenderError> {
+        self.put_in_pose(gpu, frame);
+        self.splatter.render_bands(gpu, View::new(camera, self.splatter.count(), background, OPACITY), sink)
+    }
+
+    /// Leaves the Gaussians of stored frame `frame` in the splatter's table.
+    fn put_in_pose(&mut self, gpu: &Gpu, frame: usize) {
+        self.pose.set_frame(gpu, frame, 0.0, 0.0);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.encode_pose(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
-        self.splatter.render(gpu)
+    }
+
+    /// The Gaussians of stored frame `frame` as a scene: see [`SplatScene::of_hand`].
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn posed_scene(&mut self, gpu: &Gpu, frame: usize) -> Result<SplatScene, RenderError> {
+        self.put_in_pose(gpu, frame);
+        let model = self.splatter.options().model;
+        let table: Vec<f32> = buffers::read(gpu, self.splatter.gaussians(), model.rows() * self.splatter.count())?;
+        Ok(SplatScene::of_hand(&table))
     }
 }

@@ -1,34 +1,103 @@
-//! Files that are either whole or absent.
+//! Output files: complete or absent, and never in place of something that is not a file.
 
-use std::io::{self, Write};
-use std::path::Path;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
 
 /// Writes a file so that nobody ever sees half of it: to a temporary file in the same folder, synced, then renamed over
 /// `path`.
 ///
+/// Missing parent folders are made. A symbolic link is followed: the file that it names is replaced, the link stays. A file
+/// that is replaced keeps its permissions; a new one gets those that the user's umask allows.
+///
 /// # Errors
-/// Any error of the file system; `path` is then as it was before.
+/// As [`check_target`], and any error of the file system; what stands at `path` is then as it was before.
 pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)?;
-    file.write_all(contents)?;
-    // Temporary files are private to their owner; what replaces a file of the user's must be readable like one.
+    let target = replaceable(path)?;
+    let folder = folder_of(&target);
+    std::fs::create_dir_all(folder)?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".writing-");
+    // Temporary files are private to their owner by default; an output file is like any other file of the user's.
     #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))?;
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(contents)?;
+    if let Ok(before) = std::fs::metadata(&target) {
+        file.as_file().set_permissions(before.permissions())?;
     }
     file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
+    file.persist(&target).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// Checks that [`write_atomically`] may write to `path`, without changing anything: for programs that work long before they
+/// write.
+///
+/// # Errors
+/// One that says what is in the way: `path` is a folder, a pipe, a device, a read-only file or a circle of symbolic links, or
+/// a file stands where a parent folder should be.
+pub fn check_target(path: &Path) -> io::Result<()> {
+    replaceable(path).map(|_| ())
+}
+
+/// Links that are followed before a chain of them is taken for a circle; Linux gives up after as many.
+const MOST_LINKS: usize = 40;
+
+/// The file that a path stands for, links followed, if it is free or may be replaced.
+fn replaceable(path: &Path) -> io::Result<PathBuf> {
+    let target = follow(path)?;
+    match std::fs::metadata(&target) {
+        Ok(metadata) if metadata.is_dir() => Err(io::Error::other("it is a folder, not a file")),
+        Ok(metadata) if !metadata.is_file() => {
+            Err(io::Error::other("it is a pipe or a device, not a file; choose another name"))
+        }
+        // A rename would replace a file that its owner has protected, and the superuser may write to any.
+        Ok(metadata) if metadata.permissions().readonly() => {
+            Err(io::Error::new(ErrorKind::PermissionDenied, "the file is read-only; choose another name"))
+        }
+        Ok(_) => std::fs::File::options().append(true).open(&target).map(|_| target),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            match folder_of(&target).ancestors().find(|folder| folder.exists()) {
+                Some(folder) if !folder.is_dir() => {
+                    Err(io::Error::new(ErrorKind::NotADirectory, format!("{} is not a folder", folder.display())))
+                }
+                _ => Ok(target),
+            }
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// What a path leads to through symbolic links; what it ends at need not exist.
+fn follow(path: &Path) -> io::Result<PathBuf> {
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match std::fs::symlink_metadata(&target) {
+            Ok(metadata) if metadata.is_symlink() => {
+                let next = std::fs::read_link(&target)?;
+                // A relative link counts from its own folder.
+                target = folder_of(&target).join(next);
+            }
+            _ => return Ok(target),
+        }
+    }
+    Err(io::Error::other("its symbolic links lead in a circle"))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn entries(folder: &Path) -> usize {
+        std::fs::read_dir(folder).unwrap().count()
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_no_litter() {
@@ -37,10 +106,90 @@ mod tests {
         write_atomically(&file, b"old").unwrap();
         write_atomically(&file, b"new").unwrap();
         assert_eq!(std::fs::read(&file).unwrap(), b"new");
-        // A folder in the way makes the rename fail.
         let blocked = folder.path().join("blocked");
         std::fs::create_dir_all(blocked.join("inside")).unwrap();
-        assert!(write_atomically(&blocked, b"x").is_err());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+        assert!(write_atomically(&blocked, b"x").unwrap_err().to_string().contains("folder"));
+        assert_eq!(entries(folder.path()), 2);
+    }
+
+    #[test]
+    fn parent_folders_are_made_but_not_through_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a/b/c.json");
+        check_target(&file).unwrap();
+        assert_eq!(entries(folder.path()), 0);
+        write_atomically(&file, b"x").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"x");
+        let through = file.join("d/e.json");
+        assert!(check_target(&through).is_err());
+        assert!(write_atomically(&through, b"x").is_err());
+        assert_eq!(std::fs::read(&file).unwrap(), b"x");
+    }
+
+    #[cfg(unix)]
+    mod unix {
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+
+        use super::*;
+
+        #[test]
+        fn devices_and_pipes_are_never_replaced() {
+            let folder = tempfile::tempdir().unwrap();
+            let pipe = folder.path().join("pipe");
+            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            let link = folder.path().join("link");
+            symlink(&pipe, &link).unwrap();
+            for path in [pipe.as_path(), link.as_path(), Path::new("/dev/null")] {
+                let error = write_atomically(path, b"x").unwrap_err().to_string();
+                assert!(error.contains("pipe or a device"), "{}: {error}", path.display());
+                assert!(check_target(path).is_err());
+            }
+            assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+            assert!(std::fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+            assert_eq!(entries(folder.path()), 2);
+        }
+
+        #[test]
+        fn read_only_files_stay_even_for_the_superuser() {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("kept");
+            std::fs::write(&file, b"old").unwrap();
+            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o444)).unwrap();
+            let error = write_atomically(&file, b"new").unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::PermissionDenied);
+            assert_eq!(std::fs::read(&file).unwrap(), b"old");
+        }
+
+        #[test]
+        fn links_stay_and_what_they_name_is_written() {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::create_dir(folder.path().join("real")).unwrap();
+            let (first, second) = (folder.path().join("first"), folder.path().join("second"));
+            symlink("second", &first).unwrap();
+            symlink("real/file", &second).unwrap();
+            for contents in [b"new".as_slice(), b"newer"] {
+                write_atomically(&first, contents).unwrap();
+                assert_eq!(std::fs::read(folder.path().join("real/file")).unwrap(), contents);
+            }
+            assert!([&first, &second].iter().all(|link| std::fs::symlink_metadata(link).unwrap().is_symlink()));
+            let (here, there) = (folder.path().join("here"), folder.path().join("there"));
+            symlink(&there, &here).unwrap();
+            symlink(&here, &there).unwrap();
+            assert!(write_atomically(&here, b"x").unwrap_err().to_string().contains("circle"));
+        }
+
+        #[test]
+        fn permissions_are_kept() {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("a");
+            write_atomically(&file, b"x").unwrap();
+            let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+            let plain = folder.path().join("plain");
+            std::fs::write(&plain, b"x").unwrap();
+            assert_eq!(mode(&file), mode(&plain));
+            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o640)).unwrap();
+            write_atomically(&file, b"y").unwrap();
+            assert_eq!(mode(&file), 0o640);
+        }
     }
 }

@@ -12,6 +12,7 @@ pub mod camera;
 pub mod deformation;
 pub mod hand_model;
 pub mod input_file;
+pub mod json_error;
 pub mod mesh;
 mod parallel;
 pub mod pose;

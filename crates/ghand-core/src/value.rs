@@ -1,4 +1,5 @@
-//! What data files hold, whatever they are written as: JSON, or Python's pickles, `.npz` archives and `.npy` arrays.
+//! What data files hold, whatever they are written as: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy`
+//! arrays.
 //!
 //! Nothing that a file names is run. Memory is bounded: a file may hold so many bytes, numbers and other values, and what
 //! goes beyond is an error, not an attempt.

@@ -1,4 +1,5 @@
 //! Cameras as files have them: objects as in the `cameras` of a `capture.json`, one of which may be a file of its own.
+//! [`crate::named_camera`] reads either.
 
 use std::path::Path;
 
@@ -8,10 +9,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::CaptureError;
 use crate::checks::{CameraEntry, Checker, Position, member};
+use crate::distortion::Distortion;
+use crate::json_file::parse;
 use crate::text_file::read_text;
 
 /// Larger files hold more than one camera.
 const LARGEST_FILE: u64 = 1 << 20;
+
+/// Distortion that leaves less than this part of an undistorted image is taken for a mistake: strong lenses that the model
+/// describes leave more than 0.7.
+const LEAST_SEEN: f64 = 0.5;
 
 #[derive(Serialize, Deserialize)]
 pub(crate) struct CameraFile {
@@ -22,6 +29,9 @@ pub(crate) struct CameraFile {
     pub intrinsics: [[f64; 3]; 3],
     pub rotation: [[f64; 3]; 3],
     pub translation: [f64; 3],
+    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Vec<f64>>,
 }
 
 /// Reads and checks a file that holds one camera.
@@ -31,9 +41,13 @@ pub(crate) struct CameraFile {
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
     let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
-    let file: CameraFile =
-        serde_json::from_str(&text).map_err(|source| CaptureError::Json { path: path.into(), source })?;
-    file.camera(Checker { path }, String::new())
+    let file: CameraFile = parse(path, &text)?;
+    let checks = Checker { path };
+    let camera = file.camera(checks, String::new())?;
+    match file.distortion(checks, "", &camera)? {
+        None => Ok(camera),
+        Some(_) => Err(checks.invalid("distortion", "pictures are drawn without distortion; remove it")),
+    }
 }
 
 impl CameraFile {
@@ -54,6 +68,37 @@ impl CameraFile {
             rotation: DMat3::from_cols_array_2d(&self.rotation).transpose(),
             position: Position::Translation(DVec3::from(self.translation)),
         })
+    }
+
+    /// The distortion of the camera's lens, checked; none where all coefficients are 0. `field` is as in [`Self::camera`].
+    pub(crate) fn distortion(
+        &self,
+        checks: Checker,
+        field: &str,
+        camera: &Camera,
+    ) -> Result<Option<Distortion>, CaptureError> {
+        let Some(coefficients) = self.distortion.as_deref() else { return Ok(None) };
+        if coefficients.iter().all(|c| *c == 0.0) {
+            return Ok(None);
+        }
+        let invalid = |problem: String| Err(checks.invalid(member(field, "distortion"), problem));
+        let Ok(coefficients) = <[f64; 5]>::try_from(coefficients) else {
+            return invalid(format!(
+                "has {} numbers; give OpenCV's five, k1, k2, p1, p2 and k3, or for another lens model undistort the images and \
+                 leave it out",
+                coefficients.len()
+            ));
+        };
+        let distortion = Distortion::from_opencv(coefficients);
+        let seen = distortion.visible_part(camera);
+        if seen < LEAST_SEEN {
+            return invalid(format!(
+                "leaves {:.0}% of the undistorted image without a source; give k1, k2, p1, p2, k3 in this order, as calibrated \
+                 with these intrinsics, or undistort the images and leave it out",
+                100.0 * (1.0 - seen)
+            ));
+        }
+        Ok(Some(distortion))
     }
 }
 
@@ -87,6 +132,7 @@ mod tests {
             ("[[0,1,0]", "[[0,2,0]", "rotation"),
             ("[[0,1,0]", "[[0,-1,0]", "rotation"),
             ("\"height\":48,", "", "height"),
+            ("\"height\":48,", "\"height\":48,\"distortion\":[0.1,0,0,0,0],", "distortion"),
         ] {
             assert!(GOOD.contains(from));
             let error = read(&GOOD.replace(from, to)).unwrap_err().to_string();

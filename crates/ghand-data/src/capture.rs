@@ -7,6 +7,7 @@ use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
 
+use crate::distortion::Distortion;
 pub use crate::error::CaptureError;
 pub use crate::split::{Split, SplitView};
 
@@ -75,6 +76,9 @@ pub struct Capture {
     pub template: HandModel,
     /// The cameras; metres, world axes.
     pub cameras: Vec<Camera>,
+    /// Distortion of the cameras' lenses, one per camera; empty if none has any. Files of images and masks are distorted,
+    /// views are not: [`Capture::load_view`] undistorts them.
+    pub distortion: Vec<Option<Distortion>>,
     /// The frames, poses in the order of the hand model's joints.
     pub frames: Vec<Frame>,
     /// Where the images are.

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Component, Path};
 
+use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
 use ghand_core::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 
@@ -13,6 +14,9 @@ use crate::error::CaptureError;
 const ROTATION_TOLERANCE: f64 = 1e-3;
 /// Larger images are taken for a mistake; 16384 is also the largest texture of common devices.
 const LARGEST_IMAGE: u32 = 16384;
+/// Focal lengths and principal points beyond this are taken for a mistake, pixels: a lens of two metres over pixels of one
+/// micrometre has 2e6.
+const LARGEST_FOCAL: f64 = 1e7;
 
 /// Checks the content of one file.
 #[derive(Clone, Copy)]
@@ -39,6 +43,15 @@ pub(crate) enum Position {
     Translation(DVec3),
     /// The centre of projection.
     Center(DVec3),
+}
+
+/// Where the joints of a hand model are in a file's poses.
+#[derive(Clone, Copy)]
+pub(crate) struct JointRows<'a> {
+    /// The row of each joint.
+    pub order: &'a [usize],
+    /// The joints' names, for messages.
+    pub names: &'a [String],
 }
 
 /// The name of a field's member; the empty field is the file as a whole.
@@ -68,13 +81,21 @@ impl Checker<'_> {
             );
             return Err(self.invalid(field("intrinsics"), problem));
         }
+        if focal.max(principal.abs()).max_element() > LARGEST_FOCAL {
+            let problem = format!("holds a number beyond {LARGEST_FOCAL:.0e}; give pixels");
+            return Err(self.invalid(field("intrinsics"), problem));
+        }
         let rotation = self.rotation(field("rotation"), entry.rotation)?;
         let translation = match entry.position {
             Position::Translation(translation) => translation,
             Position::Center(center) => -(rotation * center),
         };
-        if !translation.is_finite() {
-            return Err(self.invalid(field("translation"), "is not finite; give metres"));
+        let distance = translation.length();
+        // Not `>`: NaN is out of range, too.
+        let in_range = distance <= LARGEST_TRANSLATION;
+        if !in_range {
+            let problem = PoseRangeError::Translation { distance };
+            return Err(self.invalid(field("translation"), problem.to_string()));
         }
         Ok(Camera { id: entry.id.into(), width, height, focal, principal, rotation, translation })
     }
@@ -100,35 +121,44 @@ impl Checker<'_> {
         Ok(rotation)
     }
 
-    /// A pose of rows of axis-angle numbers, one a joint; `joint_order` has the row of each joint of the model.
+    /// A pose of rows of axis-angle numbers, one a joint. `id` is the frame's.
     pub fn pose(
         &self,
         id: &str,
         rows: &[Vec<f64>],
         translation: [f64; 3],
-        joint_order: &[usize],
+        joints: JointRows,
     ) -> Result<Pose, CaptureError> {
-        let field = |name: &str| format!("frames[{id:?}].{name}");
-        if rows.len() != joint_order.len() {
-            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), joint_order.len());
-            return Err(self.invalid(field("pose"), problem));
+        let JointRows { order, names } = joints;
+        if rows.len() != order.len() {
+            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), order.len());
+            return Err(self.invalid(format!("frames[{id:?}].pose"), problem));
         }
         let rotations = (rows.iter().enumerate())
             .map(|(row, values)| match values[..] {
-                [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
-                [_, _, _] => Err(self.invalid(field("pose"), format!("row {row} holds a number that is not finite"))),
+                [x, y, z] => Ok(DVec3::new(x, y, z)),
                 _ => {
                     let problem = format!("row {row} has {} numbers, expected 3 (axis-angle)", values.len());
-                    Err(self.invalid(field("pose"), problem))
+                    Err(self.invalid(format!("frames[{id:?}].pose"), problem))
                 }
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let translation = DVec3::from(translation);
-        if !translation.is_finite() {
-            return Err(self.invalid(field("translation"), "is not finite; give metres"));
-        }
-        let rotations = joint_order.iter().filter_map(|&row| rotations.get(row).copied()).collect();
-        Ok(Pose { rotations, translation })
+        let rotations = order.iter().filter_map(|&row| rotations.get(row).copied()).collect();
+        let pose = Pose { rotations, translation: DVec3::from(translation) };
+        self.pose_range(id, &pose, &[], names)?;
+        Ok(pose)
+    }
+
+    /// Refuses poses and shapes that no hand has. `id` is the frame's.
+    pub fn pose_range(&self, id: &str, pose: &Pose, shape: &[f64], joints: &[String]) -> Result<(), CaptureError> {
+        pose.check_range(joints).and_then(|()| check_shape_range(shape)).map_err(|error| {
+            let part = match error {
+                PoseRangeError::Rotation { .. } => "pose",
+                PoseRangeError::Translation { .. } => "translation",
+                PoseRangeError::Shape { .. } => "shape",
+            };
+            self.invalid(format!("frames[{id:?}].{part}"), error.to_string())
+        })
     }
 
     /// Index by id, each of which must be there once.

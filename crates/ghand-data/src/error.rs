@@ -20,12 +20,12 @@ pub enum CaptureError {
         remedy: &'static str,
     },
     /// A file is not JSON, or a field is missing or has the wrong type.
-    #[error("{path}: {source}; correct the file at that place or export the capture again")]
+    #[error("{path}: {problem}; correct the file at that place or export it again")]
     Json {
         /// The file.
         path: PathBuf,
-        /// The cause, with the field's name or its line and column.
-        source: serde_json::Error,
+        /// The field, if it is known, what is wrong with it, and the line and column.
+        problem: String,
     },
     /// A field holds something unusable.
     #[error("{path}: {field}: {problem}")]

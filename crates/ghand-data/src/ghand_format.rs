@@ -1,8 +1,12 @@
 //! The project's own capture format: `capture.json`, version 1, with an optional `truth.json` beside it.
 //!
 //! Lengths are metres, rotations axis-angle in radians in the hand model's axes, cameras OpenCV's. Paths are relative to
-//! the capture's folder and must stay inside it. Poses of a MANO model are whole rotations: its mean pose is already in.
+//! the capture's folder and must stay inside it. A field that the format does not know is an error, unless its name marks it as a
+//! comment (`_`, `//` or `$` at its beginning). Poses of a MANO model are whole rotations: its mean pose is already in.
 
+#[cfg(test)]
+mod field_tests;
+mod fields;
 mod read;
 #[cfg(test)]
 mod tests;
@@ -10,8 +14,8 @@ mod write;
 
 use std::collections::BTreeMap;
 
-use ghand_core::hand_model::procedural::ProceduralHand;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use crate::camera_file::CameraFile;
 
@@ -54,7 +58,7 @@ struct HandModelFile {
     path: Option<String>,
     /// Procedural only: the lengths.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    parameters: Option<ProceduralHand>,
+    parameters: Option<Map<String, Value>>,
     /// Names of the joints in the order of the poses' rows; the model's own order if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     joints: Option<Vec<String>>,

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ghand_core::hand_model::mano::{NamedArrays, PARENTS};
+use ghand_core::pose::{PoseRangeError, check_shape_range};
 use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, HandModelError, Pose, Side, input_file};
 use glam::{DMat3, DVec2, DVec3};
@@ -84,6 +85,7 @@ pub(crate) fn read_hand_appearance(
             "{sequence}/unscreen_cropped/{number}.jpg",
             Some("{sequence}/mask/{number}_mask.jpg"),
         ),
+        distortion: vec![],
         splits: BTreeMap::new(),
         truth: None,
     };
@@ -188,7 +190,16 @@ pub(crate) fn read_pose(origin: &str, bytes: &[u8], model: &HandModel) -> Result
         return Err(invalid("cam", format!("has the scale {scale}, which must be positive; {REMEDY}")));
     }
     let moved = DVec3::new(x, y, 2.0 * FOCAL / (f64::from(SIZE) * scale + 1e-9));
-    Ok((Pose { rotations, translation: translation + moved }, shape))
+    let pose = Pose { rotations, translation: translation + moved };
+    pose.check_range(&model.joint_names).and_then(|()| check_shape_range(&shape)).map_err(|error| {
+        let field = match error {
+            PoseRangeError::Rotation { .. } => "pose",
+            PoseRangeError::Translation { .. } => "joints, trans or cam",
+            PoseRangeError::Shape { .. } => "shape",
+        };
+        invalid(field, error.to_string())
+    })?;
+    Ok((pose, shape))
 }
 
 /// The wrist of `joints`, millimetres, if it is there.

@@ -62,7 +62,7 @@ pub(crate) fn check(file: &Path, role: Role, size: (u32, u32)) -> Result<(), Cap
     if guarded(|| has_header_and_end(&mut opened, size)).map_err(|refusal| refusal.of(file, role, size))? {
         return Ok(());
     }
-    // The mark may lie further inside: some programs write behind it.
+    // The mark of a PNG or JPEG may lie further inside: some programs write behind it.
     decode(file, role, &read_bytes(file, role, size)?, size).map(|_| ())
 }
 
@@ -79,6 +79,8 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
     let mark: &[u8] = match format {
         Some(ImageFormat::Png) => b"IEND",
         Some(ImageFormat::Jpeg) => &END_OF_JPEG,
+        // Its end is no mark, and its pixels may all be NaN.
+        Some(ImageFormat::OpenExr) => return Ok(false),
         _ => return Ok(true),
     };
     let length = file.seek(SeekFrom::End(0)).map_err(read)?;
@@ -92,6 +94,7 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
 enum Refusal {
     Broken(ImageError),
     OtherSize(u32, u32),
+    NotNumbers,
 }
 
 /// The image of these bytes, which must be of `size` pixels. `file` is for messages.
@@ -117,6 +120,10 @@ impl Refusal {
                     size.0, size.1
                 );
                 CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
+            }
+            Refusal::NotNumbers => {
+                let problem = "holds no number, every pixel is NaN; render or export it again";
+                CaptureError::Invalid { path: file.into(), field: role.name().into(), problem: problem.into() }
             }
         }
     }
@@ -145,7 +152,20 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     if (width, height) != size {
         return Err(Refusal::OtherSize(width, height));
     }
-    DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)
+    let picture = DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)?;
+    if has_numbers(&picture) { Ok(picture) } else { Err(Refusal::NotNumbers) }
+}
+
+/// Whether there is a pixel whose red, green and blue are numbers.
+fn has_numbers(picture: &DynamicImage) -> bool {
+    let any = |values: &[f32], channels: usize| {
+        values.chunks_exact(channels).any(|pixel| pixel.iter().take(3).all(|v| !v.is_nan()))
+    };
+    match picture {
+        DynamicImage::ImageRgb32F(image) => any(image.as_raw(), 3),
+        DynamicImage::ImageRgba32F(image) => any(image.as_raw(), 4),
+        _ => true,
+    }
 }
 
 /// What a decoder may hold of an image of so many pixels.

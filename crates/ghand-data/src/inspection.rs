@@ -1,16 +1,16 @@
-//! What there is to know of a capture before an avatar is trained on it, and what is odd about it.
+//! What there is to know of a capture before an avatar is trained on it, and what is wrong or odd about it.
 //!
 //! Every file of the splits is looked at, but only for its header and its end; pixels are decoded of a bounded number of images
 //! of each split, spread evenly over cameras and frames. A broken file is a finding, not an error.
 
 mod cameras;
 mod files;
+mod findings;
 mod fit;
 mod overlap;
 mod sample;
-mod warnings;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use crate::capture::Capture;
 use crate::error::CaptureError;
@@ -19,6 +19,7 @@ use sample::spread_evenly;
 
 pub use cameras::CameraFacts;
 pub use files::{FileCheck, FileProblem, MOST_PROBLEMS};
+pub use findings::{Finding, Severity};
 pub use fit::{ViewFit, posed_template, true_pose};
 pub use overlap::{Spread, iou};
 
@@ -70,8 +71,12 @@ pub struct CaptureInspection {
     pub files: FileCheck,
     /// The splits by name.
     pub splits: Vec<SplitFacts>,
-    /// What is odd, each with what it leads to.
-    pub warnings: Vec<String>,
+    /// What is wrong or odd.
+    pub findings: Vec<Finding>,
+    /// The frames of the splits, each once.
+    posed_frames: Vec<usize>,
+    /// Most images of a split whose pixels were looked at.
+    sample: usize,
 }
 
 impl CaptureInspection {
@@ -80,10 +85,32 @@ impl CaptureInspection {
     /// # Errors
     /// [`CaptureError::HandModel`] when the shape or pose of a frame does not fit the hand model.
     pub fn of(capture: &Capture, sample: usize) -> Result<CaptureInspection, CaptureError> {
-        let pairs = pairs_of(capture.splits.values().flat_map(|split| &split.views));
-        let (mut files, unusable) = FileCheck::of(capture, &pairs);
-        let samples: Vec<Vec<SplitView>> = (capture.splits.values())
-            .map(|split| {
+        let splits = capture.splits.iter().map(|(name, split)| (name.as_str(), split)).collect();
+        let (files, unusable) = FileCheck::of(capture, &pairs_of(capture.splits.values().flat_map(|s| &s.views)));
+        Self::of_splits(capture, splits, files, &unusable, sample)
+    }
+
+    /// Looks at one split of a capture as [`CaptureInspection::of`] does, but at no file outside of the sample: what there is to
+    /// know before training on it.
+    ///
+    /// # Errors
+    /// [`CaptureError::Invalid`] when there is no such split; else as of [`CaptureInspection::of`].
+    pub fn of_split(capture: &Capture, name: &str, sample: usize) -> Result<CaptureInspection, CaptureError> {
+        let split = capture.split(name)?;
+        let files = FileCheck { images: split.views.len(), ..Default::default() };
+        Self::of_splits(capture, vec![(name, split)], files, &HashSet::new(), sample)
+    }
+
+    fn of_splits(
+        capture: &Capture,
+        splits: Vec<(&str, &Split)>,
+        mut files: FileCheck,
+        unusable: &HashSet<(usize, usize)>,
+        sample: usize,
+    ) -> Result<CaptureInspection, CaptureError> {
+        let pairs = pairs_of(splits.iter().flat_map(|(_, split)| &split.views));
+        let samples: Vec<Vec<SplitView>> = (splits.iter())
+            .map(|(_, split)| {
                 let usable = split.views.iter().filter(|v| !unusable.contains(&(v.camera, v.frame))).copied();
                 spread_evenly(&usable.collect::<Vec<_>>(), |v| v.camera, sample, &mut HashMap::new())
                     .into_iter()
@@ -100,13 +127,13 @@ impl CaptureInspection {
                 Err(error) => files.add(FileProblem::new(&error)),
             }
         }
-        let splits: Vec<SplitFacts> = (capture.splits.iter().zip(&samples))
+        let facts: Vec<SplitFacts> = (splits.iter().zip(&samples))
             .map(|((name, split), sample)| SplitFacts {
-                name: name.clone(),
+                name: (*name).to_owned(),
                 cameras: split.cameras.len(),
                 frames: split.frames.len(),
                 images: split.views.len(),
-                is_part: is_part_of_another(capture, name, split),
+                is_part: is_part_of_another(&splits, name, split),
                 views: sample.iter().filter_map(|v| fits.get(&(v.camera, v.frame)).copied()).collect(),
             })
             .collect();
@@ -114,11 +141,20 @@ impl CaptureInspection {
             cameras: cameras::camera_facts(capture, &pairs),
             frames_with_truth: (0..capture.frames.len()).filter(|i| true_pose(capture, *i).is_some()).count(),
             files,
-            splits,
-            warnings: vec![],
+            splits: facts,
+            findings: vec![],
+            posed_frames: pairs.iter().map(|(_, frame)| *frame).collect::<BTreeSet<_>>().into_iter().collect(),
+            sample,
         };
-        inspection.warnings = warnings::warnings(capture, &inspection);
+        inspection.findings = findings::findings(capture, &inspection);
         Ok(inspection)
+    }
+
+    /// Whether any image can be used, as far as was looked: all of the files are missing or broken, or all of the sample could
+    /// not be decoded.
+    pub fn has_usable_image(&self) -> bool {
+        let decoded = self.splits.iter().any(|split| !split.views.is_empty());
+        decoded || (self.sample == 0 && !self.files.sizes.is_empty())
     }
 
     /// About `count` of the images whose pixels were looked at, spread evenly over splits, frames and cameras, each with its
@@ -148,10 +184,10 @@ fn pairs_of<'a>(views: impl Iterator<Item = &'a SplitView>) -> Vec<(usize, usize
 }
 
 /// Whether another split holds all images of this one; of two with the same images, the second by name is part of the first.
-fn is_part_of_another(capture: &Capture, name: &str, split: &Split) -> bool {
-    capture.splits.iter().any(|(other, whole)| {
+fn is_part_of_another(splits: &[(&str, &Split)], name: &str, split: &Split) -> bool {
+    splits.iter().any(|(other, whole)| {
         let may_hold =
-            whole.views.len() > split.views.len() || (whole.views.len() == split.views.len() && **other < *name);
+            whole.views.len() > split.views.len() || (whole.views.len() == split.views.len() && *other < name);
         may_hold && {
             let held: HashSet<_> = whole.views.iter().map(|v| (v.camera, v.frame)).collect();
             split.views.iter().all(|v| held.contains(&(v.camera, v.frame)))

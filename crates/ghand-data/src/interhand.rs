@@ -24,7 +24,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera_choice::well_spread;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::checks::{CameraEntry, Checker, Position};
+use crate::checks::{CameraEntry, Checker, JointRows, Position};
 use crate::error::CaptureError;
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::mask_folder;
@@ -119,7 +119,8 @@ pub(crate) fn read_interhand(
         cameras,
         images: paths,
         splits: BTreeMap::new(),
-        truth: truth(&location.root.join(TRUTH_FILE), &frames)?,
+        distortion: vec![],
+        truth: truth(&location.root.join(TRUTH_FILE), &frames, &model.joint_names)?,
         frames,
     };
     let camera_index: Vec<Option<usize>> = images.cameras.iter().map(|id| capture.camera_index(id)).collect();
@@ -147,9 +148,10 @@ pub(crate) fn read_interhand(
 }
 
 /// Exact poses of the frames, which synthetic captures have beside the annotations; of other frames than these they may be, too.
-fn truth(path: &Path, frames: &[Frame]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
+fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
     let order: Vec<usize> = (0..PARENTS.len()).collect();
-    let Some(poses) = read_truth(path, &order)? else { return Ok(None) };
+    let joints = JointRows { order: &order, names: joints };
+    let Some(poses) = read_truth(path, joints)? else { return Ok(None) };
     let mut poses: HashMap<String, Pose> = poses.into_iter().collect();
     Ok(Some(frames.iter().map(|frame| poses.remove(&frame.id)).collect()))
 }

@@ -6,6 +6,7 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use ghand_core::input_file;
+use ghand_core::json_error::plain_json_error;
 use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
@@ -30,7 +31,8 @@ pub(crate) fn read_streaming<'de, S: DeserializeSeed<'de>>(
         source,
         remedy,
     })?;
-    read_json(file, seed).map_err(|source| CaptureError::Json { path: path.into(), source })
+    read_json(file, seed)
+        .map_err(|error| CaptureError::Json { path: path.into(), problem: plain_json_error(&error) })
 }
 
 /// Reads JSON with `seed`; nothing may follow it.

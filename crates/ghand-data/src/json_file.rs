@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use ghand_core::atomic_file::write_atomically;
+use ghand_core::json_error::plain_json_error;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_path_to_error::{Deserializer, Track};
 
 use crate::error::CaptureError;
 
@@ -14,12 +16,24 @@ pub(crate) const LARGEST_FILE: u64 = 1 << 26;
 
 /// What a file's text says.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, CaptureError> {
-    serde_json::from_str(text).map_err(|source| CaptureError::Json { path: path.into(), source })
+    let mut json = serde_json::Deserializer::from_str(text);
+    let mut track = Track::new();
+    let value = T::deserialize(Deserializer::new(&mut json, &mut track));
+    value.and_then(|value| json.end().map(|()| value)).map_err(|error| not_as_expected(path, track, &error))
+}
+
+/// The error of a parser that has kept `track` of where it is.
+pub(crate) fn not_as_expected(path: &Path, track: Track, error: &serde_json::Error) -> CaptureError {
+    let (field, problem) = (track.path().to_string(), plain_json_error(error));
+    // What is not JSON has no fields, and `.` is the whole file.
+    let is_named = error.is_data() && field != ".";
+    CaptureError::Json { path: path.into(), problem: if is_named { format!("{field}: {problem}") } else { problem } }
 }
 
 /// Writes a file, whole or not at all.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CaptureError> {
-    let text = serde_json::to_vec(value).map_err(|source| CaptureError::Json { path: path.into(), source })?;
+    let text = serde_json::to_vec(value)
+        .map_err(|error| CaptureError::Json { path: path.into(), problem: plain_json_error(&error) })?;
     write_atomically(path, &text).map_err(|source| CaptureError::Io {
         path: path.into(),
         action: "write the capture",

@@ -11,6 +11,7 @@ use ghand_core::posing::pose_hand;
 use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
+use crate::mask_values::mask_values;
 
 pub(crate) use cache::mask_folder;
 pub(crate) use fill::fill;
@@ -75,7 +76,7 @@ pub(crate) fn facts(capture: &Capture, camera: usize, frame: usize) -> Result<Fa
     }
     let rgba = capture.display_values(decode(&file, Role::Image, &bytes, size)?, &bytes);
     if let (Some(file), Some(bytes)) = (mask_file, mask_bytes) {
-        let facts = Facts::of(&rgba, decode(&file, Role::Mask, &bytes, size)?.into_luma8().as_raw());
+        let facts = Facts::of(&rgba, &mask_values(decode(&file, Role::Mask, &bytes, size)?).values);
         place.write(&facts, None);
         return Ok(facts);
     }

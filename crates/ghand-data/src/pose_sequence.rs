@@ -1,23 +1,33 @@
 //! Poses that drive a hand model, from whatever wrote them down.
 //!
 //! [`read_poses`] tells the kind of a file by its content and gives a [`PoseSequence`]: the rate, and for each frame one
-//! axis-angle rotation a joint of *your* model and a translation. What can be read:
+//! axis-angle rotation for each joint of *your* model and a translation. What can be read:
 //!
 //! | | file | what is in it |
 //! |---|---|---|
-//! | ghand's own, or a capture | JSON, `.npz` | [`ghand`] |
+//! | ghand's own, or a capture | JSON, JSON Lines, `.npz` | [`ghand`] |
 //! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, ARCTIC, AMASS | JSON, `.npz`, `.npy`, `.pkl` | [`mano`] |
-//! | joints of WebXR or OpenXR | JSON, `.npz` | [`xr`] |
-//! | MediaPipe's world landmarks | JSON, `.npz`, `.pkl` | [`landmarks`] |
+//! | HO-3D | `.pkl`, or the folder of them | [`ho3d`] |
+//! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
+//! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
+//! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
 //!
-//! Rotations of another rig are carried over as [`crate::retarget`] says, landmarks are fitted by [`crate::ik`]. Poses of
-//! the other hand are mirrored, with a warning. ghand's own files must be right; of what a tracker wrote, frames that
-//! cannot be used are left out and counted in one warning.
+//! Any of them may lie in `{"right": ..}` or `{"left": ..}`. Rotations of another rig are carried over as [`crate::retarget`] says,
+//! landmarks are fitted by [`crate::ik`]. Poses of the other hand are mirrored, with a warning. ghand's own files must be right; of
+//! what a tracker wrote, frames that cannot be used are left out and counted in one warning. No frame comes through with a number
+//! that is not finite, or that no hand can have ([`Pose::check_range`]).
 
+mod file_rig;
+mod folder;
 pub mod ghand;
+pub mod ho3d;
 pub mod landmarks;
 pub mod mano;
+pub mod plain;
 mod recording;
+mod refusal;
+mod sides;
+mod to_model;
 pub mod xr;
 
 use std::path::{Path, PathBuf};
@@ -28,14 +38,15 @@ use ghand_core::value::{Value, ValueError};
 use ghand_core::{HandModel, Pose};
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::capture::Capture;
-use crate::ik::HandIk;
-use crate::retarget::{Retarget, mirrored, mirrored_point};
 use crate::rig::Rig;
 pub(crate) use recording::{Motion, Recording, Skipped, Source};
+use to_model::{carried_over, fitted, mano_rows, rows, side_name};
 
 /// Frames a second of what does not say.
 pub const DEFAULT_FPS: f64 = 30.0;
+
+/// Most frames that a motion is resampled to: nine hours at 30 a second.
+const MOST_FRAMES: usize = 1_000_000;
 
 /// What is wrong with a file of poses. Every message names the file, the field and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -101,8 +112,9 @@ pub struct PoseOptions {
     /// Which hand the poses are of: it is taken from a file that has both, and believed where the file says otherwise. Without it,
     /// the model's side is taken where it is there, else the other one, mirrored.
     pub side: Option<Side>,
-    /// The MANO model that MANO parameters are for: its rest skeleton and mean pose make what is carried over to another rig
-    /// exact. Without it the built-in hand, turned into MANO's axes, stands in.
+    /// The model that the poses are for: its rest skeleton and mean pose make what is carried over to another rig exact. For MANO
+    /// parameters the built-in hand, turned into MANO's axes, stands in without it; ghand's own poses of another rig need it where
+    /// the file does not describe that rig.
     pub pose_model: Option<HandModel>,
     /// Take poses as measured from the flat hand: a MANO model's mean pose is not added.
     pub flat_mean: bool,
@@ -112,14 +124,13 @@ pub struct PoseOptions {
     pub in_place: bool,
 }
 
-/// Reads a file of poses for a hand model; see the module.
+/// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
 ///
 /// # Errors
 /// [`PoseError`] names the file, the field and a remedy when the file is none that is read, when no frame is usable, or when
 /// the model's joints do not tell what they stand for and the poses are not for them.
 pub fn read_poses(path: &Path, model: &HandModel, options: &PoseOptions) -> Result<PoseSequence, PoseError> {
-    let path = if path.is_dir() { path.join("capture.json") } else { path.to_path_buf() };
-    let value = Value::read(&path).map_err(|source| PoseError::File { path: path.clone(), source })?;
+    let (path, value) = folder::read(path)?;
     poses_of_value(&path.display().to_string(), &value, model, options)
 }
 
@@ -148,38 +159,25 @@ pub(crate) fn poses_of_value(
     options: &PoseOptions,
 ) -> Result<PoseSequence, PoseError> {
     let wanted = options.side.unwrap_or(model.side);
-    let source = Source { origin, wanted, take: options.take.as_deref() };
-    // The first that knows its own kind reads it.
-    let readers: [Reader; 4] = [xr::read, landmarks::read, mano::read, ghand::read];
-    let Some(recording) = readers.iter().find_map(|read| read(&source, value)) else {
-        let problem = format!(
-            "is {}, which is no kind of poses that is read: ghand's own (\"frames\" with \"pose\"), MANO parameters, joints of \
-             WebXR or OpenXR, or MediaPipe's world landmarks",
-            value.kind()
-        );
-        return Err(source.invalid("content", problem));
-    };
-    let Recording { side, fps, motion, mut warnings } = recording?;
+    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count() };
+    let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
     // What does not say which hand it is, is taken for the one that is wanted.
     let side = options.side.or(side).unwrap_or(model.side);
-    let mut frames = match motion {
-        Motion::Rows { joints, frames, is_capture, from_mean } => {
-            let mut frames = rows(&source, joints, frames, is_capture, model)?;
-            if from_mean && !options.flat_mean {
-                add_mean(&mut frames, model);
-            }
-            frames
-        }
-        Motion::Mano { frames, from_mean } => mano_frames(frames, from_mean, side, model, options, &mut warnings)?,
-        Motion::WebXr { frames } => carried_over(frames, &Rig::webxr(side), &Rig::of(model)?),
-        Motion::Landmarks { frames } => fitted(&source, &frames, side, model, &mut warnings)?,
+    let (mut frames, side) = match motion {
+        Motion::Rows(found) => rows(&source, found, model, options, &mut warnings)?,
+        Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
+        Motion::WebXr { frames } => (carried_over(frames, &Rig::webxr(side), &Rig::of(model)?), side),
+        Motion::Landmarks { frames } => (fitted(&source, &frames, side, model, &mut warnings)?, side),
     };
     if side != model.side {
-        let name = |side| if side == Side::Left { "left" } else { "right" };
-        warnings.push(format!("the poses are of a {} hand, mirrored for this {} one", name(side), name(model.side)));
+        let [theirs, own] = [side, model.side].map(side_name);
+        warnings.push(format!("the poses are of a {theirs} hand, mirrored for this {own} one"));
     }
     if frames.is_empty() {
-        return Err(source.invalid("frames", "there are none".into()));
+        return Err(source.invalid("frames", "there are none; give at least one".into()));
+    }
+    if model.shape_directions.is_empty() {
+        frames.iter_mut().for_each(|frame| frame.shape.clear());
     }
     if options.in_place {
         for frame in &mut frames {
@@ -190,152 +188,25 @@ pub(crate) fn poses_of_value(
     Ok(PoseSequence { fps: fps.unwrap_or(DEFAULT_FPS), joint_names: model.joint_names.clone(), frames, warnings })
 }
 
-/// ghand's own poses: rows in the order of the model's joints, or matched by name, or of a capture of another rig.
-fn rows(
-    source: &Source,
-    joints: Option<Vec<String>>,
-    mut frames: Vec<PoseFrame>,
-    is_capture: bool,
-    model: &HandModel,
-) -> Result<Vec<PoseFrame>, PoseError> {
-    let expected = joints.as_ref().map_or(model.joint_count(), Vec::len);
-    if let Some(frame) = frames.iter().find(|frame| frame.pose.rotations.len() != expected) {
-        let got = frame.pose.rotations.len();
-        let problem = format!("has {got} rows, expected {expected}: one for each joint");
-        return Err(source.invalid(&format!("frames[{:?}].pose", frame.id), problem));
+/// What a file holds, read by the first reader that knows it as its own kind.
+fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+    let readers: [Reader; 5] = [xr::read, landmarks::read, mano::read, ho3d::read, plain::read];
+    let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
+    if let Some(recording) = trackers(source, value) {
+        return recording;
     }
-    if let Some(names) = joints {
-        let row = |joint: &String| names.iter().position(|name| name == joint);
-        let order: Option<Vec<usize>> = model.joint_names.iter().map(row).collect();
-        match order {
-            Some(order) => {
-                for PoseFrame { pose, .. } in &mut frames {
-                    let rows = &pose.rotations;
-                    pose.rotations = order.iter().filter_map(|&row| rows.get(row).copied()).collect();
-                }
-            }
-            // A capture says where its own rig is.
-            None if is_capture => {
-                let invalid = |problem: String| source.invalid("hand_model", problem);
-                let capture = Capture::open(Path::new(source.origin)).map_err(|error| invalid(error.to_string()))?;
-                let [from, to] = [Rig::of(&capture.hand_model)?, Rig::of(model)?];
-                let order: Vec<usize> = from.joint_names.iter().filter_map(row).collect();
-                for PoseFrame { pose, .. } in &mut frames {
-                    let rows = &pose.rotations;
-                    pose.rotations = order.iter().filter_map(|&row| rows.get(row).copied()).collect();
-                }
-                return Ok(carried_over(frames, &from, &to));
-            }
-            None => {
-                let lacking = model.joint_names.iter().find(|joint| row(joint).is_none());
-                let problem = format!(
-                    "lacks the model's joint {:?}; give poses of the same hand model",
-                    lacking.map_or("", String::as_str)
-                );
-                return Err(source.invalid("hand_model.joints", problem));
-            }
+    if let Some(sides::OneHand { side, value, warning }) = sides::one_hand(value, source.wanted) {
+        let source = Source { wanted: side, ..*source };
+        let found = trackers(&source, &value).or_else(|| ghand::read(&source, &value));
+        let mut recording = found.unwrap_or_else(|| Err(source.invalid("content", refusal::problem(&value))))?;
+        recording.side = recording.side.or(Some(side));
+        if let Motion::Rows(rows) = &mut recording.motion {
+            rows.side = rows.side.or(Some(side));
         }
+        recording.warnings.extend(warning);
+        return Ok(recording);
     }
-    Ok(frames)
-}
-
-/// Poses of MANO's joints. A model with MANO's joints in MANO's axes takes them as they are.
-fn mano_frames(
-    mut frames: Vec<PoseFrame>,
-    from_mean: bool,
-    side: Side,
-    model: &HandModel,
-    options: &PoseOptions,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<PoseFrame>, PoseError> {
-    let from_mean = from_mean && !options.flat_mean;
-    let target = Rig::of(model)?;
-    let given = options.pose_model.as_ref();
-    if mano::is_mano(&target) && given.is_none() {
-        if side != model.side {
-            frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
-        }
-        if from_mean {
-            add_mean(&mut frames, model);
-            if model.pose_space.is_none() {
-                warnings.push(mean_is_unknown());
-            }
-        }
-        return Ok(frames);
-    }
-    let rig = match given {
-        Some(mano_model) => {
-            let rig = Rig::of(mano_model)?;
-            if from_mean {
-                // The mean is of the model's side; poses of the other hand are mirrored to it first.
-                if side != rig.side {
-                    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
-                }
-                add_mean(&mut frames, mano_model);
-                if side != rig.side {
-                    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
-                }
-            }
-            rig
-        }
-        None => {
-            if from_mean {
-                warnings.push(mean_is_unknown());
-            }
-            mano::stand_in(side)?
-        }
-    };
-    if rig.side == side {
-        return Ok(carried_over(frames, &rig, &target));
-    }
-    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
-    Ok(carried_over(frames, &rig, &target))
-}
-
-fn mean_is_unknown() -> String {
-    "the poses are measured from MANO's mean pose, which only a MANO model's file tells; give it, or the hand stays too flat"
-        .into()
-}
-
-/// Adds the mean pose that MANO's poses are measured from, if the model has one.
-fn add_mean(frames: &mut [PoseFrame], model: &HandModel) {
-    let Some(space) = &model.pose_space else { return };
-    for frame in frames {
-        frame.pose.rotations.iter_mut().skip(1).zip(&space.mean).for_each(|(rotation, mean)| *rotation += *mean);
-    }
-}
-
-/// Poses of one rig for another. Shape parameters are those of the other model and stay behind.
-fn carried_over(frames: Vec<PoseFrame>, from: &Rig, to: &Rig) -> Vec<PoseFrame> {
-    let retarget = Retarget::new(from, to);
-    let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
-    frames.into_iter().map(frame).collect()
-}
-
-/// Poses of the model that put its joints at the landmarks, as far as a hand of its rig can.
-fn fitted(
-    source: &Source,
-    frames: &[landmarks::LandmarkFrame],
-    side: Side,
-    model: &HandModel,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<PoseFrame>, PoseError> {
-    let mirror = |points: &[DVec3; 21]| if side == model.side { *points } else { points.map(mirrored_point) };
-    let points: Vec<[DVec3; 21]> = frames.iter().map(|frame| mirror(&frame.points)).collect();
-    let ik = HandIk::new(&Rig::of(model)?).fitted(&points);
-    let (mut posed, mut skipped): (Vec<PoseFrame>, _) = (Vec::new(), Skipped::default());
-    let mut last: Option<Pose> = None;
-    for (frame, points) in frames.iter().zip(&points) {
-        match ik.solve(points, last.as_ref()) {
-            Some(solution) => {
-                last = Some(solution.pose.clone());
-                posed.push(PoseFrame { id: frame.id.clone(), pose: solution.pose, shape: vec![] });
-            }
-            None => skipped.add(&frame.id, "its landmarks are no hand: they lie in one place or in a line"),
-        }
-    }
-    warnings.extend(skipped.finish(source, frames.len())?);
-    Ok(posed)
+    ghand::read(source, value).unwrap_or_else(|| Err(source.invalid("content", refusal::problem(value))))
 }
 
 impl PoseSequence {
@@ -359,15 +230,29 @@ impl PoseSequence {
     }
 
     /// The same motion at another rate. Ids are counted anew; shapes are those of the frame before.
-    pub fn resampled(&self, fps: f64) -> PoseSequence {
-        let count = (self.duration() * fps + 1e-9).floor() as usize + 1;
+    ///
+    /// # Errors
+    /// [`PoseError::Invalid`] when that would be more than a million frames.
+    pub fn resampled(&self, fps: f64) -> Result<PoseSequence, PoseError> {
+        let last = (self.duration() * fps + 1e-9).floor();
+        let fits = last < MOST_FRAMES as f64;
+        if !fits {
+            return Err(PoseError::Invalid {
+                origin: "resampling".into(),
+                field: "fps".into(),
+                problem: format!(
+                    "{} s at {fps} frames a second are more than {MOST_FRAMES} frames; give fewer a second, or a part of the motion",
+                    self.duration()
+                ),
+            });
+        }
         let frame = |k: usize| {
             let seconds = k as f64 / fps;
             let before = ((seconds * self.fps).floor() as usize).min(self.frames.len().saturating_sub(1));
             let shape = self.frames.get(before).map(|frame| frame.shape.clone()).unwrap_or_default();
             Some(PoseFrame { id: format!("{k:04}"), pose: self.at(seconds)?, shape })
         };
-        PoseSequence { fps, frames: (0..count).filter_map(frame).collect(), ..self.clone() }
+        Ok(PoseSequence { fps, frames: (0..last as usize + 1).filter_map(frame).collect(), ..self.clone() })
     }
 }
 

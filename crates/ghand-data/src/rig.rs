@@ -45,29 +45,45 @@ impl Rig {
     /// finger lie in one place.
     pub fn of(model: &HandModel) -> Result<Rig, PoseError> {
         let roles = JointRole::of_joints(&model.joint_names);
-        let tips = Finger::ALL.map(|finger| tip(model, &roles, finger));
+        let tips = Finger::ALL.map(|finger| tip(model, &roles, finger).unwrap_or(DVec3::NAN));
+        Rig::at_rest(&model.name, model.side, &model.joint_names, &model.parents, &model.joints, tips)
+    }
+
+    /// The rig of joints at rest. The joints are named, have parents that precede them and rest positions in metres, `n_b` each;
+    /// `tips` are the fingertips at rest, thumb to little finger.
+    ///
+    /// # Errors
+    /// As of [`Rig::of`].
+    pub fn at_rest(
+        name: &str,
+        side: Side,
+        joint_names: &[String],
+        parents: &[Option<usize>],
+        joints: &[DVec3],
+        tips: [DVec3; 5],
+    ) -> Result<Rig, PoseError> {
         let rig = Rig {
-            name: model.name.clone(),
-            side: model.side,
-            joint_names: model.joint_names.clone(),
-            roles,
-            parents: model.parents.clone(),
-            joints: model.joints.clone(),
+            name: name.into(),
+            side,
+            joint_names: joint_names.to_vec(),
+            roles: JointRole::of_joints(joint_names),
+            parents: parents.to_vec(),
+            joints: joints.to_vec(),
             frames: vec![],
             hinges: vec![],
-            tips: tips.map(|tip| tip.unwrap_or(DVec3::NAN)),
+            tips,
         };
         let [frames, hinges] = [0.0, THUMB_TOWARDS_BACK].map(|towards_back| rig.rest_frames(towards_back));
         let usable = |frames: &Option<Vec<DMat3>>| frames.as_ref().is_some_and(|f| f.iter().all(|f| f.is_finite()));
         match (frames, hinges) {
             (frames, Some(hinges)) if usable(&frames) => Ok(Rig { frames: frames.unwrap_or_default(), hinges, ..rig }),
             _ => Err(PoseError::Invalid {
-                origin: model.name.clone(),
+                origin: name.into(),
                 field: "joints".into(),
                 problem: format!(
                     "their names do not tell the three joints of each finger, or they lie in one place ({}); name them as MANO \
                      or WebXR does",
-                    model.joint_names.join(", ")
+                    joint_names.join(", ")
                 ),
             }),
         }

@@ -290,6 +290,7 @@ fn plan(
         hand_model,
         hand_model_source: HandModelSource::Procedural(template.clone()),
         cameras,
+        distortion: vec![],
         frames: frames.collect(),
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits,

@@ -8,7 +8,7 @@ use ghand_core::Pose;
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Capture;
-use crate::checks::Checker;
+use crate::checks::{Checker, JointRows};
 use crate::error::CaptureError;
 use crate::json_file::{LARGEST_FILE, parse, write_json};
 use crate::text_file::read_text;
@@ -27,9 +27,9 @@ struct TruthFrame {
     translation: [f64; 3],
 }
 
-/// Exact poses with the ids of their frames, each once; none if the file is not there. `joint_order` has the row of each
-/// joint of the hand model.
-pub(crate) fn read_truth(path: &Path, joint_order: &[usize]) -> Result<Option<Vec<(String, Pose)>>, CaptureError> {
+/// Exact poses with the ids of their frames, each once; none if the file is not there. `joints` are the hand
+/// model's.
+pub(crate) fn read_truth(path: &Path, joints: JointRows) -> Result<Option<Vec<(String, Pose)>>, CaptureError> {
     if !path.exists() {
         return Ok(None);
     }
@@ -38,7 +38,7 @@ pub(crate) fn read_truth(path: &Path, joint_order: &[usize]) -> Result<Option<Ve
     let file: TruthFile = parse(path, &text)?;
     let checks = Checker { path };
     checks.index("frames", file.frames.iter().map(|f| f.id.as_str()))?;
-    let pose = |f: TruthFrame| checks.pose(&f.id, &f.pose, f.translation, joint_order).map(|pose| (f.id, pose));
+    let pose = |f: TruthFrame| checks.pose(&f.id, &f.pose, f.translation, joints).map(|pose| (f.id, pose));
     file.frames.into_iter().map(pose).collect::<Result<_, _>>().map(Some)
 }
 

@@ -46,7 +46,7 @@ pub fn read_hand_appearance_pose(bytes: &[u8], model: &HandModel) -> Result<(Pos
 }
 
 /// Names of arrays that readers of poses ask for.
-const ARRAY_NAMES: [&str; 32] = [
+const ARRAY_NAMES: [&str; 42] = [
     "pose",
     "translation",
     "shape",
@@ -79,6 +79,16 @@ const ARRAY_NAMES: [&str; 32] = [
     "world_landmarks",
     "handedness",
     "mocap_framerate",
+    "handPose",
+    "handTrans",
+    "handBeta",
+    "handJoints3D",
+    "mano_pose",
+    "xyz",
+    "side",
+    "parents",
+    "rest_joints",
+    "tips",
 ];
 
 /// Reads poses from arrays as an `.npz` archive would hold them, whose checksums would keep changes of them out. Each array is a

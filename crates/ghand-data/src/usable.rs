@@ -18,8 +18,8 @@ const LEAST_BRIGHTNESS: u8 = 20;
 
 impl Capture {
     /// Looks at the images of some splits and takes those that are of no use out of them: those whose file, or that of whose
-    /// mask, is not there, is no image, is of another size than its camera's, or is cut short. Little of each file is read; what
-    /// is broken inside is an error of [`Capture::load_view`].
+    /// mask, is not there, is no image, is of another size than its camera's, or is cut short. Little of each PNG and JPEG is read;
+    /// what is broken inside is an error of [`Capture::load_view`]. EXR images are decoded, and those without a number taken out.
     ///
     /// Of a data set whose masks are made, the images are decoded, and broken and black ones and those with hardly any hand on
     /// the mask are taken out. Masks that are not there are made and kept.

@@ -7,6 +7,7 @@ use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 use crate::mask::made_mask;
+use crate::mask_values::{MaskValues, mask_values};
 
 /// One image of the capture with its mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,7 +18,8 @@ pub struct View {
     pub height: u32,
     /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are exactly
     /// those of the file but for images with an alpha channel, which are composited over the capture's background, for EXR,
-    /// whose linear light is encoded as sRGB, and for captures that hide their surroundings.
+    /// whose linear light is encoded as sRGB, for cameras with distortion, whose images are undistorted, and for captures that
+    /// hide their surroundings.
     pub rgba: Vec<[u8; 4]>,
 }
 
@@ -28,6 +30,17 @@ pub struct CroppedView {
     pub camera: Camera,
     /// Pixels of the crop, as in [`View::rgba`].
     pub pixels: Vec<[u8; 4]>,
+}
+
+/// What reading a view came across beside its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ViewNotes {
+    /// Whether something tells the hand from the rest: a mask, or an alpha channel that is not opaque everywhere.
+    pub has_mask: bool,
+    /// Whether the mask's file has 0 and 1 instead of 0 and 255.
+    pub is_zero_one: bool,
+    /// Pixels of the image's file with a channel that is not a number. Such channels are black.
+    pub nan_pixels: usize,
 }
 
 impl View {
@@ -67,26 +80,44 @@ impl Capture {
     /// # Errors
     /// [`CaptureError`] when there is no such camera or frame, or when a file is missing, broken or not of the camera's size.
     pub fn load_view(&self, camera: usize, frame: usize) -> Result<View, CaptureError> {
+        self.load_view_with_notes(camera, frame).map(|(view, _)| view)
+    }
+
+    /// As [`Capture::load_view`], with what reading it came across.
+    pub(crate) fn load_view_with_notes(&self, camera: usize, frame: usize) -> Result<(View, ViewNotes), CaptureError> {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
         let file = self.image_file(camera, frame)?;
         let bytes = read_bytes(&file, Role::Image, size)?;
         let picture = decode(&file, Role::Image, &bytes, size)?;
+        let nan_pixels = nan_pixels(&picture);
         let mut rgba = self.display_values(picture, &bytes);
         let mask = match self.load_mask(camera, frame, size)? {
-            None if self.images.made_masks.is_some() => Some(made_mask(self, camera, frame, &bytes, &rgba)?),
+            None if self.images.made_masks.is_some() => {
+                let values = made_mask(self, camera, frame, &bytes, &rgba)?;
+                Some(MaskValues { values, is_zero_one: false })
+            }
             mask => mask,
         };
+        let is_zero_one = mask.as_ref().is_some_and(|mask| mask.is_zero_one);
+        let mut has_mask = mask.is_some();
         if let Some(mask) = mask {
-            rgba.iter_mut().zip(mask).for_each(|(pixel, mask)| pixel[3] = mask);
+            rgba.iter_mut().zip(mask.values).for_each(|(pixel, mask)| pixel[3] = mask);
         }
+        let cut = |rgba: &mut [[u8; 4]]| {
+            rgba.iter_mut().for_each(|pixel| pixel[3] = if pixel[3] >= 128 { 255 } else { 0 });
+        };
+        cut(&mut rgba);
+        has_mask |= rgba.iter().any(|pixel| pixel[3] == 0);
         let [r, g, b] = self.background.map(|v| (v * 255.0).round() as u8);
-        for pixel in &mut rgba {
-            pixel[3] = if pixel[3] >= 128 { 255 } else { 0 };
-            if self.images.hide_surroundings && pixel[3] == 0 {
-                *pixel = [r, g, b, 0];
-            }
+        if let Some(distortion) = self.distortion.get(camera).copied().flatten() {
+            let (camera, _) = self.camera_and_frame(camera, frame)?;
+            rgba = distortion.undistorted(camera, &rgba, [r, g, b, 0]);
+            cut(&mut rgba);
         }
-        Ok(View { width: size.0, height: size.1, rgba })
+        if self.images.hide_surroundings {
+            rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
+        }
+        Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
     }
 
     /// The mask from its file, if the capture has masks. A file that may be made and is not there is none.
@@ -95,13 +126,13 @@ impl Capture {
         camera: usize,
         frame: usize,
         size: (u32, u32),
-    ) -> Result<Option<Vec<u8>>, CaptureError> {
+    ) -> Result<Option<MaskValues>, CaptureError> {
         let Some(file) = self.mask_file(camera, frame)? else { return Ok(None) };
         if self.images.made_masks.is_some() && !file.exists() {
             return Ok(None);
         }
         let bytes = read_bytes(&file, Role::Mask, size)?;
-        Ok(Some(decode(&file, Role::Mask, &bytes, size)?.into_luma8().into_raw()))
+        Ok(Some(mask_values(decode(&file, Role::Mask, &bytes, size)?)))
     }
 
     /// Pixels of an image over the background; alpha as in the file, 255 where it has none.
@@ -124,6 +155,18 @@ impl Capture {
                 [blend(r, a, r0), blend(g, a, g0), blend(b, a, b0), a]
             })
             .collect()
+    }
+}
+
+/// Pixels of which a channel is not a number.
+fn nan_pixels(picture: &DynamicImage) -> usize {
+    let count = |values: &[f32], channels: usize| {
+        values.chunks_exact(channels).filter(|pixel| pixel.iter().any(|v| v.is_nan())).count()
+    };
+    match picture {
+        DynamicImage::ImageRgb32F(image) => count(image.as_raw(), 3),
+        DynamicImage::ImageRgba32F(image) => count(image.as_raw(), 4),
+        _ => 0,
     }
 }
 

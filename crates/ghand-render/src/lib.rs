@@ -16,5 +16,5 @@ pub mod splat;
 pub mod tier;
 mod timing;
 
-pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};
+pub use device::{AdapterChoice, DeviceError, Gpu, RenderError, address_space_limit_mib};
 pub use tier::Tier;

@@ -2,6 +2,7 @@
 //!
 //! Draws the truth of synthetic captures and the mesh layers of viewers. The CPU twin is [`crate::reference::mesh`].
 
+mod blocks;
 mod edges;
 mod faces;
 mod image;
@@ -72,17 +73,10 @@ impl MeshRenderer {
         Ok(MeshRenderer { context, faces, lines, resolve })
     }
 
-    /// Draws one image and waits for it.
-    ///
-    /// # Errors
-    /// [`MeshError::Invalid`] when the input is unusable or the image, with its samples and the margin of its lines, is
-    /// larger than the device's textures; [`MeshError::Device`] when the device fails.
-    pub fn render(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
-        check_input(mesh, camera, style)?;
+    /// Draws an image of input that has been checked, in one piece, and waits for it.
+    fn render_block(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
         let k = style.supersample;
         let margin = style.wireframe.map_or(0, |w| w.margin());
-        self.context.check_size(mesh, camera, k, margin)?;
-
         let what = format!(
             "a mesh of {} triangles in {} x {} pixels, {k} x {k} samples each",
             mesh.triangles.len(),
@@ -125,27 +119,6 @@ fn color_target(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachm
 }
 
 impl Context {
-    fn check_size(&self, mesh: &MeshInstance, camera: &Camera, k: u32, margin: u32) -> Result<(), MeshError> {
-        let limits = self.device.limits();
-        let largest = limits.max_texture_dimension_2d;
-        if camera.width.max(camera.height) > (largest / k).saturating_sub(2 * margin) {
-            let size = format!("{} x {} pixels with {k} x {k} samples each", camera.width, camera.height);
-            return MeshError::invalid("size", format!("{size} are more than this device draws ({largest} samples)"));
-        }
-        let bytes = 16 * u64::from(camera.width) * u64::from(camera.height);
-        if bytes > limits.max_storage_buffer_binding_size.min(limits.max_buffer_size / 2) {
-            let problem = format!("{} x {} pixels are more than this device holds", camera.width, camera.height);
-            return MeshError::invalid("size", problem);
-        }
-        if let Surface::Texture { texture, .. } = mesh.surface
-            && texture.width.max(texture.height) > largest
-        {
-            let problem = format!("{} x {} texels; this device takes {largest}", texture.width, texture.height);
-            return MeshError::invalid("texture", problem);
-        }
-        Ok(())
-    }
-
     fn targets(&self, camera: &Camera, k: u32, lines: bool) -> Targets {
         let size = [camera.width * k, camera.height * k];
         let line_size = if lines { size } else { [1; 2] };

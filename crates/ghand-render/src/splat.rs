@@ -4,6 +4,7 @@
 //! rasterise; backwards: rasterise_backward -> project_backward. Nothing is read back on the way: the intersection
 //! buffer has a capacity, the number that was wanted is left in a counter, and the caller grows and repeats.
 
+mod bands;
 mod bin;
 mod frame;
 mod model;
@@ -16,6 +17,7 @@ use ghand_core::Camera;
 
 use crate::{Gpu, RenderError, Tier, buffers, timing};
 use frame::{Frame, FrameBuffers, Pipelines};
+pub use bands::band_rows;
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
@@ -143,6 +145,14 @@ pub struct View {
     pub near: f32,
     /// Opacity of all Gaussians.
     pub opacity: f32,
+    /// First row of the frame in the image that the principal point is of; see [`View::band`].
+    pub first_row: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
+    /// Unused.
+    pub padding_3: u32,
 }
 
 /// Shader-side splat, see `shaders/shared/gaussian.wgsl`.
@@ -193,6 +203,7 @@ impl View {
             intersection_capacity: 0,
             near: NEAR,
             opacity,
+            ..View::zeroed()
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The contact sheet: some images of a capture, each with the posed template over it, so that a convention that is not the
 //! format's is seen at once.
 
-mod lettering;
+pub(crate) mod lettering;
 mod overlay;
 mod window;
 

@@ -123,8 +123,10 @@ pub struct Metrics {
     pub pose_error_deg: Option<PoseError>,
     /// Wall-clock time of training, seconds.
     pub seconds: f64,
-    /// Training iterations.
+    /// Training iterations done.
     pub iterations: u64,
+    /// Whether the run was told to stop before all its iterations were done.
+    pub stopped_early: bool,
     /// Number of Gaussians.
     pub gaussians: usize,
 }
@@ -144,6 +146,8 @@ pub struct ImageMetrics {
     pub ssim: f64,
     /// The floor's.
     pub floor: FloorMetrics,
+    /// Whether the avatar's PSNR is above the floor's.
+    pub beats_floor: bool,
 }
 
 /// The floor's part of [`ImageMetrics`].

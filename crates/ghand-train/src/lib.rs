@@ -4,15 +4,20 @@
 pub mod contact_sheet;
 pub mod evaluate;
 pub mod floor;
+mod loss_watch;
 pub mod metrics;
 pub mod pose_prior;
 pub mod report;
+mod room;
+mod setting_rules;
 pub mod settings;
 pub mod step;
 pub mod synthetic_scene;
+pub mod train_error;
 pub mod trainer;
 pub mod views;
 
 pub use evaluate::{Evaluation, evaluate};
 pub use settings::{SettingsError, TrainSettings};
-pub use trainer::{Progress, TrainError, Trained, Trainer};
+pub use train_error::TrainError;
+pub use trainer::{Progress, Trained, Trainer};

@@ -1,40 +1,115 @@
-//! The report picture: truth, render, error and floor of several test views.
+//! The report picture: truth, rendering, error and floor of several test views, with captions.
 
 use image::{Rgb, RgbImage};
 
+use crate::contact_sheet::lettering::{LINE, letter_width, write};
 use crate::evaluate::EvaluatedView;
 
 /// Gap between pictures, pixels.
 const GAP: u32 = 4;
+/// Around the sheet and between views, pixels.
+const MARGIN: u32 = 12;
 /// Factor on the error column.
 const ERROR_GAIN: u32 = 4;
-/// Grey of the sheet.
+/// What the columns show.
+const HEADS: [&str; 4] = ["truth", "rendering", "error x4", "floor"];
+/// Grey of the sheet, and the colours of what is written.
 const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
+const INK: Rgb<u8> = Rgb([235, 235, 235]);
+const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// One row a view: truth, render, absolute error times four, floor.
+/// One row for each view: truth, rendering, absolute error times four and floor, below the names of camera and frame. Each
+/// column has its head, each rendering its PSNR on the hand.
 pub fn report(views: &[EvaluatedView]) -> RgbImage {
-    let width = views.iter().map(|v| v.size[0]).max().unwrap_or(1);
-    let height: u32 = views.iter().map(|v| v.size[1] + GAP).sum();
-    let mut sheet = RgbImage::from_pixel(4 * (width + GAP) + GAP, height + GAP, PAPER);
-    let mut top = GAP;
+    let widest_head = HEADS.iter().map(|head| head.len() as u32 * letter_width()).max().unwrap_or(0);
+    let width = views.iter().map(|v| v.size[0]).max().unwrap_or(1).max(widest_head);
+    let sheet_width = 4 * (width + GAP) - GAP + 2 * MARGIN;
+    // Above each view: its name, and the figures of its pictures.
+    let height: u32 = views.iter().map(|v| v.size[1] + 2 * LINE + MARGIN).sum();
+    let mut sheet = RgbImage::from_pixel(sheet_width, MARGIN + LINE + height, PAPER);
+    let left = |column: u32| MARGIN + column * (width + GAP);
+    for (column, head) in (0..).zip(HEADS) {
+        write(&mut sheet, [left(column), MARGIN], width, INK, head);
+    }
+    let mut top = MARGIN + LINE;
     for view in views {
-        let mut place = |column: u32, color: &dyn Fn(usize) -> [u8; 3]| {
-            for y in 0..view.size[1] {
-                for x in 0..view.size[0] {
-                    let at = (y * view.size[0] + x) as usize;
-                    sheet.put_pixel(GAP + column * (width + GAP) + x, top + y, Rgb(color(at)));
-                }
-            }
-        };
+        let [camera, frame] = &view.name;
+        let title = format!("camera {camera}  frame {frame}");
+        write(&mut sheet, [MARGIN, top], sheet_width - 2 * MARGIN, FAINT, &title);
+        for (column, likeness) in [(1, &view.likeness), (3, &view.floor_likeness)] {
+            write(&mut sheet, [left(column), top + LINE], width, FAINT, &format!("{:.1} dB", likeness.psnr_hand));
+        }
+        top += 2 * LINE;
         let truth = |i: usize| [view.truth[i][0], view.truth[i][1], view.truth[i][2]];
-        place(0, &truth);
-        place(1, &|i| view.render[i]);
-        place(2, &|i| {
+        place(&mut sheet, [left(0), top], view.size, truth);
+        place(&mut sheet, [left(1), top], view.size, |i| view.render[i]);
+        place(&mut sheet, [left(2), top], view.size, |i| {
             let (t, r) = (truth(i), view.render[i]);
             [0, 1, 2].map(|c| (u32::from(t[c].abs_diff(r[c])) * ERROR_GAIN).min(255) as u8)
         });
-        place(3, &|i| view.floor[i]);
-        top += view.size[1] + GAP;
+        place(&mut sheet, [left(3), top], view.size, |i| view.floor[i]);
+        top += view.size[1] + MARGIN;
     }
     sheet
+}
+
+/// Draws a picture with its left top corner at a pixel of the sheet.
+fn place(sheet: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], color: impl Fn(usize) -> [u8; 3]) {
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        sheet.put_pixel(left + x, top + y, Rgb(color((y * width + x) as usize)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Likeness;
+
+    fn view(size: [u32; 2], psnr: f64) -> EvaluatedView {
+        let pixels = (size[0] * size[1]) as usize;
+        let likeness = Likeness { psnr, psnr_hand: psnr, ..Likeness::default() };
+        EvaluatedView {
+            name: ["cam03".into(), "0012".into()],
+            size,
+            truth: vec![[100, 10, 10, 255]; pixels],
+            render: vec![[90, 10, 10]; pixels],
+            floor: vec![[10, 10, 200]; pixels],
+            likeness,
+            floor_likeness: likeness,
+        }
+    }
+
+    /// Rows of the sheet with letters in a range of columns.
+    fn lettered(sheet: &RgbImage, columns: std::ops::Range<u32>) -> Vec<u32> {
+        let is_letter = |x: u32, y: u32| [INK, FAINT].contains(sheet.get_pixel(x, y));
+        (0..sheet.height()).filter(|y| columns.clone().any(|x| is_letter(x, *y))).collect()
+    }
+
+    #[test]
+    fn every_column_has_its_head_and_every_view_its_name() {
+        let views = [view([80, 20], 31.5), view([60, 30], 7.0)];
+        let sheet = report(&views);
+        assert_eq!(sheet.dimensions(), (4 * 84 - 4 + 24, 12 + 18 + (20 + 36 + 12) + (30 + 36 + 12)));
+        for (color, count) in [([100, 10, 10], 1), ([90, 10, 10], 1), ([40, 0, 0], 1), ([10, 10, 200], 1)] {
+            let seen = sheet.pixels().filter(|p| p.0 == color).count();
+            assert_eq!(seen, count * (80 * 20 + 60 * 30), "{color:?} is covered or missing");
+        }
+        for column in 0..4 {
+            let rows = lettered(&sheet, 12 + column * 84..12 + column * 84 + 80);
+            assert!(rows.iter().any(|y| (12..30).contains(y)), "column {column} has no head");
+        }
+        let names = lettered(&sheet, 12..90);
+        assert!(names.iter().any(|y| (30..48).contains(y)) && names.iter().any(|y| (98..116).contains(y)));
+        assert!(lettered(&sheet, 96..176).iter().any(|y| (48..66).contains(y)), "no figure over the rendering");
+        // Another name is other letters.
+        let mut renamed = views.clone();
+        renamed[1].name[1] = "0013".into();
+        assert_ne!(report(&renamed), sheet);
+    }
+
+    #[test]
+    fn a_report_of_narrow_pictures_or_of_none_has_room_for_its_heads() {
+        assert!(report(&[view([4, 4], 1.0)]).width() >= 4 * 9 * letter_width());
+        assert!(report(&[]).height() > 0);
+    }
 }

@@ -5,6 +5,8 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use serde::{Deserialize, Serialize};
 
+use crate::setting_rules::{rule, unknown};
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -114,23 +116,27 @@ pub struct SettingsError {
 }
 
 impl TrainSettings {
-    /// Applies `key=value`.
+    /// Applies `key=value`. The settings stay as they were if that fails.
     ///
     /// # Errors
     /// [`SettingsError`] if there is no such key or the value does not fit.
     pub fn set(&mut self, assignment: &str) -> Result<(), SettingsError> {
-        let fail = |problem: String| SettingsError { setting: assignment.into(), problem };
-        let (key, value) = assignment.split_once('=').ok_or_else(|| fail("expected the form key=value".into()))?;
-        let mut fields = serde_json::to_value(&*self).map_err(|e| fail(e.to_string()))?;
-        let known = fields.as_object().map(|o| o.keys().cloned().collect::<Vec<_>>().join(", ")).unwrap_or_default();
-        let Some(slot) = fields.get_mut(key.trim()) else {
-            return Err(fail(format!("there is no such setting; there are: {known}")));
+        let fail = |setting: &str, problem: String| SettingsError { setting: setting.into(), problem };
+        let (key, text) = assignment
+            .split_once('=')
+            .ok_or_else(|| fail(assignment, "must have the form key=value, as in iterations=3000".into()))?;
+        let (key, text) = (key.trim(), text.trim());
+        let mut fields = serde_json::to_value(&*self).map_err(|e| fail(key, e.to_string()))?;
+        let names: Vec<String> = fields.as_object().map(|o| o.keys().cloned().collect()).unwrap_or_default();
+        let Some((rule, slot)) = rule(key).zip(fields.get_mut(key)) else {
+            return Err(fail(key, unknown(key, &names)));
         };
-        // Words such as `paper` are not JSON; they are taken as text.
-        let value = value.trim();
-        *slot = serde_json::from_str(value).unwrap_or_else(|_| serde_json::Value::String(value.into()));
-        *self = serde_json::from_value(fields).map_err(|e| fail(e.to_string()))?;
-        self.check()
+        *slot = rule.parse(text).ok_or_else(|| {
+            let given = if text.is_empty() { "nothing was given, it".into() } else { format!("`{text}`") };
+            fail(key, format!("{given} {}", rule.wanted(key)))
+        })?;
+        *self = serde_json::from_value(fields).map_err(|e| fail(key, e.to_string()))?;
+        Ok(())
     }
 
     /// Checks ranges.
@@ -138,46 +144,17 @@ impl TrainSettings {
     /// # Errors
     /// [`SettingsError`] names the first setting that is out of range.
     pub fn check(&self) -> Result<(), SettingsError> {
-        let fail =
-            |setting: &str, problem: &str| Err(SettingsError { setting: setting.into(), problem: problem.into() });
-        if !(0.0..=1.0).contains(&self.pose_stage) {
-            return fail("pose_stage", "must lie between 0 and 1");
-        }
-        for (name, value) in [("uv_resolution", self.uv_resolution), ("pose_uv_resolution", self.pose_uv_resolution)] {
-            if !(8..=2048).contains(&value) {
-                return fail(name, "must lie between 8 and 2048");
+        let fail = |setting: &str, problem: String| SettingsError { setting: setting.into(), problem };
+        let fields = serde_json::to_value(self).map_err(|e| fail("all", e.to_string()))?;
+        for (key, value) in fields.as_object().into_iter().flatten() {
+            let rule = rule(key).ok_or_else(|| fail(key, "has no range".into()))?;
+            if !rule.allows(value) {
+                // A number that is not finite is `null` here.
+                let given = if value.is_null() { "the value".into() } else { format!("`{value}`") };
+                return Err(fail(key, format!("{given} {}", rule.wanted(key))));
             }
         }
-        if !(1..=16).contains(&self.pose_image_reduction) {
-            return fail("pose_image_reduction", "must lie between 1 and 16");
-        }
-        if !(1..=32).contains(&self.shape_bases) || self.color_components > 32 {
-            return fail("shape_bases, color_components", "must lie between 1 and 32, and 0 and 32");
-        }
-        if !(self.final_rate > 0.0 && self.final_rate <= 1.0) {
-            return fail("final_rate", "must be above 0 and at most 1");
-        }
-        let numbers = [
-            ("start_inset", self.start_inset),
-            ("l1_weight", self.l1_weight),
-            ("ssim_weight", self.ssim_weight),
-            ("offset_weight", self.offset_weight),
-            ("scale_weight", self.scale_weight),
-            ("rate_shape_basis", self.rate_shape_basis),
-            ("rate_residual_weights", self.rate_residual_weights),
-            ("rate_regressor", self.rate_regressor),
-            ("rate_scale", self.rate_scale),
-            ("rate_color", self.rate_color),
-            ("rate_components", self.rate_components),
-            ("rate_response", self.rate_response),
-            ("rate_joints", self.rate_joints),
-            ("rate_pose", self.rate_pose),
-            ("rate_translation", self.rate_translation),
-        ];
-        match numbers.iter().find(|(_, v)| !(*v >= 0.0 && v.is_finite())) {
-            Some((name, _)) => fail(name, "must be a finite number, at least 0"),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The part of the settings that the avatar keeps.
@@ -205,9 +182,10 @@ impl TrainSettings {
         }
     }
 
-    /// Iterations of stage 1.
+    /// Iterations of stage 1. At least one is left for stage 2, which makes the avatar.
     pub fn pose_iterations(&self) -> u64 {
-        (self.iterations as f64 * self.pose_stage).round() as u64
+        let rounded = (self.iterations as f64 * self.pose_stage).round() as u64;
+        rounded.min(self.iterations.saturating_sub(1))
     }
 }
 
@@ -215,18 +193,101 @@ impl TrainSettings {
 mod tests {
     use super::*;
 
+    fn refusal(assignment: &str) -> String {
+        let mut settings = TrainSettings::default();
+        let message = settings.set(assignment).unwrap_err().to_string();
+        assert!(!message.contains('\n'), "{message}");
+        assert_eq!(settings, TrainSettings::default(), "{assignment} has changed something");
+        message
+    }
+
     #[test]
     fn settings_are_set_by_name_and_refused_by_name() {
         let mut s = TrainSettings::default();
         s.set("iterations=7").unwrap();
         s.set("residual_weights = paper").unwrap();
         s.set("rate_pose=1e-4").unwrap();
+        s.set("rate_joints=0").unwrap();
+        s.set("residual_skeleton=anchored").unwrap();
+        s.set("residual_skeleton=paper").unwrap();
+        s.set("residual_weights=zero_sum").unwrap();
+        s.set("residual_weights=paper").unwrap();
         assert_eq!((s.iterations, s.residual_weights, s.rate_pose), (7, ResidualWeights::Paper, 1e-4));
         for bad in ["iterations=-1", "nonsense=1", "iterations", "uv_resolution=1", "rate_pose=NaN", "pose_stage=2"] {
-            let before = s.clone();
-            let message = s.clone().set(bad).unwrap_err().to_string();
-            assert!(!message.contains('\n'), "{message}");
-            assert_eq!(s, before);
+            let name = bad.split('=').next().unwrap();
+            assert!(refusal(bad).contains(&format!("`{name}`")), "{bad}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_may_be_written_as_any_number_that_is_whole() {
+        let mut s = TrainSettings::default();
+        for (text, value) in [("1e2", 100), ("100.0", 100), (" 100 ", 100), ("+3", 3), ("1.5e1", 15)] {
+            s.set(&format!("iterations={text}")).unwrap();
+            assert_eq!(s.iterations, value, "{text}");
+        }
+        // Above 2^53 not every whole number is an f64: the digits count.
+        s.set("seed=18446744073709551615").unwrap();
+        assert_eq!(s.seed, u64::MAX);
+    }
+
+    #[test]
+    fn a_refusal_says_in_plain_words_what_is_wanted() {
+        for (bad, wanted) in [
+            ("iterations=1.5", "`1.5` must be a whole number, from 1 to 1000000000, as in iterations=3400"),
+            ("iterations=0", "must be a whole number, from 1"),
+            ("iterations=1e30", "must be a whole number, from 1"),
+            ("iterations=many", "must be a whole number, from 1"),
+            ("iterations=", "nothing was given, it must be a whole number"),
+            ("iterations=[3]", "must be a whole number"),
+            ("uv_resolution=4", "must be a whole number, from 8 to 2048, as in uv_resolution=160"),
+            ("uv_resolution=-8", "must be a whole number, from 8 to 2048"),
+            ("seed=-1", "must be a whole number, at least 0, as in seed=1"),
+            ("seed=1e300", "must be a whole number, at least 0"),
+            ("shape_bases=0", "must be a whole number, from 1 to 32"),
+            ("pose_stage=1", "must be a number, at least 0 and below 1, as in pose_stage=0.62"),
+            ("final_rate=0", "must be a number, above 0 and at most 1"),
+            // More than the device's numbers hold.
+            ("rate_color=1e39", "must be a number, from 0 to 1e38, as in rate_color=0.02"),
+            ("rate_color=-1", "must be a number, from 0 to 1e38"),
+            ("rate_color=inf", "must be a number"),
+            ("rate_color=fast", "must be a number"),
+            ("residual_weights=papers", "must be `paper` or `zero_sum`"),
+            ("residual_skeleton=1", "must be `paper` or `anchored`"),
+            ("residual_skeleton=1", "as in residual_skeleton=anchored"),
+            ("uv_resolutoin=64", "did you mean `uv_resolution`?"),
+            ("Iterations=3", "did you mean `iterations`?"),
+            ("rate-pose=3", "did you mean `rate_pose`?"),
+        ] {
+            let message = refusal(bad);
+            assert!(message.contains(wanted), "{bad}: {message}");
+            assert!(!message.contains("u64") && !message.contains("expected"), "{message}");
+        }
+        let far = refusal("nonsense=1");
+        assert!(!far.contains("did you mean") && far.contains("iterations, ") && far.contains("rate_pose"), "{far}");
+    }
+
+    #[test]
+    fn every_setting_has_a_range_and_its_default_lies_in_it() {
+        TrainSettings::default().check().unwrap();
+        let fields = serde_json::to_value(TrainSettings::default()).unwrap();
+        for (key, value) in fields.as_object().unwrap() {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let mut s = TrainSettings::default();
+            s.set(&format!("{key}={text}")).unwrap();
+            assert_eq!(s, TrainSettings::default(), "{key}");
+        }
+        let bad = TrainSettings { rate_pose: f64::NAN, ..Default::default() };
+        assert!(bad.check().unwrap_err().to_string().contains("`rate_pose`"));
+        let bad = TrainSettings { color_components: 33, ..Default::default() };
+        assert!(bad.check().unwrap_err().to_string().contains("`33` must be a whole number, from 0 to 32"));
+    }
+
+    #[test]
+    fn stage_2_always_has_an_iteration() {
+        for (iterations, pose_stage, expected) in [(1, 0.62, 0), (2, 0.99, 1), (100, 0.62, 62), (5, 0.0, 0)] {
+            let settings = TrainSettings { iterations, pose_stage, ..Default::default() };
+            assert_eq!(settings.pose_iterations(), expected);
         }
     }
 }

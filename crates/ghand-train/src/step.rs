@@ -134,33 +134,71 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) -> Result<(), RenderError> {
+        self.aim(gpu, view, value_count, background, settings, rates.scale_weight)?;
+        self.until_complete(gpu, |step, encoder| {
+            step.renderer.encode_pose(encoder);
+            step.renderer.splatter.forward(encoder);
+            step.loss.encode(encoder);
+            step.renderer.splatter.backward(encoder);
+            let mut pass = encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("backward"), ..Default::default() });
+            step.direct_backward.encode_appearance(&mut pass);
+            step.pose_backward.encode_properties(&mut pass);
+            step.direct_backward.encode_response(&mut pass);
+            step.pose_backward.encode_pose(&mut pass);
+            step.update(gpu, &mut pass, view.frame, settings, rates);
+        })
+    }
+
+    /// The loss of one view, as a mean over its crop; nothing is learned from it.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn measure(
+        &mut self,
+        gpu: &Gpu,
+        view: &TrainView,
+        background: [f32; 3],
+        settings: &TrainSettings,
+    ) -> Result<f64, RenderError> {
+        self.aim(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
+        self.until_complete(gpu, |step, encoder| {
+            step.renderer.encode_pose(encoder);
+            step.renderer.splatter.forward(encoder);
+            step.loss.encode(encoder);
+        })?;
+        let [l1, ssim] = self.loss(gpu, view)?;
+        Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim)
+    }
+
+    /// Makes a view the one that is worked on.
+    fn aim(
+        &mut self,
+        gpu: &Gpu,
+        view: &TrainView,
+        value_count: f64,
+        background: [f32; 3],
+        settings: &TrainSettings,
+        scale_weight: f64,
+    ) -> Result<(), RenderError> {
         let weights =
             LossWeights { l1: settings.l1_weight as f32, ssim: settings.ssim_weight as f32, ..Default::default() };
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
-        self.renderer.pose.set_frame(
-            gpu,
-            view.frame,
-            per_gaussian(settings.offset_weight),
-            per_gaussian(rates.scale_weight),
-        );
-        self.renderer.set_view(gpu, &view.camera, background)?;
+        self.renderer.pose.set_frame(gpu, view.frame, per_gaussian(settings.offset_weight), per_gaussian(scale_weight));
+        self.renderer.set_view(gpu, &view.camera, background)
+    }
+
+    /// Submits what `encode` encodes, and again with more room for intersections until none was left out.
+    fn until_complete(
+        &mut self,
+        gpu: &Gpu,
+        encode: impl Fn(&Step, &mut wgpu::CommandEncoder),
+    ) -> Result<(), RenderError> {
         loop {
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.renderer.encode_pose(&mut encoder);
-            self.renderer.splatter.forward(&mut encoder);
-            self.loss.encode(&mut encoder);
-            self.renderer.splatter.backward(&mut encoder);
-            {
-                let mut pass = encoder
-                    .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("backward"), ..Default::default() });
-                self.direct_backward.encode_appearance(&mut pass);
-                self.pose_backward.encode_properties(&mut pass);
-                self.direct_backward.encode_response(&mut pass);
-                self.pose_backward.encode_pose(&mut pass);
-                self.update(gpu, &mut pass, view.frame, settings, rates);
-            }
+            encode(self, &mut encoder);
             gpu.queue.submit([encoder.finish()]);
             // An incomplete frame has changed nothing (Adam checks the counters too): grow and repeat.
             let counters: Vec<u32> = buffers::read(gpu, self.renderer.splatter.counters(), COUNTERS)?;

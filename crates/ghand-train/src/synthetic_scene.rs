@@ -1,6 +1,7 @@
 //! Glue between the synthetic capture, which knows no GPU, and the mesh rasteriser, which knows no captures.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ghand_data::CaptureError;
 use ghand_data::synthetic::{SyntheticOptions, generate};
@@ -26,8 +27,26 @@ const SUPERSAMPLE: u32 = 3;
 /// # Errors
 /// [`SyntheticError`] if the folder is taken or cannot be written, or drawing fails.
 pub fn make_capture(gpu: &Gpu, options: &SyntheticOptions, folder: &Path) -> Result<(), SyntheticError> {
+    make_capture_unless(gpu, options, folder, &AtomicBool::new(false)).map(|_| ())
+}
+
+/// As [`make_capture`], but gives up once `stop` is true: the result is then false, and there is no folder.
+///
+/// # Errors
+/// As [`make_capture`].
+pub fn make_capture_unless(
+    gpu: &Gpu,
+    options: &SyntheticOptions,
+    folder: &Path,
+    stop: &AtomicBool,
+) -> Result<bool, SyntheticError> {
     let renderer = MeshRenderer::new(gpu)?;
-    generate(options, folder, &mut |scene, camera| {
+    let mut stopped = false;
+    let made = generate(options, folder, &mut |scene, camera| {
+        if stop.load(Ordering::Relaxed) {
+            stopped = true;
+            return Err("stopped".into());
+        }
         let lights = scene.lighting.lights.iter().map(|l| Light { direction: l.direction, color: l.color }).collect();
         let shading = Shading::Lit { ambient: scene.lighting.ambient, lights, wrap: scene.lighting.wrap };
         let mesh = MeshInstance {
@@ -39,6 +58,10 @@ pub fn make_capture(gpu: &Gpu, options: &SyntheticOptions, folder: &Path) -> Res
         };
         let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe: None };
         Ok(renderer.render(&mesh, camera, &style).map_err(|e| e.to_string())?.to_straight_rgba8())
-    })?;
-    Ok(())
+    });
+    match made {
+        _ if stopped => Ok(false),
+        Ok(()) => Ok(true),
+        Err(error) => Err(error.into()),
+    }
 }

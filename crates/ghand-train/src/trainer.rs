@@ -1,59 +1,26 @@
 //! A training run: two stages over the views of a split.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use ghand_avatar::{Avatar, Provenance, Template};
-use ghand_core::{HandModelError, Pose, surface};
-use ghand_data::{Capture, CaptureError, Split};
+use ghand_core::{Pose, surface};
+use ghand_data::{Capture, Split};
 use ghand_render::pose::pose_stride;
-use ghand_render::{DeviceError, Gpu, RenderError, buffers};
+use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use crate::evaluate::EvaluateError;
-use crate::floor::{FloorError, texel_colors};
+use crate::floor::texel_colors;
+use crate::loss_watch::{Fault, check_change, check_learned, check_loss, remedy};
 use crate::pose_prior::shrink;
-use crate::settings::{SettingsError, TrainSettings};
+use crate::room;
+use crate::settings::TrainSettings;
 use crate::step::{Rates, Step};
+use crate::train_error::TrainError;
 use crate::views::{TrainView, TrainViews};
-
-/// Why training failed.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// The capture or one of its images is unusable.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// The hand model is unusable.
-    #[error(transparent)]
-    HandModel(#[from] HandModelError),
-    /// The device failed.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// The device was lost and there is no other.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// A setting is out of range.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// The floor could not be made.
-    #[error(transparent)]
-    Floor(#[from] FloorError),
-    /// The evaluation failed.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
-    /// The split has nothing to train on.
-    #[error("{capture}: split `{split}` has no {what}; add some or choose another split with --split")]
-    Empty {
-        /// The capture.
-        capture: String,
-        /// The split.
-        split: String,
-        /// "cameras", "frames" or "images".
-        what: &'static str,
-    },
-}
 
 /// How far a run is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,6 +42,8 @@ pub struct Trained {
     pub avatar: Avatar,
     /// Refined poses of the split's frames.
     pub poses: Vec<Pose>,
+    /// Iterations done, of both stages: fewer than the settings' if the run was told to stop.
+    pub iterations: u64,
     /// Wall-clock time of the iterations, seconds.
     pub seconds: f64,
 }
@@ -89,8 +58,11 @@ pub struct Trainer<'a> {
     views: TrainViews,
     poses: Vec<Pose>,
     gaussians: usize,
+    stop: Option<&'a AtomicBool>,
 }
 
+/// Views over which the loss before and after a stage is compared.
+const WATCHED_VIEWS: usize = 8;
 /// How often the loss is read for the progress bar; reading waits for the device.
 const LOSS_EVERY: u64 = 25;
 /// Views that are decoded ahead of their use, where not all of them fit into memory.
@@ -118,6 +90,14 @@ struct Stage {
     scale_weight: f64,
 }
 
+/// What a stage ends with.
+struct StageResult {
+    avatar: Avatar,
+    poses: Vec<Pose>,
+    /// Iterations of this stage.
+    iterations: u64,
+}
+
 impl<'a> Trainer<'a> {
     /// Loads the views of a split.
     ///
@@ -143,6 +123,7 @@ impl<'a> Trainer<'a> {
             }
         }
         let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
+        room::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
             capture,
@@ -152,7 +133,15 @@ impl<'a> Trainer<'a> {
             split_name: split_name.into(),
             settings: settings.clone(),
             gaussians,
+            stop: None,
         })
+    }
+
+    /// Has the run stop after the iteration in which `stop` becomes true. In stage 2 that ends the run with the avatar as
+    /// it is then, before that with [`TrainError::Stopped`].
+    #[must_use]
+    pub fn stop_when(self, stop: &'a AtomicBool) -> Trainer<'a> {
+        Trainer { stop: Some(stop), ..self }
     }
 
     /// Number of Gaussians of the avatar.
@@ -169,7 +158,8 @@ impl<'a> Trainer<'a> {
     /// from the stage's first iteration.
     ///
     /// # Errors
-    /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made.
+    /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
+    /// [`TrainError::Diverged`] if a stage has made things worse than they were at its start.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
         let start = Instant::now();
         let mut gpu = self.gpu.clone();
@@ -184,7 +174,7 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            let mut refined = gpu.persist("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.1;
+            let mut refined = gpu.persist("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.poses;
             recenter(&mut refined, &self.poses);
             self.poses = refined;
         }
@@ -197,9 +187,11 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let mut avatar = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?.0;
+        let done = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?;
+        let iterations = stage.done + done.iterations;
+        let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        Ok(Trained { avatar, poses: self.poses, seconds: start.elapsed().as_secs_f64() })
+        Ok(Trained { avatar, poses: self.poses, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
     /// The poses of the frames that training has images of.
@@ -230,12 +222,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Runs one stage: a view an iteration, in shuffled passes over all views.
-    fn run(
-        &self,
-        gpu: &Gpu,
-        stage: &Stage,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(Avatar, Vec<Pose>), TrainError> {
+    fn run(&self, gpu: &Gpu, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let avatar = self.start(gpu, settings)?;
         let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
@@ -249,11 +236,29 @@ impl<'a> Trainer<'a> {
             let camera = &self.capture.cameras[view.camera_index];
             3.0 * f64::from(camera.width) * f64::from(camera.height) / f64::from(stage.reduction.pow(2))
         };
+        let diverged = |fault: Fault, done: u64| TrainError::Diverged {
+            stage: stage.number,
+            iteration: stage.done + done,
+            iterations: self.settings.iterations,
+            fault: fault.to_string(),
+            remedy: remedy(&self.settings),
+        };
+        let loss_at_start = self.watched_loss(gpu, &mut step, stage, background)?;
+        check_loss(loss_at_start).map_err(|fault| diverged(fault, 0))?;
+        let mut done = 0;
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let mut order: Vec<usize> = Vec::new();
         let mut pose_steps = vec![0; self.poses.len()];
         let mut mean: Option<f64> = None;
         for iteration in 0..stage.iterations {
+            if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                // An avatar without a single iteration is no result either.
+                if stage.refine_poses || iteration == 0 {
+                    let (iteration, iterations) = (stage.done + iteration, self.settings.iterations);
+                    return Err(TrainError::Stopped { iteration, iterations });
+                }
+                break;
+            }
             if order.is_empty() {
                 order = (0..self.views.len()).collect();
                 order.shuffle(&mut rng);
@@ -284,8 +289,10 @@ impl<'a> Trainer<'a> {
             step.run(gpu, view, value_count(view), background, settings, &rates)?;
             if (iteration + 1) % LOSS_EVERY == 0 {
                 let [l1, _] = step.loss(gpu, view)?;
+                check_loss(l1).map_err(|fault| diverged(fault, iteration + 1))?;
                 mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
             }
+            done = iteration + 1;
             progress(&Progress {
                 iteration: stage.done + iteration + 1,
                 iterations: self.settings.iterations,
@@ -296,10 +303,25 @@ impl<'a> Trainer<'a> {
         let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
         let tables = step.renderer.tables.download(gpu, count, joints, &avatar.config)?;
         let moved: Vec<[f32; 3]> = buffers::read(gpu, &step.renderer.pose.joints, joints)?;
+        let poses = read_poses(gpu, &step, self.poses.len(), joints)?;
+        check_learned(&tables, &moved, &poses).map_err(|fault| diverged(fault, done))?;
+        let loss_at_end = self.watched_loss(gpu, &mut step, stage, background)?;
+        check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
-        let poses = read_poses(gpu, &step, self.poses.len(), joints)?;
-        Ok((Avatar { tables, ..avatar }, poses))
+        let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
+        Ok(StageResult { avatar: Avatar { tables, provenance, ..avatar }, poses, iterations: done })
+    }
+
+    /// The mean loss over some of the views, always the same, evenly over all of them.
+    fn watched_loss(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, background: [f32; 3]) -> Result<f64, TrainError> {
+        let count = self.views.len().min(WATCHED_VIEWS);
+        let mut sum = 0.0;
+        for k in 0..count {
+            let view = self.views.get(k * self.views.len() / count, stage.reduction)?;
+            sum += step.measure(gpu, &view, background, &stage.settings)?;
+        }
+        Ok(sum / count.max(1) as f64)
     }
 }
 

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, capture, inspect, pose, render, splat};
+use ghand_app::commands::{bench, capture, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -18,15 +18,17 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Render an avatar to PNG files
+    /// Render pictures or a film of an avatar
     Render(render::RenderArgs),
+    /// Write a posed avatar as a scene of Gaussians (.ply)
+    Export(export::ExportArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
-    /// Look over a capture, or tell what is in a hand model
+    /// Look over a capture, or tell what is in a hand model, an avatar (.ghand) or a scene (.ply)
     Inspect(inspect::InspectArgs),
-    /// Render a scene of Gaussians (.ply), and the gradient of its pixels
+    /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
@@ -35,6 +37,7 @@ enum Command {
 fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
+        Command::Export(args) => export::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),

@@ -11,7 +11,7 @@ use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::surface::sample_surface;
 use ghand_core::{Camera, HandModel, Pose};
-use ghand_data::camera_file::read_camera;
+use ghand_data::named_camera::read_named_camera;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, buffers};
 
@@ -106,7 +106,7 @@ struct Report {
 
 /// A splatter that has just rendered the scene.
 fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
-    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    let camera = args.camera.as_deref().map(read_named_camera).transpose()?;
     let camera = match (camera, args.size) {
         (Some(camera), Some([width, height])) => Some(camera.resized(width, height)),
         (camera, _) => camera,

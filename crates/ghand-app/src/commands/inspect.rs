@@ -1,21 +1,26 @@
-//! `ghand inspect`: what is in a capture or a hand model, and what is odd about it.
+//! `ghand inspect`: what is in a capture, a hand model, an avatar or a scene of Gaussians, and what is odd about it.
 
+mod avatar;
 mod capture;
 mod hand_model;
+mod scene;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::Avatar;
+use ghand_avatar::ply::SplatScene;
+use ghand_core::atomic_file::check_target;
 use ghand_data::Opened;
 use ghand_data::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_render::DeviceError;
 use ghand_train::contact_sheet::{SheetView, contact_sheet};
 
-use crate::LAST_SHEET;
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
+use crate::file_kind::{FileKind, file_kind};
 use crate::say;
 
 /// Views of a contact sheet.
@@ -25,12 +30,13 @@ const SHEET_VIEWS: usize = 12;
 #[derive(Debug, Args)]
 pub struct InspectArgs {
     /// A capture: a folder of any kind that `train` takes, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
-    /// (.glb, .gltf) [default: the built-in hand]
+    /// (.glb, .gltf). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
     options: CaptureOptions,
-    /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default: out/inspect.png]
+    /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default:
+    /// out/inspect-NAME.png, with the name of the capture]
     #[arg(long, value_name = "FILE", requires = "capture", conflicts_with = "no_sheet")]
     sheet: Option<PathBuf>,
     /// No pictures
@@ -38,20 +44,27 @@ pub struct InspectArgs {
     no_sheet: bool,
 }
 
-/// Prints what is in a capture or a hand model, and what is odd about it; of a capture, writes a sheet of pictures.
+/// Prints what is in a capture, a hand model, an avatar or a scene, and what is odd about it; of a capture, writes a sheet of
+/// pictures.
 ///
 /// # Errors
 /// One that names the file and the part that cannot be used, or the sheet that cannot be written. Images that cannot be used
-/// are no error.
+/// are no error unless none can be.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
+        Some(path) if !path.exists() => bail!("{}: no such file or folder", path.display()),
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
-            say!("{}", hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?).trim_end());
+            let text = match (path, path.as_deref().map(file_kind)) {
+                (Some(path), Some(FileKind::Avatar)) => avatar::describe(path, &Avatar::load(path)?),
+                (Some(path), Some(FileKind::Ply)) => scene::describe(path, &SplatScene::read(path)?),
+                _ => hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?),
+            };
+            say!("{}", text.trim_end());
             Ok(())
         }
     }
@@ -62,9 +75,23 @@ fn is_capture(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
+/// Where the pictures of a capture go unless told otherwise; relative to the current folder. Each capture has its own file, so
+/// that no inspection replaces the pictures of another capture.
+fn default_sheet(capture: &Path) -> PathBuf {
+    // `.` and `..` have no name of their own, a capture.json that of its folder.
+    let full = std::fs::canonicalize(capture).unwrap_or_else(|_| capture.to_path_buf());
+    let folder = if full.is_dir() { Some(full.as_path()) } else { full.parent() };
+    let name = folder.and_then(Path::file_name).map_or("capture".into(), |name| name.to_string_lossy());
+    Path::new("out").join(format!("inspect-{name}.png"))
+}
+
 fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
         bail!("--sheet {}: must end in .png", sheet.display());
+    }
+    let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
+    if !args.no_sheet {
+        check_target(&sheet).with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }
     let opened = args.options.open(path)?;
     let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
@@ -75,14 +102,18 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     match (args.no_sheet, views.is_empty()) {
         (true, _) => {}
         (_, true) => say!("\nno pictures: there is no image that could be decoded"),
-        _ => say!("\n{}", write_sheet(args.sheet.as_deref(), adapter, &opened, &views)?),
+        _ => say!("\n{}", write_sheet(&sheet, args.sheet.is_some(), adapter, &opened, &views)?),
+    }
+    if !found.has_usable_image() {
+        bail!("{}: there is no image that can be used; the output above names what is wrong", path.display());
     }
     Ok(())
 }
 
 /// Draws and writes the sheet; gives a line that says where it is, or why there is none.
 fn write_sheet(
-    path: Option<&Path>,
+    path: &Path,
+    is_wanted: bool,
     adapter: &AdapterArgs,
     opened: &Opened,
     views: &[SheetView],
@@ -90,16 +121,11 @@ fn write_sheet(
     let none_is_there = |error: &DeviceError| matches!(error, DeviceError::NoAdapter { found, .. } if found.is_empty());
     let mut gpu = match adapter.open() {
         // The rest of an inspection needs none, and nobody has asked for the pictures.
-        Err(error) if path.is_none() && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
+        Err(error) if !is_wanted && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
         opened => opened?,
     };
     let sheet = gpu
         .persist("the contact sheet", |gpu| -> anyhow::Result<_> { Ok(contact_sheet(gpu, &opened.capture, views)?) })?;
-    let path = path.unwrap_or(Path::new(LAST_SHEET));
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder of the pictures; see --sheet", folder.display()))?;
-    }
     write_png(path, &sheet)?;
     Ok(format!("pictures: {}", path.display()))
 }

@@ -8,18 +8,17 @@ use ghand_core::hand_model::glb::write_glb;
 use ghand_core::hand_model::obj::write_obj;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, HandModelError, Pose};
-use ghand_data::camera_file::read_camera;
+use ghand_data::named_camera::read_named_camera;
 use ghand_data::pose_sequence::DEFAULT_FPS;
 use ghand_data::pose_sequence::ghand::write_poses;
 use ghand_data::{PoseFrame, PoseSequence};
 use glam::DVec3;
-use image::RgbImage;
 
-use crate::cli::{AdapterArgs, parse_color, parse_size};
-use crate::commands::render::write_png;
+use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
-use crate::mesh_picture::{PictureStyle, draw, over};
+use crate::mesh_picture::{PictureStyle, draw};
+use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
@@ -30,13 +29,14 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
 pub struct PoseArgs {
-    /// The hand model: MANO (.pkl, .npz) or rigged glTF (.glb, .gltf) [default: the built-in hand]
-    #[arg(long, value_name = "FILE")]
+    /// The hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf) or an avatar (.ghand), whose mesh and joints are taken; poses are
+    /// written for its joints [default: the built-in hand]
+    #[arg(long, value_name = "FILE", visible_alias = "for")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
     reading: HandModelArgs,
-    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
-    /// MediaPipe's world landmarks; its shape and translation are used, too [default: zeros]
+    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub struct PoseArgs {
     /// rotations of this model's joints
     #[arg(long, value_name = "FILE", group = "output")]
     out: Option<PathBuf>,
-    /// A picture of the mesh to draw, .png
+    /// A picture of the mesh to draw, .png or .exr (32-bit floats)
     #[arg(long, value_name = "FILE", group = "output")]
     picture: Option<PathBuf>,
     #[command(flatten)]
@@ -59,18 +59,20 @@ pub struct PoseArgs {
 #[derive(Debug, Args)]
 struct LookArgs {
     /// solid, wireframe (hidden lines removed), solid-wireframe, weights (a colour a joint, mixed by skinning weight), or
-    /// weights=JOINT (one joint's weight from violet to yellow, grey where it is 0; a name or number as `inspect` lists)
+    /// weights=JOINT (one joint's weight: grey where it is 0, then violet to yellow; a name or number as `inspect` lists)
     #[arg(long, value_name = "STYLE", default_value = "solid", requires = "picture")]
     style: PictureStyle,
-    /// A JSON file with one camera as in a capture.json [default: one that sees the back of the hand]
-    #[arg(long, value_name = "FILE", requires = "picture")]
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03 [default: one
+    /// that sees the back of the hand]
+    #[arg(long, value_name = "FILE[:ID]", requires = "picture")]
     camera: Option<PathBuf>,
     /// Size of the picture [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "picture")]
     size: Option<[u32; 2]>,
-    /// Colour behind the hand, display values from 0 to 1
-    #[arg(long, value_name = "R,G,B", value_parser = parse_color, default_value = "1,1,1", requires = "picture")]
-    background: [f32; 3],
+    /// Colour behind the hand, display values from 0 to 1; or transparent
+    #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "1,1,1")]
+    #[arg(requires = "picture")]
+    background: Background,
 }
 
 /// What `--out` asks for.
@@ -87,9 +89,7 @@ type WriteMesh = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
 /// One that names the file or the option and what is wrong with it.
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
-    if let Some(path) = args.picture.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
-        bail!("--picture {}: must end in .png", path.display());
-    }
+    let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
     let file = args.reading.load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
@@ -106,7 +106,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         if let Some(wanted) = &args.frame {
             sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
         }
-        write_poses(path, &sequence)?;
+        write_poses(path, &sequence, model)?;
         say!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
         return Ok(());
     }
@@ -114,23 +114,27 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let posed = pose_hand(model, &frame.shape, &frame.pose)
         .with_context(|| format!("{}: frame {:?}", args.pose.as_deref().unwrap_or("pose"), frame.id))?;
     // Drawn before anything is written: what cannot be drawn leaves no file.
-    let picture = match &args.picture {
-        Some(path) => Some((path, picture(&args.look, adapter, model, &frame.pose, &posed.vertices)?)),
-        None => None,
+    let picture = match (&args.picture, format) {
+        (Some(path), Some(format)) => {
+            Some((path, picture(&args.look, format, adapter, model, &frame.pose, &posed.vertices)?))
+        }
+        _ => None,
     };
     if let Some(Output::Mesh(path, write)) = output {
         write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
         say!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
     }
     if let Some((path, picture)) = picture {
-        write_png(path, &picture)?;
-        say!("{}: {} x {} pixels", path.display(), picture.width(), picture.height());
+        let [width, height] = picture.size;
+        picture.write(path)?;
+        say!("{}: {width} x {height} pixels", path.display());
     }
     Ok(())
 }
 
 fn output(path: &Path) -> anyhow::Result<Output<'_>> {
-    match path.extension().and_then(|e| e.to_str()) {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    match ending.as_deref() {
         Some("obj") => Ok(Output::Mesh(path, write_obj)),
         Some("glb") => Ok(Output::Mesh(path, write_glb)),
         Some("json") => Ok(Output::Poses(path)),
@@ -140,21 +144,23 @@ fn output(path: &Path) -> anyhow::Result<Output<'_>> {
 
 fn picture(
     look: &LookArgs,
+    format: StillFormat,
     adapter: &AdapterArgs,
     model: &HandModel,
     pose: &Pose,
     vertices: &[DVec3],
-) -> anyhow::Result<RgbImage> {
+) -> anyhow::Result<Picture> {
     let camera = match &look.camera {
         Some(path) => {
-            let camera = read_camera(path)?;
+            let camera = read_named_camera(path)?;
             let [width, height] = look.size.unwrap_or([camera.width, camera.height]);
             camera.resized(width, height)
         }
         None => portrait(model, pose, vertices, look.size.unwrap_or(DEFAULT_SIZE)),
     };
-    let image = draw(&adapter.open()?, model, vertices, &camera, &look.style)?;
-    over(&image, look.background)
+    let mut picture = Picture::blank([camera.width, camera.height], look.background, format);
+    draw(&adapter.open()?, model, vertices, &camera, &look.style, &mut picture)?;
+    Ok(picture)
 }
 
 fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> {

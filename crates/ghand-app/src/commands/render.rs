@@ -1,22 +1,21 @@
-//! `ghand render`: pictures of an avatar in any pose from any view.
+//! `ghand render`: pictures and films of an avatar in any pose from any view.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::renderer::AvatarRenderer;
-use ghand_core::atomic_file::write_atomically;
 use ghand_core::{Camera, Pose};
-use ghand_data::PoseFrame;
-use ghand_data::camera_file::read_camera;
-use ghand_render::splat::{Image, Purpose};
-use image::{ImageFormat, RgbImage};
+use ghand_data::named_camera::read_named_camera;
+use ghand_data::{PoseFrame, PoseSequence};
+use ghand_render::splat::{Purpose, band_rows};
 
-use crate::cli::{AdapterArgs, parse_color, parse_size};
-use crate::framing::turntable;
-use crate::pose_choice::{PoseReadingArgs, choose_frame};
+use crate::cli::{AdapterArgs, parse_size};
+use crate::framing::{orbit, turntable};
+use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
+pub use crate::pictures::write_png;
+use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
 
 /// Size of a picture when neither the command line nor a camera says.
@@ -28,8 +27,8 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 pub struct RenderArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
-    /// A pose or a motion by name, or a file of poses: ghand's, a capture.json, MANO parameters, joints of WebXR or OpenXR, or
-    /// MediaPipe's world landmarks
+    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// joints of WebXR or OpenXR, landmarks
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
     #[command(flatten)]
@@ -37,21 +36,33 @@ pub struct RenderArgs {
     /// Only the frame of this id or, counted from 0, number [default: every frame of the file]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
-    /// A JSON file with one camera as in a capture.json
-    #[arg(long, value_name = "FILE", group = "view")]
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03
+    #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
-    /// This many views around the hand
+    /// This many views around the hand, of every frame
     #[arg(long, value_name = "N", group = "view", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     turntable: Option<u32>,
-    /// Size of the pictures [default: the camera's, for a turntable 512x512]
+    /// One view of each frame of a motion, while the camera goes around the hand so many times; negative: the other way
+    #[arg(long, value_name = "TURNS", group = "view", num_args = 0..=1, default_missing_value = "1")]
+    #[arg(allow_negative_numbers = true, value_parser = parse_turns)]
+    orbit: Option<f64>,
+    /// Size of the pictures [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// Folder for the pictures 0000.png, 0001.png, ...; made if it is not there
-    #[arg(long, value_name = "DIR")]
+    /// A folder for pictures such as frame-0012_view-03.png, which replace those of an earlier render; or one picture (.png,
+    /// .exr) or film (.gif, .webm, .mp4). What is missing of the path is made
+    #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
-    /// Colour behind the hand, display values from 0 to 1
-    #[arg(long, value_name = "R,G,B", value_parser = parse_color, default_value = "0,0,0")]
-    background: [f32; 3],
+    #[command(flatten)]
+    format: FormatArgs,
+    /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, in EXR neither
+    #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
+    background: Background,
+}
+
+fn parse_turns(text: &str) -> Result<f64, String> {
+    let turns = text.parse().ok().filter(|turns: &f64| turns.is_finite() && *turns != 0.0 && turns.abs() <= 1000.0);
+    turns.ok_or_else(|| "must be a number of turns other than 0, as in 1, 0.5 or -2".into())
 }
 
 /// Renders the pictures. All input is read and checked before anything is written.
@@ -59,67 +70,72 @@ pub struct RenderArgs {
 /// # Errors
 /// One that names the file or the option and what is wrong with it.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let destination = args.format.destination(&args.out, stem(&args.pose))?;
     let avatar = Avatar::load(&args.avatar)?;
-    let frames = chosen_frames(args, &avatar)?;
-    let poses: Vec<&Pose> = frames.iter().map(|f| &f.pose).collect();
-    let cameras = match &args.camera {
-        Some(path) => {
-            let camera = read_camera(path)?;
+    let sequence = args.reading.load(&args.pose, &avatar.model)?;
+    let fps = film_rate(args, &sequence);
+    let frames = chosen_frames(args, sequence.frames)?;
+    if args.orbit.is_some() && frames.len() == 1 {
+        bail!("--orbit: there is only one frame, in which nothing goes around; give a motion, or --turntable");
+    }
+    if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1) {
+        bail!("--turntable: a film shows each frame from one side; give --orbit, or choose a --frame");
+    }
+    let poses: Vec<&Pose> = frames.iter().map(|(_, frame)| &frame.pose).collect();
+    let size = args.size.unwrap_or(DEFAULT_SIZE);
+    let cameras: Vec<Vec<Camera>> = match (&args.camera, args.orbit) {
+        (Some(path), _) => {
+            let camera = read_named_camera(path)?;
             let [width, height] = args.size.unwrap_or([camera.width, camera.height]);
             vec![vec![camera.resized(width, height)]; poses.len()]
         }
-        None => {
-            let views = args.turntable.unwrap_or(1) as usize;
-            turntable(&avatar.model, &poses, views, args.size.unwrap_or(DEFAULT_SIZE))
-        }
+        (None, Some(turns)) => orbit(&avatar.model, &poses, turns, size).into_iter().map(|camera| vec![camera]).collect(),
+        (None, None) => turntable(&avatar.model, &poses, args.turntable.unwrap_or(1) as usize, size),
     };
-    let size = cameras.first().and_then(|c| c.first()).map_or(DEFAULT_SIZE, |c| [c.width, c.height]);
+    let size = cameras.first().and_then(|c| c.first()).map_or(size, |c| [c.width, c.height]);
+    let mut shots = Vec::new();
+    let mut pictures: Vec<(&Pose, &Camera)> = Vec::new();
+    for ((number, frame), views) in frames.iter().zip(&cameras) {
+        for (view, camera) in views.iter().enumerate() {
+            let view = args.turntable.is_some().then_some(view);
+            shots.push(Shot { frame: Some(*number), id: Some(frame.id.clone()), view });
+            pictures.push((&frame.pose, camera));
+        }
+    }
     let mut gpu = adapter.open()?;
-    let pictures: Vec<(&Pose, &Camera)> =
-        poses.iter().zip(&cameras).flat_map(|(pose, views)| views.iter().map(move |camera| (*pose, camera))).collect();
     // Outlives the device: what is written need not be rendered again.
-    let mut number = 0;
+    let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
-        let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Images, 1, size)?;
-        while let Some((pose, camera)) = pictures.get(number) {
+        let most = [size[0], band_rows(gpu, size)];
+        let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Images, 1, most)?;
+        while let Some((pose, camera)) = series.next().and_then(|number| pictures.get(number)) {
             renderer.set_pose(gpu, 0, pose)?;
-            let image = renderer.render(gpu, 0, camera, args.background)?;
-            std::fs::create_dir_all(&args.out)
-                .with_context(|| format!("{}: cannot make the folder", args.out.display()))?;
-            write_png(&args.out.join(format!("{number:04}.png")), &to_rgb8(&image)?)?;
-            number += 1;
+            let mut picture = series.blank();
+            renderer.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
+            series.add(picture)?;
         }
         Ok(())
     })?;
-    say!("{number} pictures of {} x {} pixels in {}", size[0], size[1], args.out.display());
+    say!("{}", series.finish()?);
     Ok(())
 }
 
-fn chosen_frames(args: &RenderArgs, avatar: &Avatar) -> anyhow::Result<Vec<PoseFrame>> {
-    let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
-    match &args.frame {
-        None => Ok(frames),
-        Some(wanted) => Ok(vec![choose_frame(frames, wanted).with_context(|| args.pose.clone())?]),
+/// The frames to render, with their numbers in the file.
+fn chosen_frames(args: &RenderArgs, frames: Vec<PoseFrame>) -> anyhow::Result<Vec<(usize, PoseFrame)>> {
+    let Some(wanted) = &args.frame else { return Ok(frames.into_iter().enumerate().collect()) };
+    let number = frame_number(&frames, wanted).with_context(|| args.pose.clone())?;
+    Ok(frames.into_iter().enumerate().skip(number).take(1).collect())
+}
+
+/// Pictures a second of a film: a motion's own, else those that make a turn of some seconds.
+fn film_rate(args: &RenderArgs, sequence: &PoseSequence) -> f64 {
+    if sequence.frames.len() > 1 && args.frame.is_none() {
+        return sequence.fps;
     }
+    args.reading.fps.unwrap_or_else(|| turn_rate(args.turntable.unwrap_or(1) as usize))
 }
 
-/// The image as 8-bit display values.
-///
-/// # Errors
-/// One if the image has not as many pixels as it says.
-pub fn to_rgb8(image: &Image) -> anyhow::Result<RgbImage> {
-    let bytes =
-        image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
-    RgbImage::from_raw(image.width, image.height, bytes.collect()).context("the device gave an image of the wrong size")
-}
-
-/// Writes a picture as PNG, whole or not at all.
-///
-/// # Errors
-/// One that names the file.
-pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
-    let context = || format!("{}: cannot write the picture", path.display());
-    let mut png = Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png).with_context(context)?;
-    write_atomically(path, png.get_ref()).with_context(context)
+/// What a film of a pose by name or file is called.
+fn stem(pose: &str) -> &str {
+    Path::new(pose).file_stem().and_then(|stem| stem.to_str()).unwrap_or("film")
 }

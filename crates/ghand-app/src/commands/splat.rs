@@ -9,34 +9,55 @@ use bytemuck::cast_slice;
 use clap::Args;
 use ghand_avatar::ply::SplatScene;
 use ghand_core::atomic_file::write_atomically;
-use ghand_core::input_file;
-use ghand_data::camera_file::read_camera;
-use ghand_render::splat::{Image, Purpose, SplatModel, SplatOptions, Splatter, View};
+use ghand_core::{Camera, input_file};
+use ghand_data::named_camera::read_named_camera;
+use ghand_render::splat::{Purpose, SplatModel, SplatOptions, Splatter, View, band_rows};
 use ghand_render::{Gpu, buffers};
-use image::{DynamicImage, ImageFormat, Rgba32FImage};
+use image::ImageFormat;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
-use super::render::{to_rgb8, write_png};
-use crate::cli::{AdapterArgs, parse_color};
+use crate::cli::{AdapterArgs, parse_size};
+use crate::pictures::{Background, FormatArgs, Series, Shot, parse_background, turn_rate};
+use crate::pose_choice::parse_fps;
 use crate::say;
+use crate::scene_framing::{UpAxis, scene_turntable};
+
+/// Size of a picture when neither the command line nor a camera says.
+const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand splat`.
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("view").required(true))]
 pub struct SplatArgs {
     /// The scene: a 3D Gaussian Splatting .ply file
     scene: PathBuf,
-    /// A JSON file with one camera as in a capture.json
-    #[arg(long, value_name = "FILE")]
-    camera: PathBuf,
-    /// The picture: .exr (floats: colour over the background, and coverage) or .png (8 bits of colour)
-    #[arg(long, value_name = "FILE")]
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03
+    #[arg(long, value_name = "FILE[:ID]", group = "view")]
+    camera: Option<PathBuf>,
+    /// This many views around the scene; what strays far from it is not minded
+    #[arg(long, value_name = "N", group = "view", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    turntable: Option<u32>,
+    /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z
+    #[arg(long, value_name = "AXIS", default_value = "-y", allow_hyphen_values = true, requires = "turntable")]
+    up: UpAxis,
+    /// Size of the pictures [default: the camera's, else 512x512]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// A picture: .exr (floats: colour over the background, and coverage) or .png (8 bits); a film of a turntable (.gif, .webm,
+    /// .mp4); or a folder for pictures such as view-03.png, which replace those of an earlier render
+    #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
-    /// Colour behind the scene, display values from 0 to 1
-    #[arg(long, value_name = "R,G,B", value_parser = parse_color, default_value = "0,0,0")]
-    background: [f32; 3],
+    #[command(flatten)]
+    format: FormatArgs,
+    /// Pictures a second of a film [default: so many that a turn takes 4 seconds, at most 30]
+    #[arg(long, value_name = "N", value_parser = parse_fps)]
+    fps: Option<f64>,
+    /// Colour behind the scene, display values from 0 to 1; or transparent: colours are not multiplied by alpha, in EXR neither
+    #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
+    background: Background,
     /// Weights of the pixels' red, green and blue, an .exr of the picture's size; for --gradients
-    #[arg(long, value_name = "FILE", requires = "gradients")]
+    #[arg(long, value_name = "FILE", requires = "gradients", conflicts_with = "turntable")]
     weights: Option<PathBuf>,
     /// Write the gradient of the weighted sum of the picture to the numbers stored in the scene, a .safetensors file
     #[arg(long, value_name = "FILE", requires = "weights")]
@@ -51,43 +72,84 @@ pub struct SplatArgs {
 /// # Errors
 /// One that names the file or the option and what is wrong with it.
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let write_picture = match args.out.extension().and_then(|e| e.to_str()) {
-        Some("exr") => write_exr,
-        Some("png") => |path: &Path, image: &Image| write_png(path, &to_rgb8(image)?),
-        _ => bail!("--out {}: must end in .exr or .png", args.out.display()),
-    };
+    let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
+    let destination = args.format.destination(&args.out, name)?;
+    if let Some(path) = &args.gradients
+        && path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("safetensors"))
+    {
+        bail!("--gradients {}: must end in .safetensors", path.display());
+    }
     let scene = SplatScene::read(&args.scene)?;
-    let camera = read_camera(&args.camera)?;
-    let size = [camera.width, camera.height];
+    let cameras = cameras(args, &scene)?;
+    let size = cameras.first().map_or(DEFAULT_SIZE, |camera| [camera.width, camera.height]);
     let weights = args.weights.as_deref().map(|path| read_weights(path, size)).transpose()?;
-    let gpu = adapter.open()?;
-    let model = SplatModel { antialias: args.antialias, ..scene.model() };
-    let purpose = if weights.is_some() { Purpose::Gradients } else { Purpose::Images };
-    let mut splatter = Splatter::new(&gpu, SplatOptions { model, purpose, depth: false }, scene.count, size)?;
-    gpu.queue.write_buffer(splatter.gaussians(), 0, cast_slice(&scene.table));
-    splatter.set_view(&gpu, View::new(&camera, scene.count, args.background, 1.0))?;
-    let image = splatter.render(&gpu)?;
-    let counters: Vec<u32> = buffers::read(&gpu, splatter.counters(), 4)?;
-    if let Some(broken @ 1..) = counters.get(3) {
+    let shots: Vec<Shot> = (0..cameras.len()).map(|view| Shot { view: Some(view), ..Shot::default() }).collect();
+    let fps = args.fps.unwrap_or_else(|| turn_rate(cameras.len()));
+    let mut gpu = adapter.open()?;
+    // Outlives the device: what is written need not be rendered again.
+    let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
+    let mut broken = 0;
+    gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
+        let mut splatter = splatter(gpu, args, &scene, size, weights.is_some())?;
+        while let Some(camera) = series.next().and_then(|number| cameras.get(number)) {
+            let view = View::new(camera, scene.count, args.background.color(), 1.0);
+            let mut picture = series.blank();
+            if weights.is_some() {
+                // In one piece: the gradient goes back through the last frame.
+                splatter.set_view(gpu, view)?;
+                picture.place([0, 0], &splatter.render(gpu)?);
+            } else {
+                splatter.render_bands(gpu, view, |row, band| picture.place([0, row], band))?;
+            }
+            let counters: Vec<u32> = buffers::read(gpu, splatter.counters(), 4)?;
+            broken = broken.max(counters.get(3).copied().unwrap_or(0));
+            if let (Some(path), Some(weights)) = (&args.gradients, &weights) {
+                let bytes = gradients(gpu, &splatter, weights, scene.degree)?;
+                write_atomically(path, &bytes)
+                    .with_context(|| format!("{}: cannot write the gradients", path.display()))?;
+            }
+            series.add(picture)?;
+        }
+        Ok(())
+    })?;
+    if broken > 0 {
         log::warn!("{}: {broken} Gaussians hold numbers that are not finite and were left out", args.scene.display());
     }
-    let gradients = weights.map(|weights| gradients(&gpu, &splatter, &weights, scene.degree)).transpose()?;
-    write_picture(&args.out, &image)?;
-    if let (Some(path), Some(bytes)) = (&args.gradients, gradients) {
-        write_atomically(path, &bytes).with_context(|| format!("{}: cannot write the gradients", path.display()))?;
+    say!("{}; {} Gaussians", series.finish()?, scene.count);
+    if let Some(path) = &args.gradients {
+        say!("{}: the gradient of {} Gaussians", path.display(), scene.count);
     }
-    say!("{} Gaussians, {} x {} pixels: {}", scene.count, size[0], size[1], args.out.display());
     Ok(())
 }
 
-/// Writes colour over the background and coverage as 32-bit floats, whole or not at all.
-fn write_exr(path: &Path, image: &Image) -> anyhow::Result<()> {
-    let context = || format!("{}: cannot write the picture", path.display());
-    let floats = cast_slice::<[f32; 4], f32>(&image.rgba).to_vec();
-    let picture = Rgba32FImage::from_raw(image.width, image.height, floats).with_context(context)?;
-    let mut bytes = Cursor::new(Vec::new());
-    DynamicImage::from(picture).write_to(&mut bytes, ImageFormat::OpenExr).with_context(context)?;
-    write_atomically(path, bytes.get_ref()).with_context(context)
+fn cameras(args: &SplatArgs, scene: &SplatScene) -> anyhow::Result<Vec<Camera>> {
+    match &args.camera {
+        Some(path) => {
+            let camera = read_named_camera(path)?;
+            let [width, height] = args.size.unwrap_or([camera.width, camera.height]);
+            Ok(vec![camera.resized(width, height)])
+        }
+        None => {
+            let views = args.turntable.unwrap_or(1) as usize;
+            Ok(scene_turntable(scene, views, args.up, args.size.unwrap_or(DEFAULT_SIZE)))
+        }
+    }
+}
+
+/// A splatter that holds the scene; for a gradient, the whole picture at once.
+fn splatter(
+    gpu: &Gpu,
+    args: &SplatArgs,
+    scene: &SplatScene,
+    size: [u32; 2],
+    has_gradient: bool,
+) -> anyhow::Result<Splatter> {
+    let model = SplatModel { antialias: args.antialias, ..scene.model() };
+    let (purpose, rows) =
+        if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
+    let splatter = Splatter::new(gpu, SplatOptions { model, purpose, depth: false }, scene.count, [size[0], rows])?;
+    gpu.queue.write_buffer(splatter.gaussians(), 0, cast_slice(&scene.table));
+    Ok(splatter)
 }
 
 /// Bytes: a picture as large as can be, 16384 x 16384, of half floats.

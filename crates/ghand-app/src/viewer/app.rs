@@ -2,23 +2,16 @@
 
 mod recovery;
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
-use egui::{
-    Align, CentralPanel, CollapsingHeader, Color32, Frame, Layout, Panel, PointerButton, Rect, RichText, ScrollArea,
-    Sense, Ui,
-};
-use ghand_avatar::Avatar;
-use ghand_core::Pose;
-use ghand_data::PoseSequence;
+use egui::{Align, CentralPanel, Color32, Event, Frame, Layout, Panel, Rect, RichText, ScrollArea, Sense, Ui};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 
 use crate::viewer::camera::OrbitCamera;
-use crate::viewer::picture::{Median, Picture, Progress, Scene};
-use crate::viewer::pose_panel::PosePanel;
-use crate::viewer::timeline::Timeline;
+use crate::viewer::navigation::{Drag, Drags};
+use crate::viewer::picture::{Median, Picture, Progress, Shot};
+use crate::viewer::subject::Subject;
 
 /// Longest edge of the picture, pixels, on a graphics card.
 const LARGEST_PICTURE: u32 = 2048;
@@ -26,7 +19,7 @@ const LARGEST_PICTURE: u32 = 2048;
 const LARGEST_PICTURE_CPU: u32 = 1024;
 /// Width of the side panel, points.
 const PANEL_WIDTH: f32 = 260.0;
-/// Colour behind the hand at first.
+/// Colour behind the subject at first.
 const BACKGROUND: [u8; 3] = [30, 32, 36];
 /// How soon to look again whether a picture is done.
 const SOON: Duration = Duration::from_millis(5);
@@ -40,13 +33,11 @@ const LEAST_DETAIL: f32 = 0.1;
 /// The state of the viewer.
 pub struct Viewer {
     gpu: Gpu,
-    avatar: Avatar,
+    subject: Subject,
     source: String,
     picture: Picture,
-    panel: PosePanel,
     camera: OrbitCamera,
-    pose: Pose,
-    timeline: Option<Timeline>,
+    drags: Drags,
     background: [u8; 3],
     largest_edge: u32,
     /// Edge of the picture as a part of the panel's: less than 1 where the device cannot hold so large a close-up.
@@ -54,7 +45,7 @@ pub struct Viewer {
     /// Fewest tile intersections that the device could not hold.
     too_many: u32,
     /// What the picture shows, if it is complete or will be.
-    shown: Option<Scene>,
+    shown: Option<Shot>,
     texture: Option<egui::TextureId>,
     failure: Option<RenderError>,
     measure: bool,
@@ -63,25 +54,21 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// A viewer of an avatar in a pose; `source` says where the avatar is from.
+    /// A viewer of a subject; `source` says where it is from.
     ///
     /// # Errors
-    /// [`RenderError`] if the device cannot hold the avatar.
-    pub fn new(gpu: &Gpu, avatar: Avatar, source: String, pose: Pose) -> Result<Viewer, RenderError> {
+    /// [`RenderError`] if the device cannot hold the subject.
+    pub fn new(gpu: &Gpu, subject: Subject, source: String) -> Result<Viewer, RenderError> {
         let largest_edge = if gpu.is_cpu() { LARGEST_PICTURE_CPU } else { LARGEST_PICTURE };
-        let picture = Picture::new(gpu, &avatar, [largest_edge; 2])?;
-        let panel = PosePanel::new(&avatar.model);
-        // The view stays the same whatever the pose, so it must have room for the flat hand.
-        let camera = OrbitCamera::facing(&avatar.model, &Pose::rest(avatar.model.joint_count()));
+        let picture = Picture::new(gpu, &subject, [largest_edge; 2])?;
+        let camera = subject.first_view();
         Ok(Viewer {
             gpu: gpu.clone(),
-            avatar,
+            subject,
             source,
             picture,
-            panel,
             camera,
-            pose,
-            timeline: None,
+            drags: Drags::default(),
             background: BACKGROUND,
             largest_edge,
             detail: 1.0,
@@ -95,11 +82,9 @@ impl Viewer {
         })
     }
 
-    /// Shows a motion from its beginning.
-    pub fn play(&mut self, title: String, sequence: PoseSequence, playing: bool) {
-        let timeline = Timeline::new(title, sequence, playing);
-        self.pose = timeline.pose().unwrap_or_else(|| self.pose.clone());
-        self.timeline = Some(timeline);
+    /// What is shown.
+    pub fn subject_mut(&mut self) -> &mut Subject {
+        &mut self.subject
     }
 
     /// The device.
@@ -126,7 +111,7 @@ impl Viewer {
         Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.controls(ui));
         });
-        CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.hand(ui, renderer, progress));
+        CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.view(ui, renderer, progress));
     }
 
     /// Takes note of a picture that is done.
@@ -159,25 +144,12 @@ impl Viewer {
 
     fn controls(&mut self, ui: &mut Ui) {
         ui.add_space(6.0);
-        // A model from a file has the file's path for a name.
-        let name = &self.avatar.template.name;
-        ui.heading(Path::new(name).file_name().map_or(name.as_str().into(), |n| n.to_string_lossy()));
+        ui.heading(self.subject.name());
         ui.label(RichText::new(&self.source).weak());
         ui.separator();
-
-        ui.label(RichText::new("Pose").strong());
-        let before = self.pose.clone();
-        self.panel.named_poses(ui, &mut self.pose);
-        ui.add_space(4.0);
-        CollapsingHeader::new("Joints").show(ui, |ui| self.panel.joints(ui, &mut self.pose));
-        if self.pose != before {
-            // Who poses the hand by hand wants no motion to move it on.
-            self.timeline = None;
+        if self.subject.controls(ui) {
+            ui.separator();
         }
-        ui.separator();
-        ui.label(RichText::new("Motion").strong());
-        Timeline::show(&mut self.timeline, ui, &self.avatar.model, &mut self.pose);
-        ui.separator();
 
         ui.label(RichText::new("View").strong());
         ui.horizontal(|ui| {
@@ -190,8 +162,7 @@ impl Viewer {
             }
             if ui.button("Reset all").clicked() {
                 self.reset_view();
-                self.pose = Pose::rest(self.avatar.model.joint_count());
-                self.timeline = None;
+                self.subject.reset();
                 self.background = BACKGROUND;
             }
         });
@@ -215,6 +186,9 @@ impl Viewer {
             row(ui, "Frame to frame", ms(self.between_frames_ms.get()));
         }
         row(ui, "Gaussians", thousands(self.picture.gaussian_count()));
+        if self.picture.broken() > 0 {
+            row(ui, "Skipped, not finite", thousands(self.picture.broken() as usize));
+        }
         if let Some(texture) = self.picture.texture() {
             row(ui, "Pixels", format!("{} x {}", texture.width(), texture.height()));
         }
@@ -229,22 +203,22 @@ impl Viewer {
     }
 
     fn reset_view(&mut self) {
-        self.camera = OrbitCamera::facing(&self.avatar.model, &Pose::rest(self.avatar.model.joint_count()));
+        self.camera = self.subject.first_view();
     }
 
-    fn hand(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer, mut progress: Progress) {
+    fn view(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer, mut progress: Progress) {
         let rect = ui.max_rect();
         self.navigate(ui, rect);
         let size = self.picture_size(rect, ui.ctx().pixels_per_point());
-        let scene = Scene {
-            pose: self.pose.clone(),
+        let shot = Shot {
+            pose: self.subject.pose().cloned(),
             camera: self.camera.camera(size),
             background: self.background.map(|v| f32::from(v) / 255.0),
         };
         let outdated =
-            |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&scene));
+            |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
         if progress == Progress::Busy && self.gpu.is_cpu() && outdated(self) {
-            // One processor draws the hand and the user interface: drawing the latter twice would only delay the next picture.
+            // One processor draws the picture and the user interface: drawing the latter twice would only delay the next picture.
             progress = match self.gpu.wait() {
                 Ok(()) => self.collect(),
                 Err(_) => progress,
@@ -254,7 +228,7 @@ impl Viewer {
             if progress == Progress::Busy {
                 ui.ctx().request_repaint_after(SOON);
             } else {
-                self.render(scene, renderer);
+                self.render(shot, renderer);
                 // Soon the counters tell whether the picture is complete.
                 ui.ctx().request_repaint_after(SOON);
             }
@@ -276,13 +250,13 @@ impl Viewer {
         }
     }
 
-    fn render(&mut self, scene: Scene, renderer: &mut egui_wgpu::Renderer) {
-        match self.picture.render(&self.gpu, &scene) {
+    fn render(&mut self, shot: Shot, renderer: &mut egui_wgpu::Renderer) {
+        match self.picture.render(&self.gpu, &shot) {
             Ok(renewed) => {
                 if renewed {
                     self.show_texture(renderer);
                 }
-                self.shown = Some(scene);
+                self.shown = Some(shot);
             }
             Err(e) => self.failure = Some(e),
         }
@@ -302,15 +276,16 @@ impl Viewer {
     }
 
     fn navigate(&mut self, ui: &mut Ui, rect: Rect) {
-        let response = ui.interact(rect, ui.scope_id().with("hand"), Sense::click_and_drag());
-        let drag = response.drag_delta();
-        let drag = DVec2::new(drag.x.into(), drag.y.into());
-        let shift = ui.input(|i| i.modifiers.shift);
-        let other = response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle);
-        if response.dragged() && (other || shift) {
-            self.camera.pan(drag, rect.width().min(rect.height()).into());
-        } else if response.dragged() {
-            self.camera.orbit(drag);
+        let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
+        let events: Vec<Event> = ui.input(|i| i.events.clone());
+        // Not what is pressed on a popup over the view.
+        let in_view = |pos| rect.contains(pos) && ui.ctx().layer_id_at(pos).is_none_or(|layer| layer == ui.layer_id());
+        for drag in self.drags.follow(&events, in_view) {
+            let points = |by: egui::Vec2| DVec2::new(by.x.into(), by.y.into());
+            match drag {
+                Drag::Turn(by) => self.camera.orbit(points(by)),
+                Drag::Move(by) => self.camera.pan(points(by), rect.width().min(rect.height()).into()),
+            }
         }
         if response.hovered() {
             let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
@@ -344,143 +319,4 @@ fn thousands(number: usize) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use egui::{Event, Modifiers, Pos2, Vec2, pos2, vec2};
-    use ghand_render::AdapterChoice;
-
-    use super::*;
-    use crate::bare_hand::bare_hand;
-
-    /// The user interface of the bare hand without a window.
-    struct Headless {
-        viewer: Viewer,
-        context: egui::Context,
-        renderer: egui_wgpu::Renderer,
-        time: f64,
-    }
-
-    impl Headless {
-        fn new() -> Headless {
-            let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-            let avatar = bare_hand().unwrap();
-            let pose = Pose::rest(avatar.model.joint_count());
-            let viewer = Viewer::new(&gpu, avatar, "test".into(), pose).unwrap();
-            let options = egui_wgpu::RendererOptions::PREDICTABLE;
-            let renderer = egui_wgpu::Renderer::new(&gpu.device, wgpu::TextureFormat::Rgba8Unorm, options);
-            Headless { viewer, context: egui::Context::default(), renderer, time: 0.0 }
-        }
-
-        /// Runs the user interface once, waits for its picture, and returns whether there was one to wait for.
-        fn run(&mut self, events: Vec<Event>) -> bool {
-            let before = self.viewer.last_frame;
-            self.time += 1.0;
-            let input = egui::RawInput {
-                screen_rect: Some(Rect::from_min_size(Pos2::ZERO, vec2(700.0, 400.0))),
-                time: Some(self.time),
-                events,
-                ..Default::default()
-            };
-            let output = self.context.run_ui(input, |ui| self.viewer.ui(ui, &mut self.renderer));
-            output.drop_without_applying_deltas();
-            self.viewer.gpu.wait().unwrap();
-            before != self.viewer.last_frame
-        }
-
-        fn press(&mut self, button: PointerButton, pressed: bool, pos: Pos2) {
-            let modifiers = Modifiers::default();
-            self.run(vec![Event::PointerMoved(pos), Event::PointerButton { pos, button, pressed, modifiers }]);
-        }
-    }
-
-    #[test]
-    fn only_changes_are_rendered() {
-        let mut ui = Headless::new();
-        assert!(ui.run(Vec::new()));
-        // The first picture may have lacked room.
-        ui.run(Vec::new());
-        assert!(!ui.run(Vec::new()) && !ui.run(vec![Event::PointerMoved(pos2(500.0, 200.0))]));
-        ui.viewer.pose = crate::pose_choice::pose_by_name("fist", &ui.viewer.avatar.model).unwrap();
-        assert!(ui.run(Vec::new()));
-        ui.run(Vec::new());
-        assert!(!ui.run(Vec::new()));
-        ui.viewer.measure = true;
-        assert!(ui.run(Vec::new()) && ui.run(Vec::new()));
-        assert!(ui.viewer.picture.frame_ms().is_some_and(|ms| ms > 0.0));
-    }
-
-    #[test]
-    fn the_mouse_turns_moves_zooms_and_resets() {
-        let mut ui = Headless::new();
-        ui.run(Vec::new());
-        let start = ui.viewer.camera.clone();
-        let view = |ui: &Headless| ui.viewer.camera.camera([100, 100]);
-        for (button, turns) in [(PointerButton::Primary, true), (PointerButton::Secondary, false)] {
-            let before = view(&ui);
-            ui.press(button, true, pos2(400.0, 200.0));
-            assert!(ui.run(vec![Event::PointerMoved(pos2(450.0, 220.0))]));
-            ui.press(button, false, pos2(450.0, 220.0));
-            let turned = (view(&ui).rotation - before.rotation).to_cols_array().iter().any(|v| v.abs() > 1e-3);
-            assert_eq!(turned, turns);
-            assert!(view(&ui).center().distance(before.center()) > 1e-3);
-        }
-        // On the panel the mouse does nothing to the view.
-        let before = view(&ui);
-        ui.press(PointerButton::Primary, true, pos2(100.0, 380.0));
-        ui.run(vec![Event::PointerMoved(pos2(140.0, 350.0))]);
-        ui.press(PointerButton::Primary, false, pos2(140.0, 350.0));
-        assert_eq!(view(&ui), before);
-        let wheel = Event::MouseWheel {
-            unit: egui::MouseWheelUnit::Line,
-            delta: Vec2::new(0.0, 3.0),
-            phase: egui::TouchPhase::Move,
-            source: egui::MouseWheelSource::Unknown,
-            modifiers: Modifiers::default(),
-        };
-        ui.run(vec![Event::PointerMoved(pos2(500.0, 200.0)), wheel]);
-        ui.run(Vec::new());
-        assert!(view(&ui).center().distance(before.center()) > 0.01, "the wheel does not zoom");
-        ui.viewer.reset_view();
-        assert_eq!(ui.viewer.camera, start);
-    }
-
-    #[test]
-    fn a_picture_that_lacked_room_is_rendered_again() {
-        let mut ui = Headless::new();
-        ui.run(Vec::new());
-        ui.viewer.camera.zoom(4.0);
-        assert!(ui.run(Vec::new()));
-        assert!(!ui.viewer.finish().unwrap(), "the picture had room; zoom in further");
-        assert!(ui.run(Vec::new()));
-        assert!(ui.viewer.finish().unwrap());
-        assert!(!ui.run(Vec::new()));
-    }
-
-    #[test]
-    fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
-        let mut ui = Headless::new();
-        ui.run(Vec::new());
-        let settle = |ui: &mut Headless| {
-            for _ in 0..40 {
-                if !ui.run(Vec::new()) && ui.viewer.finish().unwrap() {
-                    return;
-                }
-            }
-            panic!("the picture does not settle");
-        };
-        settle(&mut ui);
-        assert_eq!(ui.viewer.detail, 1.0);
-        // As a device that holds no more than the picture has now.
-        ui.viewer.too_many = ui.viewer.picture.intersections();
-        ui.viewer.detail = DETAIL_STEP.powi(2);
-        settle(&mut ui);
-        assert_eq!(ui.viewer.detail, DETAIL_STEP.powi(2), "it must not go back and forth");
-        ui.viewer.camera.zoom(0.25);
-        settle(&mut ui);
-        assert_eq!((ui.viewer.detail, ui.viewer.failure.is_none()), (1.0, true));
-    }
-
-    #[test]
-    fn large_numbers_are_grouped() {
-        assert_eq!([0, 999, 1000, 22010, 1234567].map(thousands), ["0", "999", "1,000", "22,010", "1,234,567"]);
-    }
-}
+mod tests;

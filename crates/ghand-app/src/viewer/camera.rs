@@ -11,8 +11,10 @@ use crate::framing::{Upright, middle, posed_vertices};
 const FIELD_OF_VIEW: f64 = 0.4;
 /// Part of the shorter edge that the hand takes at first.
 const FILL: f64 = 0.9;
-/// Bounds of the distance, metres: nearer the hand is cut by the near plane, further it is a dot.
-const DISTANCES: [f64; 2] = [0.06, 4.0];
+/// Bounds of the distance from a hand, metres: nearer the hand is cut by the near plane, further it is a dot.
+const HAND_DISTANCES: [f64; 2] = [0.06, 4.0];
+/// The same from a scene, in multiples of its radius. One may be in the midst of it.
+const SCENE_DISTANCES: [f64; 2] = [0.02, 100.0];
 /// Turn for a drag of one point, radians: the width of a window is about one turn.
 const TURN_PER_POINT: f64 = 0.008;
 /// Turn away from the back of a right hand, and height above the horizon at first, radians: enough to see depth.
@@ -29,7 +31,9 @@ pub struct OrbitCamera {
     yaw: f64,
     /// Height above the horizon, radians.
     pitch: f64,
-    hand: Upright,
+    upright: Upright,
+    /// Bounds of the distance.
+    distances: [f64; 2],
 }
 
 impl OrbitCamera {
@@ -37,10 +41,11 @@ impl OrbitCamera {
     pub fn facing(model: &HandModel, pose: &Pose) -> OrbitCamera {
         let points = posed_vertices(model, pose);
         let target = middle(&points);
-        let hand = Upright::posed(model, pose);
+        let upright = Upright::posed(model, pose);
         // The thumb of a left hand is on the other side.
         let yaw = if model.side == Side::Right { FIRST_TURN.x } else { -FIRST_TURN.x };
-        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch: FIRST_TURN.y, hand };
+        let (pitch, distances) = (FIRST_TURN.y, HAND_DISTANCES);
+        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch, upright, distances };
         let direction = orbit.direction();
         // Every point must lie inside the cone whose picture is the inscribed circle of the shorter edge.
         let slope = (0.5 * FIELD_OF_VIEW).tan() * FILL;
@@ -49,13 +54,27 @@ impl OrbitCamera {
             let depth = offset.dot(direction);
             (offset - depth * direction).length() / slope + depth
         });
-        orbit.distance = needed.fold(DISTANCES[0], f64::max).min(DISTANCES[1]);
+        orbit.distance = needed.fold(distances[0], f64::max).min(distances[1]);
         orbit
+    }
+
+    /// Sees the whole unit sphere about the origin, as cameras of captures stand: y points down, and the camera looks along z.
+    pub fn around_unit_sphere() -> OrbitCamera {
+        let upright = Upright { up: DVec3::NEG_Y, back: DVec3::NEG_Z };
+        let distance = 1.0 / ((0.5 * FIELD_OF_VIEW).tan() * FILL).atan().sin();
+        OrbitCamera {
+            target: DVec3::ZERO,
+            distance,
+            yaw: 0.0,
+            pitch: FIRST_TURN.y,
+            upright,
+            distances: SCENE_DISTANCES,
+        }
     }
 
     /// From the target to the camera.
     fn direction(&self) -> DVec3 {
-        let Upright { up, back } = self.hand;
+        let Upright { up, back } = self.upright;
         DQuat::from_axis_angle(up, self.yaw) * DQuat::from_axis_angle(up.cross(back), -self.pitch) * back
     }
 
@@ -76,14 +95,14 @@ impl OrbitCamera {
 
     /// Moves `factor` times nearer.
     pub fn zoom(&mut self, factor: f64) {
-        self.distance = (self.distance / factor).clamp(DISTANCES[0], DISTANCES[1]);
+        self.distance = (self.distance / factor).clamp(self.distances[0], self.distances[1]);
     }
 
     /// The camera for a picture of that many pixels.
     pub fn camera(&self, [width, height]: [u32; 2]) -> Camera {
         let slope = (0.5 * FIELD_OF_VIEW).tan() * f64::from(height) / f64::from(width.min(height));
         let eye = self.target + self.direction() * self.distance;
-        Camera::look_at(eye, self.target, self.hand.up, 2.0 * slope.atan(), width, height)
+        Camera::look_at(eye, self.target, self.upright.up, 2.0 * slope.atan(), width, height)
     }
 }
 
@@ -112,6 +131,17 @@ mod tests {
     }
 
     #[test]
+    fn the_unit_sphere_fills_the_first_view_of_a_scene() {
+        let camera = OrbitCamera::around_unit_sphere().camera([400, 300]);
+        let direction = |i: u32| (f64::from(i) * 2.4, (f64::from(i) * 0.02 - 1.0).acos());
+        let point = |(a, b): (f64, f64)| DVec3::new(b.sin() * a.cos(), b.sin() * a.sin(), b.cos());
+        let reach = |i: u32| (camera.project(point(direction(i))).0 - camera.principal).length() / 150.0;
+        let most = (0..100).map(reach).fold(0.0, f64::max);
+        assert!(most <= FILL + 1e-9 && most > 0.95 * FILL, "{most}");
+        assert!(camera.project(DVec3::NEG_Y).0.y < 100.0, "y points down");
+    }
+
+    #[test]
     fn panning_moves_the_hand_with_the_pointer() {
         let (_, mut orbit) = setup();
         orbit.orbit(DVec2::new(70.0, -30.0));
@@ -135,6 +165,6 @@ mod tests {
         orbit.orbit(DVec2::new(0.0, 1e6));
         assert!(orbit.camera([30, 30]).rotation.is_finite());
         orbit.zoom(1e9);
-        assert_eq!(orbit.distance, DISTANCES[0]);
+        assert_eq!(orbit.distance, HAND_DISTANCES[0]);
     }
 }

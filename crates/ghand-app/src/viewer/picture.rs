@@ -1,13 +1,13 @@
-//! The avatar's picture as a texture, rendered without waiting for it.
+//! The subject's picture as a texture, rendered without waiting for it.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use ghand_avatar::{Avatar, AvatarRenderer};
 use ghand_core::{Camera, Pose};
-use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, shader_sources};
+
+use crate::viewer::subject::{Subject, SubjectRenderer};
 
 /// Format of the texture: display values, which is what the user interface takes.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -20,12 +20,12 @@ const COUNTER_BYTES: u64 = 32;
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    /// The pose.
-    pub pose: Pose,
+pub struct Shot {
+    /// The pose of a subject that has any.
+    pub pose: Option<Pose>,
     /// The camera; its size is the picture's.
     pub camera: Camera,
-    /// Colour behind the hand, display values.
+    /// Colour behind the subject, display values.
     pub background: [f32; 3],
 }
 
@@ -86,9 +86,9 @@ struct Target {
     texture: wgpu::Texture,
 }
 
-/// An avatar on the device with the texture that shows it.
+/// A subject on the device with the texture that shows it.
 pub struct Picture {
-    renderer: AvatarRenderer,
+    renderer: SubjectRenderer,
     pipeline: wgpu::RenderPipeline,
     group: wgpu::BindGroup,
     columns: wgpu::Buffer,
@@ -98,19 +98,20 @@ pub struct Picture {
     pending: Option<Pending>,
     frame_ms: Median,
     intersections: u32,
+    broken: u32,
 }
 
 impl Picture {
-    /// Puts an avatar on the device, for pictures of at most `max_size` pixels.
+    /// Puts a subject on the device, for pictures of at most `max_size` pixels.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
-    pub fn new(gpu: &Gpu, avatar: &Avatar, max_size: [u32; 2]) -> Result<Picture, RenderError> {
-        let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
+    pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<Picture, RenderError> {
+        let renderer = SubjectRenderer::new(gpu, subject, max_size)?;
         gpu.scoped("the viewer's picture", || Picture::make(gpu, renderer))
     }
 
-    fn make(gpu: &Gpu, renderer: AvatarRenderer) -> Picture {
+    fn make(gpu: &Gpu, renderer: SubjectRenderer) -> Picture {
         let pipeline = pipeline(gpu);
         let buffer = |label, size, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -125,7 +126,7 @@ impl Picture {
             label: Some("picture"),
             layout: &pipeline.get_bind_group_layout(0),
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: renderer.splatter.image().as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 0, resource: renderer.splatter().image().as_entire_binding() },
                 wgpu::BindGroupEntry { binding: 1, resource: columns.as_entire_binding() },
             ],
         });
@@ -140,18 +141,35 @@ impl Picture {
         });
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        let (target, pending, frame_ms, intersections) = (None, None, Median::default(), 0);
-        Picture { renderer, pipeline, group, columns, read_back, timer, target, pending, frame_ms, intersections }
+        let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
+        Picture {
+            renderer,
+            pipeline,
+            group,
+            columns,
+            read_back,
+            timer,
+            target,
+            pending,
+            frame_ms,
+            intersections,
+            broken,
+        }
     }
 
     /// Number of Gaussians.
     pub fn gaussian_count(&self) -> usize {
-        self.renderer.splatter.count()
+        self.renderer.splatter().count()
     }
 
     /// Number of tile intersections that the last picture wanted.
     pub fn intersections(&self) -> u32 {
         self.intersections
+    }
+
+    /// Number of Gaussians that hold numbers that are not finite and were skipped.
+    pub fn broken(&self) -> u32 {
+        self.broken
     }
 
     /// Time that the device takes for a picture, milliseconds: median of the last 60.
@@ -179,11 +197,9 @@ impl Picture {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
-    pub fn render(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
-        let (width, height) = (scene.camera.width, scene.camera.height);
-        self.renderer.set_pose(gpu, 0, &scene.pose)?;
-        self.renderer.pose.set_frame(gpu, 0, 0.0, 0.0);
-        self.renderer.set_view(gpu, &scene.camera, scene.background)?;
+    pub fn render(&mut self, gpu: &Gpu, shot: &Shot) -> Result<bool, RenderError> {
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        self.renderer.prepare(gpu, shot.pose.as_ref(), &shot.camera, shot.background)?;
         gpu.queue.write_buffer(&self.columns, 0, bytemuck::cast_slice(&[width, height, 0, 0]));
         let renewed = self.texture().is_none_or(|t| (t.width(), t.height()) != (width, height));
         if renewed {
@@ -207,8 +223,7 @@ impl Picture {
                 }),
             });
         }
-        self.renderer.encode_pose(&mut encoder);
-        self.renderer.splatter.forward(&mut encoder);
+        self.renderer.encode(&mut encoder);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("picture"),
@@ -232,7 +247,7 @@ impl Picture {
             pass.set_bind_group(0, &self.group, &[]);
             pass.draw(0..3, 0..1);
         }
-        encoder.copy_buffer_to_buffer(self.renderer.splatter.counters(), 0, &self.read_back, 0, COUNTER_BYTES);
+        encoder.copy_buffer_to_buffer(self.renderer.splatter().counters(), 0, &self.read_back, 0, COUNTER_BYTES);
         if let Some(timer) = &self.timer {
             encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
             encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.read_back, COUNTER_BYTES, 16);
@@ -273,7 +288,8 @@ impl Picture {
             _ => elapsed_ms,
         });
         self.intersections = counters.get(2).copied().unwrap_or(0);
-        match self.renderer.splatter.complete_for(gpu, &counters) {
+        self.broken = counters.get(3).copied().unwrap_or(0);
+        match self.renderer.splatter_mut().complete_for(gpu, &counters) {
             Ok(true) => Ok(Progress::Complete),
             Ok(false) => Ok(Progress::Incomplete),
             Err(RenderError::Invalid(_) | RenderError::OutOfMemory { .. }) => Ok(Progress::TooFine),
@@ -328,6 +344,8 @@ fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
 
 #[cfg(test)]
 mod tests {
+    use ghand_avatar::AvatarRenderer;
+    use ghand_render::splat::Purpose;
     use ghand_render::{AdapterChoice, buffers};
 
     use super::*;
@@ -357,18 +375,18 @@ mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let avatar = bare_hand().unwrap();
         let pose = Pose::rest(avatar.model.joint_count());
-        let mut picture = Picture::new(&gpu, &avatar, [128, 128]).unwrap();
+        let mut picture = Picture::new(&gpu, &Subject::avatar(avatar.clone()), [128, 128]).unwrap();
         let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, [128, 128]).unwrap();
         renderer.set_pose(&gpu, 0, &pose).unwrap();
         // The second picture is smaller: rows must not be mixed up.
         for size in [[101, 77], [50, 90]] {
             let camera = &turntable(&avatar.model, &[&pose], 1, size)[0][0];
-            let scene = Scene { pose: pose.clone(), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
-            assert!(picture.render(&gpu, &scene).unwrap());
+            let shot = Shot { pose: Some(pose.clone()), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
+            assert!(picture.render(&gpu, &shot).unwrap());
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);
             let shown = pixels(&gpu, picture.texture().unwrap());
-            let image = renderer.render(&gpu, 0, camera, scene.background).unwrap();
+            let image = renderer.render(&gpu, 0, camera, shot.background).unwrap();
             let expected = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2], 1.0]);
             let worst = shown.iter().zip(expected).map(|(a, b)| (f32::from(*a) - 255.0 * b).abs()).fold(0.0, f32::max);
             // Half a step of rounding, and what the device's conversion may add.

@@ -1,10 +1,11 @@
 //! The controls of the pose: named poses as buttons, and three sliders a joint.
 
-use egui::{Button, CollapsingHeader, Slider, Ui};
+use egui::{Button, CollapsingHeader, Ui};
 use ghand_core::hand_model::named_poses::POSE_NAMES;
 use ghand_core::{HandModel, Pose};
 
 use crate::pose_choice::pose_by_name;
+use crate::viewer::number_slider::number_slider;
 
 /// Groups of joints in the order of the panel: title, and what the joints' names contain.
 const GROUPS: [(&str, &[&str]); 6] = [
@@ -54,19 +55,24 @@ impl PosePanel {
         PosePanel { named, groups }
     }
 
-    /// Shows the named poses.
-    pub fn named_poses(&self, ui: &mut Ui, pose: &mut Pose) {
+    /// Shows the named poses. Returns whether the user chose one.
+    pub fn named_poses(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
+        let mut chosen = false;
         ui.horizontal_wrapped(|ui| {
             for (name, named) in &self.named {
                 if ui.add(Button::new(*name).selected(named == pose)).clicked() {
                     pose.clone_from(named);
+                    chosen = true;
                 }
             }
         });
+        chosen
     }
 
-    /// Shows the sliders, grouped by finger. They are the components of the joints' axis-angle rotations, degrees.
-    pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) {
+    /// Shows the sliders, grouped by finger. They are the components of the joints' axis-angle rotations, degrees. Returns
+    /// whether the user moved one.
+    pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
+        let mut moved = false;
         for group in &self.groups {
             CollapsingHeader::new(group.title).id_salt(("joints", group.title)).show(ui, |ui| {
                 for (joint, name) in &group.joints {
@@ -74,14 +80,15 @@ impl PosePanel {
                     ui.label(name);
                     for (axis, component) in ["x", "y", "z"].into_iter().zip(rotation.as_mut()) {
                         let mut degrees = component.to_degrees();
-                        let slider = Slider::new(&mut degrees, -180.0..=180.0).suffix("°").fixed_decimals(0).text(axis);
-                        if ui.add(slider).changed() {
+                        if ui.add(number_slider(&mut degrees, -180.0..=180.0, 0, "°").text(axis)).changed() {
                             *component = degrees.to_radians();
+                            moved = true;
                         }
                     }
                 }
             });
         }
+        moved
     }
 }
 

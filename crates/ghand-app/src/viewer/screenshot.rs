@@ -17,11 +17,13 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// needs more room takes one more.
 const MOST_RUNS: usize = 8;
 
-/// Runs the user interface at that size (pixels, one a point) until the hand's picture is complete, and writes it as PNG.
+/// Runs the user interface at that size (pixels, one a point) until the subject's picture is complete, and writes it as PNG. A
+/// motion stays where it is.
 ///
 /// # Errors
 /// One that says why there is no picture, or names the file that could not be written.
 pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
+    viewer.subject_mut().pause();
     let rgb = viewer.persist(|viewer| picture(viewer, size))?;
     write_png(path, &rgb)
 }

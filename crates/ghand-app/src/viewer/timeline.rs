@@ -2,14 +2,21 @@
 
 use std::time::Duration;
 
-use egui::{Button, Slider, Ui};
+use egui::{Button, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
 use ghand_data::PoseSequence;
 use ghand_data::motions::{MOTION_NAMES, motion};
 use ghand_data::pose_sequence::DEFAULT_FPS;
 
-/// A longer pause than this, seconds, is one in which nobody looked: the motion goes on where it was.
-const LONGEST_STEP: f64 = 0.25;
+use crate::viewer::number_slider::number_slider;
+
+/// A longer pause than this, seconds, is one in which nobody looked, as while the window is minimised: the motion goes on where
+/// it was. Software that draws a large picture takes about a second.
+const LONGEST_STEP: f64 = 3.0;
+/// Seconds from one picture of a motion to the next.
+const FRAME: f64 = 1.0 / 60.0;
+/// Width of the button that starts and stops a motion, points.
+const BUTTON_WIDTH: f32 = 52.0;
 
 /// A motion and its place.
 pub struct Timeline {
@@ -17,17 +24,30 @@ pub struct Timeline {
     sequence: PoseSequence,
     seconds: f64,
     playing: bool,
+    /// When the motion was last moved on, in the user interface's seconds, if it has played since.
+    last_step: Option<f64>,
 }
 
 impl Timeline {
-    /// A motion from its beginning.
-    pub fn new(title: String, sequence: PoseSequence, playing: bool) -> Timeline {
-        Timeline { title, sequence, seconds: 0.0, playing }
+    /// A motion that plays from its beginning.
+    pub fn new(title: String, sequence: PoseSequence) -> Timeline {
+        Timeline { title, sequence, seconds: 0.0, playing: true, last_step: None }
     }
 
     /// The pose at the motion's place.
     pub fn pose(&self) -> Option<Pose> {
         self.sequence.at(self.seconds)
+    }
+
+    /// Stops where the motion is.
+    pub fn pause(&mut self) {
+        self.playing = false;
+    }
+
+    /// Stops at the beginning.
+    pub fn rewind(&mut self) {
+        self.pause();
+        self.seconds = 0.0;
     }
 
     /// Shows the motions that there are and the controls of the one that runs, and moves it on.
@@ -38,43 +58,54 @@ impl Timeline {
                 if ui.add(Button::new(name).selected(chosen)).clicked()
                     && let Some(Ok(sequence)) = motion(name, model, DEFAULT_FPS)
                 {
-                    *timeline = Some(Timeline::new(name.into(), sequence, true));
+                    *timeline = Some(Timeline::new(name.into(), sequence));
                 }
             }
         });
         let Some(timeline) = timeline else { return };
         let mut moved = timeline.playing;
         ui.horizontal(|ui| {
-            if ui.button(if timeline.playing { "Pause" } else { "Play" }).clicked() {
+            // As wide with either word, or the slider would move away from the pointer that stops the motion.
+            let word = if timeline.playing { "Pause" } else { "Play" };
+            if ui.add(Button::new(word).min_size(Vec2::new(BUTTON_WIDTH, 0.0))).clicked() {
                 timeline.playing = !timeline.playing;
             }
             let end = timeline.sequence.duration();
             ui.spacing_mut().slider_width = 110.0;
-            let slider = Slider::new(&mut timeline.seconds, 0.0..=end).suffix(" s").fixed_decimals(2);
-            let response = ui.add(slider);
-            if response.changed() {
-                timeline.playing = false;
-                moved = true;
+            let response = ui.add(number_slider(&mut timeline.seconds, 0.0..=end, 2, " s"));
+            // Who holds the slider or types a time wants it to stay.
+            if response.changed() || response.dragged() || response.gained_focus() {
+                timeline.pause();
             }
+            moved |= response.on_hover_text("Place in the motion").changed();
         });
         if timeline.playing {
-            timeline.step(f64::from(ui.input(|input| input.unstable_dt)));
-            // No sooner than the next frame of the motion: drawing the same pose again would be for nothing.
-            let wait = (1.0 / timeline.sequence.fps).min(1.0 / 60.0);
-            ui.ctx().request_repaint_after(Duration::from_secs_f64(wait));
+            timeline.step_to(ui.input(|input| input.time));
+            ui.ctx().request_repaint_after(Duration::from_secs_f64(FRAME));
+        } else {
+            timeline.last_step = None;
         }
         if let (true, Some(now)) = (moved, timeline.pose()) {
             *pose = now;
         }
     }
 
-    /// Goes on by so many seconds, and from the end to the beginning.
-    fn step(&mut self, seconds: f64) {
+    /// Goes on to a time of the user interface, seconds, and from the motion's end to its beginning.
+    fn step_to(&mut self, now: f64) {
+        let passed = self.last_step.replace(now).map_or(0.0, |last| now - last);
+        if passed > LONGEST_STEP {
+            return;
+        }
         let end = self.sequence.duration();
-        self.seconds += seconds.clamp(0.0, LONGEST_STEP);
+        self.seconds += passed.max(0.0);
         if self.seconds > end {
             self.seconds = if end > 0.0 { self.seconds % end } else { 0.0 };
         }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn state(&self) -> (f64, bool) {
+        (self.seconds, self.playing)
     }
 }
 
@@ -89,14 +120,17 @@ mod tests {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let sequence = motion("grasp", &model, 30.0).unwrap().unwrap();
         let end = sequence.duration();
-        let mut timeline = Timeline::new("grasp".into(), sequence.clone(), true);
+        let mut timeline = Timeline::new("grasp".into(), sequence.clone());
         assert_eq!(timeline.pose().unwrap(), sequence.frames[0].pose);
-        timeline.step(0.1);
-        assert_eq!(timeline.pose().unwrap(), sequence.frames[3].pose);
-        timeline.step(100.0);
-        assert!((timeline.seconds - 0.35).abs() < 1e-12);
+        // It begins when it is first shown, whenever that is.
+        timeline.step_to(50.0);
+        assert_eq!(timeline.pose().unwrap(), sequence.frames[0].pose);
+        timeline.step_to(50.1);
+        assert!((timeline.seconds - 0.1).abs() < 1e-9);
+        timeline.step_to(150.0);
+        assert!((timeline.seconds - 0.1).abs() < 1e-9);
         timeline.seconds = end - 0.05;
-        timeline.step(0.1);
+        timeline.step_to(150.1);
         assert!((timeline.seconds - 0.05).abs() < 1e-9);
     }
 }

@@ -7,6 +7,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::cli;
 use crate::viewer::app::Viewer;
+use crate::viewer::slow_frames::take_clicks_in_slow_frames;
 
 /// Size of the window at first, points.
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
@@ -111,6 +112,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     };
     let create: eframe::AppCreator<'_> = Box::new(|context| {
         style(&context.egui_ctx);
+        take_clicks_in_slow_frames(&context.egui_ctx);
         context.egui_ctx.add_plugin(DrawNothingOnceLost { gpu });
         Ok(Box::new(Window { viewer, closing: false }))
     });

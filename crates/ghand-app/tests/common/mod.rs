@@ -7,6 +7,9 @@ use std::process::{Command, Output};
 
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::synthetic_scene::make_capture;
 
 /// Runs a program in a folder, without a display.
 pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
@@ -36,6 +39,18 @@ pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
     }
 }
 
+/// Asserts that `train` has trained, evaluated and saved an avatar: one that may be below its floor, since tests train for
+/// a few iterations only. Gives stdout and stderr, without the sentence on the floor.
+pub fn assert_trained(output: &Output) -> [String; 2] {
+    let [said, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    let is_failure = |line: &&str| line.starts_with("error: the training has failed: the avatar's PSNR");
+    let failures = told.lines().filter(is_failure).count() as i32;
+    assert_eq!(output.status.code(), Some(failures), "{said}{told}");
+    assert!(said.contains("\navatar: "), "{said}{told}");
+    let rest = told.lines().filter(|line| !is_failure(line)).map(|line| format!("{line}\n")).collect();
+    [said, rest]
+}
+
 /// Writes a small untrained avatar of 16 joints.
 pub fn save_avatar(folder: &Path) -> PathBuf {
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
@@ -43,6 +58,26 @@ pub fn save_avatar(folder: &Path) -> PathBuf {
     let path = folder.join("hand.ghand");
     Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap().save(&path).unwrap();
     path
+}
+
+/// Makes a capture of 10 training images of 2 frames and one test image.
+pub fn small_capture(folder: &Path) {
+    small_capture_with(1, folder);
+}
+
+/// As [`small_capture`], with so many frames to test on, one image of each.
+pub fn small_capture_with(test_frames: usize, folder: &Path) {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let options = SyntheticOptions {
+        views: 5,
+        train_frames: 2,
+        test_frames,
+        test_views: 1,
+        width: 64,
+        height: 96,
+        ..SyntheticOptions::default()
+    };
+    make_capture(&gpu, &options, folder).unwrap();
 }
 
 /// Names of the files in a folder, sorted; hidden ones, too.

@@ -1,4 +1,4 @@
-//! JSON, and what Python's `json` makes of numbers that are not finite.
+//! JSON and JSON Lines, with what Python's `json` makes of numbers that are not finite and JavaScript's of typed arrays.
 
 use std::borrow::Cow;
 use std::fmt::{self, Display};
@@ -9,6 +9,7 @@ use super::Value;
 use super::budget::Budget;
 use super::collect::Items;
 use crate::hand_model::npz::NumericArray;
+use crate::json_error::plain_json_error;
 
 /// Whether the bytes begin as an object or an array does. A pickle may begin with `(` or `}`, but not so.
 pub(super) fn recognizes(bytes: &[u8]) -> bool {
@@ -20,10 +21,45 @@ pub(super) fn from_json(bytes: &[u8]) -> Result<Value, String> {
     let bytes = without_nan(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let mut input = serde_json::Deserializer::from_slice(&bytes);
     let budget = Budget::new();
-    let wrong = |error: serde_json::Error| format!("{error}; correct the file at that place or export it again");
+    let wrong = |error: serde_json::Error| format!("{}; correct the file at that place or export it again", plain_json_error(&error));
     let value = Seed(&budget).deserialize(&mut input).map_err(wrong)?;
-    input.end().map_err(wrong)?;
-    Ok(value)
+    match input.end() {
+        Ok(()) => Ok(value),
+        Err(_) if is_lines(&bytes) => from_lines(&bytes),
+        Err(error) => Err(wrong(error)),
+    }
+}
+
+/// Whether the first line that is not blank is a JSON value by itself, as in JSON Lines.
+fn is_lines(bytes: &[u8]) -> bool {
+    let first = bytes.split(|byte| *byte == b'\n').find(|line| !line.trim_ascii().is_empty());
+    first.is_some_and(|line| serde_json::from_slice::<serde::de::IgnoredAny>(line).is_ok())
+}
+
+/// One value on each line; blank lines are skipped.
+fn from_lines(bytes: &[u8]) -> Result<Value, String> {
+    let budget = Budget::new();
+    let mut items = Items::Nothing(0);
+    for (number, line) in (1..).zip(bytes.split(|byte| *byte == b'\n')) {
+        if line.trim_ascii().is_empty() {
+            continue;
+        }
+        let mut input = serde_json::Deserializer::from_slice(line);
+        let value = Seed(&budget).deserialize(&mut input).and_then(|value| input.end().map(|()| value));
+        let value = value.map_err(|error| format!("line {number}: {}; correct that line or remove it", plain_json_error(&error)))?;
+        items.push(value, &budget)?;
+    }
+    Ok(items.finish())
+}
+
+/// `{"0":a,"1":b,...}`, as JavaScript's `JSON.stringify` writes a typed array, is the array.
+fn typed_array(entries: &[(String, Value)]) -> Option<NumericArray> {
+    let number = |(place, (name, value)): (usize, &(String, Value))| match value {
+        Value::Numbers(array) if array.shape.is_empty() && *name == place.to_string() => array.values.first().copied(),
+        _ => None,
+    };
+    let values: Vec<f64> = entries.iter().enumerate().map(number).collect::<Option<_>>()?;
+    (values.len() > 1).then(|| NumericArray { shape: vec![values.len()], values })
 }
 
 /// Python writes `NaN` and `Infinity`, which no JSON has; they become `null`, which among numbers is read as NaN.
@@ -129,6 +165,6 @@ impl<'de> Visitor<'de> for Seed<'_> {
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(A::Error::custom(format!("{:?} is there twice in one object", pair[0])));
         }
-        Ok(Value::Map(entries))
+        Ok(typed_array(&entries).map_or(Value::Map(entries), Value::Numbers))
     }
 }

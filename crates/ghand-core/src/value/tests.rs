@@ -58,6 +58,27 @@ fn damaged_or_endless_input_is_an_error_that_says_so() {
 }
 
 #[test]
+fn json_lines_are_a_list_of_their_values_and_a_broken_line_is_named() {
+    assert_eq!(json("[1,2]\n[3,4]\n"), array(&[2, 2], &[1.0, 2.0, 3.0, 4.0]));
+    let Value::List(frames) = json("\n{\"a\":1}\r\n\n{\"a\":NaN}\n{\"b\":[2]}") else { panic!("a list") };
+    assert_eq!(frames.len(), 3);
+    assert_eq!((frames[0].get("a").and_then(Value::number), frames[1].get("a")), (Some(1.0), Some(&Value::Nothing)));
+    // One line alone is the value itself.
+    assert_eq!(json("{\"a\":1}\n").get("a").and_then(Value::number), Some(1.0));
+    let cut = problem(b"{\"a\":1}\n{\"a\":2}\n{\"a\":");
+    assert!(cut.contains("line 3") && cut.contains("EOF"), "{cut}");
+    assert!(problem(b"{\"a\":1} {\"a\":2}").contains("trailing"));
+}
+
+#[test]
+fn typed_arrays_of_javascript_are_arrays_and_other_maps_stay_maps() {
+    assert_eq!(json(r#"{"0":1.5,"1":2,"2":-3}"#), array(&[3], &[1.5, 2.0, -3.0]));
+    for text in [r#"{"0":1}"#, r#"{"1":1,"0":2}"#, r#"{"0":1,"1":[2]}"#, r#"{"0":1,"2":2}"#, r#"{"0":1,"01":2}"#] {
+        assert!(matches!(json(text), Value::Map(_)), "{text}");
+    }
+}
+
+#[test]
 fn memory_is_bounded_whatever_a_file_says() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.json");

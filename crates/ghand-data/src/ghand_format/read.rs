@@ -7,10 +7,12 @@ use ghand_core::hand_model::gltf::read_gltf;
 use ghand_core::hand_model::mano::PARENTS as MANO_PARENTS;
 use ghand_core::{Camera, HandModel, HandModelError, Pose, Side};
 
+use super::fields::{parameters, read_fields};
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::checks::Checker;
+use crate::checks::{Checker, JointRows, member};
+use crate::distortion::Distortion;
 use crate::json_file::{LARGEST_FILE, parse};
 use crate::text_file::read_text;
 use crate::truth::{TRUTH_FILE, read_truth};
@@ -33,7 +35,7 @@ pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capt
 pub(crate) fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     let reader = Reader { checks: Checker { path }, mano };
     reader.header(text)?;
-    reader.capture(parse(path, text)?)
+    reader.capture(read_fields(path, text)?)
 }
 
 /// Reads one file.
@@ -89,10 +91,12 @@ impl Reader<'_> {
         }
         let (hand_model, hand_model_source) = self.hand_model(&root, &file.hand_model, side)?;
         let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
+        let joints = JointRows { order: &joint_order, names: &hand_model.joint_names };
 
         let cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
+        let distortion = self.distortion(&file.cameras, &cameras)?;
         let camera_indices = self.checks.index("cameras", cameras.iter().map(|c| c.id.as_str()))?;
-        let frames = file.frames.iter().map(|f| self.frame(f, &joint_order)).collect::<Result<Vec<_>, _>>()?;
+        let frames = file.frames.iter().map(|f| self.frame(f, joints)).collect::<Result<Vec<_>, _>>()?;
         let frame_indices = self.checks.index("frames", frames.iter().map(|f| f.id.as_str()))?;
         let shapes = frames.first().map_or(0, |f| f.shape.len());
         if let Some(odd) = frames.iter().find(|f| f.shape.len() != shapes) {
@@ -116,7 +120,7 @@ impl Reader<'_> {
                 Ok((name, split))
             })
             .collect::<Result<BTreeMap<_, _>, CaptureError>>()?;
-        let truth = self.truth(&root.join(TRUTH_FILE), &frame_indices, &joint_order)?;
+        let truth = self.truth(&root.join(TRUTH_FILE), &frame_indices, joints)?;
         Ok(Capture {
             root,
             side,
@@ -125,6 +129,7 @@ impl Reader<'_> {
             hand_model_source,
             template,
             cameras,
+            distortion,
             frames,
             images,
             splits,
@@ -138,6 +143,8 @@ impl Reader<'_> {
         file: &HandModelFile,
         side: Side,
     ) -> Result<(HandModel, HandModelSource), CaptureError> {
+        self.only_of("gltf", "path", file.path.is_some(), file)?;
+        self.only_of("procedural", "parameters", file.parameters.is_some(), file)?;
         let (model, source) = match file.kind.as_str() {
             "gltf" => {
                 let Some(path) = &file.path else {
@@ -150,7 +157,7 @@ impl Reader<'_> {
                 (model, HandModelSource::Gltf { path: path.clone() })
             }
             "procedural" => {
-                let hand = file.parameters.clone().unwrap_or_default();
+                let hand = parameters(self.checks, file.parameters.clone().unwrap_or_default())?;
                 let model = hand.build().map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Procedural(hand))
             }
@@ -180,6 +187,15 @@ impl Reader<'_> {
             return Err(self.invalid("hand_model", problem));
         }
         Ok((model, source))
+    }
+
+    /// Refuses a field that another kind of hand model has.
+    fn only_of(&self, kind: &str, field: &str, is_there: bool, file: &HandModelFile) -> Result<(), CaptureError> {
+        if !is_there || file.kind == kind {
+            return Ok(());
+        }
+        let problem = format!("belongs to a hand model of kind {kind:?}, and this one is {:?}; remove it", file.kind);
+        Err(self.invalid(member("hand_model", field), problem))
     }
 
     /// For each joint of the model its row in the file's poses.
@@ -245,11 +261,19 @@ impl Reader<'_> {
         file.camera(self.checks, format!("cameras[{:?}]", file.id))
     }
 
-    fn frame(&self, file: &FrameFile, joint_order: &[usize]) -> Result<Frame, CaptureError> {
-        let pose = self.checks.pose(&file.id, &file.pose, file.translation, joint_order)?;
-        if file.shape.iter().any(|v| !v.is_finite()) {
-            return Err(self.invalid(format!("frames[{:?}].shape", file.id), "holds a number that is not finite"));
-        }
+    /// The cameras' distortion; nothing if none has any.
+    fn distortion(&self, files: &[CameraFile], cameras: &[Camera]) -> Result<Vec<Option<Distortion>>, CaptureError> {
+        let found = files
+            .iter()
+            .zip(cameras)
+            .map(|(file, camera)| file.distortion(self.checks, &format!("cameras[{:?}]", file.id), camera));
+        let found = found.collect::<Result<Vec<_>, _>>()?;
+        Ok(if found.iter().any(Option::is_some) { found } else { vec![] })
+    }
+
+    fn frame(&self, file: &FrameFile, joints: JointRows) -> Result<Frame, CaptureError> {
+        let pose = self.checks.pose(&file.id, &file.pose, file.translation, joints)?;
+        self.checks.pose_range(&file.id, &pose, &file.shape, joints.names)?;
         Ok(Frame { id: file.id.clone(), pose, shape: file.shape.clone() })
     }
 
@@ -314,9 +338,9 @@ impl Reader<'_> {
         &self,
         path: &Path,
         frames: &HashMap<&str, usize>,
-        joint_order: &[usize],
+        joints: JointRows,
     ) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
-        let Some(poses) = read_truth(path, joint_order)? else { return Ok(None) };
+        let Some(poses) = read_truth(path, joints)? else { return Ok(None) };
         let mut truth = vec![None; frames.len()];
         for (id, pose) in poses {
             let slot = frames.get(id.as_str()).and_then(|&i| truth.get_mut(i)).ok_or_else(|| {

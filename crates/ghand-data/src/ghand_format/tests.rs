@@ -15,7 +15,7 @@ fn hand() -> ProceduralHand {
 }
 
 /// A small sound capture in a folder of its own, its images 4 x 3 pixels.
-fn sample(root: &Path) -> Capture {
+pub(super) fn sample(root: &Path) -> Capture {
     // Built once: the many small tests would spend their time on it.
     static HAND_MODEL: LazyLock<HandModel> = LazyLock::new(|| hand().build().unwrap());
     let hand_model = HAND_MODEL.clone();
@@ -38,6 +38,7 @@ fn sample(root: &Path) -> Capture {
         hand_model,
         hand_model_source: HandModelSource::Procedural(hand()),
         cameras: (0..3).map(camera).collect(),
+        distortion: vec![],
         frames,
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits: [
@@ -49,17 +50,17 @@ fn sample(root: &Path) -> Capture {
     }
 }
 
-fn write_image(path: &Path, bytes: &[u8], width: u32, height: u32, color: image::ExtendedColorType) {
+pub(super) fn write_image(path: &Path, bytes: &[u8], width: u32, height: u32, color: image::ExtendedColorType) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     image::save_buffer(path, bytes, width, height, color).unwrap();
 }
 
-fn read_json(path: &Path) -> Value {
+pub(super) fn read_json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
 /// The message of opening the sample after a change of its `capture.json`.
-fn message_after(change: impl FnOnce(&mut Value)) -> String {
+pub(super) fn message_after(change: impl FnOnce(&mut Value)) -> String {
     let folder = tempfile::tempdir().unwrap();
     sample(folder.path()).save().unwrap();
     let file = folder.path().join("capture.json");
@@ -71,7 +72,7 @@ fn message_after(change: impl FnOnce(&mut Value)) -> String {
     message
 }
 
-fn assert_contains(message: &str, parts: &[&str]) {
+pub(super) fn assert_contains(message: &str, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "{message:?} should say {part:?}");
     }
@@ -158,8 +159,8 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["side"] = json!("middle"), &["side", "right"]),
         (|v| v["side"] = json!("left"), &["hand_model", "right hand", "left"]),
         (|v| v["background"] = json!([0, 255, 0]), &["background", "0 to 1"]),
-        (|v| drop(v.as_object_mut().unwrap().remove("cameras")), &["missing field `cameras`"]),
-        (|v| v["cameras"][0]["width"] = json!("wide"), &["invalid type", "line"]),
+        (|v| drop(v.as_object_mut().unwrap().remove("cameras")), &["the field `cameras` is missing"]),
+        (|v| v["cameras"][0]["width"] = json!("wide"), &["cameras[0].width", "the text \"wide\"", "line"]),
         (|v| v["cameras"][0]["width"] = json!(0), &["cameras[\"cam0\"].width", "is 0"]),
         (|v| v["cameras"][1]["id"] = json!("cam0"), &["cameras", "\"cam0\" is there twice"]),
         (|v| v["cameras"][1]["id"] = json!("../x"), &["cameras", "\"../x\"", "path"]),
@@ -181,8 +182,8 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["splits"]["test"]["cameras"] = json!(["cam9"]), &["splits[\"test\"].cameras", "\"cam9\""]),
         (|v| v["splits"]["test"]["frames"] = json!(["nine"]), &["splits[\"test\"].frames", "\"nine\""]),
         (|v| v["splits"]["test"]["frames"] = json!(["0000", "0000"]), &["splits[\"test\"].frames", "twice"]),
-        (|v| v["hand_model"]["kind"] = json!("mano"), &["hand_model.kind", "MANO_RIGHT.pkl", "--hand-model"]),
-        (|v| v["hand_model"]["kind"] = json!("foot"), &["hand_model.kind", "\"foot\"", "procedural"]),
+        (|v| v["hand_model"] = json!({"kind": "mano"}), &["hand_model.kind", "MANO_RIGHT.pkl", "--hand-model"]),
+        (|v| v["hand_model"] = json!({"kind": "foot"}), &["hand_model.kind", "\"foot\"", "procedural"]),
         (|v| v["hand_model"]["joints"][3] = json!("tail"), &["hand_model.joints", "\"tail\"", "no joint"]),
         (
             |v| {

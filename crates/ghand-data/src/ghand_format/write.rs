@@ -1,11 +1,14 @@
 //! The `capture.json` of a [`Capture`].
 
+use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::{Camera, HandModel, Side};
+use serde_json::{Map, Value};
 
 use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 use crate::checks::is_plain_id;
+use crate::distortion::Distortion;
 use crate::json_file::write_json;
 use crate::truth::{pose_rows, write_truth};
 
@@ -58,7 +61,10 @@ impl Capture {
             side: if self.side == Side::Right { "right" } else { "left" }.into(),
             background: self.background,
             hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
-            cameras: self.cameras.iter().map(camera_file).collect(),
+            cameras: (0..)
+                .zip(&self.cameras)
+                .map(|(i, c)| camera_file(c, self.distortion.get(i).copied().flatten()))
+                .collect(),
             frames: frames.collect(),
             image_path: self.images.image.clone(),
             mask_path: self.images.mask.clone(),
@@ -70,7 +76,7 @@ impl Capture {
 fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile {
     let (kind, path, parameters) = match source {
         HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
-        HandModelSource::Procedural(hand) => ("procedural", None, Some(hand.clone())),
+        HandModelSource::Procedural(hand) => ("procedural", None, Some(parameters(hand))),
         HandModelSource::Mano => ("mano", None, None),
     };
     let parents = model.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect();
@@ -83,7 +89,16 @@ fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile
     }
 }
 
-fn camera_file(camera: &Camera) -> CameraFile {
+/// The parameters as a file has them.
+fn parameters(hand: &ProceduralHand) -> Map<String, Value> {
+    match serde_json::to_value(hand) {
+        Ok(Value::Object(parameters)) => parameters,
+        // Its fields are plain numbers.
+        _ => Map::new(),
+    }
+}
+
+fn camera_file(camera: &Camera, distortion: Option<Distortion>) -> CameraFile {
     CameraFile {
         id: camera.id.clone(),
         width: camera.width,
@@ -96,5 +111,6 @@ fn camera_file(camera: &Camera) -> CameraFile {
         // glam stores columns; the file holds rows.
         rotation: camera.rotation.transpose().to_cols_array_2d(),
         translation: camera.translation.to_array(),
+        distortion: distortion.map(|distortion| distortion.to_opencv().to_vec()),
     }
 }

@@ -1,7 +1,7 @@
 //! How much of an image is hand, and how well the posed template meets it.
 
+use ghand_core::Pose;
 use ghand_core::posing::pose_hand;
-use ghand_core::{Camera, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -25,6 +25,16 @@ pub struct ViewFit {
     pub iou_given: Option<f64>,
     /// The same in the true pose, where that is known.
     pub iou_true: Option<f64>,
+    /// Whether anything of the posed template, in the frame's own pose, is in the image.
+    pub shows_template: bool,
+    /// The largest value of any channel on the hand, or of the whole image where no hand is marked.
+    pub brightest: u8,
+    /// The largest difference of two values of a channel, over the whole image.
+    pub contrast: u8,
+    /// Whether the mask's file has 0 and 1 instead of 0 and 255.
+    pub is_zero_one: bool,
+    /// Pixels of the image's file with a channel that is not a number.
+    pub nan_pixels: usize,
 }
 
 /// The capture's hand model in a frame's shape and pose, its vertices (world, metres): first in the frame's own pose, then in
@@ -78,28 +88,39 @@ fn view_fit(
     truth: Option<&[DVec3]>,
 ) -> Result<ViewFit, CaptureError> {
     let (camera, _) = capture.camera_and_frame(camera_index, frame)?;
-    let mask = mask_of(capture, &capture.load_view(camera_index, frame)?);
-    let of_template =
-        |vertices: &[DVec3]| mask.as_ref().and_then(|mask| iou(mask, &outline(capture, camera, vertices)));
+    let (view, notes) = capture.load_view_with_notes(camera_index, frame)?;
+    let mask: Option<Vec<bool>> = notes.has_mask.then(|| view.rgba.iter().map(|pixel| pixel[3] >= 128).collect());
+    let outline = |vertices: &[DVec3]| fill(camera, vertices, &capture.hand_model.faces);
+    let agreement = |outline: &[bool]| mask.as_ref().and_then(|mask| iou(mask, outline));
+    let given = outline(given);
     let coverage =
         mask.as_ref().map(|mask| mask.iter().filter(|hand| **hand).count() as f64 / mask.len().max(1) as f64);
     Ok(ViewFit {
         camera: camera_index,
         frame,
         coverage,
-        iou_given: of_template(given),
-        iou_true: truth.and_then(of_template),
+        iou_given: agreement(&given),
+        iou_true: truth.and_then(|truth| agreement(&outline(truth))),
+        shows_template: given.contains(&true),
+        brightest: brightest(&view),
+        contrast: contrast(&view),
+        is_zero_one: notes.is_zero_one,
+        nan_pixels: notes.nan_pixels,
     })
 }
 
-/// Where the hand is; `None` if the image has no mask.
-fn mask_of(capture: &Capture, view: &View) -> Option<Vec<bool>> {
-    let mask: Vec<bool> = view.rgba.iter().map(|pixel| pixel[3] >= 128).collect();
-    // A view of a capture without masks and without an alpha channel is hand everywhere.
-    let has_mask = capture.images.mask.is_some() || mask.contains(&false);
-    has_mask.then_some(mask)
+/// The largest value of any channel on the hand, or of the whole image where no hand is marked.
+fn brightest(view: &View) -> u8 {
+    let value = |[r, g, b, _]: &[u8; 4]| *r.max(g).max(b);
+    let on_hand = view.rgba.iter().filter(|pixel| pixel[3] >= 128).map(value).max();
+    on_hand.or_else(|| view.rgba.iter().map(value).max()).unwrap_or(0)
 }
 
-fn outline(capture: &Capture, camera: &Camera, vertices: &[DVec3]) -> Vec<bool> {
-    fill(camera, vertices, &capture.hand_model.faces)
+/// The largest difference of two values of a channel.
+fn contrast(view: &View) -> u8 {
+    let range = |channel: usize| {
+        let values = || view.rgba.iter().map(|pixel| pixel[channel]);
+        values().max().unwrap_or(0) - values().min().unwrap_or(0)
+    };
+    range(0).max(range(1)).max(range(2))
 }

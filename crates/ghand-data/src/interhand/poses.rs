@@ -11,6 +11,7 @@ use serde::de::{Error, MapAccess};
 
 use super::annotations::REMEDY;
 use crate::capture::Frame;
+use crate::checks::Checker;
 use crate::error::CaptureError;
 use crate::json::{Keys, Numbers, Object, read_json, read_streaming, skip};
 
@@ -40,7 +41,13 @@ pub(super) fn read_poses(
         OfCapture { capture, frames: Frames { wanted: Some(wanted), side: model.side, found: HashMap::new() } };
     read_streaming(path, Object(&mut reader), REMEDY)?;
     let mean = model.pose_space.as_ref().map_or(&[][..], |space| &space.mean);
-    Ok(reader.frames.found.into_iter().map(|(number, p)| (number, frame(&p, mean))).collect())
+    let mut frames = HashMap::new();
+    for (number, parameters) in reader.frames.found {
+        let frame = frame(&parameters, mean);
+        Checker { path }.pose_range(&number.to_string(), &frame.pose, &frame.shape, &model.joint_names)?;
+        frames.insert(number, frame);
+    }
+    Ok(frames)
 }
 
 /// The parameters of one hand in all frames of a text; for readers of untrusted bytes.

@@ -142,7 +142,7 @@ fn images(capture: &Capture) -> Result<Value, CaptureError> {
 /// The box of the hand on a mask: x, y, width, height, pixels.
 fn hand_box(capture: &Capture, camera: usize, frame: usize) -> Result<[u32; 4], CaptureError> {
     let size = capture.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
-    let mask = capture.load_mask(camera, frame, size)?.unwrap_or_default();
+    let mask = capture.load_mask(camera, frame, size)?.map(|mask| mask.values).unwrap_or_default();
     let pixels: Vec<[u8; 4]> = mask.into_iter().map(|m| [0, 0, 0, m]).collect();
     Ok(crop_box(&pixels, size.0, size.1, 0))
 }

@@ -49,7 +49,7 @@ fn the_rate_changes_the_number_of_frames_and_nothing_else() {
     for (k, frame) in slow.frames.iter().enumerate() {
         assert!(turn(&frame.pose, &fast.frames[4 * k].pose) < 1e-9);
     }
-    let again = fast.resampled(10.0);
+    let again = fast.resampled(10.0).unwrap();
     assert_eq!(again.frames.len(), slow.frames.len());
     assert!(again.frames.iter().zip(&slow.frames).all(|(a, b)| turn(&a.pose, &b.pose) < 1e-9));
     assert!(!(turn(&slow.frames[0].pose, &slow.frames[9].pose) < 1e-9), "the comparison sees a difference");

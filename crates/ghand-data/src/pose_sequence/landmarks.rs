@@ -13,7 +13,7 @@ use ghand_core::Side;
 use ghand_core::value::Value;
 use glam::DVec3;
 
-use super::recording::{fps_of_times, frames_of, id_of, side_of, vector};
+use super::recording::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, Recording, Skipped, Source};
 
 /// How many landmarks a hand has.
@@ -28,9 +28,13 @@ const NAMES: [&str; 7] = [
     "multiHandWorldLandmarks",
     "landmarks_world",
 ];
-const IMAGE_NAMES: [&str; 5] =
+/// Landmarks in the picture, in parts of its width and height.
+pub(super) const IMAGE_NAMES: [&str; 5] =
     ["landmarks", "hand_landmarks", "handLandmarks", "multi_hand_landmarks", "multiHandLandmarks"];
 const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness", "multiHandedness", "side", "hand"];
+
+/// Landmarks further than this from the wrist are not metres.
+const LARGEST_SPAN: f64 = 1.0;
 
 /// One moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,10 +135,32 @@ fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
     }
     let mut points = [DVec3::ZERO; LANDMARK_COUNT];
     for (k, (point, item)) in points.iter_mut().zip(&items).enumerate() {
-        *point = vector(item).ok_or_else(|| format!("has a landmark {k} that is no point"))?;
+        *point = vector(item).ok_or_else(|| format!("landmark {k} is not a point: give x, y and z"))?;
+        point_in_range(*point).map_err(|problem| format!("landmark {k} {problem}"))?;
     }
-    match points.iter().position(|point| !point.is_finite()) {
-        Some(k) => Err(format!("has a landmark {k} that is not finite")),
-        None => Ok(points),
+    Ok(points)
+}
+
+/// Landmarks that are numbers alone, 3 each: nothing but their size tells that they are metres.
+pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], String> {
+    let mut points = [DVec3::ZERO; LANDMARK_COUNT];
+    if numbers.len() != 3 * LANDMARK_COUNT {
+        return Err(format!("has {} numbers, expected {LANDMARK_COUNT} landmarks of 3", numbers.len()));
     }
+    for (k, (point, values)) in points.iter_mut().zip(numbers.chunks_exact(3)).enumerate() {
+        *point = DVec3::from_slice(values);
+        if !point.is_finite() {
+            return Err(format!("landmark {k} is not finite"));
+        }
+    }
+    let span = points.iter().map(|point| point.distance(points[0])).fold(0.0, f64::max);
+    if span > LARGEST_SPAN {
+        return Err(format!(
+            "the landmarks are up to {span:.3} m from the wrist, a hand's up to 0.25; give metres (millimetres / 1000, not pixels)"
+        ));
+    }
+    for (k, point) in points.iter().enumerate() {
+        point_in_range(*point).map_err(|problem| format!("landmark {k} {problem}"))?;
+    }
+    Ok(points)
 }

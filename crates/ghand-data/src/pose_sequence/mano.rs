@@ -34,6 +34,7 @@ use ghand_core::value::Value;
 use ghand_core::{Pose, Side};
 use glam::{DMat3, DVec3};
 
+use super::recording::{ManoRows, in_range};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rig::Rig;
 use arrays::{arctic, body, hawor, is_arctic, is_body};
@@ -97,50 +98,71 @@ fn recording(
     let warnings = skipped.finish(source, total)?.into_iter().collect();
     let rates = ["fps", "mocap_framerate", "mocap_frame_rate", "frame_rate"];
     let fps = source.fps(value, &rates)?.or(fps);
-    Ok(Recording { side, fps, motion: Motion::Mano { frames, from_mean }, warnings })
+    Ok(Recording { side, fps, motion: Motion::Mano(ManoRows { frames, from_mean, opengl: false }), warnings })
 }
 
 /// Numbers of one hand and one frame: the root and 15 joints as axis-angles or matrices.
-fn frame(id: &str, orient: &[f64], fingers: &[f64], shape: &[f64], place: &[f64]) -> Result<PoseFrame, String> {
-    let mut rotations = axis_angles(orient, 1)?;
-    rotations.extend(axis_angles(fingers, 15)?);
+pub(super) fn frame(
+    id: &str,
+    orient: &[f64],
+    fingers: &[f64],
+    shape: &[f64],
+    place: &[f64],
+) -> Result<PoseFrame, String> {
+    let mut rotations = axis_angles(orient, 0..1)?;
+    rotations.extend(axis_angles(fingers, 1..16)?);
     let translation = match place {
         [] => DVec3::ZERO,
         [x, y, z] => DVec3::new(*x, *y, *z),
         other => return Err(format!("has a translation of {} numbers, expected 3", other.len())),
     };
-    if !translation.is_finite() || shape.iter().any(|value| !value.is_finite()) {
-        return Err("holds a number that is not finite".into());
-    }
-    Ok(PoseFrame { id: id.into(), pose: Pose { rotations, translation }, shape: shape.to_vec() })
+    let pose = Pose { rotations, translation };
+    let names = JOINTS.get_or_init(|| JOINT_NAMES.map(String::from));
+    in_range(&pose, shape, names).map_err(|(field, problem)| format!("{field}: {problem}"))?;
+    Ok(PoseFrame { id: id.into(), pose, shape: shape.to_vec() })
 }
 
-fn axis_angles(values: &[f64], joints: usize) -> Result<Vec<DVec3>, String> {
-    if values.iter().any(|value| !value.is_finite()) {
-        return Err("holds a number that is not finite".into());
+/// Names of MANO's joints.
+static JOINTS: OnceLock<[String; 16]> = OnceLock::new();
+
+/// Rotations of those of MANO's joints.
+fn axis_angles(values: &[f64], joints: std::ops::Range<usize>) -> Result<Vec<DVec3>, String> {
+    let [few, many] = [3 * joints.len(), 9 * joints.len()];
+    if values.len() != few && values.len() != many {
+        let count = joints.len();
+        return Err(format!("has {} numbers for {count} joints, expected {few} or {many}", values.len()));
     }
-    if values.len() == 3 * joints {
-        return Ok(values.chunks_exact(3).map(DVec3::from_slice).collect());
-    }
-    if values.len() != 9 * joints {
-        let [few, many] = [3 * joints, 9 * joints];
-        return Err(format!("has {} numbers for {joints} joints, expected {few} or {many}", values.len()));
-    }
-    let axis_angle = |values: &[f64]| {
-        // Rows in the file, columns in glam.
-        let matrix = DMat3::from_cols_slice(values).transpose();
-        let error = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
-        if !(error.iter().all(|e| e.abs() <= ROTATION_TOLERANCE) && matrix.determinant() > 0.0) {
-            return Err("holds a matrix that is no rotation".to_owned());
-        }
-        let mut rotation = matrix;
-        // Newton's iteration for the polar factor: 2e-2, 4e-4, 2e-7, 3e-14, rounding.
-        for _ in 0..5 {
-            rotation = (rotation + rotation.inverse().transpose()) * 0.5;
-        }
-        Ok(axis_angle_from_rotation(&rotation))
+    let width = if values.len() == few { 3 } else { 9 };
+    let rotation = |(joint, values): (usize, &[f64])| {
+        let name = JOINT_NAMES.get(joint).copied().unwrap_or_default();
+        axis_angle(values).map_err(|problem| format!("joint {name:?} {problem}"))
     };
-    values.chunks_exact(9).map(axis_angle).collect()
+    joints.zip(values.chunks_exact(width)).map(rotation).collect()
+}
+
+/// The rotation of an axis-angle vector or of a matrix, row by row.
+fn axis_angle(values: &[f64]) -> Result<DVec3, &'static str> {
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err("holds a number that is not finite");
+    }
+    if values.len() == 3 {
+        return Ok(DVec3::from_slice(values));
+    }
+    if values.iter().all(|value| *value == 0.0) {
+        return Err("has a matrix of zeros, which is not a rotation");
+    }
+    // Rows in the file, columns in glam.
+    let matrix = DMat3::from_cols_slice(values).transpose();
+    let error = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
+    if !(error.iter().all(|e| e.abs() <= ROTATION_TOLERANCE) && matrix.determinant() > 0.0) {
+        return Err("has a matrix that is not a rotation: its rows must be units at right angles, right-handed");
+    }
+    let mut rotation = matrix;
+    // Newton's iteration for the polar factor: 2e-2, 4e-4, 2e-7, 3e-14, rounding.
+    for _ in 0..5 {
+        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
+    }
+    Ok(axis_angle_from_rotation(&rotation))
 }
 
 /// Captures by name, if the value is of InterHand's layout; one without a name if it is a capture alone.

@@ -1,16 +1,25 @@
 //! What a reader found, before it is for a hand model.
 
-use ghand_core::Side;
+use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
 use ghand_core::value::Value;
-use glam::DVec3;
+use ghand_core::{Pose, Side};
+use glam::{DMat3, DVec3};
 
+use super::file_rig::FileRig;
 use super::landmarks::LandmarkFrame;
-use super::{PoseError, PoseFrame};
+use super::{DEFAULT_FPS, PoseError, PoseFrame};
 
 /// Most numbers that are copied to the frames that share them: as many as a file may hold.
 const MOST_COPIES: usize = 1 << 25;
 
+/// Frames a second that a file may give: from one in a quarter of an hour to more than any camera takes.
+const FPS_RANGE: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
+
+/// ghand's world (y down, looking along z) from OpenGL's, WebXR's and OpenXR's (y up, looking along -z).
+pub(crate) const OPENGL_AXES: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+
 /// The file that is read, and what is wanted of it.
+#[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     /// Its name, for messages.
     pub origin: &'a str,
@@ -18,6 +27,8 @@ pub(crate) struct Source<'a> {
     pub wanted: Side,
     /// Which capture to take if there are several.
     pub take: Option<&'a str>,
+    /// How many joints the model has that the poses are for.
+    pub joint_count: usize,
 }
 
 /// The content of a file.
@@ -30,15 +41,35 @@ pub(crate) struct Recording {
 }
 
 pub(crate) enum Motion {
-    /// Rotations in the order of the joints of the model that they are used with, or of named ones; from the model's mean pose
-    /// if it has one, or from the flat hand.
-    Rows { joints: Option<Vec<String>>, frames: Vec<PoseFrame>, is_capture: bool, from_mean: bool },
-    /// Rotations of MANO's 16 joints, from MANO's mean pose or from the flat hand.
-    Mano { frames: Vec<PoseFrame>, from_mean: bool },
+    /// ghand's own rotations.
+    Rows(Rows),
+    /// Rotations of MANO's 16 joints.
+    Mano(ManoRows),
     /// Rotations of WebXR's 25 joints, each in the frame of its parent; the translation is the wrist's place.
     WebXr { frames: Vec<PoseFrame> },
     /// Places of 21 landmarks.
     Landmarks { frames: Vec<LandmarkFrame> },
+}
+
+/// Rotations in the order of the joints of the model that they are used with, or of a rig that the file describes.
+pub(crate) struct Rows {
+    pub rig: Option<FileRig>,
+    pub frames: Vec<PoseFrame>,
+    /// Kind of the hand model of a capture.
+    pub capture_kind: Option<String>,
+    /// Whether they are measured from the model's mean pose, if it has one.
+    pub from_mean: bool,
+    /// Which hand it is, if the file says beside the rig.
+    pub side: Option<Side>,
+}
+
+/// Rotations of MANO's 16 joints, in MANO's order.
+pub(crate) struct ManoRows {
+    pub frames: Vec<PoseFrame>,
+    /// Whether they are measured from MANO's mean pose, or from the flat hand.
+    pub from_mean: bool,
+    /// Whether the root and the translation are those of OpenGL's camera, y up and looking along -z.
+    pub opengl: bool,
 }
 
 impl Source<'_> {
@@ -60,14 +91,45 @@ impl Source<'_> {
     pub fn fps(&self, value: &Value, names: &[&str]) -> Result<Option<f64>, PoseError> {
         let Some((name, fps)) = names.iter().find_map(|name| Some((name, value.get(name)?))) else { return Ok(None) };
         match fps.number() {
-            Some(fps) if fps > 0.0 && fps <= 10_000.0 => Ok(Some(fps)),
+            Some(fps) if FPS_RANGE.contains(&fps) => Ok(Some(fps)),
             _ if *fps == Value::Nothing => Ok(None),
-            _ => Err(self.invalid(name, format!("is {}; give frames a second, above 0", shown(fps)))),
+            _ => {
+                let (low, high) = (FPS_RANGE.start(), FPS_RANGE.end());
+                let problem = format!(
+                    "is {}; give frames a second from {low} to {high}, or leave it away for {DEFAULT_FPS}: cameras and trackers \
+                     are within",
+                    shown(fps)
+                );
+                Err(self.invalid(name, problem))
+            }
         }
     }
 }
 
-fn shown(value: &Value) -> String {
+/// Whether a hand can have this pose and shape: else the field that is out of range and what is wrong with it.
+pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
+    pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
+        let field = match error {
+            PoseRangeError::Rotation { .. } => "pose",
+            PoseRangeError::Translation { .. } => "translation",
+            PoseRangeError::Shape { .. } => "shape",
+        };
+        (field, error.to_string())
+    })
+}
+
+/// Whether a point that a tracker saw is near enough; else what is wrong with it.
+pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
+    let distance = point.length();
+    match distance.partial_cmp(&LARGEST_TRANSLATION) {
+        Some(order) if order.is_le() => Ok(()),
+        _ if !point.is_finite() => Err("is not finite".into()),
+        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} can be; give metres")),
+    }
+}
+
+/// A value in a message: a number as it is, else what kind of value it is.
+pub(crate) fn shown(value: &Value) -> String {
     value.number().map_or_else(|| value.kind(), |number| number.to_string())
 }
 
@@ -88,11 +150,11 @@ impl Skipped {
     pub fn finish(self, source: &Source, total: usize) -> Result<Option<String>, PoseError> {
         let Some((id, problem)) = self.first else { return Ok(None) };
         if self.count >= total {
-            let problem = format!("none of the {total} can be used; the first, {id:?}: {problem}");
+            let problem = format!("none of the {total} can be used; frame {id:?}: {problem}");
             return Err(source.invalid("frames", problem));
         }
         let are = if self.count == 1 { "is" } else { "are" };
-        Ok(Some(format!("{} of {total} frames {are} left out; the first, {id:?}: {problem}", self.count)))
+        Ok(Some(format!("{} of {total} frames {are} left out; the first, frame {id:?}: {problem}", self.count)))
     }
 }
 

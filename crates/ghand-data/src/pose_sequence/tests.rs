@@ -1,6 +1,10 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
+mod arrays;
+mod hands;
 mod mano;
+mod messages;
+mod rigs;
 
 use ghand_core::hand_model::named_poses::named_pose;
 use ghand_core::skeleton::pose_skeleton;
@@ -10,6 +14,9 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Value as Json, json};
 
 use super::*;
+use crate::capture::Capture;
+use crate::ik::HandIk;
+use crate::retarget::{Retarget, mirrored};
 use crate::test_hands::{generic, larger, natural_pose, procedural};
 
 fn read(value: &Json, model: &HandModel) -> Result<PoseSequence, PoseError> {
@@ -77,14 +84,10 @@ fn own_poses_are_read_written_and_read_again_bit_for_bit() {
     assert!(sequence.frames.iter().zip(&poses).all(|(frame, pose)| frame.pose == *pose));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("poses.json");
-    ghand::write_poses(&path, &sequence).unwrap();
+    ghand::write_poses(&path, &sequence, right()).unwrap();
     assert_eq!(read_poses(&path, right(), &PoseOptions::default()).unwrap(), sequence);
-    assert!(
-        ghand::write_poses(&folder.path().join("no/poses.json"), &sequence)
-            .unwrap_err()
-            .to_string()
-            .contains("no/poses.json")
-    );
+    let error = ghand::write_poses(folder.path(), &sequence, right()).unwrap_err().to_string();
+    assert!(error.contains(&folder.path().display().to_string()), "{error}");
 }
 
 #[test]
@@ -134,7 +137,7 @@ fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
         (json!({"frames": [{"id": "a", "pose": good(), "shape": [1, null]}]}), &["frames[\"a\"].shape", "not finite"]),
         (json!({"format": "x", "frames": [{"pose": good()}]}), &["format", "ghand-capture"]),
         (json!({"format": "ghand-capture", "version": 2, "frames": [{"pose": good()}]}), &["version", "must be 1"]),
-        (json!({"hello": 1}), &["content", "no kind of poses"]),
+        (json!({"hello": 1}), &["content", "\"hello\" (a number)", "no kind of poses"]),
     ] {
         let error = read(&file, right()).unwrap_err().to_string();
         assert!(error.starts_with("poses.json: ") && parts.iter().all(|part| error.contains(part)), "{error}");

@@ -1,10 +1,15 @@
 //! Joints of WebXR (25) and OpenXR (26: the palm first, then WebXR's), as positions and orientations in space.
 //!
-//! Neither defines a file. Read is JSON with a list of frames (`{"fps":72,"frames":[...]}` or the list alone), each with the joints in
-//! `joints` (or `jointTransforms`, `poses`): as a map by name, or a list in order. A joint is `{"position": .., "orientation": ..}`, also
-//! inside of `pose` or `transform`, as lists (x, y, z, w) or by the names of the components, or `matrix` / `offsetMatrix` of 16 numbers,
-//! column by column, as WebXR's `fillPoses` gives them; or a row of 7 numbers. A frame may hold both hands, in `left` and `right`, in
-//! `hands` as a map or as a list with `handedness`. `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4).
+//! Neither defines a file. Read is JSON with a list of frames (`{"fps":72,"frames":[...]}`, the list alone, or JSON Lines), each with the
+//! joints in `joints` (or `jointTransforms`, `poses`, `matrices`): as a map by name, or a list in order. A joint is
+//! `{"position": .., "orientation": ..}`, also inside of `pose` or `transform`, as lists (x, y, z, w) or by the names of the components,
+//! or `matrix` / `offsetMatrix` of 16 numbers (`transform.matrix` of an `XRJointPose`), column by column; or a row of 7 numbers.
+//! What WebXR's `fillPoses` gives, 16 numbers for each joint in one row, is read as it is, also when `JSON.stringify` made a map of
+//! the `Float32Array`. A frame may hold both hands, in `left` and `right`, in `hands` as a map or as a list with `handedness`.
+//!
+//! `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4). `.npy`, or numbers alone: (T, 25 or 26, 7),
+//! (T, 25 or 26, 16), (T, 25 or 26, 4, 4), (T, 400 or 416), or one frame without T. A matrix that has its translation in the last
+//! column of its rows, as NumPy's (4, 4) have, is taken row by row.
 //!
 //! Metres; quaternions x, y, z, w; the frame of a joint has -Z along the bone and +Y out of the back of the hand. XR's world has y
 //! upwards and looks along -z; ghand's pictures have y downwards and look along z: the world is turned by half a turn about x.
@@ -13,17 +18,21 @@ use ghand_core::hand_model::joint_names::JointRole;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::value::Value;
 use ghand_core::{Pose, Side};
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
-use super::recording::{fps_of_times, frames_of, id_of, side_of, vector};
+use super::recording::{OPENGL_AXES, fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rig::Rig;
 
-const JOINTS_NAMES: [&str; 4] = ["joints", "jointTransforms", "joint_poses", "poses"];
+const JOINTS_NAMES: [&str; 8] =
+    ["joints", "jointTransforms", "joint_poses", "jointPoses", "poses", "matrices", "transforms", "fillPoses"];
 const POSITION_NAMES: [&str; 5] = ["position", "positions", "translation", "pos", "p"];
 const ORIENTATION_NAMES: [&str; 6] = ["orientation", "orientations", "rotation", "quaternion", "rot", "q"];
 const MATRIX_NAMES: [&str; 3] = ["matrix", "offsetMatrix", "transform"];
 const SIDE_NAMES: [&str; 4] = ["handedness", "side", "hand", "hand_side"];
+
+/// Entries of a matrix that is given row by row, and of the last row of a transform, may be off by this.
+const AFFINE_TOLERANCE: f64 = 1e-4;
 
 /// Where a joint is in space, in ghand's world.
 type Placed = (DVec3, DMat3);
@@ -32,13 +41,45 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     if value.get("positions").is_some() && value.get("orientations").is_some() {
         return Some(archive(source, value));
     }
-    let single = [value.clone()];
-    let frames = if joints(value).is_some() { &single[..] } else { frames_of(value)? };
-    let is_xr = |frame: &Value| hands(frame).iter().any(|(_, hand)| joints(hand).is_some());
-    if !frames.iter().any(is_xr) {
+    let numbers = value.get("frames").unwrap_or(value);
+    if is_joints(numbers) {
+        return Some(numbers_of_joints(source, value, numbers));
+    }
+    let is_single = joints(value).is_some() || (matches!(value, Value::Map(_)) && holds_joints(value));
+    let frames = if is_single { std::slice::from_ref(value) } else { frames_of(value)? };
+    if !frames.iter().any(holds_joints) {
         return None;
     }
     Some(frames_of_joints(source, value, frames))
+}
+
+fn holds_joints(frame: &Value) -> bool {
+    hands(frame).iter().any(|(_, hand)| joints(hand).is_some())
+}
+
+/// Whether a value is numbers that can only be the joints of one frame or of many.
+pub(super) fn is_joints(value: &Value) -> bool {
+    value.numbers().is_some_and(|array| is_frame(&array.shape) || is_sequence(&array.shape))
+}
+
+/// Joints as numbers alone, beside other fields of `value`.
+pub(super) fn numbers_of_joints(source: &Source, value: &Value, numbers: &Value) -> Result<Recording, PoseError> {
+    match numbers {
+        Value::Numbers(array) if is_frame(&array.shape) => {
+            frames_of_joints(source, value, std::slice::from_ref(numbers))
+        }
+        _ => frames_of_joints(source, value, &numbers.items().unwrap_or_default()),
+    }
+}
+
+/// The shape of the joints of one frame.
+fn is_frame(shape: &[usize]) -> bool {
+    matches!(shape, [25 | 26, 7 | 16] | [25 | 26, 4, 4] | [400 | 416])
+}
+
+/// The shape of the joints of many frames.
+fn is_sequence(shape: &[usize]) -> bool {
+    shape.split_first().is_some_and(|(_, frame)| is_frame(frame))
 }
 
 fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
@@ -47,12 +88,17 @@ fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
 
 /// What holds the joints of a hand, if anything does.
 fn joints(value: &Value) -> Option<&Value> {
-    find(value, &JOINTS_NAMES).filter(|joints| match joints {
+    let (holder, is_named) = match value {
+        Value::Map(_) => (find(value, &JOINTS_NAMES)?, true),
+        other => (other, false),
+    };
+    let is_joints = match holder {
         Value::Map(entries) => entries.iter().any(|(name, _)| JointRole::of(name).is_some()),
-        Value::List(items) => matches!(items.len(), 25 | 26),
-        Value::Numbers(array) => matches!(array.shape[..], [25 | 26, 7 | 16] | [25 | 26, 4, 4] | [400 | 416]),
+        Value::List(items) => matches!(items.len(), 25 | 26) && (is_named || items.iter().any(is_joint)),
+        Value::Numbers(array) => is_frame(&array.shape),
         _ => false,
-    })
+    };
+    is_joints.then_some(holder)
 }
 
 /// The hands of a frame, with their sides where the file says.
@@ -118,17 +164,19 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
             source.invalid("orientations", format!("must be for {count} frames of {joints} joints as positions"))
         );
     }
+    let names = Rig::webxr(Side::Right).joint_names;
     let (mut frames, mut skipped) = (Vec::new(), Skipped::default());
     for k in 0..count {
         let id = format!("{k:04}");
-        let place = |j: usize| {
+        let place = |(j, name): (usize, &String)| {
             let at = k * joints + j;
-            let q = orientations.get(4 * at..4 * at + 4)?;
-            placed(DVec3::from_slice(positions.get(3 * at..3 * at + 3)?), DQuat::from_slice(q))
+            let position = positions.get(3 * at..3 * at + 3).map(DVec3::from_slice).unwrap_or(DVec3::NAN);
+            let orientation = orientations.get(4 * at..4 * at + 4).map(DQuat::from_slice).unwrap_or(DQuat::NAN);
+            placed(position, orientation).map_err(|problem| format!("joint {name:?}: {problem}"))
         };
         // OpenXR's palm is not needed.
-        let joints: Option<Vec<Placed>> = (joints - 25..joints).map(place).collect();
-        match joints.ok_or_else(|| "holds a joint that is not known".into()).and_then(|placed| pose(&placed)) {
+        let joints: Result<Vec<Placed>, String> = (joints - 25..joints).zip(&names).map(place).collect();
+        match joints.and_then(|placed| pose(&placed)) {
             Ok(pose) => frames.push(PoseFrame { id, pose, shape: vec![] }),
             Err(problem) => skipped.add(&id, problem),
         }
@@ -149,17 +197,18 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
             .zip(&rig.roles)
             .position(|(own, own_role)| own == name || (role.is_some() && *own_role == role))
     };
-    let mut found: Vec<Option<Placed>> = vec![None; rig.joints.len()];
+    let by_rows = is_row_by_row(joints);
+    let mut found: Vec<Option<Result<Placed, String>>> = vec![None; rig.joints.len()];
     if let Value::Map(entries) = joints {
         for (name, joint) in entries {
             if let Some(slot) = named(name).and_then(|k| found.get_mut(k)) {
-                *slot = placed_joint(joint);
+                *slot = (*joint != Value::Nothing).then(|| placed_joint(joint, by_rows));
             }
         }
     } else {
-        let items = match joints.numbers().map(|array| (&array.shape[..], array)) {
-            Some(([400 | 416], array)) => array.values.chunks(16).map(matrix).collect(),
-            _ => joints.items().unwrap_or_default().iter().map(placed_joint).collect::<Vec<_>>(),
+        let items: Vec<Result<Placed, String>> = match joints.numbers() {
+            Some(array) if array.shape.len() == 1 => array.values.chunks(16).map(|m| matrix(m, by_rows)).collect(),
+            _ => joints.items().unwrap_or_default().iter().map(|item| placed_joint(item, by_rows)).collect(),
         };
         let names: Vec<Option<usize>> = match joints {
             Value::List(items) => items
@@ -173,32 +222,69 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
         for (k, joint) in items.into_iter().enumerate() {
             let to = if by_name { names.get(k).copied().flatten() } else { k.checked_sub(palm) };
             if let Some(slot) = to.and_then(|to| found.get_mut(to)) {
-                *slot = joint;
+                *slot = Some(joint);
             }
         }
     }
-    match found.iter().position(Option::is_none) {
-        Some(k) => Err(format!("lacks the joint {:?}, or holds a number that is not finite", rig.joint_names[k])),
-        None => Ok(found.into_iter().flatten().collect()),
-    }
+    let joint = |(name, joint): (&String, Option<Result<Placed, String>>)| match joint {
+        Some(joint) => joint.map_err(|problem| format!("joint {name:?}: {problem}")),
+        None => Err(format!("joint {name:?} is missing")),
+    };
+    rig.joint_names.iter().zip(found).map(joint).collect()
 }
 
-fn placed_joint(joint: &Value) -> Option<Placed> {
+/// Whether the joints are matrices with their translations at the ends of rows, in numbers alone.
+fn is_row_by_row(joints: &Value) -> bool {
+    let Some(array) = joints.numbers().filter(|array| array.shape[..] != [25, 7] && array.shape[..] != [26, 7]) else {
+        return false;
+    };
+    let largest = |places: [usize; 3]| {
+        let entries =
+            array.values.chunks_exact(16).flat_map(|m| places.map(|place| m.get(place).copied().unwrap_or(0.0)));
+        entries.fold(0.0, |largest: f64, entry| largest.max(entry.abs()))
+    };
+    largest([12, 13, 14]) <= AFFINE_TOLERANCE && largest([3, 7, 11]) > AFFINE_TOLERANCE
+}
+
+/// What may hold the place of a joint, the most telling first.
+fn holders(joint: &Value) -> impl Iterator<Item = &Value> {
+    let pose = joint.get("pose");
+    [pose.and_then(|pose| pose.get("transform")), pose, joint.get("transform"), Some(joint)].into_iter().flatten()
+}
+
+/// Whether a value of a list looks like a joint.
+fn is_joint(value: &Value) -> bool {
+    holders(value).any(|map| {
+        find(map, &MATRIX_NAMES).is_some()
+            || (find(map, &POSITION_NAMES).is_some() && find(map, &ORIENTATION_NAMES).is_some())
+    })
+}
+
+fn placed_joint(joint: &Value, by_rows: bool) -> Result<Placed, String> {
     if let Some(array) = joint.numbers() {
-        return match array.values.len() {
-            7 => placed(DVec3::from_slice(array.values.get(..3)?), DQuat::from_slice(array.values.get(3..)?)),
-            16 => matrix(&array.values),
-            _ => None,
+        return match array.values[..] {
+            [px, py, pz, x, y, z, w] => placed(DVec3::new(px, py, pz), DQuat::from_xyzw(x, y, z, w)),
+            _ if array.values.len() == 16 => matrix(&array.values, by_rows),
+            _ => Err(format!(
+                "has {} numbers, expected 7 (position and quaternion) or 16 (a matrix)",
+                array.values.len()
+            )),
         };
     }
-    let inner = [joint.get("pose"), joint.get("transform"), Some(joint)];
-    inner.into_iter().flatten().find_map(|map| {
+    let found = holders(joint).find_map(|map| {
         if let Some(values) = find(map, &MATRIX_NAMES).and_then(Value::numbers).filter(|array| array.values.len() == 16)
         {
-            return matrix(&values.values);
+            return Some(matrix(&values.values, false));
         }
-        placed(vector(find(map, &POSITION_NAMES)?)?, quaternion(find(map, &ORIENTATION_NAMES)?)?)
-    })
+        let position = find(map, &POSITION_NAMES)?;
+        let orientation = find(map, &ORIENTATION_NAMES)?;
+        Some(match (vector(position), quaternion(orientation)) {
+            (Some(position), Some(orientation)) => placed(position, orientation),
+            (None, _) => Err("its position is not 3 numbers".into()),
+            (_, None) => Err("its orientation is not a quaternion: x, y, z and w".into()),
+        })
+    });
+    found.unwrap_or_else(|| Err("has neither a position with an orientation nor a matrix of 16 numbers".into()))
 }
 
 fn quaternion(value: &Value) -> Option<DQuat> {
@@ -212,24 +298,41 @@ fn quaternion(value: &Value) -> Option<DQuat> {
     Some(DQuat::from_xyzw(part("x")?, part("y")?, part("z")?, part("w")?))
 }
 
-/// 16 numbers column by column.
-fn matrix(values: &[f64]) -> Option<Placed> {
-    let columns = values.first_chunk::<16>()?;
-    let matrix = glam::DMat4::from_cols_array(columns);
+/// 16 numbers, column by column or row by row.
+fn matrix(values: &[f64], by_rows: bool) -> Result<Placed, String> {
+    let Some(numbers) = values.first_chunk::<16>() else {
+        return Err(format!("has a matrix of {} numbers, expected 16", values.len()));
+    };
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err("its matrix holds a number that is not finite".into());
+    }
+    let matrix = DMat4::from_cols_array(numbers);
+    let matrix = if by_rows { matrix.transpose() } else { matrix };
     let rotation = DMat3::from_mat4(matrix);
+    if rotation == DMat3::ZERO {
+        return Err("its matrix is all zeros: the joint was not tracked".into());
+    }
     let error = (rotation * rotation.transpose() - DMat3::IDENTITY).to_cols_array();
-    let is_rotation = error.iter().all(|e| e.abs() <= 1e-2) && rotation.determinant() > 0.0;
-    is_rotation.then(|| placed(matrix.w_axis.truncate(), DQuat::from_mat3(&rotation)))?
+    if !(error.iter().all(|e| e.abs() <= 1e-2) && rotation.determinant() > 0.0) {
+        return Err("its matrix is not a rotation with a translation".into());
+    }
+    placed(matrix.w_axis.truncate(), DQuat::from_mat3(&rotation))
 }
 
 /// From XR's world to ghand's.
-fn placed(position: DVec3, orientation: DQuat) -> Option<Placed> {
+fn placed(position: DVec3, orientation: DQuat) -> Result<Placed, String> {
+    point_in_range(position).map_err(|problem| format!("its position {problem}"))?;
     let length = orientation.length();
-    if !(position.is_finite() && (0.5..2.0).contains(&length)) {
-        return None;
+    if !length.is_finite() {
+        return Err("its quaternion holds a number that is not finite".into());
     }
-    let world = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
-    Some((world * position, world * DMat3::from_quat(orientation.normalize())))
+    if length == 0.0 {
+        return Err("its quaternion is all zeros; the rest is 0, 0, 0, 1".into());
+    }
+    if !(0.5..2.0).contains(&length) {
+        return Err(format!("its quaternion has the length {length:?}, expected 1"));
+    }
+    Ok((OPENGL_AXES * position, OPENGL_AXES * DMat3::from_quat(orientation.normalize())))
 }
 
 /// Rotations of each joint in the frame of its parent.

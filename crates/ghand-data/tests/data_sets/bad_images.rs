@@ -83,7 +83,7 @@ fn a_header_that_claims_a_gigantic_image_is_refused_before_any_pixel_is_read() {
 }
 
 /// The checksum of a PNG chunk.
-fn crc32(bytes: &[u8]) -> u32 {
+pub fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for byte in bytes {
         crc ^= u32::from(*byte);

@@ -95,9 +95,16 @@ fn what_cannot_be_is_named() {
     let file = folder.path().join("2/metro_mano_smooth/0001_mano.pkl");
     let good = frame_pickle(&poses()[1].1, mano(), true);
     let floats = |shape: &[usize], values: &[f64]| Py::Array(array("<f4", shape, false, values));
-    let cases: [(&str, Option<Py>, &[&str]); 7] = [
+    let cases: [(&str, Option<Py>, &[&str]); 10] = [
         ("pose", Some(floats(&[1, 44], &[0.0; 44])), &["pose", "[1, 44]", "45 numbers"]),
         ("rot", Some(floats(&[3], &[0.0, f64::NAN, 0.0])), &["rot", "NaN"]),
+        ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" turns by 512.0 rad", "radians"]),
+        ("cam", Some(floats(&[3], &[1.0, 4096.0, 0.0])), &["joints, trans or cam", "metres"]),
+        (
+            "shape",
+            Some(floats(&[10], &[0.0, 0.0, 512.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+            &["shape", "number 2 is 512.0"],
+        ),
         ("cam", Some(floats(&[3], &[0.0, 0.1, 0.1])), &["cam", "scale 0", "positive"]),
         ("joints", Some(floats(&[63], &[0.0; 63])), &["joints", "[63]"]),
         ("shape", None, &["shape", "is missing"]),

@@ -14,12 +14,17 @@ fn inspected(capture: &Capture) -> CaptureInspection {
     CaptureInspection::of(capture, DEFAULT_SAMPLE).unwrap()
 }
 
+/// All findings in one line.
+fn told(found: &CaptureInspection) -> String {
+    found.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
 fn split<'a>(found: &'a CaptureInspection, name: &str) -> &'a SplitFacts {
     found.splits.iter().find(|split| split.name == name).unwrap()
 }
 
 /// A copy of the synthetic capture's files, to be damaged.
-fn copy() -> (Capture, TempDir) {
+pub fn copy() -> (Capture, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let mut capture = synthetic().clone();
     for split in synthetic().splits.values() {
@@ -52,7 +57,7 @@ fn a_sound_capture_has_no_problems_and_its_true_poses_fit_best() {
     let found = inspected(capture);
     assert_eq!((found.files.images, found.files.files), (6 * 3 + 2 * 2, 44));
     assert_eq!((found.files.missing, found.files.broken, found.files.made_masks), (0, 0, 0));
-    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
     assert_eq!(found.files.sizes.iter().collect::<Vec<_>>(), [(&[128, 192], &22)]);
     assert_eq!(found.frames_with_truth, 5);
     let (train, test) = (split(&found, "train"), split(&found, "test"));
@@ -148,7 +153,7 @@ fn wrong_conventions_are_warned_of() {
         let mut capture = synthetic().clone();
         change(&mut capture);
         let found = CaptureInspection::of(&capture, 12).unwrap();
-        assert_says(&found.warnings.join("; "), parts);
+        assert_says(&told(&found), parts);
     };
     let poor = "train (0.";
     warned(&|c| c.cameras.iter_mut().for_each(|c| c.rotation = c.rotation.transpose()), &[poor]);
@@ -170,12 +175,12 @@ fn images_without_masks_and_empty_masks_are_told_and_give_no_numbers() {
     let found = inspected(&capture);
     assert_eq!(found.files.files, 22);
     assert!(found.splits.iter().all(|s| s.views.len() > 3 && s.coverage().is_none() && s.iou_given().is_none()));
-    assert_says(&found.warnings.join("; "), &["22 of 22 images have no mask"]);
+    assert_says(&told(&found), &["22 of 22 images have no mask"]);
     let (capture, _folder) = copy();
     let [_, mask] = files(&capture, 2);
     GrayImage::new(128, 192).save(mask).unwrap();
     let found = inspected(&capture);
-    assert_says(&found.warnings.join("; "), &["1 of 22 masks are empty"]);
+    assert_says(&told(&found), &["1 of 22 masks are empty"]);
     assert_eq!(split(&found, "train").iou_given().unwrap().min, 0.0);
 }
 
@@ -187,7 +192,7 @@ fn masks_that_are_made_from_the_poses_are_counted() {
     let found = inspected(&capture);
     assert_eq!((found.files.missing, found.files.broken), (0, 0));
     assert_eq!((found.files.made_masks, found.files.files), (found.files.images, found.files.images));
-    assert_says(&found.warnings.join("; "), &["are made from the posed hand"]);
+    assert_says(&told(&found), &["are made from the posed hand"]);
 }
 
 #[test]
@@ -224,7 +229,7 @@ fn the_path_traced_captures_template_fits_as_its_makers_measured() {
     }
     let found = CaptureInspection::of(&Capture::open(&folder).unwrap(), 40).unwrap();
     assert_eq!((found.files.files, found.files.missing, found.files.broken), (1840, 0, 0));
-    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
     let [given, truth] = [split(&found, "train").iou_given(), split(&found, "train").iou_true()].map(Option::unwrap);
     assert_eq!((given.count, truth.count), (40, 40));
     // 0.802 and 0.941 on twenty images; single ones differ by 0.09 and 0.01.

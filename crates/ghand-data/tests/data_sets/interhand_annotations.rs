@@ -91,7 +91,7 @@ fn annotations_that_cannot_be_are_named_with_their_place() {
         (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "no rotation"]),
         (|d| d.camera["0"]["camrot"][camera_id(1)][0] = json!([1, 0]), &["camera.json", "3 finite numbers", "line 1"]),
         (|d| d.camera["0"]["focal"][camera_id(1)] = json!([0.0, 900.0]), &["camera.json", "400201", "singular"]),
-        (|d| d.camera["0"]["campos"][camera_id(1)][1] = json!("x"), &["camera.json", "invalid type", "line 1"]),
+        (|d| d.camera["0"]["campos"][camera_id(1)][1] = json!("x"), &["camera.json", "the text \"x\"", "line 1"]),
         (|d| d.camera = json!({"1": d.camera["0"]}), &["camera.json", "\"0\" is not there"]),
         (|d| d.images[3]["id"] = d.images[2]["id"].clone(), &["data.json", "id 1002 is there twice"]),
         (
@@ -157,4 +157,17 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
         std::fs::remove_file(folder.path().join(format!("annotations/test/InterHand2.6M_test_{kind}.json"))).unwrap();
         assert_says(&message(&options()), &[kind, "annotations", "download"]);
     }
+}
+
+#[test]
+fn poses_beyond_all_hands_are_named_with_file_frame_and_joint() {
+    let message = |field: &str, index: usize| {
+        let (opened, _folder) =
+            open_after(|data| data.mano["0"][number(2).to_string()]["right"][field][index] = json!(1e30));
+        opened.unwrap_err().to_string()
+    };
+    let frame = format!("frames[\"{}\"]", number(2));
+    assert_says(&message("pose", 4), &["MANO_NeuralAnnot.json", &frame, "pose: joint \"index1\"", "1e30 rad"]);
+    assert_says(&message("trans", 1), &["MANO_NeuralAnnot.json", &frame, "translation", "1e30 m"]);
+    assert_says(&message("shape", 9), &["MANO_NeuralAnnot.json", &frame, "shape: number 9 is 1e30"]);
 }

@@ -6,6 +6,7 @@
 mod support;
 
 mod bad_images;
+mod findings;
 mod fixtures;
 mod hand_appearance;
 mod hand_appearance_files;

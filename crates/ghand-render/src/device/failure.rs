@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use wgpu::wgc::binding_model::CreateBindGroupError;
 use wgpu::wgc::resource::CreateBufferError;
 
-use crate::device::AdapterChoice;
+use crate::device::{AdapterChoice, memory_limit};
 use crate::{Gpu, Tier};
 
 /// Why there is no device.
@@ -24,10 +24,22 @@ pub enum DeviceError {
         /// What there is.
         found: Vec<String>,
     },
+    /// The process may not use the memory that any driver needs.
+    #[error(
+        "this process may use only {limit_mib} MiB of address space (`ulimit -v`), and a graphics driver needs at least \
+         {least_mib}; raise the limit, as with `ulimit -v unlimited`"
+    )]
+    MemoryLimit {
+        /// What the process may use.
+        limit_mib: u64,
+        /// What a driver needs.
+        least_mib: u64,
+    },
     /// The adapter refused a device.
     #[error(
-        "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}",
-        AdapterChoice::VARIABLE
+        "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}{}",
+        AdapterChoice::VARIABLE,
+        memory_limit::hint()
     )]
     NoDevice {
         /// The adapter.
@@ -64,7 +76,7 @@ pub enum DeviceError {
 fn adapter_remedy(found: &[String]) -> String {
     let install = "(Debian or Ubuntu without a GPU: `apt-get install mesa-vulkan-drivers`, or `scripts/setup.sh`)";
     if found.is_empty() {
-        return format!("; install a Vulkan driver {install}");
+        return format!("; install a Vulkan driver {install}{}", memory_limit::hint());
     }
     let variable = AdapterChoice::VARIABLE;
     format!(", only {}; choose one of these with {variable} or install the driver of another", found.join(", "))
@@ -81,8 +93,9 @@ pub enum RenderError {
     /// The device has no room for what was asked of it. It goes on working.
     #[error(
         "the graphics device has no room for {what} ({why}); use smaller images or fewer Gaussians, close other \
-         programs that use the graphics adapter, or choose another adapter with {}",
-        AdapterChoice::VARIABLE
+         programs that use the graphics adapter, or choose another adapter with {}{}",
+        AdapterChoice::VARIABLE,
+        memory_limit::hint()
     )]
     OutOfMemory {
         /// What was asked for.

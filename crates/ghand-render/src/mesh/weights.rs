@@ -2,12 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use ghand_core::mesh::Texture;
+use glam::{DVec2, DVec3};
 
 use super::MeshError;
 
-/// What [`heat`] shows where a weight is exactly 0: a grey, which the ramp has none of.
+/// What [`heat`] shows where a weight is 0: a grey, which the ramp has none of.
 pub const NO_WEIGHT: DVec3 = DVec3::splat(0.72);
+/// Weights below this are shown partly in grey. A model's weights end at the edges of its triangles; without a fade the
+/// border of what follows a joint would be as jagged as these.
+pub const FADED_WEIGHT: f64 = 0.1;
+/// Texels of [`heat_texture`]: two neighbours differ by less than an 8-bit value.
+const HEAT_TEXELS: u32 = 1024;
 
 /// Viridis at 0, 1/8, ..., 1 (Smith and van der Walt, CC0): lightness grows evenly with the weight, for eyes that confuse
 /// red and green too.
@@ -23,19 +29,39 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [0xfd, 0xe7, 0x25],
 ];
 
-/// The colour of a weight, display values: [`NO_WEIGHT`] at 0, then dark violet for the smallest to yellow at 1 and beyond.
-/// NaN has no colour: it is black.
+/// The colour of a weight, display values: [`NO_WEIGHT`] at 0, fading up to [`FADED_WEIGHT`] into the ramp from dark violet to
+/// yellow, which is for 1 and beyond. NaN has no colour: it is black.
 pub fn heat(weight: f64) -> DVec3 {
     if weight.is_nan() {
         return DVec3::ZERO;
     }
-    if weight == 0.0 {
-        return NO_WEIGHT;
-    }
-    let at = weight.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
+    let weight = weight.clamp(0.0, 1.0);
+    let at = weight * (VIRIDIS.len() - 1) as f64;
     let low = (at as usize).min(VIRIDIS.len() - 2);
     let [a, b] = [low, low + 1].map(|i| DVec3::from(VIRIDIS[i].map(|v| f64::from(v) / 255.0)));
-    a.lerp(b, at - low as f64)
+    let ramp = a.lerp(b, at - low as f64);
+    // Without a corner at either end.
+    let t = (weight / FADED_WEIGHT).min(1.0);
+    NO_WEIGHT.lerp(ramp, t * t * (3.0 - 2.0 * t))
+}
+
+/// [`heat`] as a texture one texel high, for [`joint_heat_uvs`]. With it a pixel has the colour of its weight; colours of
+/// vertices, interpolated, are not those of the weights in between.
+pub fn heat_texture() -> Texture {
+    let color = |texel: u32| heat(f64::from(texel) / f64::from(HEAT_TEXELS - 1));
+    let rgb = (0..HEAT_TEXELS).map(|texel| color(texel).to_array().map(|v| (v * 255.0).round() as u8)).collect();
+    Texture { width: HEAT_TEXELS, height: 1, rgb }
+}
+
+/// Where each vertex finds the colour of one joint's weight in [`heat_texture`], of row-major weights `[V][joint_count]`.
+///
+/// # Errors
+/// As [`joint_heat`].
+pub fn joint_heat_uvs(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec2>, MeshError> {
+    let texels = f64::from(HEAT_TEXELS);
+    // From the middle of the first texel to that of the last.
+    let uv = |weight: f64| DVec2::new((weight.clamp(0.0, 1.0) * (texels - 1.0) + 0.5) / texels, 0.5);
+    Ok(joint_weights(weights, joint_count, joint)?.map(uv).collect())
 }
 
 /// Lightness of the joints' colours in OKLab, in turn: neighbours along a finger differ in lightness, too.
@@ -73,11 +99,20 @@ fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
 /// # Errors
 /// [`MeshError::Invalid`] if the table has no such rows or joint, or a weight is not finite.
 pub fn joint_heat(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec3>, MeshError> {
+    Ok(joint_weights(weights, joint_count, joint)?.map(heat).collect())
+}
+
+/// The weight of one joint at each vertex.
+fn joint_weights(
+    weights: &[f64],
+    joint_count: usize,
+    joint: usize,
+) -> Result<impl Iterator<Item = f64> + '_, MeshError> {
     let rows = rows(weights, joint_count)?;
     if joint >= joint_count {
         return MeshError::invalid("joint", format!("there is no {joint} among {joint_count}, counted from 0"));
     }
-    Ok(rows.map(|row| heat(row[joint])).collect())
+    Ok(rows.map(move |row| row[joint]))
 }
 
 /// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight. Weights as for
@@ -126,16 +161,32 @@ mod tests {
     }
 
     #[test]
-    fn heat_gets_lighter_with_the_weight_and_tiny_weights_are_told_from_none() {
-        let lightness: Vec<f64> = (1..=1000).map(|i| oklab(heat(f64::from(i) / 1000.0)).x).collect();
-        assert!(lightness.windows(2).all(|pair| pair[1] > pair[0]));
-        // About ten times what two neighbouring patches need to be told apart.
-        let apart = |weight: f64| (oklab(heat(weight)) - oklab(NO_WEIGHT)).length();
-        assert!(apart(1e-9) > 0.4, "{}", apart(1e-9));
-        assert!((1..=1000).all(|i| apart(f64::from(i) / 1000.0) > 0.1));
+    fn heat_fades_from_grey_without_a_border_and_gets_lighter_with_the_weight() {
+        let colors: Vec<DVec3> = (0..=1000).map(|i| oklab(heat(f64::from(i) / 1000.0))).collect();
+        let faded = (1000.0 * FADED_WEIGHT) as usize;
+        assert!(colors[faded..].windows(2).all(|pair| pair[1].x > pair[0].x));
+        // Two neighbouring patches are told apart from 0.02 on: there is no step to be seen anywhere.
+        assert!(colors.windows(2).all(|pair| pair[0].distance(pair[1]) < 0.01));
+        // Half way through the fade it is plain to see, and beyond no colour of the ramp is the grey.
+        assert!(colors[faded / 2..].iter().all(|color| color.distance(oklab(NO_WEIGHT)) > 0.1));
         assert_eq!(heat(0.0), NO_WEIGHT);
-        assert_eq!((heat(1.5), heat(-1.0)), (heat(1.0), heat(f64::MIN_POSITIVE)));
+        assert_eq!((heat(1.5), heat(-1.0)), (heat(1.0), NO_WEIGHT));
         assert_eq!(heat(f64::NAN), DVec3::ZERO);
+    }
+
+    #[test]
+    fn the_heat_texture_has_the_colour_of_each_weight() {
+        let texture = heat_texture();
+        assert_eq!((texture.width, texture.height, texture.rgb.len()), (HEAT_TEXELS, 1, HEAT_TEXELS as usize));
+        let weights: Vec<f64> = (0..=50).map(|i| f64::from(i) / 50.0).collect();
+        for (uv, weight) in joint_heat_uvs(&weights, 1, 0).unwrap().iter().zip(&weights) {
+            // As a bilinear sampler finds it.
+            let at = uv.x * f64::from(HEAT_TEXELS) - 0.5;
+            let texel = |i: f64| DVec3::from(texture.rgb[i as usize].map(|v| f64::from(v) / 255.0));
+            let sampled = texel(at.floor()).lerp(texel((at + 1e-9).floor().max(at.floor())), 0.5);
+            assert!(sampled.distance(heat(*weight)) < 0.01, "{weight}: {sampled} {}", heat(*weight));
+        }
+        assert!(joint_heat_uvs(&weights, 1, 1).is_err());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_core::Side;
 use ghand_data::capture::{Capture, HandModelSource};
-use ghand_data::inspection::{CaptureInspection, SplitFacts, Spread, ViewFit};
+use ghand_data::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
 use ghand_data::{Opened, capture};
 use ghand_train::contact_sheet::SheetView;
 
@@ -30,12 +30,18 @@ pub fn describe(path: &Path, opened: &Opened, found: &CaptureInspection, views: 
     rows("files", files(opened, found));
     rows("masks", coverage(found));
     rows("template", fits(found));
-    let warnings: Vec<&String> = opened.warnings.iter().chain(&found.warnings).collect();
-    if warnings.is_empty() {
+    if opened.warnings.is_empty() && found.findings.is_empty() {
         rows("warnings", vec!["none".into()]);
     }
-    for warning in warnings {
+    for warning in &opened.warnings {
         rows("warning", vec![warning.clone()]);
+    }
+    for finding in &found.findings {
+        let name = match finding.severity {
+            Severity::Pointless => "problem",
+            Severity::Odd => "warning",
+        };
+        rows(name, vec![finding.to_string()]);
     }
     if !views.is_empty() {
         lines.push(String::new());

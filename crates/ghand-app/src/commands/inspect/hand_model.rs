@@ -51,8 +51,8 @@ pub fn describe(file: &HandModelFile) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The joints, children indented below their parents.
-fn joint_tree(model: &HandModel) -> Vec<String> {
+/// The joints with their rest positions in metres, children indented below their parents.
+pub(super) fn joint_tree(model: &HandModel) -> Vec<String> {
     let mut depth = vec![0; model.joint_count()];
     let joints = model.joint_names.iter().zip(&model.joints).zip(&model.parents).enumerate();
     joints
@@ -63,6 +63,6 @@ fn joint_tree(model: &HandModel) -> Vec<String> {
         .collect()
 }
 
-fn vector(v: DVec3) -> String {
+pub(super) fn vector(v: DVec3) -> String {
     format!("({:.4}, {:.4}, {:.4})", v.x, v.y, v.z)
 }

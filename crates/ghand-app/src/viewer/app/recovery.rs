@@ -1,4 +1,4 @@
-//! What becomes of the viewer when its device is lost: the avatar, the pose and the view stay, the rest is made anew.
+//! What becomes of the viewer when its device is lost: the subject, the pose and the view stay, the rest is made anew.
 
 use crate::viewer::app::Viewer;
 use crate::viewer::picture::{Median, Picture};
@@ -36,7 +36,7 @@ impl Viewer {
 
     fn renew(&mut self) -> anyhow::Result<()> {
         self.gpu = self.gpu.reopen()?;
-        self.picture = Picture::new(&self.gpu, &self.avatar, [self.largest_edge; 2])?;
+        self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
         self.detail = 1.0;
         self.too_many = u32::MAX;
         self.shown = None;
@@ -50,20 +50,22 @@ impl Viewer {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::Pose;
     use ghand_render::{AdapterChoice, Gpu};
     use image::RgbImage;
 
     use super::*;
     use crate::bare_hand::bare_hand;
     use crate::pose_choice::pose_by_name;
+    use crate::viewer::hand::Hand;
     use crate::viewer::screenshot::screenshot;
+    use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let avatar = bare_hand().unwrap();
-        let pose = pose_by_name("fist", &avatar.model).unwrap();
-        Viewer::new(&gpu, avatar, "test".into(), pose).unwrap()
+        let mut hand = Hand::new(avatar);
+        hand.pose = pose_by_name("fist", &hand.avatar.model).unwrap();
+        Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap()
     }
 
     /// The hand beside the panel, on which are times.
@@ -86,7 +88,7 @@ mod tests {
         assert!(lost.is_lost() && !viewer.is_lost());
         assert!(before == after);
         let mut other = self::viewer();
-        other.pose = Pose::rest(other.avatar.model.joint_count());
+        other.subject.reset();
         assert!(shot(&mut other) != before, "the pictures are not compared");
     }
 

@@ -5,10 +5,11 @@ use serde_json::json;
 
 use super::super::*;
 use super::{assert_same, difference, poses, read, read_with, rows};
+use crate::retarget::{Retarget, mirrored};
 use crate::test_hands::{hands, procedural};
 
 /// A model of MANO's joints in MANO's axes with a mean pose, from made-up numbers: the built-in hand, turned.
-fn mano(side: Side) -> HandModel {
+pub(super) fn mano(side: Side) -> HandModel {
     let mut model = procedural(side).clone();
     let sign = if side == Side::Right { 1.0 } else { -1.0 };
     let turn = |p: DVec3| DVec3::new(sign * p.y, sign * p.x, -p.z) + DVec3::new(0.1, 0.0, 0.0);
@@ -107,10 +108,18 @@ fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored()
     let mut bad = list.clone();
     bad[1]["pred_mano_params"]["hand_pose"][3][0][0] = json!(3.0);
     let sequence = read(&bad, &model).unwrap();
-    assert!(sequence.frames.len() == 1 && sequence.warnings[0].contains("no rotation"), "{:?}", sequence.warnings);
+    assert!(
+        sequence.frames.len() == 1
+            && sequence.warnings[0].contains("joint \"middle1\" has a matrix that is not a rotation"),
+        "{:?}",
+        sequence.warnings
+    );
     bad[0]["pred_mano_params"]["global_orient"] = json!([[[null, 0, 0], [0, 1, 0], [0, 0, 1]]]);
     let error = read(&bad, &model).unwrap_err().to_string();
-    assert!(error.contains("none of the 2") && error.contains("not finite"), "{error}");
+    assert!(
+        error.contains("none of the 2") && error.contains("joint \"wrist\" holds a number that is not finite"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -1,0 +1,94 @@
+//! What is in a scene of Gaussians.
+
+use std::path::Path;
+
+use ghand_avatar::ply::SplatScene;
+
+/// Names of the stored numbers before the harmonics, in the order of the table.
+const ROWS: [&str; 14] = [
+    "x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "f_dc_0", "f_dc_1",
+    "f_dc_2",
+];
+
+/// What is in a scene and what is odd about it, a line each.
+pub fn describe(path: &Path, scene: &SplatScene) -> String {
+    let mut lines = vec![format!("{}: scene of Gaussians", path.display())];
+    let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}"));
+    row("file", file_size(path));
+    row("Gaussians", scene.count.to_string());
+    row("harmonics", format!("degree {}", scene.degree));
+    let column = |name: &str| {
+        let place = ROWS.iter().position(|own| *own == name).unwrap_or(0);
+        scene.table.chunks_exact(scene.count.max(1)).nth(place).unwrap_or_default()
+    };
+    let ranges = ["x", "y", "z"].map(|name| Spread::of(column(name).iter().copied()));
+    if let [Some(x), Some(y), Some(z)] = ranges {
+        row(
+            "extents",
+            format!("({:.4}, {:.4}, {:.4}) to ({:.4}, {:.4}, {:.4})", x.low, y.low, z.low, x.high, y.high, z.high),
+        );
+    }
+    let sizes = ["scale_0", "scale_1", "scale_2"].into_iter().flat_map(column).map(|logarithm| logarithm.exp());
+    if let Some(size) = Spread::of(sizes) {
+        row("sizes", format!("{:.3e} to {:.3e}, half of them below {:.3e}", size.low, size.high, size.median));
+    }
+    let opacities = column("opacity").iter().map(|logit| 1.0 / (1.0 + (-logit).exp()));
+    if let Some(opacity) = Spread::of(opacities) {
+        row(
+            "opacities",
+            format!("{:.4} to {:.4}, half of them below {:.4}", opacity.low, opacity.high, opacity.median),
+        );
+    }
+    let mut warnings = Vec::new();
+    let not_finite: Vec<(String, usize)> = scene
+        .table
+        .chunks_exact(scene.count.max(1))
+        .enumerate()
+        .map(|(place, values)| {
+            let name = ROWS.get(place).map_or_else(|| "f_rest".into(), |name| (*name).to_owned());
+            (name, values.iter().filter(|value| !value.is_finite()).count())
+        })
+        .filter(|(_, count)| *count > 0)
+        .collect();
+    if !not_finite.is_empty() {
+        let total: usize = not_finite.iter().map(|(_, count)| count).sum();
+        let mut names: Vec<&str> = not_finite.iter().map(|(name, _)| name.as_str()).collect();
+        names.dedup();
+        warnings.push(format!("{total} numbers are not finite, in {}", names.join(", ")));
+    }
+    let turns = ["rot_0", "rot_1", "rot_2", "rot_3"].map(column);
+    let zero = (0..scene.count).filter(|k| turns.iter().all(|turn| turn.get(*k) == Some(&0.0))).count();
+    if zero > 0 {
+        warnings.push(format!("{zero} quaternions are all zeros, which is not a rotation"));
+    }
+    if warnings.is_empty() {
+        row("warnings", "none: all numbers are finite".into());
+    }
+    warnings.into_iter().for_each(|warning| row("warning", warning));
+    lines.join("\n") + "\n"
+}
+
+/// Size of a file in words.
+pub(super) fn file_size(path: &Path) -> String {
+    match std::fs::metadata(path) {
+        Ok(data) => format!("{} bytes ({:.1} MiB)", data.len(), data.len() as f64 / f64::from(1 << 20)),
+        Err(error) => format!("its size cannot be read: {error}"),
+    }
+}
+
+/// Range and middle of numbers.
+struct Spread {
+    low: f32,
+    median: f32,
+    high: f32,
+}
+
+impl Spread {
+    /// Of those that are finite; `None` if there are none.
+    fn of(values: impl Iterator<Item = f32>) -> Option<Spread> {
+        let mut values: Vec<f32> = values.filter(|value| value.is_finite()).collect();
+        values.sort_by(f32::total_cmp);
+        let (low, high) = (*values.first()?, *values.last()?);
+        Some(Spread { low, median: *values.get(values.len() / 2)?, high })
+    }
+}

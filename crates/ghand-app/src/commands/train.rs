@@ -1,0 +1,192 @@
+//! `train`: a capture in, an avatar out.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use ghand_train::evaluate::Metrics;
+use ghand_train::report::report;
+use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::capture_args::CaptureArgs;
+use crate::capture_checks::check_before_training;
+use crate::cli::{AdapterArgs, Stopped};
+use crate::commands::render::write_png;
+use crate::say;
+use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
+use crate::train_run::evaluation::{evaluate_images, failure, pose_error, print_table};
+use crate::train_run::interruption::{BEFORE_TRAINING, Interruption};
+use crate::train_run::results::{save_metrics, save_poses};
+use crate::train_run::run_folder::{AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+
+/// Command line of `train`.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Split to train on.
+    #[arg(long, default_value = "train")]
+    split: String,
+    /// Split to evaluate on [default: test, if there is one]
+    #[arg(long)]
+    test_split: Option<String>,
+    /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train, and where that holds an earlier
+    /// run the next of out/train-2, out/train-3, ...]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder.
+    #[arg(long)]
+    force: bool,
+    /// Seed of everything random; the same seed on the same device gives the same avatar, byte for byte.
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    seed: Option<String>,
+    /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Train even where no avatar can be expected of the capture, such as one in millimetres; what is wrong with it is a warning
+    /// then.
+    #[arg(long)]
+    ignore_checks: bool,
+}
+
+impl TrainArgs {
+    fn settings(&self) -> anyhow::Result<TrainSettings> {
+        let mut settings = TrainSettings::default();
+        for assignment in &self.set {
+            settings.set(assignment)?;
+        }
+        if let Some(seed) = &self.seed {
+            settings.set(&format!("seed={seed}"))?;
+        }
+        Ok(settings)
+    }
+
+    fn folder(&self) -> anyhow::Result<RunFolder> {
+        match &self.out {
+            Some(out) => RunFolder::named(out, self.force),
+            None if self.force => RunFolder::named(Path::new(DEFAULT_FOLDER), true),
+            None => RunFolder::next(Path::new(DEFAULT_FOLDER)),
+        }
+    }
+}
+
+/// What the split with the figures is usually called.
+const DEFAULT_TEST_SPLIT: &str = "test";
+
+/// Trains, evaluates and leaves the results in a folder.
+///
+/// # Errors
+/// One that names the file, the option or the setting and what is wrong with it; one that says why the training has failed;
+/// [`Stopped`] if the user has stopped it.
+pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let settings = args.settings()?;
+    let mut gpu = adapter.open()?;
+    say!("adapter: {}", gpu.info.name);
+    let folder = args.folder()?;
+    let interruption = Interruption::listen(BEFORE_TRAINING)?;
+    interruption.remove_at_end(folder.leftovers());
+
+    let demo = match (&args.capture.capture, &args.out) {
+        (Some(_), _) => None,
+        (None, Some(out)) => Some(demo_capture(&mut gpu, out.join("capture"), &interruption)?),
+        (None, None) => Some(demo_capture(&mut gpu, PathBuf::from(DEMO_CAPTURE), &interruption)?),
+    };
+    let path = args.capture.capture.as_ref().or(demo.as_ref()).context("--capture: is missing")?;
+    // A split that was asked for and is not there fails here, before the training.
+    let needed: Vec<&str> = std::iter::once(&args.split).chain(&args.test_split).map(String::as_str).collect();
+    let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
+    let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
+    check_before_training(&capture, path, &args.split, test_split, args.ignore_checks)?;
+    let train_split = capture.split(&args.split)?.clone();
+    let trainer = Trainer::new(&gpu, &capture, &args.split, &settings)?;
+    let gaussians = trainer.gaussians();
+    say!(
+        "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
+        train_split.cameras.len(),
+        train_split.frames.len(),
+        train_split.views.len(),
+        settings.iterations
+    );
+    interruption.stop_first();
+    let trained = train(trainer.stop_when(interruption.stop()), settings.iterations)?;
+    let stopped_early = trained.iterations < settings.iterations;
+    let progress = format!("{} of {} iterations", trained.iterations, settings.iterations);
+    if stopped_early {
+        say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
+    }
+
+    let avatar_path = folder.file(AVATAR_FILE);
+    let report_path = folder.file(REPORT_FILE);
+    interruption.whole(|| -> anyhow::Result<()> {
+        trained.avatar.save(&avatar_path)?;
+        folder.remove_figures()?;
+        save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
+    })?;
+    interruption.end_with(format!("stopped without figures: the avatar of {progress} is {}", avatar_path.display()));
+
+    let mut shown = None;
+    let images = match capture.splits.get(test_split) {
+        Some(test) if !test.views.is_empty() => {
+            let (metrics, views) = gpu
+                .persist("the evaluation", |gpu| evaluate_images(gpu, &capture, &train_split, &trained, test_split))?;
+            shown = Some(report(&views));
+            Some(metrics)
+        }
+        _ => None,
+    };
+    let metrics = Metrics {
+        images,
+        pose_error_deg: pose_error(&capture, &train_split.frames, &trained),
+        seconds: trained.seconds,
+        iterations: trained.iterations,
+        stopped_early,
+        gaussians,
+    };
+    interruption.whole(|| -> anyhow::Result<()> {
+        shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;
+        save_metrics(&metrics, &folder.file(METRICS_FILE))
+    })?;
+    print_table(&metrics);
+    say!("avatar: {}", avatar_path.display());
+    match metrics.images {
+        Some(_) => say!("report: {}", report_path.display()),
+        None => say!("no report: there is no image to evaluate on in a split `{test_split}`"),
+    }
+    match (stopped_early, failure(&metrics, &settings)) {
+        (false, None) => Ok(()),
+        (false, Some(failure)) => Err(anyhow!(failure)),
+        (true, None) => Err(Stopped(format!("stopped early, after {progress}: the avatar is saved")).into()),
+        (true, Some(failure)) => Err(Stopped(format!("stopped early, after {progress}: {failure}")).into()),
+    }
+}
+
+/// Lines of progress that a run prints where there is no terminal for a bar.
+const PROGRESS_LINES: u64 = 20;
+/// At the latest after so long there is another line.
+const LONGEST_SILENCE: Duration = Duration::from_secs(30);
+
+fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {
+    let bar = ProgressBar::new(iterations);
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed} (left {eta})")?);
+    let start = Instant::now();
+    let (mut last_line, mut last_stage) = (start, 0);
+    let trained = trainer.train(|p| {
+        let loss = p.l1.map_or(String::new(), |l1| format!(" L1 {l1:.4}"));
+        let message = format!("stage {}{loss}", p.stage);
+        let due = p.iteration % (iterations / PROGRESS_LINES).max(1) == 0 || last_line.elapsed() > LONGEST_SILENCE;
+        if bar.is_hidden() && (due || p.stage != last_stage) {
+            say!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
+            last_line = Instant::now();
+        }
+        last_stage = p.stage;
+        bar.set_position(p.iteration);
+        bar.set_message(message);
+    });
+    bar.finish_and_clear();
+    trained.map_err(|error| match error {
+        TrainError::Stopped { .. } => Stopped(error.to_string()).into(),
+        error => error.into(),
+    })
+}

@@ -1,0 +1,18 @@
+//! Pictures as files: single ones, folders of them, and films.
+
+mod background;
+mod destination;
+mod ffmpeg;
+mod film;
+mod folder;
+mod format;
+mod gif;
+mod picture;
+mod series;
+
+pub use background::{Background, parse_background};
+pub use destination::{Destination, FormatArgs};
+pub use film::{LONGEST_TURN_SECONDS, turn_rate};
+pub use format::{Format, StillFormat};
+pub use picture::{Picture, write_png};
+pub use series::{Series, Shot};

@@ -1,0 +1,51 @@
+//! What is behind a picture.
+
+/// What is behind a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Background {
+    /// A colour, display values from 0 to 1.
+    Color([f32; 3]),
+    /// Nothing.
+    Transparent,
+}
+
+impl Background {
+    /// The colour to render over. What is to be transparent is rendered over black: its colours are then those of the
+    /// foreground times the coverage.
+    pub fn color(self) -> [f32; 3] {
+        match self {
+            Background::Color(color) => color,
+            Background::Transparent => [0.0; 3],
+        }
+    }
+}
+
+/// Parses a background like `0.2,0.2,0.2`, display values from 0 to 1, or `transparent`.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_background(text: &str) -> Result<Background, String> {
+    if text == "transparent" {
+        return Ok(Background::Transparent);
+    }
+    let values: Option<Vec<f32>> =
+        text.split(',').map(|t| t.trim().parse().ok().filter(|v| (0.0..=1.0).contains(v))).collect();
+    match values.as_deref() {
+        Some(&[r, g, b]) => Ok(Background::Color([r, g, b])),
+        _ => Err("must be red,green,blue, each from 0 to 1, as in 0.2,0.2,0.2, or transparent".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_are_read_and_nonsense_is_refused() {
+        assert_eq!(parse_background("0, 0.5,1"), Ok(Background::Color([0.0, 0.5, 1.0])));
+        assert_eq!(parse_background("transparent"), Ok(Background::Transparent));
+        for text in ["", "1,2", "0,0,2", "0,0,nan", "0,0,0,0", "a,b,c", "Transparent,"] {
+            assert!(parse_background(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! What `--out` and `--format` ask for: a picture, a film or a folder of pictures.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use clap::Args;
+
+use super::format::{FilmFormat, Format, StillFormat};
+
+/// The option `--format`.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct FormatArgs {
+    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else png]
+    #[arg(long, value_name = "FORMAT", value_parser = Format::parse)]
+    format: Option<Format>,
+}
+
+/// Where pictures go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Destination {
+    /// One picture.
+    Picture(PathBuf, StillFormat),
+    /// One film of all pictures.
+    Film(PathBuf, FilmFormat),
+    /// A file for each picture.
+    Folder(PathBuf, StillFormat),
+}
+
+impl FormatArgs {
+    /// Where the pictures go: to the file if `out` ends in a format's name, else into the folder, which need not be there yet.
+    /// A film in a folder is called `name`.
+    ///
+    /// # Errors
+    /// One that says what `--out` may end in, or that it and `--format` say different things.
+    pub fn destination(self, out: &Path, name: &str) -> anyhow::Result<Destination> {
+        let shown = out.display();
+        let is_folder = out.is_dir() || out.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
+        if is_folder || out.extension().is_none() {
+            if out.exists() && !out.is_dir() {
+                bail!("--out {shown}: is a file and no folder; give a folder, or a file that ends in .png or .gif");
+            }
+            return Ok(match self.format.unwrap_or(Format::Still(StillFormat::Png)) {
+                Format::Still(format) => Destination::Folder(out.into(), format),
+                Format::Film(film) => {
+                    Destination::Film(out.join(format!("{name}.{}", Format::Film(film).ending())), film)
+                }
+            });
+        }
+        let Some(format) = Format::of(out) else {
+            bail!("--out {shown}: must end in .png, .exr, .gif, .webm or .mp4; a folder with a dot in its name ends in /");
+        };
+        if let Some(wanted) = self.format.filter(|wanted| *wanted != format) {
+            bail!("--out {shown}: ends in .{}, but --format is {}", format.ending(), wanted.ending());
+        }
+        Ok(match format {
+            Format::Still(format) => Destination::Picture(out.into(), format),
+            Format::Film(format) => Destination::Film(out.into(), format),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn destination(out: &Path, format: Option<&str>) -> anyhow::Result<Destination> {
+        FormatArgs { format: format.map(|f| Format::parse(f).unwrap()) }.destination(out, "count")
+    }
+
+    #[test]
+    fn endings_and_formats_tell_files_from_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("dotted.png")).unwrap();
+        std::fs::write(at("file"), b"").unwrap();
+        let cases = [
+            ("a.png", None, Destination::Picture(at("a.png"), StillFormat::Png)),
+            ("a.EXR", Some("exr"), Destination::Picture(at("a.EXR"), StillFormat::Exr)),
+            ("a.Gif", None, Destination::Film(at("a.Gif"), FilmFormat::Gif)),
+            ("a", None, Destination::Folder(at("a"), StillFormat::Png)),
+            ("a", Some("EXR"), Destination::Folder(at("a"), StillFormat::Exr)),
+            ("a", Some("webm"), Destination::Film(at("a/count.webm"), FilmFormat::Webm)),
+            ("v1.2/", None, Destination::Folder(at("v1.2/"), StillFormat::Png)),
+            ("dotted.png", None, Destination::Folder(at("dotted.png"), StillFormat::Png)),
+        ];
+        for (out, format, expected) in cases {
+            assert_eq!(destination(&at(out), format).unwrap(), expected, "{out}");
+        }
+        for (out, format, part) in [
+            ("a.jpg", None, "must end in .png"),
+            ("v1.2", None, "ends in /"),
+            ("a.png", Some("gif"), "but --format is gif"),
+            ("file", None, "is a file and no folder"),
+        ] {
+            let error = destination(&at(out), format).unwrap_err().to_string();
+            assert!(error.starts_with("--out ") && error.contains(part), "{error}");
+        }
+    }
+}

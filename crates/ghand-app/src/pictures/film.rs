@@ -1,0 +1,84 @@
+//! Films: pictures of one size, one after the other, as one file.
+
+use std::path::Path;
+
+use super::ffmpeg::PipedFilm;
+use super::format::FilmFormat;
+use super::gif::GifFilm;
+use super::{Background, Picture};
+
+/// How long a film goes once around a hand or scene that does not move, seconds, if it has pictures enough.
+pub const LONGEST_TURN_SECONDS: f64 = 4.0;
+/// Pictures a second beyond which a turn gets shorter.
+const SMOOTH_RATE: f64 = 30.0;
+
+/// Pictures a second of a film that goes once around in so many views.
+pub fn turn_rate(views: usize) -> f64 {
+    (views as f64 / LONGEST_TURN_SECONDS).clamp(1.0, SMOOTH_RATE)
+}
+
+/// What a film is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct FilmOptions {
+    /// The format.
+    pub format: FilmFormat,
+    /// Size of every picture.
+    pub size: [u32; 2],
+    /// What is behind every picture.
+    pub background: Background,
+    /// Pictures a second.
+    pub fps: f64,
+}
+
+/// A film in the making.
+pub enum Film {
+    /// Encoded here.
+    Gif(GifFilm),
+    /// Encoded by ffmpeg.
+    Piped(PipedFilm),
+}
+
+impl Film {
+    /// Begins a film. Tells before anything is rendered that it cannot be made.
+    ///
+    /// # Errors
+    /// One sentence on what the format cannot do, or that ffmpeg is missing.
+    pub fn start(options: FilmOptions) -> anyhow::Result<Film> {
+        Ok(match options.format {
+            FilmFormat::Gif => Film::Gif(GifFilm::start(options)?),
+            FilmFormat::Webm | FilmFormat::Mp4 => Film::Piped(PipedFilm::start(options)?),
+        })
+    }
+
+    /// Adds a picture of the film's size.
+    ///
+    /// # Errors
+    /// One of the encoder's.
+    pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
+        match self {
+            Film::Gif(film) => film.add(picture),
+            Film::Piped(film) => film.add(picture),
+        }
+    }
+
+    /// Ends the film and writes it, whole or not at all.
+    ///
+    /// # Errors
+    /// One that names the file.
+    pub fn write(self, path: &Path) -> anyhow::Result<()> {
+        match self {
+            Film::Gif(film) => film.write(path),
+            Film::Piped(film) => film.write(path),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_takes_four_seconds_unless_it_has_very_many_or_few_pictures() {
+        assert_eq!([1, 2, 24, 120, 500].map(turn_rate), [1.0, 1.0, 6.0, 30.0, 30.0]);
+    }
+}

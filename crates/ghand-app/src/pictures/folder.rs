@@ -1,0 +1,256 @@
+//! A folder of pictures with a list of them, `render.json`, so that the pictures of two renders never mix.
+
+use std::collections::HashSet;
+use std::path::{Component, Path, PathBuf};
+
+use anyhow::{Context, bail};
+use ghand_core::atomic_file::write_atomically;
+use ghand_core::input_file;
+use serde::{Deserialize, Serialize};
+
+use super::format::{Format, StillFormat};
+use super::{Picture, Shot};
+
+/// The list of a folder's pictures.
+pub const LIST: &str = "render.json";
+const FORMAT: &str = "ghand-render";
+/// Bytes: a hundred thousand pictures take about ten MB.
+const LARGEST_LIST: u64 = 1 << 28;
+/// What the names of rendered pictures begin with.
+const PREFIXES: [&str; 2] = ["frame-", "view-"];
+
+/// Contents of the list.
+#[derive(Debug, Serialize, Deserialize)]
+struct List {
+    format: String,
+    /// Whether the render came to its end; if not, some of the pictures are not there.
+    complete: bool,
+    pictures: Vec<Listed>,
+}
+
+/// A picture in the list, and what it shows.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Listed {
+    file: String,
+    #[serde(flatten)]
+    shot: Shot,
+}
+
+/// A folder that is being filled with pictures.
+pub struct Folder {
+    path: PathBuf,
+    pictures: Vec<Listed>,
+    /// Pictures of an earlier render, to be removed.
+    earlier: Vec<String>,
+    begun: bool,
+}
+
+impl Folder {
+    /// Looks at the folder, which need not be there, and changes nothing.
+    ///
+    /// # Errors
+    /// One that names the file that would be overwritten though no earlier render made it, or what is wrong with the list.
+    pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<Folder> {
+        let most = |number: fn(&Shot) -> Option<usize>| shots.iter().filter_map(number).max().unwrap_or(0);
+        let widths = [most(|s| s.frame), most(|s| s.view)].map(|most| most.to_string().len());
+        let ending = Format::Still(format).ending();
+        let pictures: Vec<Listed> = shots
+            .iter()
+            .map(|shot| Listed { file: format!("{}.{ending}", name(shot, widths)), shot: shot.clone() })
+            .collect();
+        let earlier = earlier_pictures(path)?;
+        let known: HashSet<&str> = earlier.iter().map(String::as_str).collect();
+        if let Some(foreign) = pictures.iter().find(|p| !known.contains(p.file.as_str()) && path.join(&p.file).exists()) {
+            let file = path.join(&foreign.file);
+            bail!("{}: is there, and not from an earlier render; move it, or choose another folder", file.display());
+        }
+        Ok(Folder { path: path.into(), pictures, earlier, begun: false })
+    }
+
+    /// Writes picture number `number`; before the first one, removes the pictures of an earlier render.
+    ///
+    /// # Errors
+    /// One that names the file.
+    pub fn add(&mut self, number: usize, picture: Picture) -> anyhow::Result<()> {
+        if !self.begun {
+            self.begin()?;
+            self.begun = true;
+        }
+        match self.pictures.get(number) {
+            Some(listed) => picture.write(&self.path.join(&listed.file)),
+            None => Ok(()),
+        }
+    }
+
+    fn begin(&self) -> anyhow::Result<()> {
+        std::fs::create_dir_all(&self.path)
+            .with_context(|| format!("{}: cannot make the folder", self.path.display()))?;
+        // Whatever comes in between: what is listed is what may be there.
+        let mut both = self.pictures.clone();
+        let planned: HashSet<&str> = self.pictures.iter().map(|p| p.file.as_str()).collect();
+        let only_earlier = self.earlier.iter().filter(|file| !planned.contains(file.as_str()));
+        both.extend(only_earlier.map(|file| Listed { file: file.clone(), shot: Shot::default() }));
+        self.write_list(both, false)?;
+        for file in &self.earlier {
+            let path = self.path.join(file);
+            std::fs::remove_file(&path)
+                .with_context(|| format!("{}: cannot remove the picture of an earlier render", path.display()))?;
+        }
+        self.write_list(self.pictures.clone(), false)
+    }
+
+    /// Notes in the list that the render is complete; tells how many pictures of an earlier one were removed.
+    ///
+    /// # Errors
+    /// One that names the list.
+    pub fn finish(self) -> anyhow::Result<usize> {
+        self.write_list(self.pictures.clone(), true)?;
+        Ok(self.earlier.len())
+    }
+
+    /// The names of the first and the last picture.
+    pub fn ends(&self) -> Option<[&str; 2]> {
+        Some([&self.pictures.first()?.file, &self.pictures.last()?.file])
+    }
+
+    fn write_list(&self, pictures: Vec<Listed>, complete: bool) -> anyhow::Result<()> {
+        let path = self.path.join(LIST);
+        let text = serde_json::to_vec_pretty(&List { format: FORMAT.into(), complete, pictures })?;
+        write_atomically(&path, &text).with_context(|| format!("{}: cannot write", path.display()))
+    }
+}
+
+/// The name of a picture without its ending, its numbers with so many digits at least.
+fn name(shot: &Shot, [frame_width, view_width]: [usize; 2]) -> String {
+    let frame = shot.frame.map(|number| format!("frame-{number:0width$}", width = frame_width.max(4)));
+    let view = shot.view.map(|number| format!("view-{number:0width$}", width = view_width.max(2)));
+    [frame, view].into_iter().flatten().collect::<Vec<_>>().join("_")
+}
+
+/// The pictures of an earlier render that are still in a folder.
+fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
+    let path = folder.join(LIST);
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let remedy = "remove it, or choose another folder";
+    let shown = path.display();
+    let bytes = input_file::read(&path, LARGEST_LIST).with_context(|| format!("{shown}: cannot be read; {remedy}"))?;
+    let list = bytes.and_then(|bytes| serde_json::from_slice::<List>(&bytes).ok()).filter(|list| list.format == FORMAT);
+    let Some(list) = list else { bail!("{shown}: is no list of pictures that ghand has rendered; {remedy}") };
+    // They will be removed: nothing but what is called like a picture of a render, and lies in the folder itself.
+    let is_rendered = |file: &str| {
+        let mut parts = Path::new(file).components();
+        let is_name = matches!((parts.next(), parts.next()), (Some(Component::Normal(name)), None) if name == file);
+        let is_picture = matches!(Format::of(Path::new(file)), Some(Format::Still(_)));
+        is_name && is_picture && PREFIXES.iter().any(|prefix| file.starts_with(prefix))
+    };
+    if let Some(other) = list.pictures.iter().find(|p| !is_rendered(&p.file)) {
+        bail!("{shown}: lists {:?}, which no render writes; {remedy}", other.file);
+    }
+    let there = |file: &String| folder.join(file).symlink_metadata().is_ok();
+    Ok(list.pictures.into_iter().map(|p| p.file).filter(there).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pictures::Background;
+
+    fn shots(frames: usize, views: Option<usize>) -> Vec<Shot> {
+        let shot = |frame, view| Shot { frame: Some(frame), view, ..Shot::default() };
+        (0..frames)
+            .flat_map(|frame| match views {
+                Some(views) => (0..views).map(|view| shot(frame, Some(view))).collect(),
+                None => vec![shot(frame, None)],
+            })
+            .collect()
+    }
+
+    fn fill(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<usize> {
+        let mut folder = Folder::new(path, format, shots)?;
+        for number in 0..shots.len() {
+            folder.add(number, Picture::blank([1, 1], Background::Transparent, format))?;
+        }
+        folder.finish()
+    }
+
+    fn listing(path: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            path.read_dir().unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn names_tell_frame_and_view_and_sort_in_order() {
+        let names = |shots: &[Shot]| -> Vec<String> {
+            Folder::new(Path::new("none"), StillFormat::Png, shots).unwrap().pictures.into_iter().map(|p| p.file).collect()
+        };
+        assert_eq!(names(&shots(2, None)), ["frame-0000.png", "frame-0001.png"]);
+        assert_eq!(names(&shots(2, Some(2)))[1..3], ["frame-0000_view-01.png", "frame-0001_view-00.png"]);
+        let view = Shot { view: Some(3), ..Shot::default() };
+        assert_eq!(names(&[view]), ["view-03.png"]);
+        for many in [shots(10_001, None), shots(1, Some(101))] {
+            let names = names(&many);
+            assert!(names.is_sorted(), "{names:?}");
+        }
+    }
+
+    #[test]
+    fn a_render_replaces_the_pictures_of_the_one_before_and_leaves_all_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b");
+        assert_eq!(fill(&path, StillFormat::Png, &shots(3, None)).unwrap(), 0);
+        std::fs::write(path.join("frame-0009.png"), b"mine").unwrap();
+        std::fs::write(path.join("notes.txt"), b"mine").unwrap();
+        std::fs::remove_file(path.join("frame-0001.png")).unwrap();
+        assert_eq!(fill(&path, StillFormat::Exr, &shots(1, Some(2))).unwrap(), 2);
+        let expected =
+            ["frame-0000_view-00.exr", "frame-0000_view-01.exr", "frame-0009.png", "notes.txt", "render.json"];
+        assert_eq!(listing(&path), expected);
+        // The same names again.
+        assert_eq!(fill(&path, StillFormat::Exr, &shots(1, Some(2))).unwrap(), 2);
+        assert_eq!(listing(&path), expected);
+    }
+
+    #[test]
+    fn the_pictures_of_a_render_that_was_cut_short_are_replaced_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        fill(path, StillFormat::Png, &shots(2, Some(1))).unwrap();
+        let mut cut = Folder::new(path, StillFormat::Png, &shots(5, None)).unwrap();
+        cut.add(0, Picture::bytes([1, 1], Background::Transparent)).unwrap();
+        cut.add(1, Picture::bytes([1, 1], Background::Transparent)).unwrap();
+        assert_eq!(listing(path), ["frame-0000.png", "frame-0001.png", "render.json"]);
+        assert!(std::fs::read_to_string(path.join(LIST)).unwrap().contains("\"complete\": false"));
+        drop(cut);
+        assert_eq!(fill(path, StillFormat::Png, &shots(1, Some(1))).unwrap(), 2);
+        assert_eq!(listing(path), ["frame-0000_view-00.png", "render.json"]);
+        assert!(std::fs::read_to_string(path.join(LIST)).unwrap().contains("\"complete\": true"));
+    }
+
+    #[test]
+    fn what_no_render_made_is_not_overwritten_and_foreign_lists_remove_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        std::fs::write(path.join("frame-0001.png"), b"mine").unwrap();
+        let error = fill(path, StillFormat::Png, &shots(2, None)).unwrap_err().to_string();
+        assert!(error.contains("frame-0001.png: is there"), "{error}");
+        let inside = path.join("inside");
+        std::fs::create_dir(&inside).unwrap();
+        for file in ["../frame-0001.png", "/frame-0001.png", "frame-1/../../frame-0001.png", "notes.txt", "frame-1.txt"] {
+            let list = format!(r#"{{"format":"ghand-render","complete":true,"pictures":[{{"file":"{file}"}}]}}"#);
+            std::fs::write(inside.join(LIST), list).unwrap();
+            let error = fill(&inside, StillFormat::Png, &shots(2, None)).unwrap_err().to_string();
+            assert!(error.contains(LIST) && error.contains(file), "{error}");
+        }
+        for list in ["{}", "", r#"{"format":"other","complete":true,"pictures":[]}"#] {
+            std::fs::write(inside.join(LIST), list).unwrap();
+            let error = fill(&inside, StillFormat::Png, &shots(2, None)).unwrap_err().to_string();
+            assert!(error.contains(LIST), "{error}");
+        }
+        assert_eq!(std::fs::read(path.join("frame-0001.png")).unwrap(), b"mine");
+        assert_eq!(listing(&inside), [LIST]);
+    }
+}

@@ -1,0 +1,106 @@
+//! The formats of pictures and films, and how a file's name tells its own.
+
+use std::path::Path;
+
+use anyhow::bail;
+
+/// Formats of single pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StillFormat {
+    /// 8 bits.
+    Png,
+    /// 32-bit floats.
+    Exr,
+}
+
+/// Formats of films.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilmFormat {
+    /// 256 colours a frame; opaque or clear.
+    Gif,
+    /// VP9, may be translucent.
+    Webm,
+    /// H.264.
+    Mp4,
+}
+
+/// Formats of all that is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Single pictures.
+    Still(StillFormat),
+    /// One film of all pictures.
+    Film(FilmFormat),
+}
+
+/// All formats, by the ending of their files.
+const FORMATS: [(&str, Format); 5] = [
+    ("png", Format::Still(StillFormat::Png)),
+    ("exr", Format::Still(StillFormat::Exr)),
+    ("gif", Format::Film(FilmFormat::Gif)),
+    ("webm", Format::Film(FilmFormat::Webm)),
+    ("mp4", Format::Film(FilmFormat::Mp4)),
+];
+
+impl Format {
+    /// Parses `png`, `exr`, `gif`, `webm` or `mp4`, in letters of any case.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn parse(text: &str) -> Result<Format, String> {
+        let found = FORMATS.iter().find(|(name, _)| text.eq_ignore_ascii_case(name));
+        found.map(|(_, format)| *format).ok_or_else(|| "must be png, exr, gif, webm or mp4".into())
+    }
+
+    /// The format that a file's ending tells, in letters of any case.
+    pub fn of(path: &Path) -> Option<Format> {
+        path.extension().and_then(|ending| Format::parse(ending.to_str()?).ok())
+    }
+
+    /// The ending of its files.
+    pub fn ending(self) -> &'static str {
+        FORMATS.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+}
+
+impl StillFormat {
+    /// The format of a single picture that a file's ending tells; `option` is for the message.
+    ///
+    /// # Errors
+    /// One that names the option and the file.
+    pub fn of(path: &Path, option: &str) -> anyhow::Result<StillFormat> {
+        match Format::of(path) {
+            Some(Format::Still(format)) => Ok(format),
+            _ => bail!("{option} {}: must end in .png or .exr", path.display()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ending_tells_the_format_whatever_the_case_of_its_letters() {
+        for (name, format) in [
+            ("a.png", Some(Format::Still(StillFormat::Png))),
+            ("a.b.PNG", Some(Format::Still(StillFormat::Png))),
+            ("folder.gif/a.Exr", Some(Format::Still(StillFormat::Exr))),
+            ("a.GIF", Some(Format::Film(FilmFormat::Gif))),
+            ("a.webm", Some(Format::Film(FilmFormat::Webm))),
+            ("a.mP4", Some(Format::Film(FilmFormat::Mp4))),
+            ("a.jpg", None),
+            ("png", None),
+            (".png", None),
+            ("a.png/b", None),
+        ] {
+            assert_eq!(Format::of(Path::new(name)), format, "{name}");
+        }
+        assert!(FORMATS.iter().all(|(name, format)| Format::parse(format.ending()) == Ok(*format) && !name.is_empty()));
+        assert_eq!(StillFormat::of(Path::new("a.PNG"), "--picture").unwrap(), StillFormat::Png);
+        for name in ["a.gif", "a", "a.jpg"] {
+            let error = StillFormat::of(Path::new(name), "--picture").unwrap_err().to_string();
+            assert!(error.starts_with(&format!("--picture {name}: must end in .png or .exr")), "{error}");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Several pictures, one after the other, to wherever they go.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use ghand_core::atomic_file::check_target;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+
+use super::film::{Film, FilmOptions};
+use super::folder::Folder;
+use super::{Background, Destination, Picture, StillFormat};
+
+/// What a picture of a series shows.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Shot {
+    /// Number of the frame, where frames are rendered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<usize>,
+    /// Its id in the file of poses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub id: Option<String>,
+    /// Number of the view around it, where there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<usize>,
+}
+
+/// Pictures on their way into files. Outlives the device that renders them: what has been added need not be rendered again.
+pub struct Series {
+    sink: Sink,
+    size: [u32; 2],
+    background: Background,
+    format: StillFormat,
+    count: usize,
+    next: usize,
+    bar: ProgressBar,
+}
+
+enum Sink {
+    Picture(PathBuf),
+    Film(PathBuf, Box<Film>, f64),
+    Folder(PathBuf, Folder),
+}
+
+impl Series {
+    /// Prepares for one picture of each shot, all of one size; `fps` is for films. Everything is checked here that can be
+    /// before the first picture is rendered, and nothing is written.
+    ///
+    /// # Errors
+    /// One sentence if the destination cannot take these pictures.
+    pub fn new(
+        destination: &Destination,
+        shots: &[Shot],
+        size: [u32; 2],
+        background: Background,
+        fps: f64,
+    ) -> anyhow::Result<Series> {
+        if let Destination::Picture(path, _) | Destination::Film(path, _) = destination {
+            check_target(path).with_context(|| format!("--out {}: cannot be written", path.display()))?;
+        }
+        let mut still = StillFormat::Png;
+        let sink = match destination {
+            Destination::Picture(path, format) => {
+                if shots.len() != 1 {
+                    bail!(
+                        "--out {}: is one picture, and there are {}; give a folder, or a film such as .gif",
+                        path.display(),
+                        shots.len()
+                    );
+                }
+                still = *format;
+                Sink::Picture(path.clone())
+            }
+            Destination::Film(path, format) => {
+                let film = Film::start(FilmOptions { format: *format, size, background, fps })?;
+                Sink::Film(path.clone(), Box::new(film), fps)
+            }
+            Destination::Folder(path, format) => {
+                still = *format;
+                Sink::Folder(path.clone(), Folder::new(path, *format, shots)?)
+            }
+        };
+        // Draws nothing where stderr is no terminal.
+        let bar = if shots.len() > 1 { ProgressBar::new(shots.len() as u64) } else { ProgressBar::hidden() };
+        bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} pictures {elapsed} (left {eta})")?);
+        Ok(Series { sink, size, background, format: still, count: shots.len(), next: 0, bar })
+    }
+
+    /// Number of the shot to render next; none at the end.
+    pub fn next(&self) -> Option<usize> {
+        (self.next < self.count).then_some(self.next)
+    }
+
+    /// The picture to fill next.
+    pub fn blank(&self) -> Picture {
+        Picture::blank(self.size, self.background, self.format)
+    }
+
+    /// Takes the picture of the next shot.
+    ///
+    /// # Errors
+    /// One that names the file.
+    pub fn add(&mut self, picture: Picture) -> anyhow::Result<()> {
+        match &mut self.sink {
+            Sink::Picture(path) => picture.write(path)?,
+            Sink::Film(_, film, _) => film.add(&picture)?,
+            Sink::Folder(_, folder) => folder.add(self.next, picture)?,
+        }
+        self.next += 1;
+        self.bar.set_position(self.next as u64);
+        Ok(())
+    }
+
+    /// Completes the files; tells what was written, for people.
+    ///
+    /// # Errors
+    /// One that names the file.
+    pub fn finish(self) -> anyhow::Result<String> {
+        self.bar.finish_and_clear();
+        let ([width, height], count) = (self.size, self.count);
+        Ok(match self.sink {
+            Sink::Picture(path) => format!("{}: {width} x {height} pixels", path.display()),
+            Sink::Film(path, film, fps) => {
+                film.write(&path)?;
+                let seconds = count as f64 / fps;
+                format!("{}: {count} pictures of {width} x {height} pixels, {seconds:.1} s", path.display())
+            }
+            Sink::Folder(path, folder) => {
+                let names = folder.ends().map_or(String::new(), |[first, last]| match count {
+                    1 => format!(", {first}"),
+                    _ => format!(", {first} to {last}"),
+                });
+                let removed = match folder.finish()? {
+                    0 => String::new(),
+                    removed => format!("; {removed} of an earlier render were removed"),
+                };
+                let pictures = if count == 1 { "picture" } else { "pictures" };
+                format!("{}: {count} {pictures} of {width} x {height} pixels{names}{removed}", path.display())
+            }
+        })
+    }
+}

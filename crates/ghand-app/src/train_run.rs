@@ -1,0 +1,8 @@
+//! The life of a run of `train`: its folder, how it is stopped, and what it leaves behind.
+
+pub mod demo_capture;
+pub mod evaluation;
+pub mod folder_lock;
+pub mod interruption;
+pub mod results;
+pub mod run_folder;

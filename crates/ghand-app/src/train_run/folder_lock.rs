@@ -1,0 +1,121 @@
+//! A folder into which one process at a time writes.
+
+use std::fs::{File, TryLockError};
+use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+/// Name of the file that is locked. The system gives the lock back whatever ends the process; a file that is left behind
+/// locks nothing.
+pub const LOCK_FILE: &str = ".train.lock";
+
+/// The right to write into a folder, until it is dropped.
+#[derive(Debug)]
+pub struct FolderLock {
+    /// Holds the lock while it is open.
+    _file: File,
+}
+
+/// What came of an attempt to lock a folder.
+#[derive(Debug)]
+pub enum Attempt {
+    /// It is locked.
+    Locked(FolderLock),
+    /// Another process holds it: which one, as far as it says.
+    Taken(String),
+}
+
+impl FolderLock {
+    /// The file that is locked in a folder.
+    pub fn file(folder: &Path) -> PathBuf {
+        folder.join(LOCK_FILE)
+    }
+
+    /// Locks a folder without waiting. Where the file system knows no locks, that is said in a warning and the folder counts
+    /// as locked.
+    ///
+    /// # Errors
+    /// One that names the file, if it cannot be opened.
+    pub fn attempt(folder: &Path) -> anyhow::Result<Attempt> {
+        let path = FolderLock::file(folder);
+        loop {
+            let opened = File::options().create(true).truncate(false).read(true).write(true).open(&path);
+            let mut file = opened.with_context(|| format!("{}: cannot be opened", path.display()))?;
+            match file.try_lock() {
+                Ok(()) if !is_at(&file, &path) => {
+                    // Its holder removed it after it was opened here: another process may have made and locked a new one.
+                }
+                Ok(()) => {
+                    // Only for the message to others: without it they know less.
+                    let _ = file.set_len(0).and_then(|()| write!(file, "{}", std::process::id()));
+                    return Ok(Attempt::Locked(FolderLock { _file: file }));
+                }
+                Err(TryLockError::WouldBlock) => {
+                    let mut holder = String::new();
+                    let _ = file.take(20).read_to_string(&mut holder);
+                    let number = holder.trim().parse::<u32>();
+                    return Ok(Attempt::Taken(number.map_or("another process".into(), |id| format!("process {id}"))));
+                }
+                Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
+                    log::warn!(
+                        "{}: this file system has no locks; run only one `train` into this folder",
+                        path.display()
+                    );
+                    return Ok(Attempt::Locked(FolderLock { _file: file }));
+                }
+                Err(TryLockError::Error(error)) => {
+                    return Err(error).with_context(|| format!("{}: cannot be locked", path.display()));
+                }
+            }
+        }
+    }
+}
+
+/// Whether a path still leads to an open file.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), std::fs::metadata(path)) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
+
+/// Where open files cannot be removed and made anew.
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_locked_once_and_free_again_afterwards() {
+        let folder = tempfile::tempdir().unwrap();
+        let Attempt::Locked(lock) = FolderLock::attempt(folder.path()).unwrap() else { panic!("it is free") };
+        let Attempt::Taken(holder) = FolderLock::attempt(folder.path()).unwrap() else { panic!("it is taken") };
+        assert_eq!(holder, format!("process {}", std::process::id()));
+        drop(lock);
+        // The file that was left behind locks nothing.
+        assert!(FolderLock::file(folder.path()).exists());
+        assert!(matches!(FolderLock::attempt(folder.path()).unwrap(), Attempt::Locked(_)));
+    }
+
+    #[test]
+    fn a_lock_on_a_file_that_was_removed_meanwhile_does_not_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = FolderLock::file(folder.path());
+        let file = File::create(&path).unwrap();
+        assert!(is_at(&file, &path));
+        #[cfg(unix)]
+        {
+            std::fs::remove_file(&path).unwrap();
+            assert!(!is_at(&file, &path));
+            File::create(&path).unwrap();
+            assert!(!is_at(&file, &path));
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! The files that a run leaves behind.
+
+use std::path::Path;
+
+use anyhow::Context;
+use ghand_core::atomic_file::write_atomically;
+use ghand_core::{HandModel, Pose};
+use ghand_data::pose_sequence::DEFAULT_FPS;
+use ghand_data::pose_sequence::ghand::write_poses;
+use ghand_data::{Capture, Frame, PoseFrame, PoseSequence};
+use ghand_train::Trained;
+use ghand_train::evaluate::Metrics;
+
+/// Writes the refined poses as a pose file, joints in the hand model's order.
+///
+/// # Errors
+/// One that names the file, if it cannot be written.
+pub fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: &Path) -> anyhow::Result<()> {
+    // The avatar file's hand model has the joints that were learned, too.
+    let model = HandModel { joints: trained.avatar.template.joints.clone(), ..trained.avatar.model.clone() };
+    let frame = |(frame, pose): (&usize, &Pose)| {
+        let Frame { id, shape, .. } = capture.frames.get(*frame)?;
+        Some(PoseFrame { id: id.clone(), pose: pose.clone(), shape: shape.clone() })
+    };
+    let frames = frames.iter().zip(&trained.poses).filter_map(frame).collect();
+    let joint_names = model.joint_names.clone();
+    Ok(write_poses(path, &PoseSequence { fps: DEFAULT_FPS, joint_names, frames, warnings: vec![] }, &model)?)
+}
+
+/// Writes the figures.
+///
+/// # Errors
+/// One that names the file, if it cannot be written.
+pub fn save_metrics(metrics: &Metrics, path: &Path) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(metrics)?;
+    write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
+}

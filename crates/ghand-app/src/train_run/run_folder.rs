@@ -1,0 +1,259 @@
+//! The folder of a run: where it is, that nothing of an earlier run is lost, and that only one run writes into it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+use crate::say;
+use crate::train_run::folder_lock::{Attempt, FolderLock};
+
+/// Where `train` writes unless told otherwise, relative to the current folder. Later runs go to `out/train-2` and so on.
+pub const DEFAULT_FOLDER: &str = "out/train";
+/// The avatar in a run's folder.
+pub const AVATAR_FILE: &str = "avatar.ghand";
+/// The refined poses in a run's folder.
+pub const POSES_FILE: &str = "poses.json";
+/// The figures in a run's folder.
+pub const METRICS_FILE: &str = "metrics.json";
+/// The picture in a run's folder.
+pub const REPORT_FILE: &str = "report.png";
+/// All that a run leaves behind.
+const RESULTS: [&str; 4] = [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE];
+/// Folders beside the default one that are tried.
+const MOST_FOLDERS: usize = 100_000;
+
+/// The folder of a run, locked. What this made and nobody filled is removed when it is dropped.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    leftovers: Leftovers,
+    _lock: FolderLock,
+}
+
+/// What a run makes besides its results.
+#[derive(Debug, Clone)]
+pub struct Leftovers {
+    lock: PathBuf,
+    /// Folders that were not there before, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Leftovers {
+    /// Removes the lock's file, and the folders that were made for this run if they are empty.
+    pub fn remove(&self) {
+        // What cannot be removed is in nobody's way.
+        let _ = std::fs::remove_file(&self.lock);
+        self.made.iter().for_each(|folder| {
+            let _ = std::fs::remove_dir(folder);
+        });
+    }
+}
+
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        // Before the lock is given back: nobody else's lock is removed.
+        self.leftovers.remove();
+    }
+}
+
+impl RunFolder {
+    /// The folder that a user named. With `force` the results of an earlier run may be replaced.
+    ///
+    /// # Errors
+    /// One that names the file if there are results and no `force`, or the folder if another run writes into it or it
+    /// cannot be made.
+    pub fn named(path: &Path, force: bool) -> anyhow::Result<RunFolder> {
+        let refuse = || match result_in(path).filter(|_| !force) {
+            Some(file) => bail!(
+                "{}: is of an earlier run; choose another --out, or replace its results with --force",
+                file.display()
+            ),
+            None => Ok(()),
+        };
+        refuse()?;
+        match RunFolder::claim(path)? {
+            Ok(folder) => {
+                // The run that held the lock until now may have ended with a result.
+                refuse()?;
+                Ok(folder)
+            }
+            Err(holder) => bail!(
+                "{}: another run is writing into this folder ({holder}); wait for its end or choose another --out",
+                path.display()
+            ),
+        }
+    }
+
+    /// The first of `base`, `base-2`, `base-3`, ... without results of an earlier run and in which no run is under way.
+    ///
+    /// # Errors
+    /// One that names a folder that cannot be made.
+    pub fn next(base: &Path) -> anyhow::Result<RunFolder> {
+        for number in 1..=MOST_FOLDERS {
+            let path = if number == 1 { base.to_owned() } else { numbered(base, number) };
+            if result_in(&path).is_some() {
+                continue;
+            }
+            match RunFolder::claim(&path)? {
+                Ok(folder) if result_in(&path).is_none() => {
+                    if number > 1 {
+                        say!("earlier runs are kept: this one goes to {}", path.display());
+                    }
+                    return Ok(folder);
+                }
+                _ => {}
+            }
+        }
+        bail!(
+            "{}: there are {MOST_FOLDERS} earlier runs; remove some or choose another folder with --out",
+            base.display()
+        )
+    }
+
+    /// Makes and locks a folder; tells who holds it if another process does.
+    fn claim(path: &Path) -> anyhow::Result<Result<RunFolder, String>> {
+        let missing = path.ancestors().filter(|a| !a.as_os_str().is_empty()).take_while(|a| !a.exists());
+        let made = missing.map(Path::to_owned).collect();
+        std::fs::create_dir_all(path).with_context(|| format!("{}: cannot make the output folder", path.display()))?;
+        let leftovers = Leftovers { lock: FolderLock::file(path), made };
+        Ok(match FolderLock::attempt(path) {
+            Ok(Attempt::Locked(lock)) => Ok(RunFolder { path: path.into(), leftovers, _lock: lock }),
+            Ok(Attempt::Taken(holder)) => Err(holder),
+            Err(error) => {
+                leftovers.remove();
+                return Err(error);
+            }
+        })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What must be removed where the program ends without dropping this.
+    pub fn leftovers(&self) -> Leftovers {
+        self.leftovers.clone()
+    }
+
+    /// The path of a file in the folder.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Removes all results but the avatar. Those of an earlier run would be taken for this one's.
+    ///
+    /// # Errors
+    /// One that names the file that cannot be removed.
+    pub fn remove_figures(&self) -> anyhow::Result<()> {
+        for name in RESULTS.into_iter().filter(|name| *name != AVATAR_FILE) {
+            let path = self.file(name);
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(error).with_context(|| format!("{}: cannot be removed", path.display()));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The first result of a run that is in a folder.
+fn result_in(folder: &Path) -> Option<PathBuf> {
+    RESULTS.iter().map(|name| folder.join(name)).find(|file| file.symlink_metadata().is_ok())
+}
+
+/// `out/train` with `2` is `out/train-2`.
+fn numbered(base: &Path, number: usize) -> PathBuf {
+    let mut name = base.as_os_str().to_owned();
+    name.push(format!("-{number}"));
+    name.into()
+}
+
+/// The avatar that was trained last: the newest of those in [`DEFAULT_FOLDER`] and the folders beside it whose names begin
+/// alike. `None` if there is none.
+pub fn last_avatar() -> Option<PathBuf> {
+    last_avatar_beside(Path::new(DEFAULT_FOLDER))
+}
+
+fn last_avatar_beside(base: &Path) -> Option<PathBuf> {
+    let (parent, start) = (base.parent()?, base.file_name()?.to_str()?);
+    let folders = std::fs::read_dir(parent).ok()?.flatten();
+    let runs = folders.filter(|folder| folder.file_name().to_str().is_some_and(|name| name.starts_with(start)));
+    let avatars = runs.map(|folder| folder.path().join(AVATAR_FILE)).filter_map(|file| {
+        let modified = file.metadata().and_then(|m| m.modified()).ok()?;
+        Some((modified, file))
+    });
+    avatars.max().map(|(_, file)| file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, SystemTime};
+
+    fn fill(folder: &RunFolder) {
+        std::fs::write(folder.file(AVATAR_FILE), "an avatar").unwrap();
+    }
+
+    #[test]
+    fn runs_without_a_folder_of_their_own_go_side_by_side() {
+        let place = tempfile::tempdir().unwrap();
+        let base = place.path().join("out/train");
+        let first = RunFolder::next(&base).unwrap();
+        assert_eq!(first.path(), base);
+        // The first is still under way, and then has a result.
+        let second = RunFolder::next(&base).unwrap();
+        assert_eq!(second.path(), place.path().join("out/train-2"));
+        fill(&first);
+        drop(first);
+        assert_eq!(RunFolder::next(&base).unwrap().path(), place.path().join("out/train-3"));
+        // The second ends without a result: its folder is free again, and gone.
+        drop(second);
+        assert!(!place.path().join("out/train-2").exists());
+        assert_eq!(RunFolder::next(&base).unwrap().path(), place.path().join("out/train-2"));
+    }
+
+    #[test]
+    fn a_named_folder_keeps_what_is_there_unless_forced() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("run");
+        std::fs::create_dir(&path).unwrap();
+        std::fs::write(path.join("notes.txt"), "mine").unwrap();
+        fill(&RunFolder::named(&path, false).unwrap());
+        let error = RunFolder::named(&path, false).unwrap_err().to_string();
+        assert!(error.contains("avatar.ghand") && error.contains("--force"), "{error}");
+        let forced = RunFolder::named(&path, true).unwrap();
+        std::fs::write(forced.file(METRICS_FILE), "{}").unwrap();
+        forced.remove_figures().unwrap();
+        let busy = RunFolder::named(&path, true).unwrap_err().to_string();
+        assert!(busy.contains("another run is writing"), "{busy}");
+        drop(forced);
+        let mut left: Vec<_> = std::fs::read_dir(&path).unwrap().map(|e| e.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["avatar.ghand", "notes.txt"]);
+    }
+
+    #[test]
+    fn a_run_without_results_leaves_no_folder_that_was_not_there() {
+        let place = tempfile::tempdir().unwrap();
+        drop(RunFolder::named(&place.path().join("a/b/c"), false).unwrap());
+        assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn the_last_avatar_is_the_newest_whatever_its_number() {
+        let place = tempfile::tempdir().unwrap();
+        let base = place.path().join("out/train");
+        assert_eq!(last_avatar_beside(&base), None);
+        for (name, age) in [("train", 20), ("train-2", 5), ("train-10", 10), ("other", 0)] {
+            let folder = place.path().join("out").join(name);
+            std::fs::create_dir_all(&folder).unwrap();
+            let file = std::fs::File::create(folder.join(AVATAR_FILE)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
+        }
+        std::fs::create_dir_all(place.path().join("out/train-11")).unwrap();
+        assert_eq!(last_avatar_beside(&base), Some(place.path().join("out/train-2/avatar.ghand")));
+    }
+}

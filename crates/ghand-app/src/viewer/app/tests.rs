@@ -1,0 +1,175 @@
+//! The user interface without a window: what it draws, and what its controls and the pointer do.
+
+mod motion;
+mod pointer;
+
+use egui::{Event, Vec2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use ghand_avatar::{Avatar, AvatarConfig};
+use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_render::AdapterChoice;
+
+use super::*;
+use crate::bare_hand::bare_hand;
+use crate::pose_choice::pose_by_name;
+use crate::viewer::hand::Hand;
+use crate::viewer::scene::tests::scene;
+
+/// Size of the user interface, points.
+const SIZE: Vec2 = vec2(700.0, 400.0);
+
+struct State {
+    viewer: Viewer,
+    renderer: egui_wgpu::Renderer,
+}
+
+/// The user interface of a viewer without a window.
+struct Headless {
+    harness: Harness<'static, State>,
+}
+
+impl Headless {
+    /// With so many seconds from frame to frame.
+    fn new(subject: Subject, size: Vec2, step_secs: f32) -> Headless {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let viewer = Viewer::new(&gpu, subject, "test".into()).unwrap();
+        let options = egui_wgpu::RendererOptions::PREDICTABLE;
+        let renderer = egui_wgpu::Renderer::new(&gpu.device, wgpu::TextureFormat::Rgba8Unorm, options);
+        let show = |ui: &mut Ui, state: &mut State| state.viewer.ui(ui, &mut state.renderer);
+        let builder = Harness::builder().with_size(size).with_step_dt(step_secs).with_max_steps(1);
+        Headless { harness: builder.build_ui_state(show, State { viewer, renderer }) }
+    }
+
+    /// The bare hand at rest.
+    fn bare_hand() -> Headless {
+        Headless::new(Subject::avatar(bare_hand().unwrap()), SIZE, 1.0)
+    }
+
+    fn viewer(&mut self) -> &mut Viewer {
+        &mut self.harness.state_mut().viewer
+    }
+
+    fn hand(&mut self) -> &mut Hand {
+        match &mut self.viewer().subject {
+            Subject::Hand(hand) => hand,
+            Subject::Scene { .. } => panic!("a scene"),
+        }
+    }
+
+    /// Draws one frame, in which all these events happen, waits for its picture, and returns whether there was one to wait for.
+    fn frame(&mut self, events: Vec<Event>) -> bool {
+        let before = self.viewer().last_frame;
+        self.harness.input_mut().events.extend(events);
+        self.harness.step();
+        self.viewer().gpu.wait().unwrap();
+        before != self.viewer().last_frame
+    }
+
+    /// Clicks on what has that name, over several frames.
+    fn click(&mut self, name: &str) {
+        self.harness.get_by_label(name).click();
+        self.harness.step();
+        self.harness.step();
+    }
+}
+
+/// A hand of few Gaussians.
+fn small_hand() -> Hand {
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let config = AvatarConfig { uv_resolution: 32, ..Default::default() };
+    Hand::new(Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap())
+}
+
+/// A cube of 125 red Gaussians.
+fn small_scene() -> Subject {
+    let at = |k: usize| [k % 5, k / 5 % 5, k / 25].map(|i| 0.25 * i as f32 - 0.5);
+    let places: Vec<[f32; 3]> = (0..125).map(at).collect();
+    Subject::Scene { gaussians: scene(&places, 0.1, &[3.0]), name: "cube.ply".into() }
+}
+
+#[test]
+fn only_changes_are_rendered() {
+    let mut ui = Headless::bare_hand();
+    // The first pictures may have lacked room.
+    (0..3).for_each(|_| _ = ui.frame(Vec::new()));
+    assert!(!ui.frame(Vec::new()) && !ui.frame(vec![Event::PointerMoved(egui::pos2(500.0, 200.0))]));
+    let fist = pose_by_name("fist", &ui.hand().avatar.model).unwrap();
+    ui.hand().pose = fist;
+    assert!(ui.frame(Vec::new()));
+    ui.frame(Vec::new());
+    assert!(!ui.frame(Vec::new()));
+    ui.viewer().measure = true;
+    assert!(ui.frame(Vec::new()) && ui.frame(Vec::new()));
+    assert!(ui.viewer().picture.frame_ms().is_some_and(|ms| ms > 0.0));
+}
+
+#[test]
+fn a_picture_that_lacked_room_is_rendered_again() {
+    let mut ui = Headless::bare_hand();
+    ui.frame(Vec::new());
+    ui.viewer().camera.zoom(4.0);
+    assert!(ui.frame(Vec::new()));
+    assert!(!ui.viewer().finish().unwrap(), "the picture had room; zoom in further");
+    assert!(ui.frame(Vec::new()));
+    assert!(ui.viewer().finish().unwrap());
+    assert!(!ui.frame(Vec::new()));
+}
+
+#[test]
+fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
+    let mut ui = Headless::bare_hand();
+    ui.frame(Vec::new());
+    let settle = |ui: &mut Headless| {
+        for _ in 0..40 {
+            if !ui.frame(Vec::new()) && ui.viewer().finish().unwrap() {
+                return;
+            }
+        }
+        panic!("the picture does not settle");
+    };
+    settle(&mut ui);
+    assert_eq!(ui.viewer().detail, 1.0);
+    // As a device that holds no more than the picture has now.
+    ui.viewer().too_many = ui.viewer().picture.intersections();
+    ui.viewer().detail = DETAIL_STEP.powi(2);
+    settle(&mut ui);
+    assert_eq!(ui.viewer().detail, DETAIL_STEP.powi(2), "it must not go back and forth");
+    ui.viewer().camera.zoom(0.25);
+    settle(&mut ui);
+    assert_eq!((ui.viewer().detail, ui.viewer().failure.is_none()), (1.0, true));
+}
+
+#[test]
+fn every_control_has_a_name() {
+    let mut hand = small_hand();
+    let motion = ghand_data::motions::motion("wave", &hand.avatar.model, 30.0).unwrap().unwrap();
+    hand.show("wave".into(), motion);
+    let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
+    ui.click("Joints");
+    ui.click("Index finger");
+    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are not there");
+    ui.harness.check_accessibility();
+}
+
+#[test]
+fn a_scene_has_figures_and_a_view_but_no_pose() {
+    let mut ui = Headless::new(small_scene(), SIZE, 0.1);
+    ui.frame(Vec::new());
+    for name in ["cube.ply", "Gaussians", "125", "Pixels", "Picture", "Reset view"] {
+        assert!(ui.harness.query_by_label(name).is_some(), "{name}");
+    }
+    for name in ["Pose", "Motion", "Joints", "fist", "count"] {
+        assert!(ui.harness.query_by_label(name).is_none(), "{name}");
+    }
+    let first = ui.viewer().camera.clone();
+    ui.viewer().camera.orbit(DVec2::new(40.0, 0.0));
+    assert!(ui.frame(Vec::new()), "the scene turns");
+    ui.click("Reset all");
+    assert_eq!(ui.viewer().camera, first);
+}
+
+#[test]
+fn large_numbers_are_grouped() {
+    assert_eq!([0, 999, 1000, 22010, 1234567].map(thousands), ["0", "999", "1,000", "22,010", "1,234,567"]);
+}

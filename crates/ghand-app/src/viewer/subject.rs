@@ -1,0 +1,198 @@
+//! What the viewer shows: a hand that can be posed, or a scene that stands still.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use bytemuck::cast_slice;
+use egui::Ui;
+use ghand_avatar::ply::SplatScene;
+use ghand_avatar::{Avatar, AvatarRenderer};
+use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
+use ghand_core::{Camera, Pose, input_file};
+use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
+use ghand_render::{Gpu, RenderError};
+
+use crate::bare_hand::bare_hand_of;
+use crate::file_kind::{FileKind, file_kind};
+use crate::viewer::camera::OrbitCamera;
+use crate::viewer::hand::Hand;
+use crate::viewer::scene::read_scene;
+
+/// What the viewer shows.
+pub enum Subject {
+    /// A hand.
+    Hand(Box<Hand>),
+    /// A scene of Gaussians, as [`read_scene`] gives it.
+    Scene {
+        /// The Gaussians.
+        gaussians: SplatScene,
+        /// What the scene is called.
+        name: String,
+    },
+}
+
+impl Subject {
+    /// Reads an avatar, a scene of Gaussians or a hand model, which is recognised from its contents.
+    ///
+    /// # Errors
+    /// One sentence that names the file, and the part that is wrong or what it should be.
+    pub fn read(path: &Path) -> anyhow::Result<Subject> {
+        input_file::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        match file_kind(path) {
+            FileKind::Avatar => Ok(Subject::avatar(Avatar::load(path)?)),
+            FileKind::Ply => {
+                let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+                Ok(Subject::Scene { gaussians: read_scene(path)?, name })
+            }
+            FileKind::HandModel => {
+                let file = read_hand_model(path, &ReadOptions::default())?;
+                for warning in &file.warnings {
+                    log::warn!("{}: {warning}", path.display());
+                }
+                Ok(Subject::avatar(bare_hand_of(&file.model)?))
+            }
+            FileKind::Other => bail!(
+                "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or a \
+                 MANO .pkl or .npz)",
+                path.display()
+            ),
+        }
+    }
+
+    /// An avatar at rest.
+    pub fn avatar(avatar: Avatar) -> Subject {
+        Subject::Hand(Box::new(Hand::new(avatar)))
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> String {
+        match self {
+            Subject::Hand(hand) => hand.name(),
+            Subject::Scene { name, .. } => name.clone(),
+        }
+    }
+
+    /// The first view of it.
+    pub fn first_view(&self) -> OrbitCamera {
+        match self {
+            // It stays the same whatever the pose, so it must have room for the flat hand.
+            Subject::Hand(hand) => {
+                let model = &hand.avatar().model;
+                OrbitCamera::facing(model, &Pose::rest(model.joint_count()))
+            }
+            Subject::Scene { .. } => OrbitCamera::around_unit_sphere(),
+        }
+    }
+
+    /// Its pose, if it has any.
+    pub fn pose(&self) -> Option<&Pose> {
+        match self {
+            Subject::Hand(hand) => Some(&hand.pose),
+            Subject::Scene { .. } => None,
+        }
+    }
+
+    /// Stops what moves.
+    pub fn pause(&mut self) {
+        if let Subject::Hand(hand) = self {
+            hand.pause();
+        }
+    }
+
+    /// Undoes what its controls did.
+    pub fn reset(&mut self) {
+        if let Subject::Hand(hand) = self {
+            hand.reset();
+        }
+    }
+
+    /// Shows its own controls. Returns whether it has any.
+    pub fn controls(&mut self, ui: &mut Ui) -> bool {
+        match self {
+            Subject::Hand(hand) => {
+                hand.controls(ui);
+                true
+            }
+            Subject::Scene { .. } => false,
+        }
+    }
+}
+
+/// A subject on the device.
+pub enum SubjectRenderer {
+    /// An avatar, which is posed before it is drawn.
+    Avatar(Box<AvatarRenderer>),
+    /// A scene.
+    Scene(Box<Splatter>),
+}
+
+impl SubjectRenderer {
+    /// Puts a subject on the device, for pictures of at most `max_size` pixels.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device cannot hold it.
+    pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<SubjectRenderer, RenderError> {
+        match subject {
+            Subject::Hand(hand) => {
+                let renderer = AvatarRenderer::new(gpu, hand.avatar(), Purpose::Images, 1, max_size)?;
+                Ok(SubjectRenderer::Avatar(Box::new(renderer)))
+            }
+            Subject::Scene { gaussians, .. } => {
+                let options = SplatOptions { model: gaussians.model(), purpose: Purpose::Images, depth: false };
+                let splatter = Splatter::new(gpu, options, gaussians.count, max_size)?;
+                gpu.queue.write_buffer(splatter.gaussians(), 0, cast_slice(&gaussians.table));
+                Ok(SubjectRenderer::Scene(Box::new(splatter)))
+            }
+        }
+    }
+
+    /// The splatter that draws it.
+    pub fn splatter(&self) -> &Splatter {
+        match self {
+            SubjectRenderer::Avatar(renderer) => &renderer.splatter,
+            SubjectRenderer::Scene(splatter) => splatter,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn splatter_mut(&mut self) -> &mut Splatter {
+        match self {
+            SubjectRenderer::Avatar(renderer) => &mut renderer.splatter,
+            SubjectRenderer::Scene(splatter) => splatter,
+        }
+    }
+
+    /// Chooses pose and view of what is encoded from now on. A scene has no pose.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the pose does not fit or the picture is too large.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        pose: Option<&Pose>,
+        camera: &Camera,
+        background: [f32; 3],
+    ) -> Result<(), RenderError> {
+        match self {
+            SubjectRenderer::Avatar(renderer) => {
+                if let Some(pose) = pose {
+                    renderer.set_pose(gpu, 0, pose)?;
+                }
+                renderer.pose.set_frame(gpu, 0, 0.0, 0.0);
+                renderer.set_view(gpu, camera, background)
+            }
+            SubjectRenderer::Scene(splatter) => {
+                let view = View::new(camera, splatter.count(), background, 1.0);
+                splatter.set_view(gpu, view)
+            }
+        }
+    }
+
+    /// Encodes the drawing; after it the splatter's image is the picture.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        if let SubjectRenderer::Avatar(renderer) = self {
+            renderer.encode_pose(encoder);
+        }
+        self.splatter().forward(encoder);
+    }
+}

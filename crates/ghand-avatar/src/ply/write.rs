@@ -1,0 +1,135 @@
+//! Writing scenes, and posed hands as scenes.
+
+use std::path::Path;
+
+use ghand_core::atomic_file::write_atomically;
+use ghand_render::splat::SplatModel;
+
+use super::{PlyError, SplatScene};
+
+/// What an opacity of 1 becomes in a scene. Scenes store logits, and that of 1 is infinite; this one is so near to 1 that no
+/// 8-bit value of a picture changes by more than one.
+pub const EXPORTED_OPACITY: f64 = 0.99999;
+
+/// The logit of [`EXPORTED_OPACITY`], 11.513.
+pub fn exported_logit() -> f32 {
+    (EXPORTED_OPACITY / (1.0 - EXPORTED_OPACITY)).ln() as f32
+}
+
+/// The harmonic of degree 0, 1 / (2 sqrt(pi)).
+const SH_0: f64 = 0.282_094_791_773_878_14;
+/// The harmonics' sum is added to this grey.
+const GREY: f64 = 0.5;
+
+impl SplatScene {
+    /// The scene that looks like a table of [`SplatModel::HAND`], `[7][N]`: round Gaussians of opacity 1 and of one colour from
+    /// all sides become ones with three equal sizes, no rotation, the logit of [`EXPORTED_OPACITY`], and harmonics of degree 0.
+    pub fn of_hand(table: &[f32]) -> SplatScene {
+        let (hand, model) = (SplatModel::HAND, SplatModel::trained(0));
+        let count = table.len() / hand.rows();
+        let row = |row: usize| table.iter().skip(row * count).take(count).copied();
+        let mut scene = Vec::with_capacity(model.rows() * count);
+        (0..SplatModel::SCALE_ROW).for_each(|axis| scene.extend(row(axis)));
+        for _ in 0..model.scale_rows() {
+            scene.extend(row(SplatModel::SCALE_ROW).map(|scale| f64::from(scale).ln() as f32));
+        }
+        for component in [1.0, 0.0, 0.0, 0.0, exported_logit()] {
+            scene.extend(std::iter::repeat_n(component, count));
+        }
+        for channel in 0..3 {
+            scene.extend(row(hand.color_row() + channel).map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
+        }
+        SplatScene { degree: 0, count, table: scene }
+    }
+
+    /// The contents of a `.ply` file with this scene: binary, little-endian, with the properties and in the order that trainers
+    /// of 3D Gaussian Splatting write, normals (all zero) included.
+    pub fn to_ply(&self) -> Vec<u8> {
+        let model = self.model();
+        let rest = model.color_bases() - 1;
+        let (rotation, opacity, color) = (model.rotation_row(), model.opacity_row(), model.color_row());
+        // Name and row of each property; normals have no row.
+        let named = |name: &str, rows: std::ops::Range<usize>| -> Vec<(String, Option<usize>)> {
+            rows.enumerate().map(|(k, row)| (format!("{name}_{k}"), Some(row))).collect()
+        };
+        let mut properties: Vec<(String, Option<usize>)> =
+            [("x", Some(0)), ("y", Some(1)), ("z", Some(2)), ("nx", None), ("ny", None), ("nz", None)]
+                .map(|(name, row)| (name.to_owned(), row))
+                .to_vec();
+        properties.extend(named("f_dc", color..color + 3));
+        // Files have the harmonics by channel, the table by function.
+        let functions = (0..3).flat_map(|channel| (1..=rest).map(move |function| color + 3 * function + channel));
+        properties.extend(functions.enumerate().map(|(k, row)| (format!("f_rest_{k}"), Some(row))));
+        properties.push(("opacity".into(), Some(opacity)));
+        properties.extend(named("scale", SplatModel::SCALE_ROW..rotation));
+        properties.extend(named("rot", rotation..opacity));
+
+        let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", self.count);
+        properties.iter().for_each(|(name, _)| header.push_str(&format!("property float {name}\n")));
+        header.push_str("end_header\n");
+        let mut bytes = header.into_bytes();
+        bytes.reserve(4 * properties.len() * self.count);
+        for i in 0..self.count {
+            for (_, row) in &properties {
+                let value = row.and_then(|row| self.table.get(row * self.count + i)).copied().unwrap_or(0.0);
+                bytes.extend(value.to_le_bytes());
+            }
+        }
+        bytes
+    }
+
+    /// Writes [`SplatScene::to_ply`] to a file, whole or not at all.
+    ///
+    /// # Errors
+    /// [`PlyError::Write`] names the file.
+    pub fn write(&self, path: &Path) -> Result<(), PlyError> {
+        write_atomically(path, &self.to_ply()).map_err(|source| PlyError::Write { path: path.into(), source })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_back_whatever_the_degree() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ply");
+        for degree in 0..=3 {
+            let count = 5;
+            let table = (0..SplatModel::trained(degree).rows() * count).map(|k| (k as f32 * 0.37).sin()).collect();
+            let scene = SplatScene { degree, count, table };
+            scene.write(&path).unwrap();
+            assert_eq!(SplatScene::read(&path).unwrap(), scene);
+        }
+    }
+
+    #[test]
+    fn the_properties_are_those_of_trainers_in_their_order() {
+        let scene = SplatScene { degree: 1, count: 0, table: vec![] };
+        let text = String::from_utf8(scene.to_ply()).unwrap();
+        let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
+        let expected = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 \
+                        f_rest_6 f_rest_7 f_rest_8 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+        assert_eq!(names.join(" "), expected);
+        assert!(text.starts_with("ply\nformat binary_little_endian 1.0\nelement vertex 0\n"));
+    }
+
+    #[test]
+    fn a_hand_becomes_a_scene_of_finite_numbers_that_stand_for_the_same_gaussians() {
+        let rows: [[f32; 2]; 7] =
+            [[0.1, -0.2], [0.0, 0.3], [0.5, 0.4], [0.001, 0.0025], [0.0, 1.0], [0.25, 0.5], [0.75, 0.1]];
+        let scene = SplatScene::of_hand(rows.as_flattened());
+        assert_eq!((scene.count, scene.degree, scene.table.len()), (2, 0, 14 * 2));
+        assert!(scene.table.iter().all(|v| v.is_finite()));
+        for i in 0..2 {
+            let at = |row: usize| f64::from(scene.table[row * 2 + i]);
+            let near = |a: f64, b: f32| assert!((a - f64::from(b)).abs() < 1e-6, "{a} {b}");
+            (0..3).for_each(|axis| near(at(axis), rows[axis][i]));
+            (3..6).for_each(|row| near(at(row).exp() * 1e2, rows[3][i] * 1e2));
+            assert_eq!([6, 7, 8, 9].map(at), [1.0, 0.0, 0.0, 0.0]);
+            near(1.0 / (1.0 + (-at(10)).exp()), EXPORTED_OPACITY as f32);
+            (0..3).for_each(|c| near(0.5 + 0.282_094_79 * at(11 + c), rows[4 + c][i]));
+        }
+    }
+}

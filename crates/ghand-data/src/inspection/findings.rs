@@ -1,0 +1,259 @@
+//! What is wrong or odd about a capture.
+
+use std::f64::consts::TAU;
+use std::fmt;
+
+use super::{CaptureInspection, SplitFacts, ViewFit};
+use crate::capture::Capture;
+
+/// A template that meets the masks less than this may be posed, or seen, in another way than the capture means: noise of four
+/// degrees in every joint leaves a mean of 0.8, a transposed rotation, where cameras stand all around a hand, 0.5 to 0.6.
+const LEAST_IOU: f64 = 0.7;
+/// A template that meets the masks less than this is elsewhere: millimetres leave 0, and training, which moves a hand by
+/// millimetres, finds no way back. Even a hand beside the right place, or a transposed rotation, has more.
+const HOPELESS_IOU: f64 = 0.1;
+/// Distances between cameras and a hand, metres: from a lens that nearly touches it to the far end of a hall.
+const DISTANCES: std::ops::Range<f64> = 0.03..20.0;
+/// The part of a split's images that must have a fault before training is pointless. Some images of a sound capture may have it:
+/// the hand leaves a camera's view.
+const NEARLY_ALL: f64 = 0.9;
+/// The part of the cameras that must have a fault before training is pointless.
+const MOST_CAMERAS: f64 = 0.5;
+/// The part of the joint rotations that are longer than a whole turn where poses are in degrees. Few rotations of a pose are zero,
+/// and 6.3 degrees are little; in radians, a whole turn is none.
+const DEGREES: f64 = 0.1;
+/// Images, and hands, whose largest value is below this are black.
+const LEAST_BRIGHTNESS: u8 = 20;
+/// Images whose values differ by no more than this have one colour: a lossy file of one colour differs by as much.
+const MOST_OF_ONE_COLOR: u8 = 2;
+/// Names in a list; more are counted.
+const MOST_NAMES: usize = 5;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Unusual; an avatar may still come out well.
+    Odd,
+    /// No avatar can come of training on this.
+    Pointless,
+}
+
+/// Something wrong or odd about a capture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is, with what it leads to or where it comes from: a sentence without its full stop.
+    pub text: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// All findings.
+pub(super) fn findings(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
+    [cameras(capture, found), poses(capture, found), images(found), masks(found), fits(found)].concat()
+}
+
+fn finding(is_pointless: bool, text: String) -> Finding {
+    Finding { severity: if is_pointless { Severity::Pointless } else { Severity::Odd }, text }
+}
+
+/// The views of all splits that are no part of others.
+fn views(found: &CaptureInspection) -> impl Iterator<Item = &ViewFit> {
+    found.splits.iter().filter(|split| !split.is_part).flat_map(|split| &split.views)
+}
+
+/// A finding about the views that have a fault, if any has: pointless where nearly all of a split have it. Only `of` views count.
+fn faulty(
+    found: &CaptureInspection,
+    of: impl Fn(&ViewFit) -> bool,
+    has_fault: impl Fn(&ViewFit) -> bool,
+    text: impl FnOnce(usize, usize) -> String,
+) -> Option<Finding> {
+    let count = |split: &SplitFacts| {
+        let views = || split.views.iter().filter(|view| of(view));
+        (views().filter(|view| has_fault(view)).count(), views().count())
+    };
+    let counts: Vec<(usize, usize)> = found.splits.iter().filter(|split| !split.is_part).map(count).collect();
+    let (faulty, all) = counts.iter().fold((0, 0), |sum, counts| (sum.0 + counts.0, sum.1 + counts.1));
+    let is_pointless = counts.iter().any(|(faulty, all)| *faulty > 0 && *faulty as f64 >= NEARLY_ALL * *all as f64);
+    (faulty > 0).then(|| finding(is_pointless, text(faulty, all)))
+}
+
+fn images(found: &CaptureInspection) -> Vec<Finding> {
+    let files = &found.files;
+    if files.images == 0 {
+        return vec![finding(true, "the splits name no image; list their cameras and frames".into())];
+    }
+    if !found.has_usable_image() {
+        let text = format!(
+            "none of the {} images can be used ({} files are missing, {} broken); see that paths, cameras and files belong together",
+            files.images, files.missing, files.broken
+        );
+        return vec![finding(true, text)];
+    }
+    let dark = faulty(
+        found,
+        |_| true,
+        |view| view.brightest < LEAST_BRIGHTNESS,
+        |dark, all| {
+            format!(
+                "{dark} of {all} images are black, or their hand is; export them again with the light that they need"
+            )
+        },
+    );
+    let flat = faulty(
+        found,
+        |view| view.brightest >= LEAST_BRIGHTNESS,
+        |view| view.contrast <= MOST_OF_ONE_COLOR,
+        |flat, all| format!("{flat} of {all} images are of one colour all over; export them again"),
+    );
+    let holes = views(found).filter(|view| view.nan_pixels > 0).count();
+    let holes = (holes > 0).then(|| {
+        let all = views(found).count();
+        finding(
+            false,
+            format!("{holes} of {all} images hold pixels that are not a number (NaN), which are taken for black"),
+        )
+    });
+    [dark, flat, holes].into_iter().flatten().collect()
+}
+
+fn masks(found: &CaptureInspection) -> Vec<Finding> {
+    let mut findings = vec![];
+    let (looked_at, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
+    if without > 0 {
+        let text = format!(
+            "{without} of {looked_at} images have no mask; the hand may be anywhere in them, and what is behind it is taken for \
+             hand"
+        );
+        findings.push(finding(false, text));
+    }
+    let has_mask = |view: &ViewFit| view.coverage.is_some();
+    findings.extend(faulty(
+        found,
+        has_mask,
+        |view| view.coverage == Some(0.0),
+        |empty, all| {
+            format!("{empty} of {all} masks are empty; a mask is at least 128 on the hand and below elsewhere")
+        },
+    ));
+    findings.extend(faulty(
+        found,
+        has_mask,
+        |view| view.coverage == Some(1.0),
+        |full, all| {
+            format!("{full} of {all} masks are hand everywhere; a mask is at least 128 on the hand and below elsewhere")
+        },
+    ));
+    let zero_one = views(found).filter(|view| view.is_zero_one).count();
+    if zero_one > 0 {
+        let text =
+            format!("{zero_one} of {looked_at} masks hold 0 and 1 instead of 0 and 255; the 1 is taken for the hand");
+        findings.push(finding(false, text));
+    }
+    let made = found.files.made_masks;
+    if made > 0 {
+        let text = format!(
+            "{made} of {} masks have no file and are made from the posed hand, which they therefore meet; look at the pictures",
+            found.files.images
+        );
+        findings.push(finding(false, text));
+    }
+    findings
+}
+
+fn cameras(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
+    let mut findings = vec![];
+    let used = || capture.cameras.iter().zip(&found.cameras).filter(|(_, facts)| facts.images > 0);
+    let names = |ids: &[&str]| {
+        let more = ids.len().saturating_sub(MOST_NAMES);
+        let shown = ids.get(..MOST_NAMES).unwrap_or(ids).join(", ");
+        if more > 0 { format!("{shown} and {more} more") } else { shown }
+    };
+    let are_most = |ids: &[&str]| ids.len() as f64 > MOST_CAMERAS * used().count() as f64;
+    let behind: Vec<&str> = used().filter(|(_, f)| !f.in_front).map(|(camera, _)| camera.id.as_str()).collect();
+    if !behind.is_empty() {
+        let text = format!(
+            "the hand is behind {} of {} cameras ({}); their rotation may be transposed or look along -z",
+            behind.len(),
+            used().count(),
+            names(&behind)
+        );
+        findings.push(finding(are_most(&behind), text));
+    }
+    let odd: Vec<&str> =
+        used().filter(|(_, f)| !DISTANCES.contains(&f.distance)).map(|(camera, _)| camera.id.as_str()).collect();
+    if !odd.is_empty() {
+        let text = format!(
+            "{} of {} cameras are not between {} and {} m from the hand ({}); a unit may not be the metre",
+            odd.len(),
+            used().count(),
+            DISTANCES.start,
+            DISTANCES.end,
+            names(&odd)
+        );
+        findings.push(finding(are_most(&odd), text));
+    }
+    findings
+}
+
+/// Rotations that are longer than a whole turn.
+fn poses(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
+    let rotations = || {
+        let frames = found.posed_frames.iter().filter_map(|frame| capture.frames.get(*frame));
+        frames.flat_map(|frame| &frame.pose.rotations)
+    };
+    let (long, all) = (rotations().filter(|rotation| rotation.length() > TAU).count(), rotations().count());
+    if long == 0 {
+        return vec![];
+    }
+    let text = format!(
+        "{long} of {all} joint rotations are longer than a whole turn (2 pi); poses are axis-angle in radians and may be in degrees \
+         here"
+    );
+    vec![finding(long as f64 >= DEGREES * all as f64, text)]
+}
+
+fn fits(found: &CaptureInspection) -> Vec<Finding> {
+    let outside = faulty(
+        found,
+        |_| true,
+        |view| !view.shows_template,
+        |outside, all| {
+            format!(
+                "the posed template is outside of {outside} of {all} images; cameras, poses or units are not what they should be"
+            )
+        },
+    );
+    let worse_than = |most: f64, least: f64| {
+        let poor = found.splits.iter().filter(|split| !split.is_part).filter_map(move |split| {
+            let mean = split.iou_given()?.mean;
+            // NaN is poor, too.
+            let is_poor = (least..most).contains(&mean) || (mean.is_nan() && least == 0.0);
+            is_poor.then(|| format!("{} ({mean:.2})", split.name))
+        });
+        poor.collect::<Vec<_>>().join(", ")
+    };
+    let text = |how: &str, splits: String| {
+        format!(
+            "the posed template meets the masks of {splits} {how} (mean IoU); an axis, a rotation, a unit or the side of the hand may \
+             not be what the format says"
+        )
+    };
+    let hopeless = Some(worse_than(HOPELESS_IOU, 0.0)).filter(|splits| !splits.is_empty());
+    let poor = Some(worse_than(LEAST_IOU, HOPELESS_IOU)).filter(|splits| !splits.is_empty());
+    [
+        // A hand that leaves some cameras' view is nothing odd.
+        outside.filter(|outside| outside.severity == Severity::Pointless),
+        hopeless.map(|splits| finding(true, text("hardly or not at all", splits))),
+        poor.map(|splits| finding(false, text("poorly", splits))),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}

@@ -1,0 +1,99 @@
+//! Images of meshes, in blocks: the samples of a large image at once would take gigabytes, or more than a texture may have.
+
+use ghand_core::Camera;
+
+use super::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Surface, check_input};
+
+/// Largest edge of an image, pixels: as much as the splatter takes.
+const LARGEST_EDGE: u32 = 16_384;
+/// Largest edge of a block, pixels. With 4 x 4 samples of 24 bytes for each pixel a block takes 400 MB.
+const LARGEST_BLOCK: u32 = 1024;
+
+impl MeshRenderer {
+    /// Draws one image and waits for it.
+    ///
+    /// # Errors
+    /// [`MeshError::Invalid`] when the input is unusable, the image is larger than 16384 pixels along an edge, or a texture is
+    /// larger than the device takes; [`MeshError::Device`] when the device fails.
+    pub fn render(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
+        let mut whole = None;
+        self.render_blocks(mesh, camera, style, |[left, top], block| {
+            if [block.width, block.height] == [camera.width, camera.height] {
+                whole = Some(block);
+                return;
+            }
+            let whole = whole.get_or_insert_with(|| MeshImage::empty([camera.width, camera.height]));
+            whole.place([left, top], &block);
+        })?;
+        Ok(whole.unwrap_or_else(|| MeshImage::empty([camera.width, camera.height])))
+    }
+
+    /// As [`MeshRenderer::render`], but hands the image to `sink` in blocks, row by row, each with its left column and top row.
+    /// For images that are to be converted, and need not be held as floats as a whole.
+    ///
+    /// The pixels of a block are those of the whole image but for samples within rounding of an edge.
+    ///
+    /// # Errors
+    /// As [`MeshRenderer::render`].
+    pub fn render_blocks(
+        &self,
+        mesh: &MeshInstance,
+        camera: &Camera,
+        style: &MeshStyle,
+        sink: impl FnMut([u32; 2], MeshImage),
+    ) -> Result<(), MeshError> {
+        check_input(mesh, camera, style)?;
+        let margin = style.wireframe.map_or(0, |w| w.margin());
+        let largest = self.context.device.limits().max_texture_dimension_2d;
+        if let Surface::Texture { texture, .. } = mesh.surface
+            && texture.width.max(texture.height) > largest
+        {
+            let problem = format!("{} x {} texels; this device takes {largest}", texture.width, texture.height);
+            return MeshError::invalid("texture", problem);
+        }
+        if camera.width.max(camera.height) > LARGEST_EDGE {
+            let problem = format!("{} x {} pixels; at most {LARGEST_EDGE} are drawn", camera.width, camera.height);
+            return MeshError::invalid("size", problem);
+        }
+        // No less than 2030 pixels on any device: WebGPU promises textures of 8192 samples, and a margin is 9 pixels at most.
+        let edge = (largest / style.supersample).saturating_sub(2 * margin).clamp(1, LARGEST_BLOCK);
+        self.draw_blocks(mesh, camera, style, edge, sink)
+    }
+
+    /// Draws blocks of at most `edge` pixels along their edges, of input that has been checked.
+    fn draw_blocks(
+        &self,
+        mesh: &MeshInstance,
+        camera: &Camera,
+        style: &MeshStyle,
+        edge: u32,
+        mut sink: impl FnMut([u32; 2], MeshImage),
+    ) -> Result<(), MeshError> {
+        let starts = |size: u32| (0..size).step_by(edge as usize);
+        for (top, left) in starts(camera.height).flat_map(|top| starts(camera.width).map(move |left| (top, left))) {
+            let size = [(camera.width - left).min(edge), (camera.height - top).min(edge)];
+            let block = camera.cropped(left as i32, top as i32, size[0], size[1]);
+            sink([left, top], self.render_block(mesh, &block, style)?);
+        }
+        Ok(())
+    }
+}
+
+impl MeshImage {
+    /// An image of nothing.
+    fn empty([width, height]: [u32; 2]) -> MeshImage {
+        let pixels = width as usize * height as usize;
+        MeshImage { width, height, rgba: vec![[0.0; 4]; pixels], depth: vec![f32::INFINITY; pixels] }
+    }
+
+    /// Copies a block into this image, in which it must lie.
+    fn place(&mut self, [left, top]: [u32; 2], block: &MeshImage) {
+        let width = block.width as usize;
+        for row in 0..block.height as usize {
+            let from = row * width..(row + 1) * width;
+            let start = (top as usize + row) * self.width as usize + left as usize;
+            self.rgba[start..start + width].copy_from_slice(&block.rgba[from.clone()]);
+            self.depth[start..start + width].copy_from_slice(&block.depth[from]);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Pictures that are too large for one frame, in horizontal bands.
+//!
+//! A band starts at a whole row of tiles and keeps the projection of the whole picture, so that each tile holds the same
+//! Gaussians in the same order: the pixels are those of one frame, bit for bit.
+
+use super::{Image, Splatter, TILE_SIZE, View};
+use crate::{Gpu, RenderError};
+
+/// Bytes that the image of a band may take, even where one buffer may be larger: beyond it nothing gets faster.
+const LARGEST_BAND: u64 = 128 << 20;
+/// Bytes of a pixel of the image, the largest of the buffers that hold a number of bytes for each pixel.
+const BYTES_PER_PIXEL: u64 = 16;
+
+/// How many rows of a picture of this size one frame may have on this device: all, or a multiple of [`TILE_SIZE`].
+pub fn band_rows(gpu: &Gpu, [width, height]: [u32; 2]) -> u32 {
+    let limits = gpu.device.limits();
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(LARGEST_BAND);
+    let rows = bytes / (BYTES_PER_PIXEL * u64::from(width.max(1)));
+    if rows >= u64::from(height) { height } else { whole_tiles(rows as u32) }
+}
+
+/// The largest multiple of [`TILE_SIZE`] that is not more than `rows`, and one row of tiles at least.
+fn whole_tiles(rows: u32) -> u32 {
+    (rows / TILE_SIZE).max(1) * TILE_SIZE
+}
+
+impl View {
+    /// The `rows` rows of this view's image from `first_row` on, which must be a multiple of [`TILE_SIZE`].
+    pub fn band(&self, first_row: u32, rows: u32) -> View {
+        View {
+            size: [self.size[0], rows],
+            tiles: [self.tiles[0], rows.div_ceil(TILE_SIZE)],
+            first_row: self.first_row + first_row,
+            ..*self
+        }
+    }
+}
+
+impl Splatter {
+    /// Renders a view of any height in bands that the splatter holds, from the top down, and hands each to `sink` with its
+    /// first row. Where the device cannot render a band because too much lies on it, the band is halved.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost, if the view is wider than the splatter was made for, or if a single
+    /// row of tiles is more than the device can render.
+    pub fn render_bands(
+        &mut self,
+        gpu: &Gpu,
+        view: View,
+        mut sink: impl FnMut(u32, &Image),
+    ) -> Result<(), RenderError> {
+        let [_, height] = view.size;
+        let mut most = if self.max_size[1] >= height { height } else { whole_tiles(self.max_size[1]) };
+        let mut first_row = 0;
+        while first_row < height {
+            let rows = most.min(height - first_row);
+            self.set_view(gpu, view.band(first_row, rows))?;
+            match self.render(gpu) {
+                Ok(image) => {
+                    sink(first_row, &image);
+                    first_row += rows;
+                }
+                Err(RenderError::Invalid(_) | RenderError::OutOfMemory { .. }) if rows > TILE_SIZE => {
+                    most = whole_tiles(rows / 2);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}

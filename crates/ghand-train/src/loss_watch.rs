@@ -1,0 +1,155 @@
+//! Tells when training goes wrong: numbers that are no longer finite, or a loss that has risen.
+
+use ghand_avatar::direct::DirectTables;
+use ghand_core::Pose;
+
+use crate::settings::TrainSettings;
+
+/// How a stage went wrong.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Fault {
+    /// Something is infinite or not a number.
+    NotFinite(&'static str),
+    /// The loss over the same views is higher than before the first iteration.
+    Risen {
+        /// Before the first iteration.
+        from: f64,
+        /// After the last.
+        to: f64,
+    },
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Fault::NotFinite(what) => write!(f, "{what} became infinite or not a number"),
+            Fault::Risen { from, to } => write!(f, "the loss rose from {from:.4} to {to:.4}"),
+        }
+    }
+}
+
+/// Fails unless the loss is a finite number.
+pub(crate) fn check_loss(loss: f64) -> Result<(), Fault> {
+    if loss.is_finite() { Ok(()) } else { Err(Fault::NotFinite("the loss")) }
+}
+
+/// Fails if the loss over the same views has risen, or is not a finite number.
+pub(crate) fn check_change(from: f64, to: f64) -> Result<(), Fault> {
+    check_loss(from)?;
+    check_loss(to)?;
+    if to > from { Err(Fault::Risen { from, to }) } else { Ok(()) }
+}
+
+/// Fails unless all that a stage has learned is finite.
+pub(crate) fn check_learned(tables: &DirectTables, joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Fault> {
+    let learned: [(&'static str, &[f32]); 6] = [
+        ("the pose response", &tables.response),
+        ("the rest joints", joints.as_flattened()),
+        ("the shape bases", &tables.shape_basis),
+        ("the residual skinning weights", &tables.residual_weights),
+        ("the skeleton regressor", &tables.regressor),
+        ("colours or scales", &tables.appearance),
+    ];
+    let fault = learned.iter().find(|(_, values)| values.iter().any(|v| !v.is_finite())).map(|(name, _)| *name);
+    let pose_fault = |p: &Pose| !p.translation.is_finite() || p.rotations.iter().any(|r| !r.is_finite());
+    match fault.or_else(|| poses.iter().any(pose_fault).then_some("a pose")) {
+        Some(name) => Err(Fault::NotFinite(name)),
+        None => Ok(()),
+    }
+}
+
+/// A setting so many times above its default is the likely reason.
+const SUSPICIOUS: f64 = 2.0;
+
+/// What to do about a fault: the setting that is furthest above its default, if there is one.
+pub(crate) fn remedy(settings: &TrainSettings) -> String {
+    let numbers = |s: &TrainSettings| {
+        [
+            ("start_inset", s.start_inset),
+            ("l1_weight", s.l1_weight),
+            ("ssim_weight", s.ssim_weight),
+            ("offset_weight", s.offset_weight),
+            ("scale_weight", s.scale_weight),
+            ("rate_shape_basis", s.rate_shape_basis),
+            ("rate_residual_weights", s.rate_residual_weights),
+            ("rate_regressor", s.rate_regressor),
+            ("rate_scale", s.rate_scale),
+            ("rate_color", s.rate_color),
+            ("rate_components", s.rate_components),
+            ("rate_response", s.rate_response),
+            ("rate_joints", s.rate_joints),
+            ("rate_pose", s.rate_pose),
+            ("rate_translation", s.rate_translation),
+        ]
+    };
+    let raised = numbers(settings).into_iter().zip(numbers(&TrainSettings::default()));
+    let suspect = raised
+        .map(|((name, value), (_, default))| (name, value, default, value / default))
+        .filter(|(.., ratio)| *ratio > SUSPICIOUS)
+        .max_by(|a, b| a.3.total_cmp(&b.3));
+    match suspect {
+        Some((name, value, default, _)) => {
+            format!("most likely `{name}` is too high: it is {value:?}, its default is {default:?}; lower it")
+        }
+        None => "lower the rates (such as --set rate_shape_basis=5e-5), and look over the capture's poses and masks \
+                 with `ghand inspect`"
+            .into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn a_loss_may_fall_or_stay_but_not_rise_or_be_no_number() {
+        check_change(0.5, 0.5).unwrap();
+        check_change(0.5, 0.1).unwrap();
+        assert_eq!(check_change(0.5, 0.51), Err(Fault::Risen { from: 0.5, to: 0.51 }));
+        for (from, to) in [(f64::NAN, 0.1), (0.1, f64::NAN), (0.1, f64::INFINITY)] {
+            assert_eq!(check_change(from, to), Err(Fault::NotFinite("the loss")));
+        }
+    }
+
+    #[test]
+    fn every_learned_number_is_looked_at() {
+        let tables = DirectTables {
+            shape_basis: vec![0.0; 3],
+            residual_weights: vec![0.0; 3],
+            regressor: vec![0.0; 3],
+            appearance: vec![0.0; 3],
+            response: vec![0.0; 3],
+            response_limits: vec![0.0; 6],
+        };
+        let (joints, pose) = ([[0.0; 3]; 2], Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO });
+        check_learned(&tables, &joints, std::slice::from_ref(&pose)).unwrap();
+        let fields: [fn(&mut DirectTables) -> &mut Vec<f32>; 5] = [
+            |t| &mut t.shape_basis,
+            |t| &mut t.residual_weights,
+            |t| &mut t.regressor,
+            |t| &mut t.appearance,
+            |t| &mut t.response,
+        ];
+        for field in fields {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let mut tables = tables.clone();
+                field(&mut tables)[2] = bad;
+                check_learned(&tables, &joints, std::slice::from_ref(&pose)).unwrap_err();
+            }
+        }
+        check_learned(&tables, &[[0.0, 0.0, f32::NAN]], &[]).unwrap_err();
+        let turned = Pose { rotations: vec![DVec3::new(0.0, f64::NAN, 0.0)], ..pose.clone() };
+        check_learned(&tables, &joints, &[pose.clone(), turned]).unwrap_err();
+        let moved = Pose { translation: DVec3::new(0.0, f64::INFINITY, 0.0), ..pose };
+        assert_eq!(check_learned(&tables, &joints, &[moved]), Err(Fault::NotFinite("a pose")));
+    }
+
+    #[test]
+    fn the_setting_furthest_above_its_default_is_named() {
+        let settings = TrainSettings { rate_pose: 0.03, rate_response: 1e38, rate_color: 1e-9, ..Default::default() };
+        let text = remedy(&settings);
+        assert!(text.contains("`rate_response` is too high: it is 1e38, its default is 0.005"), "{text}");
+        assert!(!remedy(&TrainSettings::default()).contains("too high"));
+    }
+}

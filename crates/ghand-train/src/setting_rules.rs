@@ -1,0 +1,115 @@
+//! What each training setting may be, and how to say so.
+
+use serde_json::Value;
+
+use crate::settings::TrainSettings;
+
+/// The values that a setting takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Rule {
+    /// Whole numbers between two, both included.
+    Whole(u64, u64),
+    /// Numbers between two, both included.
+    Number(f64, f64),
+    /// Numbers from 0 to below 1.
+    BelowOne,
+    /// Numbers above 0, up to 1.
+    AboveZero,
+    /// One of some words.
+    Word(&'static [&'static str]),
+}
+
+/// Beyond this, the f32 of the device would be infinite.
+const LARGEST: f64 = 1e38;
+/// A run of so many iterations takes years.
+const MOST_ITERATIONS: u64 = 1_000_000_000;
+/// Up to here every whole number is an f64.
+const LARGEST_EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// What the setting of that name may be; `None` if there is none.
+pub(crate) fn rule(name: &str) -> Option<Rule> {
+    Some(match name {
+        "iterations" => Rule::Whole(1, MOST_ITERATIONS),
+        "pose_stage" => Rule::BelowOne,
+        "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
+        "pose_uv_resolution" | "uv_resolution" => Rule::Whole(8, 2048),
+        "pose_image_reduction" => Rule::Whole(1, 16),
+        "seed" => Rule::Whole(0, u64::MAX),
+        "shape_bases" => Rule::Whole(1, 32),
+        "color_components" => Rule::Whole(0, 32),
+        // As large as the largest image.
+        "crop_margin" => Rule::Whole(0, 16_384),
+        "final_rate" => Rule::AboveZero,
+        "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
+        "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
+        "start_inset" | "l1_weight" | "ssim_weight" | "offset_weight" | "scale_weight" => Rule::Number(0.0, LARGEST),
+        name if name.starts_with("rate_") && default_text(name).is_some() => Rule::Number(0.0, LARGEST),
+        _ => return None,
+    })
+}
+
+/// The default of a setting, as it is written after `=`.
+fn default_text(name: &str) -> Option<String> {
+    let fields = serde_json::to_value(TrainSettings::default()).ok()?;
+    let value = fields.get(name)?;
+    Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+}
+
+impl Rule {
+    /// Reads a value; `None` if it is not of the kind or out of range.
+    pub fn parse(self, text: &str) -> Option<Value> {
+        let value = match self {
+            Rule::Whole(..) => Value::from(whole(text)?),
+            Rule::Number(..) | Rule::BelowOne | Rule::AboveZero => Value::from(text.parse::<f64>().ok()?),
+            Rule::Word(_) => Value::from(text),
+        };
+        self.allows(&value).then_some(value)
+    }
+
+    /// Whether a value is of the kind and in range.
+    pub fn allows(self, value: &Value) -> bool {
+        match self {
+            Rule::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
+            Rule::Number(least, most) => value.as_f64().is_some_and(|v| (least..=most).contains(&v)),
+            Rule::BelowOne => value.as_f64().is_some_and(|v| (0.0..1.0).contains(&v)),
+            Rule::AboveZero => value.as_f64().is_some_and(|v| v > 0.0 && v <= 1.0),
+            Rule::Word(words) => value.as_str().is_some_and(|v| words.contains(&v)),
+        }
+    }
+
+    /// "must be ...", with the default as an example.
+    pub fn wanted(self, name: &str) -> String {
+        let range = match self {
+            Rule::Whole(least, u64::MAX) => format!("a whole number, at least {least}"),
+            Rule::Whole(least, most) => format!("a whole number, from {least} to {most}"),
+            Rule::Number(least, most) => format!("a number, from {least} to {most:e}"),
+            Rule::BelowOne => "a number, at least 0 and below 1".into(),
+            Rule::AboveZero => "a number, above 0 and at most 1".into(),
+            Rule::Word(words) => words.iter().map(|w| format!("`{w}`")).collect::<Vec<_>>().join(" or "),
+        };
+        match default_text(name) {
+            Some(example) => format!("must be {range}, as in {name}={example}"),
+            None => format!("must be {range}"),
+        }
+    }
+}
+
+/// A whole number, also as `1e3` or `1000.0`.
+fn whole(text: &str) -> Option<u64> {
+    text.parse().ok().or_else(|| {
+        let number: f64 = text.parse().ok()?;
+        ((0.0..=LARGEST_EXACT).contains(&number) && number.fract() == 0.0).then_some(number as u64)
+    })
+}
+
+/// How alike two names must be, from 0 to 1, for one to be taken for a slip of the other.
+const ALIKE: f64 = 0.6;
+
+/// What to say where no setting has the name `key`.
+pub(crate) fn unknown(key: &str, names: &[String]) -> String {
+    let plain = key.to_lowercase().replace('-', "_");
+    let likeness = |name: &String| strsim::normalized_damerau_levenshtein(&plain, name);
+    let nearest = names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|n| likeness(n) >= ALIKE);
+    let question = nearest.map_or(String::new(), |name| format!("did you mean `{name}`? "));
+    format!("there is no such setting; {question}The settings are {}", names.join(", "))
+}

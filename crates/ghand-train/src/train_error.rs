@@ -1,0 +1,83 @@
+//! Why there is no avatar.
+
+use ghand_core::HandModelError;
+use ghand_data::CaptureError;
+use ghand_render::{DeviceError, RenderError};
+
+use crate::evaluate::EvaluateError;
+use crate::floor::FloorError;
+use crate::settings::SettingsError;
+
+/// Why training failed.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The capture or one of its images is unusable.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The hand model is unusable.
+    #[error(transparent)]
+    HandModel(#[from] HandModelError),
+    /// The device failed.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The device was lost and there is no other.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// A setting is out of range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The floor could not be made.
+    #[error(transparent)]
+    Floor(#[from] FloorError),
+    /// The evaluation failed.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// The split has nothing to train on.
+    #[error("{capture}: split `{split}` has no {what}; add some or choose another split with --split")]
+    Empty {
+        /// The capture.
+        capture: String,
+        /// The split.
+        split: String,
+        /// "cameras", "frames" or "images".
+        what: &'static str,
+    },
+    /// The host's memory has no room.
+    #[error(
+        "not enough memory for {gaussians} Gaussians, which need about {mebibytes} MiB; close other programs or choose \
+         fewer Gaussians than with uv_resolution={uv_resolution}"
+    )]
+    NoMemory {
+        /// Number of Gaussians.
+        gaussians: usize,
+        /// What they need, MiB.
+        mebibytes: u64,
+        /// The setting that decides on the number.
+        uv_resolution: u32,
+    },
+    /// Numbers became infinite, or the loss rose: what was learned is worth nothing.
+    #[error("training failed in stage {stage}, iteration {iteration} of {iterations}: {fault}; {remedy}")]
+    Diverged {
+        /// The stage.
+        stage: u32,
+        /// Iterations done, of both stages.
+        iteration: u64,
+        /// Iterations that were to be done.
+        iterations: u64,
+        /// What went wrong.
+        fault: String,
+        /// The likely reason and what to do.
+        remedy: String,
+    },
+    /// The run was told to stop before there was an avatar.
+    #[error(
+        "stopped after {iteration} of {iterations} iterations, before stage 2 had begun to make the avatar: there is no \
+         avatar to save yet"
+    )]
+    Stopped {
+        /// Iterations done.
+        iteration: u64,
+        /// Iterations that were to be done.
+        iterations: u64,
+    },
+}

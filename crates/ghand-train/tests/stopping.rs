@@ -1,0 +1,149 @@
+//! Training runs that end before their time: by request, or because they go wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use ghand_avatar::Avatar;
+use ghand_data::Capture;
+use ghand_data::synthetic::SyntheticOptions;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_train::step::{Rates, Step};
+use ghand_train::synthetic_scene::{make_capture, make_capture_unless};
+use ghand_train::views::TrainViews;
+use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
+
+fn options() -> SyntheticOptions {
+    SyntheticOptions { views: 5, train_frames: 2, test_frames: 0, width: 64, height: 96, ..SyntheticOptions::default() }
+}
+
+/// Runs `test` with a device and a small capture.
+fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("capture");
+    make_capture(&gpu, &options(), &path).unwrap();
+    test(&gpu, &Capture::open(&path).unwrap());
+}
+
+fn settings() -> TrainSettings {
+    TrainSettings { iterations: 40, pose_stage: 0.5, uv_resolution: 32, pose_uv_resolution: 32, ..Default::default() }
+}
+
+fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Result<Trained, TrainError> {
+    Trainer::new(gpu, capture, "train", settings).unwrap().train(|_| ())
+}
+
+#[test]
+fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() {
+    with_capture(|gpu, capture| {
+        let run = |stop_at: u64| {
+            let stop = AtomicBool::new(false);
+            let mut last = 0;
+            let trained = Trainer::new(gpu, capture, "train", &settings()).unwrap().stop_when(&stop).train(|p| {
+                last = p.iteration;
+                stop.store(p.iteration >= stop_at, Ordering::Relaxed);
+            });
+            assert_eq!(last, stop_at.min(40), "the run went on after the stop");
+            trained
+        };
+        for stop_at in [3, 20] {
+            let error = run(stop_at).unwrap_err();
+            assert!(
+                matches!(error, TrainError::Stopped { iteration, iterations: 40 } if iteration == stop_at),
+                "{error}"
+            );
+            assert!(error.to_string().contains("no avatar to save yet"), "{error}");
+        }
+        let stopped = run(30).unwrap();
+        assert_eq!((stopped.iterations, stopped.avatar.provenance.iterations), (30, 30));
+        let whole = run(41).unwrap();
+        assert_eq!((whole.iterations, whole.avatar.provenance.iterations), (40, 40));
+        // In the last iteration there is nothing left to stop.
+        assert!(run(40).unwrap().avatar.tables == whole.avatar.tables);
+        assert!(stopped.avatar.tables != whole.avatar.tables);
+    });
+}
+
+#[test]
+fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
+    with_capture(|gpu, capture| {
+        for (setting, stage) in [("rate_response", 2), ("rate_scale", 1), ("rate_pose", 1), ("rate_joints", 1)] {
+            let mut settings = settings();
+            settings.set(&format!("{setting}=1e38")).unwrap();
+            let error = train(gpu, capture, &settings).err().unwrap_or_else(|| panic!("{setting}"));
+            let message = error.to_string();
+            assert!(matches!(error, TrainError::Diverged { stage: s, .. } if s == stage), "{setting}: {message}");
+            assert!(message.contains(&format!("`{setting}` is too high: it is 1e38")), "{message}");
+            assert!(!message.contains('\n'), "{message}");
+        }
+    });
+}
+
+#[test]
+fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
+    with_capture(|gpu, capture| {
+        for (setting, stage) in [("rate_shape_basis=1", 2), ("rate_pose=3", 1)] {
+            let mut settings = TrainSettings { pose_stage: if stage == 1 { 0.9 } else { 0.0 }, ..settings() };
+            settings.set(setting).unwrap();
+            let error = train(gpu, capture, &settings).err().unwrap_or_else(|| panic!("{setting}"));
+            let message = error.to_string();
+            assert!(matches!(error, TrainError::Diverged { stage: s, .. } if s == stage), "{setting}: {message}");
+            assert!(message.contains("the loss rose from") && message.contains("is too high"), "{message}");
+        }
+    });
+}
+
+#[test]
+fn runs_of_a_few_iterations_do_not_count_as_going_wrong() {
+    with_capture(|gpu, capture| {
+        for (iterations, pose_stage) in [(1, 0.62), (2, 0.62), (4, 0.62), (4, 0.0), (10, 0.5)] {
+            for seed in 1..=3 {
+                let trained = train(gpu, capture, &TrainSettings { iterations, pose_stage, seed, ..settings() });
+                assert!(trained.is_ok(), "{iterations} iterations: {}", trained.unwrap_err());
+            }
+        }
+    });
+}
+
+#[test]
+fn looking_at_the_loss_changes_nothing_that_is_learned() {
+    with_capture(|gpu, capture| {
+        let split = capture.split("train").unwrap();
+        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let config = settings().avatar();
+        let avatar = Avatar::untrained(&capture.template, &config, [0.8, 0.6, 0.5], 1).unwrap();
+        let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
+        let learn = |look: bool| {
+            let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+            for (at, frame) in split.frames.iter().enumerate() {
+                step.renderer.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
+            }
+            let mut losses = vec![];
+            for k in 0..4 {
+                if look {
+                    losses.push(step.measure(gpu, &views.get(9, 1).unwrap(), [0.0; 3], &settings()).unwrap());
+                }
+                let rates = Rates { step: k + 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+                let view = views.get(k as usize, 1).unwrap();
+                step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            }
+            assert!(losses.windows(2).all(|pair| pair[1] != pair[0]), "{losses:?}");
+            step.renderer.tables.download(gpu, count, joints, &config).unwrap()
+        };
+        let tables = learn(false);
+        assert!(tables == learn(true));
+        assert!(tables != avatar.tables, "nothing was learned at all");
+    });
+}
+
+#[test]
+fn a_capture_that_is_stopped_while_it_is_made_leaves_nothing() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let folder = tempfile::tempdir().unwrap();
+    let stop = AtomicBool::new(true);
+    let made = make_capture_unless(&gpu, &options(), &folder.path().join("capture"), &stop).unwrap();
+    assert!(!made);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    stop.store(false, Ordering::Relaxed);
+    assert!(make_capture_unless(&gpu, &options(), &folder.path().join("capture"), &stop).unwrap());
+}
