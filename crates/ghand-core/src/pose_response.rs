@@ -4,7 +4,7 @@
 //! `y_i^p = bias_i + sum_k W_k^p clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: a Gaussian feels only the joints
 //! that move it. Joint 0, the root, turns the whole hand and takes no part: its features are 0.
 
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 
 use crate::Pose;
 use crate::rotation::rotation_from_axis_angle;
@@ -34,7 +34,7 @@ pub fn response_features_vjp(d_features: &[[f64; 9]]) -> Vec<DMat3> {
 
 /// The features of a pose.
 pub fn pose_features(pose: &Pose) -> Vec<[f64; 9]> {
-    let local: Vec<DMat3> = pose.rotations.iter().map(|v: &DVec3| rotation_from_axis_angle(*v)).collect();
+    let local: Vec<DMat3> = pose.rotations.iter().map(|v| rotation_from_axis_angle(*v)).collect();
     response_features(&local)
 }
 
@@ -144,6 +144,7 @@ impl PoseResponse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     /// Two channels, a root and a joint that turns about z: the first channel feels the sine, the second the cosine.
     fn response() -> PoseResponse {

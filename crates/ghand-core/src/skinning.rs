@@ -52,7 +52,7 @@ pub struct SkinGradients {
     pub translation: DVec3,
 }
 
-impl<'a> Skinning<'a> {
+impl Skinning<'_> {
     /// The residual bones that the residual weights blend as they are. Taking the mean over the joints off the weights
     /// is the same map as taking it off the bones, which are far fewer.
     fn effective_residual_bones(&self) -> Vec<Affine> {

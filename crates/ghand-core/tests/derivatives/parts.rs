@@ -166,8 +166,7 @@ impl Part {
     /// The crate's pose response and the features it depends on.
     fn response(&self, inputs: &[&[f64]]) -> (PoseResponse, Vec<[f64; 9]>) {
         let local: Vec<DMat3> = inputs[2].chunks_exact(9).map(matrix).collect();
-        let response =
-            PoseResponse { bias: inputs[0].to_vec(), gain: inputs[1].to_vec(), limits: self.limits.clone() };
+        let response = PoseResponse { bias: inputs[0].to_vec(), gain: inputs[1].to_vec(), limits: self.limits.clone() };
         (response, response_features(&local))
     }
 }
