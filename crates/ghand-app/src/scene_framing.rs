@@ -57,8 +57,7 @@ struct Ball {
 /// Cameras around a scene, in which all but what strays far from it fits.
 pub fn scene_turntable(scene: &SplatScene, views: usize, up: UpAxis, [width, height]: [u32; 2]) -> Vec<Camera> {
     let balls = belonging(balls(scene));
-    let corners: Vec<DVec3> =
-        balls.iter().flat_map(|b| [b.center - b.radius, b.center + b.radius]).collect();
+    let corners: Vec<DVec3> = balls.iter().flat_map(|b| [b.center - b.radius, b.center + b.radius]).collect();
     let target = middle(&corners);
     let radius = balls.iter().map(|b| b.center.distance(target) + b.radius).fold(0.0, f64::max);
     let distance = (DISTANCE * radius).max(radius + 2.0 * f64::from(NEAR));

@@ -101,7 +101,11 @@ fn pictures_are_the_same_whether_or_not_the_device_was_lost_between_them() {
     let pictures = |out: &str| -> Vec<Vec<u8>> {
         let files = listing(&folder.path().join(out));
         // The list of the pictures beside them names the command, which differs.
-        files.iter().filter(|f| f.ends_with(".png")).map(|f| std::fs::read(folder.path().join(out).join(f)).unwrap()).collect()
+        files
+            .iter()
+            .filter(|f| f.ends_with(".png"))
+            .map(|f| std::fs::read(folder.path().join(out).join(f)).unwrap())
+            .collect()
     };
     assert_eq!(pictures("whole").len(), 4);
     let faults = [("LOSE_AT", "1", 1), ("LOSE_AFTER", "1", 1), ("LOSE_AT", "9", 1), ("LOSE_AFTER", "4,14", 2)];

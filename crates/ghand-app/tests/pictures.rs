@@ -126,7 +126,10 @@ fn a_motion_is_filmed_while_the_camera_goes_around() {
     let rendered = open(folder.path(), "pictures/frame-0000.png");
     let (worst, mean) = difference(&DynamicImage::from(shown), &rendered);
     assert!(worst <= 16 && mean < 2.0, "{worst} {mean}");
-    assert_eq!((first.delay, 1 + std::iter::from_fn(|| decoder.read_next_frame().unwrap().map(|_| ())).count()), (25, 10));
+    assert_eq!(
+        (first.delay, 1 + std::iter::from_fn(|| decoder.read_next_frame().unwrap().map(|_| ())).count()),
+        (25, 10)
+    );
 }
 
 #[cfg(unix)]
@@ -207,8 +210,13 @@ fn the_example_camera_sees_the_whole_hand_and_cameras_of_captures_go_by_their_id
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/camera.json");
-    let render = |camera: &str| ["render", "hand.ghand", "--size", "100x100", "--out", "a.png", "--camera"].map(String::from)
-        .into_iter().chain([camera.to_owned()]).collect::<Vec<_>>();
+    let render = |camera: &str| {
+        ["render", "hand.ghand", "--size", "100x100", "--out", "a.png", "--camera"]
+            .map(String::from)
+            .into_iter()
+            .chain([camera.to_owned()])
+            .collect::<Vec<_>>()
+    };
     let picture = |camera: &str| {
         let arguments = render(camera);
         said(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());

@@ -88,7 +88,8 @@ fn a_motion_is_rendered_at_its_rate() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let names = listing(&folder.path().join("out"));
     assert_eq!(names.len(), 6);
-    let [open_hand, fist] = ["out/frame-0000_view-00.png", "out/frame-0002_view-00.png"].map(|name| open(&folder.path().join(name)));
+    let [open_hand, fist] =
+        ["out/frame-0000_view-00.png", "out/frame-0002_view-00.png"].map(|name| open(&folder.path().join(name)));
     assert!(coverage(&fist, [0, 0, 0]) < 0.9 * coverage(&open_hand, [0, 0, 0]), "the hand does not close");
 }
 

@@ -137,7 +137,17 @@ fn what_cannot_be_rendered_is_one_sentence_and_leaves_no_file() {
         (&["scene.ply", "--camera", "scene.ply", "--out", "out.png"], "scene.ply: "),
         (&["scene.ply", "--camera", "camera.json", "--out", "out.exr", "--weights", "w.exr"], "--gradients"),
         (
-            &["scene.ply", "--camera", "camera.json", "--out", "o.exr", "--weights", "small.exr", "--gradients", "g.safetensors"],
+            &[
+                "scene.ply",
+                "--camera",
+                "camera.json",
+                "--out",
+                "o.exr",
+                "--weights",
+                "small.exr",
+                "--gradients",
+                "g.safetensors",
+            ],
             "small.exr",
         ),
     ];

@@ -88,7 +88,10 @@ mod tests {
         assert_eq!(problem::<Vec<String>>("[{}]"), "is an object {...}, must be a text (line 1, column 1)");
         assert_eq!(problem::<u64>("\"7\""), "is the text \"7\", must be a whole number, at least 0 (line 1, column 3)");
         assert_eq!(problem::<u64>("-1"), "is -1, must be a whole number, at least 0 (line 1, column 2)");
-        assert_eq!(problem::<BTreeMap<String, u8>>("[1]"), "is a list [...], must be an object {...} (line 1, column 0)");
+        assert_eq!(
+            problem::<BTreeMap<String, u8>>("[1]"),
+            "is a list [...], must be an object {...} (line 1, column 0)"
+        );
         assert_eq!(problem::<f64>("true"), "is true, must be a number (line 1, column 4)");
         assert_eq!(problem::<bool>("null"), "is null, must be true or false (line 1, column 4)");
         assert_eq!(problem::<[f64; 3]>("[1, 2]"), "is a list of 2, must be a list of 3 (line 1, column 6)");

@@ -31,8 +31,7 @@ pub(crate) fn read_streaming<'de, S: DeserializeSeed<'de>>(
         source,
         remedy,
     })?;
-    read_json(file, seed)
-        .map_err(|error| CaptureError::Json { path: path.into(), problem: plain_json_error(&error) })
+    read_json(file, seed).map_err(|error| CaptureError::Json { path: path.into(), problem: plain_json_error(&error) })
 }
 
 /// Reads JSON with `seed`; nothing may follow it.

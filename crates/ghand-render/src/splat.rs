@@ -16,8 +16,8 @@ use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
 
 use crate::{Gpu, RenderError, Tier, buffers, timing};
-use frame::{Frame, FrameBuffers, Pipelines};
 pub use bands::band_rows;
+use frame::{Frame, FrameBuffers, Pipelines};
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 

@@ -45,7 +45,10 @@ fn bands_have_the_bits_of_the_whole_picture() {
             let mut whole = splatter(&gpu, model, &table, [101, 75]);
             let (expected, bands) = in_bands(&gpu, &mut whole, view).unwrap();
             assert_eq!((bands, expected.rgba.len()), (1, 101 * 75));
-            assert_eq!(expected, { whole.set_view(&gpu, view).unwrap(); whole.render(&gpu).unwrap() });
+            assert_eq!(expected, {
+                whole.set_view(&gpu, view).unwrap();
+                whole.render(&gpu).unwrap()
+            });
             for (rows, count) in [(8, 10), (24, 4), (31, 4), (72, 2)] {
                 let mut small = splatter(&gpu, model, &table, [101, rows]);
                 let (image, bands) = in_bands(&gpu, &mut small, view).unwrap();
@@ -122,7 +125,10 @@ fn a_band_fits_the_device() {
     for size in [[4096, 4096], [16_384, 16_384], [16_384, 100], [8, 16_384]] {
         let rows = band_rows(&gpu, size);
         assert!(rows == size[1] || rows.is_multiple_of(8) && rows > 0, "{size:?}: {rows}");
-        assert!(16 * u64::from(rows) * u64::from(size[0]) <= limits.max_storage_buffer_binding_size, "{size:?}: {rows}");
+        assert!(
+            16 * u64::from(rows) * u64::from(size[0]) <= limits.max_storage_buffer_binding_size,
+            "{size:?}: {rows}"
+        );
     }
 }
 
@@ -138,7 +144,8 @@ fn the_blocks_of_a_large_mesh_fit_together_without_a_seam() {
     let (left, width): (i32, u32) = (980, 80);
     let window = renderer.render(&torus.textured(), &camera.cropped(left, 0, width, 100), &style).unwrap();
     let cut = |shift: usize| {
-        let rows = (0..100usize).map(|y| y * 1060 + left as usize - shift..y * 1060 + (left as usize + width as usize) - shift);
+        let rows = (0..100usize)
+            .map(|y| y * 1060 + left as usize - shift..y * 1060 + (left as usize + width as usize) - shift);
         MeshImage {
             width,
             height: 100,

@@ -13,8 +13,8 @@ use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::{orbit, turntable};
-use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 pub use crate::pictures::write_png;
+use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
 
@@ -78,7 +78,8 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.orbit.is_some() && frames.len() == 1 {
         bail!("--orbit: there is only one frame, in which nothing goes around; give a motion, or --turntable");
     }
-    if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1) {
+    if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1)
+    {
         bail!("--turntable: a film shows each frame from one side; give --orbit, or choose a --frame");
     }
     let poses: Vec<&Pose> = frames.iter().map(|(_, frame)| &frame.pose).collect();
@@ -89,7 +90,9 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             let [width, height] = args.size.unwrap_or([camera.width, camera.height]);
             vec![vec![camera.resized(width, height)]; poses.len()]
         }
-        (None, Some(turns)) => orbit(&avatar.model, &poses, turns, size).into_iter().map(|camera| vec![camera]).collect(),
+        (None, Some(turns)) => {
+            orbit(&avatar.model, &poses, turns, size).into_iter().map(|camera| vec![camera]).collect()
+        }
         (None, None) => turntable(&avatar.model, &poses, args.turntable.unwrap_or(1) as usize, size),
     };
     let size = cameras.first().and_then(|c| c.first()).map_or(size, |c| [c.width, c.height]);
@@ -111,7 +114,8 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         while let Some((pose, camera)) = series.next().and_then(|number| pictures.get(number)) {
             renderer.set_pose(gpu, 0, pose)?;
             let mut picture = series.blank();
-            renderer.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
+            renderer
+                .render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
             series.add(picture)?;
         }
         Ok(())

@@ -47,7 +47,9 @@ impl FormatArgs {
             });
         }
         let Some(format) = Format::of(out) else {
-            bail!("--out {shown}: must end in .png, .exr, .gif, .webm or .mp4; a folder with a dot in its name ends in /");
+            bail!(
+                "--out {shown}: must end in .png, .exr, .gif, .webm or .mp4; a folder with a dot in its name ends in /"
+            );
         };
         if let Some(wanted) = self.format.filter(|wanted| *wanted != format) {
             bail!("--out {shown}: ends in .{}, but --format is {}", format.ending(), wanted.ending());

@@ -14,7 +14,8 @@ use super::format::FilmFormat;
 use super::{Background, Picture};
 
 const PROGRAM: &str = "ffmpeg";
-const REMEDY: &str = "install ffmpeg (Debian or Ubuntu: `apt-get install ffmpeg`), or render a .gif or a folder of PNG pictures";
+const REMEDY: &str =
+    "install ffmpeg (Debian or Ubuntu: `apt-get install ffmpeg`), or render a .gif or a folder of PNG pictures";
 
 /// A film that ffmpeg is encoding. Dropped before its end, it leaves nothing.
 pub struct PipedFilm {

@@ -60,7 +60,8 @@ impl Folder {
             .collect();
         let earlier = earlier_pictures(path)?;
         let known: HashSet<&str> = earlier.iter().map(String::as_str).collect();
-        if let Some(foreign) = pictures.iter().find(|p| !known.contains(p.file.as_str()) && path.join(&p.file).exists()) {
+        if let Some(foreign) = pictures.iter().find(|p| !known.contains(p.file.as_str()) && path.join(&p.file).exists())
+        {
             let file = path.join(&foreign.file);
             bail!("{}: is there, and not from an earlier render; move it, or choose another folder", file.display());
         }
@@ -185,7 +186,12 @@ mod tests {
     #[test]
     fn names_tell_frame_and_view_and_sort_in_order() {
         let names = |shots: &[Shot]| -> Vec<String> {
-            Folder::new(Path::new("none"), StillFormat::Png, shots).unwrap().pictures.into_iter().map(|p| p.file).collect()
+            Folder::new(Path::new("none"), StillFormat::Png, shots)
+                .unwrap()
+                .pictures
+                .into_iter()
+                .map(|p| p.file)
+                .collect()
         };
         assert_eq!(names(&shots(2, None)), ["frame-0000.png", "frame-0001.png"]);
         assert_eq!(names(&shots(2, Some(2)))[1..3], ["frame-0000_view-01.png", "frame-0001_view-00.png"]);
@@ -239,7 +245,8 @@ mod tests {
         assert!(error.contains("frame-0001.png: is there"), "{error}");
         let inside = path.join("inside");
         std::fs::create_dir(&inside).unwrap();
-        for file in ["../frame-0001.png", "/frame-0001.png", "frame-1/../../frame-0001.png", "notes.txt", "frame-1.txt"] {
+        for file in ["../frame-0001.png", "/frame-0001.png", "frame-1/../../frame-0001.png", "notes.txt", "frame-1.txt"]
+        {
             let list = format!(r#"{{"format":"ghand-render","complete":true,"pictures":[{{"file":"{file}"}}]}}"#);
             std::fs::write(inside.join(LIST), list).unwrap();
             let error = fill(&inside, StillFormat::Png, &shots(2, None)).unwrap_err().to_string();

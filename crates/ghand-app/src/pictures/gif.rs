@@ -34,7 +34,10 @@ impl GifFilm {
     /// One sentence if it would be too fast.
     pub fn start(options: FilmOptions) -> anyhow::Result<GifFilm> {
         if options.fps > FASTEST {
-            bail!("a GIF shows at most {FASTEST} pictures a second, not {}; give a smaller --fps, or .webm", options.fps);
+            bail!(
+                "a GIF shows at most {FASTEST} pictures a second, not {}; give a smaller --fps, or .webm",
+                options.fps
+            );
         }
         let [width, height] = options.size.map(u16::try_from);
         let (Ok(width), Ok(height)) = (width, height) else { bail!("a GIF has at most 65535 columns and rows") };

@@ -8,7 +8,7 @@ use bytemuck::cast_slice;
 use ghand_core::atomic_file::write_atomically;
 use ghand_render::mesh::MeshImage;
 use ghand_render::splat::Image;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, Rgba32FImage, RgbImage};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, RgbImage, Rgba32FImage};
 
 use super::{Background, StillFormat};
 

@@ -27,8 +27,7 @@ pub struct Case {
 impl Case {
     /// A case drawn at random.
     pub fn new(world: &World, random: &mut ChaCha8Rng) -> Case {
-        let mut case =
-            Case { folder: tempfile::tempdir().unwrap(), command: vec![], output: None, kept: vec![] };
+        let mut case = Case { folder: tempfile::tempdir().unwrap(), command: vec![], output: None, kept: vec![] };
         match random.random_range(0..100) {
             0..20 => case.damaged_poses(world, random),
             20..35 => case.damaged_capture(world, random),
@@ -80,7 +79,8 @@ impl Case {
         std::fs::write(self.folder.path().join("capture/capture.json"), &damaged).unwrap();
         self.kept.push(("capture/capture.json".into(), damaged));
         if random.random_bool(0.1) {
-            let arguments = ["--capture", "capture", "--out", "out", "--set", "iterations=4", "--set", "uv_resolution=16"];
+            let arguments =
+                ["--capture", "capture", "--out", "out", "--set", "iterations=4", "--set", "uv_resolution=16"];
             self.is(TRAIN, &arguments);
         } else {
             self.is(GHAND, &["inspect", "capture", "--no-sheet"]);
@@ -139,7 +139,22 @@ impl Case {
     /// Something stands where the output should go.
     fn odd_output(&mut self, world: &World, random: &mut ChaCha8Rng) {
         let folder = self.folder.path();
-        let name = pick(random, &["a.png", "A.PNG", "a.jpg", "a", "b/c/a.png", "kept.png", "folder.png", "link.png", "/dev/null", "kept.png/a.png", ""]);
+        let name = pick(
+            random,
+            &[
+                "a.png",
+                "A.PNG",
+                "a.jpg",
+                "a",
+                "b/c/a.png",
+                "kept.png",
+                "folder.png",
+                "link.png",
+                "/dev/null",
+                "kept.png/a.png",
+                "",
+            ],
+        );
         match name {
             "folder.png" => std::fs::create_dir(folder.join(name)).unwrap(),
             "link.png" => {
@@ -168,20 +183,66 @@ impl Case {
 
     fn odd_setting(&mut self, world: &World, random: &mut ChaCha8Rng) {
         const NAMES: [&str; 14] = [
-            "iterations", "pose_stage", "uv_resolution", "pose_uv_resolution", "seed", "shape_bases", "color_components",
-            "rate_response", "rate_pose", "residual_weights", "residual_skeleton", "pose_image_reduction", "iteratoins", "",
+            "iterations",
+            "pose_stage",
+            "uv_resolution",
+            "pose_uv_resolution",
+            "seed",
+            "shape_bases",
+            "color_components",
+            "rate_response",
+            "rate_pose",
+            "residual_weights",
+            "residual_skeleton",
+            "pose_image_reduction",
+            "iteratoins",
+            "",
         ];
-        const VALUES: [&str; 14] =
-            ["-1", "NaN", "inf", "1e300", "1.5", "true", "[1]", "{}", "\"\"", "paper ", "nonsense", "", "99999999999999999999", "=1"];
+        const VALUES: [&str; 14] = [
+            "-1",
+            "NaN",
+            "inf",
+            "1e300",
+            "1.5",
+            "true",
+            "[1]",
+            "{}",
+            "\"\"",
+            "paper ",
+            "nonsense",
+            "",
+            "99999999999999999999",
+            "=1",
+        ];
         let setting = format!("{}={}", pick(random, &NAMES), pick(random, &VALUES));
         let capture = world.path("capture").display().to_string();
-        self.is(TRAIN, &["--capture", &capture, "--out", "out", "--set", &setting, "--set", "iterations=3", "--set", "uv_resolution=16"]);
+        self.is(
+            TRAIN,
+            &[
+                "--capture",
+                &capture,
+                "--out",
+                "out",
+                "--set",
+                &setting,
+                "--set",
+                "iterations=3",
+                "--set",
+                "uv_resolution=16",
+            ],
+        );
     }
 
     fn odd_option(&mut self, world: &World, random: &mut ChaCha8Rng) {
         let hand = self.copy(world, "hand.ghand");
-        let value = pick(random, &["", "-1", "0", "nan", "1e9", "99999999999", "0x0", "3x", "a,b", "1,2,3", "..", "nowhere", "π"]);
-        let option = pick(random, &["--size", "--background", "--frame", "--fps", "--pose", "--side", "--camera", "--turntable"]);
+        let value = pick(
+            random,
+            &["", "-1", "0", "nan", "1e9", "99999999999", "0x0", "3x", "a,b", "1,2,3", "..", "nowhere", "π"],
+        );
+        let option = pick(
+            random,
+            &["--size", "--background", "--frame", "--fps", "--pose", "--side", "--camera", "--turntable"],
+        );
         let option = format!("{option}={value}");
         if random.random_bool(0.5) {
             self.is(GHAND, &["pose", "--for", &hand, "--pose", "fist", &option, "--out", "out.obj"]);
@@ -195,7 +256,11 @@ fn copy_folder(from: &Path, to: &Path) {
     std::fs::create_dir(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap().flatten() {
         let target = to.join(entry.file_name());
-        if entry.path().is_dir() { copy_folder(&entry.path(), &target) } else { std::fs::copy(entry.path(), target).map(drop).unwrap() }
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target)
+        } else {
+            std::fs::copy(entry.path(), target).map(drop).unwrap()
+        }
     }
 }
 
@@ -205,7 +270,8 @@ fn the_same_seed_draws_the_same_cases() {
     let world = World::new();
     let draw = |stream: u64| {
         let case = crate::case(&world, 3, stream);
-        let files = std::fs::read_dir(case.folder.path()).unwrap().flatten().filter_map(|e| std::fs::read(e.path()).ok());
+        let files =
+            std::fs::read_dir(case.folder.path()).unwrap().flatten().filter_map(|e| std::fs::read(e.path()).ok());
         let mut files: Vec<Vec<u8>> = files.collect();
         files.sort();
         (case.command.clone(), files)

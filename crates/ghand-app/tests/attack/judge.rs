@@ -51,8 +51,21 @@ pub fn run(case: &Case) -> Outcome {
 
 /// Words of parsers and of Rust, which tell users nothing.
 const JARGON: [&str; 15] = [
-    "panicked", "RUST_BACKTRACE", "invalid type: ", "invalid value: ", "invalid digit", "expected u64", "expected u32", "expected f64", "usize",
-    "expected a string", "expected struct", "missing field", "Os {", "Error(", "called `Option::unwrap",
+    "panicked",
+    "RUST_BACKTRACE",
+    "invalid type: ",
+    "invalid value: ",
+    "invalid digit",
+    "expected u64",
+    "expected u32",
+    "expected f64",
+    "usize",
+    "expected a string",
+    "expected struct",
+    "missing field",
+    "Os {",
+    "Error(",
+    "called `Option::unwrap",
 ];
 
 /// Whether a command ended as it must; else what is wrong.

@@ -34,13 +34,19 @@ impl World {
         Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap().save(&at("hand.ghand")).unwrap();
         write_mano(&at("hand.npz"), &model).unwrap();
         let capture = at("capture");
-        make(&["capture", "--views", "4", "--train-frames", "2", "--test-frames", "1", "--size", "64x96", "--out"], &capture);
+        make(
+            &["capture", "--views", "4", "--train-frames", "2", "--test-frames", "1", "--size", "64x96", "--out"],
+            &capture,
+        );
         // The capture's own template is finer than anything here needs.
         let mut value = read(&capture.join("capture.json"));
         value["hand_model"]["parameters"]["detail"] = json!(1);
         write(&capture.join("capture.json"), &value);
         write(&at("camera.json"), &value["cameras"][0]);
-        make(&["pose", "--hand-model", path(&at("hand.npz")), "--flat-mean", "--pose", "fist", "--out"], &at("poses.json"));
+        make(
+            &["pose", "--hand-model", path(&at("hand.npz")), "--flat-mean", "--pose", "fist", "--out"],
+            &at("poses.json"),
+        );
         std::fs::write(at("scene.ply"), scene()).unwrap();
         let (camera, poses) = (value["cameras"][0].clone(), read(&at("poses.json")));
         World { capture: value, poses, camera, folder }
@@ -77,8 +83,8 @@ fn write(path: &Path, value: &Value) {
 /// A scene of some Gaussians without harmonics.
 fn scene() -> Vec<u8> {
     let names = [
-        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
-        "rot_3",
+        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+        "rot_2", "rot_3",
     ];
     let count = 40;
     let mut file = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n");
@@ -87,7 +93,8 @@ fn scene() -> Vec<u8> {
     let mut bytes = file.into_bytes();
     for i in 0..count {
         let t = i as f32 * 0.4;
-        let row = [t.cos() * 0.1, t.sin() * 0.1, t * 0.01, 0.5, t.sin(), 0.1, 2.0, -4.0, -5.0, -4.5, 1.0, t.sin(), 0.2, 0.0];
+        let row =
+            [t.cos() * 0.1, t.sin() * 0.1, t * 0.01, 0.5, t.sin(), 0.1, 2.0, -4.0, -5.0, -4.5, 1.0, t.sin(), 0.2, 0.0];
         bytes.extend(row.into_iter().flat_map(f32::to_le_bytes));
     }
     bytes

@@ -21,7 +21,9 @@ pub(super) fn from_json(bytes: &[u8]) -> Result<Value, String> {
     let bytes = without_nan(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let mut input = serde_json::Deserializer::from_slice(&bytes);
     let budget = Budget::new();
-    let wrong = |error: serde_json::Error| format!("{}; correct the file at that place or export it again", plain_json_error(&error));
+    let wrong = |error: serde_json::Error| {
+        format!("{}; correct the file at that place or export it again", plain_json_error(&error))
+    };
     let value = Seed(&budget).deserialize(&mut input).map_err(wrong)?;
     match input.end() {
         Ok(()) => Ok(value),
@@ -46,7 +48,8 @@ fn from_lines(bytes: &[u8]) -> Result<Value, String> {
         }
         let mut input = serde_json::Deserializer::from_slice(line);
         let value = Seed(&budget).deserialize(&mut input).and_then(|value| input.end().map(|()| value));
-        let value = value.map_err(|error| format!("line {number}: {}; correct that line or remove it", plain_json_error(&error)))?;
+        let value = value
+            .map_err(|error| format!("line {number}: {}; correct that line or remove it", plain_json_error(&error)))?;
         items.push(value, &budget)?;
     }
     Ok(items.finish())

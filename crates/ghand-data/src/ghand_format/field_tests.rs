@@ -48,7 +48,10 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
         (|v| v["frames"][1]["shapes"] = json!([]), &["frames[1].shapes", "\"shape\""]),
         (|v| rename(&mut v["splits"]["test"], "cameras", "camera"), &["splits.test.camera:", "\"cameras\""]),
         (|v| v["splits"]["test"]["pairs"] = json!([]), &["splits.test.pairs", "known here are cameras, frames"]),
-        (|v| v["hand_model"]["parameters"] = json!({"detail": "fine"}), &["hand_model.parameters", "the text \"fine\""]),
+        (
+            |v| v["hand_model"]["parameters"] = json!({"detail": "fine"}),
+            &["hand_model.parameters", "the text \"fine\""],
+        ),
     ];
     for (change, parts) in cases {
         assert_contains(&message_after(change), parts);

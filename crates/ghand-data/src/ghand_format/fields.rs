@@ -11,8 +11,8 @@ use serde::de::value::Error as AnyError;
 use serde::de::{DeserializeOwned, Error, Visitor};
 use serde::{Deserializer, forward_to_deserialize_any};
 use serde_ignored::Path as FieldPath;
-use serde_path_to_error::Track;
 use serde_json::{Map, Value};
+use serde_path_to_error::Track;
 
 use super::{CaptureFile, FrameFile, HandModelFile, SplitFile};
 use crate::camera_file::CameraFile;
@@ -54,8 +54,10 @@ pub(super) fn parameters(checks: Checker, mut fields: Map<String, Value>) -> Res
     if let Some(name) = fields.keys().find(|name| !known.contains(&name.as_str())) {
         return Err(unknown_field(checks, &format!("{FIELD}.{name}"), name, known));
     }
-    serde_json::from_value(Value::Object(fields))
-        .map_err(|error| checks.invalid(FIELD, format!("{}; give numbers of metres, or leave the parameter out", plain_json_error(&error))))
+    serde_json::from_value(Value::Object(fields)).map_err(|error| {
+        checks
+            .invalid(FIELD, format!("{}; give numbers of metres, or leave the parameter out", plain_json_error(&error)))
+    })
 }
 
 fn is_comment(name: &str) -> bool {

@@ -29,9 +29,7 @@ pub(super) fn hint() -> String {
 /// Refuses to start a driver where it would have too little address space.
 pub(super) fn check() -> Result<(), DeviceError> {
     match address_space_limit_mib() {
-        Some(limit_mib) if limit_mib < LEAST_MIB => {
-            Err(DeviceError::MemoryLimit { limit_mib, least_mib: LEAST_MIB })
-        }
+        Some(limit_mib) if limit_mib < LEAST_MIB => Err(DeviceError::MemoryLimit { limit_mib, least_mib: LEAST_MIB }),
         _ => Ok(()),
     }
 }
@@ -43,7 +41,9 @@ mod tests {
     #[test]
     fn the_limit_is_read_from_the_kernels_table() {
         let table = |limit: &str| {
-            format!("Limit                     Soft Limit           Hard Limit           Units\nMax cpu time              unlimited            unlimited            seconds\nMax address space         {limit}            unlimited            bytes\n")
+            format!(
+                "Limit                     Soft Limit           Hard Limit           Units\nMax cpu time              unlimited            unlimited            seconds\nMax address space         {limit}            unlimited            bytes\n"
+            )
         };
         assert_eq!(limit_mib(&table("1073741824")), Some(1024));
         assert_eq!(limit_mib(&table("unlimited")), None);
