@@ -23,7 +23,7 @@ fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() 
     says(&own(&far), &model, &["frames[\"a\"].translation", "1e30 m", "give metres"]);
     let shaped = |value: f64| json!({"frames": [{"id": "a", "pose": rows(&Pose::rest(16)), "shape": [0.0, value]}]});
     says(&shaped(1e4), &model, &["frames[\"a\"].shape", "number 1 is 10000.0", "from -100 to 100"]);
-    assert!(read(&shaped(-1000.0), &model).is_ok());
+    assert!(read(&shaped(-100.0), &model).is_ok());
     let numbers = rows(&huge).concat();
     for file in [
         json!(numbers),
