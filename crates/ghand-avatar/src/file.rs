@@ -357,7 +357,8 @@ mod tests {
         let path = folder.path().join("hand.ghand");
         small().save(&path).unwrap();
         let before = std::fs::read(&path).unwrap();
-        let spoil: [(&str, fn(&mut Avatar)); 12] = [
+        type Damage = (&'static str, fn(&mut Avatar));
+        let spoil: [Damage; 12] = [
             ("response_bias", |a| a.tables.response[0] = f32::INFINITY),
             ("response_gain", |a| *a.tables.response.last_mut().unwrap() = f32::NAN),
             ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[0.5, 0.25])),

@@ -164,7 +164,7 @@ pub(crate) fn poses_of_value(
     // What does not say which hand it is, is taken for the one that is wanted.
     let side = options.side.or(side).unwrap_or(model.side);
     let (mut frames, side) = match motion {
-        Motion::Rows(found) => rows(&source, found, model, options, &mut warnings)?,
+        Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
         Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
         Motion::WebXr { frames } => (carried_over(frames, &Rig::webxr(side), &Rig::of(model)?), side),
         Motion::Landmarks { frames } => (fitted(&source, &frames, side, model, &mut warnings)?, side),

@@ -122,14 +122,15 @@ mod tests {
         let scene = SplatScene::of_hand(rows.as_flattened());
         assert_eq!((scene.count, scene.degree, scene.table.len()), (2, 0, 14 * 2));
         assert!(scene.table.iter().all(|v| v.is_finite()));
-        for i in 0..2 {
+        (0..2usize).for_each(|i| {
             let at = |row: usize| f64::from(scene.table[row * 2 + i]);
             let near = |a: f64, b: f32| assert!((a - f64::from(b)).abs() < 1e-6, "{a} {b}");
-            (0..3).for_each(|axis| near(at(axis), rows[axis][i]));
-            (3..6).for_each(|row| near(at(row).exp() * 1e2, rows[3][i] * 1e2));
+            let row = |k: usize| rows[k][i];
+            (0..3).for_each(|axis| near(at(axis), row(axis)));
+            (3..6).for_each(|k| near(at(k).exp() * 1e2, row(3) * 1e2));
             assert_eq!([6, 7, 8, 9].map(at), [1.0, 0.0, 0.0, 0.0]);
             near(1.0 / (1.0 + (-at(10)).exp()), EXPORTED_OPACITY as f32);
-            (0..3).for_each(|c| near(0.5 + 0.282_094_79 * at(11 + c), rows[4 + c][i]));
-        }
+            (0..3).for_each(|c| near(0.5 + 0.282_094_79 * at(11 + c), row(4 + c)));
+        });
     }
 }

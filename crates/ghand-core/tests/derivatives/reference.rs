@@ -157,9 +157,12 @@ pub fn residual_joints<S: Scalar>(
 /// `gain_{i,k} . vec(R_k - I)`, `[channels][n_b]`, with 0 for the root.
 pub fn response_terms<S: Scalar>(gain: &[S], rotations: &[[S; 9]]) -> Vec<S> {
     let joints = rotations.len();
-    let entry =
-        |at: usize, e: usize| gain[at * 9 + e] * (rotations[at % joints][e] - S::constant(f64::from(e % 4 == 0)));
-    let term = |at: usize| if at % joints == 0 { zero() } else { (0..9).fold(zero(), |sum: S, e| sum + entry(at, e)) };
+    let entry = |at: usize, e: usize| {
+        gain[at * 9 + e] * (rotations[at % joints][e] - S::constant(f64::from(e.is_multiple_of(4))))
+    };
+    let term = |at: usize| {
+        if at.is_multiple_of(joints) { zero() } else { (0..9).fold(zero(), |sum: S, e| sum + entry(at, e)) }
+    };
     (0..gain.len() / 9).map(term).collect()
 }
 

@@ -99,7 +99,7 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
     let frames = frames.iter().enumerate().map(frame).collect::<Result<Vec<_>, PoseError>>()?;
     let fps = source.fps(value, &["fps"])?.or(fps_of_times);
     let from_mean = from_mean(value, capture_kind.is_none());
-    let motion = Motion::Rows(Rows { rig, frames, capture_kind, from_mean, side });
+    let motion = Motion::Rows(Box::new(Rows { rig, frames, capture_kind, from_mean, side }));
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 
@@ -217,7 +217,8 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     }
     let fps = source.fps(value, &["fps"])?;
     let side = side(source, value)?;
-    let motion = Motion::Rows(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side });
+    let motion =
+        Motion::Rows(Box::new(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side }));
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 

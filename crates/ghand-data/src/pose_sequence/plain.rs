@@ -155,7 +155,7 @@ fn meaning(source: &Source, shape: &[usize]) -> Option<Meaning> {
 }
 
 fn recording_of_array(source: &Source, value: &Value, found: Found) -> Result<Recording, PoseError> {
-    let count = if found.size == 0 { 0 } else { found.array.values.len() / found.size };
+    let count = found.array.values.len().checked_div(found.size).unwrap_or(0);
     let ids = value.get("ids").and_then(|ids| match ids {
         Value::List(ids) if ids.len() == count => ids.iter().map(|id| id.text().map(str::to_owned)).collect(),
         _ => None::<Vec<String>>,
@@ -321,7 +321,7 @@ impl Reader {
             Meaning::Own => {
                 let from_mean = !flat.unwrap_or(true);
                 let rows = Rows { rig: None, frames: self.posed, capture_kind: None, from_mean, side };
-                (Motion::Rows(rows), side)
+                (Motion::Rows(Box::new(rows)), side)
             }
             Meaning::Mano { from_mean, .. } => {
                 let rows =

@@ -42,7 +42,7 @@ pub(crate) struct Recording {
 
 pub(crate) enum Motion {
     /// ghand's own rotations.
-    Rows(Rows),
+    Rows(Box<Rows>),
     /// Rotations of MANO's 16 joints.
     Mano(ManoRows),
     /// Rotations of WebXR's 25 joints, each in the frame of its parent; the translation is the wrist's place.
