@@ -43,10 +43,9 @@ pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
         let id = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let value = read(file)?;
         if !ho3d::is_frame(&value) {
-            let source = ValueError::Content(
-                "has no \"handPose\", as the files of an HO-3D sequence have; give the one file that holds the poses"
-                    .to_owned(),
-            );
+            let problem =
+                "has no \"handPose\", as the files of an HO-3D sequence have; give the one file that holds the poses";
+            let source = ValueError::Content(problem.into());
             return Err(PoseError::File { path: file.clone(), source });
         }
         let part = |name: &str| Some((name.to_owned(), value.get(name)?.clone()));

@@ -38,7 +38,7 @@ fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() 
     }
     let translated = json!([{"global_orient": [0, 0, 0], "hand_pose": vec![0; 45], "transl": [0, 0, 1e30]}]);
     says(&translated, &model, &["frame \"0000\"", "translation: is 1e30 m long"]);
-    says(&json!({"handPose": vec![0; 48], "handBeta": vec![1e9; 10]}), &model, &["shape: parameter 0 is 1000000000.0"]);
+    says(&json!({"handPose": vec![0; 48], "handBeta": vec![1e9; 10]}), &model, &["shape: number 0 is 1000000000.0"]);
     let landmarks = json!([{"world_landmarks": vec![[1e30, 0.0, 0.0]; 21]}]);
     says(&landmarks, &model, &["frame \"0000\"", "landmark 0 is 1e30 m away", "metres"]);
     let joints: Vec<Json> = (0..25)
