@@ -16,9 +16,9 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;
 
-/// Coordinates of a random avatar reach 1 m, and are sums of some fifty products in f32: a few units of 6e-8 m each. Largest
-/// error measured: MEASURED.
-const ROUNDING: f64 = 2e-6;
+/// Metres. Coordinates of a random avatar reach some 0.5 m and are sums of some fifty products in f32, whose rounding is
+/// 3e-8 m each. The largest error on lavapipe is 1.2e-7 m.
+const ROUNDING: f64 = 5e-7;
 
 /// The posed Gaussians, `[7][COUNT]`: mean, scale, colour.
 fn posed(gpu: &Gpu, renderer: &mut AvatarRenderer, pose: &Pose) -> Vec<f32> {
@@ -60,14 +60,11 @@ fn a_motion_of_the_root_moves_all_gaussians_rigidly_and_changes_neither_size_nor
 
         let (rotation, joint) = (rotation_from_axis_angle(turn), avatar.template.joints[0]);
         let point = |table: &[f32], p: usize| DVec3::from_array([0, 1, 2].map(|c| f64::from(table[c * COUNT + p])));
-        let mut moved = 0.0_f64;
         for p in 0..COUNT {
             let expected = rotation * (point(&before, p) - joint) + joint + pose.translation;
             let error = (point(&after, p) - expected).length();
             assert!(error <= ROUNDING, "seed {seed}, {config:?}: Gaussian {p} is {error} m off");
-            moved = moved.max(error);
         }
-        println!("seed {seed}: {moved:e}");
         assert!(before[3 * COUNT..] == after[3 * COUNT..], "seed {seed}: sizes or colours have changed");
     }
 }

@@ -40,22 +40,28 @@ pub(crate) fn check_change(from: f64, to: f64) -> Result<(), Fault> {
     if to > from { Err(Fault::Risen { from, to }) } else { Ok(()) }
 }
 
-/// Fails unless all that a stage has learned is finite.
-pub(crate) fn check_learned(tables: &DirectTables, joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Fault> {
-    let learned: [(&'static str, &[f32]); 6] = [
-        ("the pose response", &tables.response),
-        ("the rest joints", joints.as_flattened()),
+fn check_values(learned: &[(&'static str, &[f32])]) -> Result<(), Fault> {
+    match learned.iter().find(|(_, values)| values.iter().any(|v| !v.is_finite())) {
+        Some((name, _)) => Err(Fault::NotFinite(name)),
+        None => Ok(()),
+    }
+}
+
+/// Fails unless what is learned for the whole hand is finite: little enough to be read now and then.
+pub(crate) fn check_hand(response: &[f32], joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Fault> {
+    check_values(&[("the pose response", response), ("the rest joints", joints.as_flattened())])?;
+    let is_finite = |p: &Pose| p.translation.is_finite() && p.rotations.iter().all(|r| r.is_finite());
+    if poses.iter().all(is_finite) { Ok(()) } else { Err(Fault::NotFinite("a pose")) }
+}
+
+/// Fails unless what is learned for each Gaussian is finite.
+pub(crate) fn check_gaussians(tables: &DirectTables) -> Result<(), Fault> {
+    check_values(&[
         ("the shape bases", &tables.shape_basis),
         ("the residual skinning weights", &tables.residual_weights),
         ("the skeleton regressor", &tables.regressor),
         ("colours or scales", &tables.appearance),
-    ];
-    let fault = learned.iter().find(|(_, values)| values.iter().any(|v| !v.is_finite())).map(|(name, _)| *name);
-    let pose_fault = |p: &Pose| !p.translation.is_finite() || p.rotations.iter().any(|r| !r.is_finite());
-    match fault.or_else(|| poses.iter().any(pose_fault).then_some("a pose")) {
-        Some(name) => Err(Fault::NotFinite(name)),
-        None => Ok(()),
-    }
+    ])
 }
 
 /// A setting so many times above its default is the likely reason.
@@ -123,7 +129,10 @@ mod tests {
             response_limits: vec![0.0; 6],
         };
         let (joints, pose) = ([[0.0; 3]; 2], Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO });
-        check_learned(&tables, &joints, std::slice::from_ref(&pose)).unwrap();
+        let check = |tables: &DirectTables, joints: &[[f32; 3]], poses: &[Pose]| {
+            check_hand(&tables.response, joints, poses).and_then(|()| check_gaussians(tables))
+        };
+        check(&tables, &joints, std::slice::from_ref(&pose)).unwrap();
         let fields: [fn(&mut DirectTables) -> &mut Vec<f32>; 5] = [
             |t| &mut t.shape_basis,
             |t| &mut t.residual_weights,
@@ -135,14 +144,14 @@ mod tests {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut tables = tables.clone();
                 field(&mut tables)[2] = bad;
-                check_learned(&tables, &joints, std::slice::from_ref(&pose)).unwrap_err();
+                check(&tables, &joints, std::slice::from_ref(&pose)).unwrap_err();
             }
         }
-        check_learned(&tables, &[[0.0, 0.0, f32::NAN]], &[]).unwrap_err();
+        check(&tables, &[[0.0, 0.0, f32::NAN]], &[]).unwrap_err();
         let turned = Pose { rotations: vec![DVec3::new(0.0, f64::NAN, 0.0)], ..pose.clone() };
-        check_learned(&tables, &joints, &[pose.clone(), turned]).unwrap_err();
+        check(&tables, &joints, &[pose.clone(), turned]).unwrap_err();
         let moved = Pose { translation: DVec3::new(0.0, f64::INFINITY, 0.0), ..pose };
-        assert_eq!(check_learned(&tables, &joints, &[moved]), Err(Fault::NotFinite("a pose")));
+        assert_eq!(check(&tables, &joints, &[moved]), Err(Fault::NotFinite("a pose")));
     }
 
     #[test]

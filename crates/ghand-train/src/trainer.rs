@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use ghand_avatar::direct::table_lengths;
 use ghand_avatar::{Avatar, Provenance, Template};
 use ghand_core::{Pose, surface};
 use ghand_data::{Capture, Split};
@@ -14,7 +15,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use crate::floor::texel_colors;
-use crate::loss_watch::{Fault, check_change, check_learned, check_loss, remedy};
+use crate::loss_watch::{Fault, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::pose_prior::shrink;
 use crate::room;
 use crate::settings::TrainSettings;
@@ -97,6 +98,9 @@ struct StageResult {
     /// Iterations of this stage.
     iterations: u64,
 }
+
+/// Pose response, rest joints, poses.
+type LearnedHand = (Vec<f32>, Vec<[f32; 3]>, Vec<Pose>);
 
 impl<'a> Trainer<'a> {
     /// Loads the views of a split.
@@ -289,7 +293,10 @@ impl<'a> Trainer<'a> {
             step.run(gpu, view, value_count(view), background, settings, &rates)?;
             if (iteration + 1) % LOSS_EVERY == 0 {
                 let [l1, _] = step.loss(gpu, view)?;
-                check_loss(l1).map_err(|fault| diverged(fault, iteration + 1))?;
+                // Gaussians without a place are not drawn: the loss alone would stay finite.
+                let (response, joints, poses) = self.read_hand(gpu, &step, &avatar)?;
+                let checked = check_loss(l1).and_then(|()| check_hand(&response, &joints, &poses));
+                checked.map_err(|fault| diverged(fault, iteration + 1))?;
                 mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
             }
             done = iteration + 1;
@@ -302,15 +309,26 @@ impl<'a> Trainer<'a> {
         }
         let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
         let tables = step.renderer.tables.download(gpu, count, joints, &avatar.config)?;
-        let moved: Vec<[f32; 3]> = buffers::read(gpu, &step.renderer.pose.joints, joints)?;
-        let poses = read_poses(gpu, &step, self.poses.len(), joints)?;
-        check_learned(&tables, &moved, &poses).map_err(|fault| diverged(fault, done))?;
+        let (_, moved, poses) = self.read_hand(gpu, &step, &avatar)?;
+        let checked = check_hand(&tables.response, &moved, &poses).and_then(|()| check_gaussians(&tables));
+        checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.watched_loss(gpu, &mut step, stage, background)?;
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
         Ok(StageResult { avatar: Avatar { tables, provenance, ..avatar }, poses, iterations: done })
+    }
+
+    /// What a step has learned for the whole hand: the pose response, the rest joints and the poses.
+    fn read_hand(&self, gpu: &Gpu, step: &Step, avatar: &Avatar) -> Result<LearnedHand, RenderError> {
+        let joints = avatar.template.joint_count();
+        let [.., response, _] = table_lengths(avatar.template.len(), joints, &avatar.config);
+        Ok((
+            buffers::read(gpu, &step.renderer.tables.response, response)?,
+            buffers::read(gpu, &step.renderer.pose.joints, joints)?,
+            read_poses(gpu, step, self.poses.len(), joints)?,
+        ))
     }
 
     /// The mean loss over some of the views, always the same, evenly over all of them.

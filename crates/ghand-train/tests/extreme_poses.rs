@@ -85,9 +85,10 @@ fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
         .collect();
     let [seen, held, unheld] = [over(&free, &trained.poses), over(&trained.avatar, &extreme), over(&free, &extreme)];
     let figures = format!("training {seen:?}, extreme {held:?}, extreme without limits {unheld:?}");
-    // Each joint stays within its range and its margin. A Gaussian feels a few joints, and these need not have been at their
-    // ends at once in training.
-    assert!((0..2).all(|i| held[i] <= 1.5 * seen[i]), "{figures}");
-    // The offsets are what turned into fluff.
-    assert!(unheld[0] > 1.5 * held[0] && unheld[1] > held[1], "the limits hold nothing back: {figures}");
+    // Each joint stays within its range and its margin of a fifth. Measured is 1.14 times the training's offset and 1.12 times
+    // its logit, and without limits 3.0 and 1.3 times.
+    for i in 0..2 {
+        assert!(held[i] <= 1.3 * seen[i], "{figures}");
+        assert!(unheld[i] > 1.1 * held[i], "the limits hold nothing back: {figures}");
+    }
 }

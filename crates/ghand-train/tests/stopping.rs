@@ -67,6 +67,10 @@ fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() 
 #[test]
 fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
     with_capture(|gpu, capture| {
+        // Long before its end.
+        let endless = TrainSettings { iterations: 100_000, pose_stage: 0.0, rate_response: 1e38, ..settings() };
+        let error = train(gpu, capture, &endless).unwrap_err();
+        assert!(matches!(error, TrainError::Diverged { iteration: 25, .. }), "{error}");
         for (setting, stage) in [("rate_response", 2), ("rate_scale", 1), ("rate_pose", 1), ("rate_joints", 1)] {
             let mut settings = settings();
             settings.set(&format!("{setting}=1e38")).unwrap();
