@@ -1,5 +1,7 @@
 // One Adam step on a range of a parameter table. CPU twin: `ghand_render::reference::adam`.
 
+import package::shared::dispatch::flat_index;
+
 struct AdamUniforms {
     count: u32,
     parameter_offset: u32,
@@ -21,15 +23,12 @@ struct AdamUniforms {
 @group(0) @binding(2) var<storage, read> gradients: array<f32>;
 // First and second moment of each parameter.
 @group(0) @binding(3) var<storage, read_write> moments: array<vec2<f32>>;
-// The splatter's counters: intersections drawn (1) and wanted (2).
-@group(0) @binding(4) var<storage, read> counters: array<u32>;
 
 @compute @workgroup_size(64)
 fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
              @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
-    // The gradient of an incomplete frame is wrong: leave everything as it is, the host repeats the step.
-    if i >= adam.count || counters[2] > counters[1] {
+    if i >= adam.count {
         return;
     }
     let at = adam.parameter_offset + i;
@@ -50,7 +49,7 @@ fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
 fn adam_step_vectors(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                      @builtin(local_invocation_index) local: u32) {
     let i = 3u * flat_index(group, groups, local, 64u);
-    if i >= adam.count || counters[2] > counters[1] {
+    if i >= adam.count {
         return;
     }
     let at = adam.parameter_offset + i;

@@ -1,20 +1,18 @@
 // Lists the Gaussians of every tile, front to back. Gaussians come sorted by depth; each emits one intersection for
 // every tile of its rectangle into consecutive slots, and a stable sort by tile keeps the depth order within a tile.
 
-const COUNTER_INTERSECTIONS: u32 = 1u;
-const COUNTER_WANTED: u32 = 2u;
-// Of the Gaussians on too many tiles for the driver, the largest number of tiles.
-const COUNTER_TOO_WIDE: u32 = 5u;
+import package::shared::camera::view;
+import package::shared::counters::Counters;
+import package::shared::dispatch::flat_index;
 
 // On how many tiles a Gaussian may lie: later stages go through them in loops.
 override MOST_TILES: u32 = 0xffffffffu;
 
-@group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_rects: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> depth_order: array<u32>;
 // By rank: how many tiles; after the scan: the first slot.
 @group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>;
-@group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> counters: Counters;
 // By Gaussian: first slot and one past the last.
 @group(0) @binding(5) var<storage, read_write> slot_ranges: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> tile_keys: array<u32>;
@@ -35,7 +33,7 @@ fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
         let count = tile_count(tile_rects[depth_order[rank]]);
         slot_offsets[rank] = count;
         if count > MOST_TILES {
-            atomicMax(&counters[COUNTER_TOO_WIDE], count);
+            atomicMax(&counters.too_wide, count);
         }
     }
 }
@@ -43,8 +41,7 @@ fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
 // After the scan: how many intersections there are and how many fit.
 @compute @workgroup_size(1)
 fn limit_intersections() {
-    atomicStore(&counters[COUNTER_INTERSECTIONS],
-                min(atomicLoad(&counters[COUNTER_WANTED]), view.intersection_capacity));
+    atomicStore(&counters.intersections, min(atomicLoad(&counters.intersections_wanted), view.intersection_capacity));
 }
 
 @compute @workgroup_size(64)
@@ -73,7 +70,7 @@ fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
 // The first intersection whose tile is not before this one; they are sorted.
 fn first_of(tile: u32) -> u32 {
     var low = 0u;
-    var high = atomicLoad(&counters[COUNTER_INTERSECTIONS]);
+    var high = atomicLoad(&counters.intersections);
     while low < high {
         let middle = (low + high) / 2u;
         if tile_keys[middle] < tile {

@@ -1,14 +1,16 @@
 // Hand Gaussian Blend Shapes: offsets from bases and coefficients, and back. CPU twin: `ghand_core::blend_shapes`.
 
-// Coefficients come one for all three components of a basis, or one a component as in the paper.
-override coefficient_channels: u32 = 1u;
+import package::shared::dispatch::flat_index;
+import package::shared::pose::{ROW_D_POINT, ROW_OFFSET, ROW_POINT, pose};
 
-@group(0) @binding(0) var<uniform> pose: PoseUniforms;
+// Coefficients come one for all three components of a basis, or one a component as in the paper.
+override COEFFICIENT_ROWS: u32 = 1u;
+
 // [3][N]
 @group(0) @binding(1) var<storage, read> rest: array<f32>;
 // [bases * 3][N]
 @group(0) @binding(2) var<storage, read> shape_basis: array<f32>;
-// [bases * coefficient_channels][N] and possibly more rows, which are not ours.
+// [bases * COEFFICIENT_ROWS][N]
 @group(0) @binding(3) var<storage, read> coefficients: array<f32>;
 @group(0) @binding(4) var<storage, read_write> offsets: array<f32>;
 @group(0) @binding(5) var<storage, read> d_skin: array<f32>;
@@ -16,7 +18,7 @@ override coefficient_channels: u32 = 1u;
 @group(0) @binding(7) var<storage, read_write> d_coefficients: array<f32>;
 
 fn coefficient_row(basis: u32, component: u32) -> u32 {
-    return basis * coefficient_channels + min(component, coefficient_channels - 1u);
+    return basis * COEFFICIENT_ROWS + min(component, COEFFICIENT_ROWS - 1u);
 }
 
 @compute @workgroup_size(64)
@@ -52,11 +54,11 @@ fn blend_shapes_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_w
             let at = (3u * i + c) * n + p;
             d_shape_basis[at] = coefficients[coefficient_row(i, c) * n + p] * d_offset;
             shared_gradient += shape_basis[at] * d_offset;
-            if coefficient_channels == 3u {
+            if COEFFICIENT_ROWS == 3u {
                 d_coefficients[coefficient_row(i, c) * n + p] = shape_basis[at] * d_offset;
             }
         }
-        if coefficient_channels == 1u {
+        if COEFFICIENT_ROWS == 1u {
             d_coefficients[i * n + p] = shared_gradient;
         }
     }

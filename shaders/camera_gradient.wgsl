@@ -1,9 +1,10 @@
 // Sums the six rows of camera gradients over the Gaussians: each of 64 strands adds its share in order, then one
 // invocation a row adds the strands.
 
+import package::shared::camera::view;
+
 const STRANDS: u32 = 64u;
 
-@group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> camera_rows: array<f32>;
 @group(0) @binding(2) var<storage, read_write> strands: array<f32>;
 @group(0) @binding(3) var<storage, read_write> d_camera: array<f32>;

@@ -5,6 +5,8 @@
 // taps stand one by one with their weights: indexed by a loop, weights and sums would live in memory, four times slower
 // on a software rasteriser.
 
+import package::shared::dispatch::flat_index;
+
 struct LossUniforms {
     size: vec2<u32>,
     // Weights of mean |x - y| and of 1 - mean SSIM.

@@ -1,14 +1,20 @@
 // The `direct` property model: blend coefficients and colours as local, linear functions of the joints' rotations within
 // limits, and the appearance tables. CPU twin: `ghand_core::pose_response`.
 //
-// Channels are the basis_count blend coefficients, then the colour components. `response` holds one bias a channel, then
+// Channels are the rows of the blend coefficients, then the colour components. `response` holds one bias a channel, then
 // gains [channels][joints][9].
 
+import package::shared::dispatch::flat_index;
+import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::pose::{CHAIN_STRIDE, pose};
+
 struct ResponseUniforms {
+    // Rows of the blend coefficients.
+    coefficient_rows: u32,
     color_components: u32,
     // Largest standard deviation of a Gaussian, metres.
     max_scale: f32,
-    padding: vec2<u32>,
+    padding: u32,
 }
 
 // Rows of the appearance table: scale logit, base colour logits (3), colour components (3 each).
@@ -16,7 +22,6 @@ const ROW_SCALE_LOGIT: u32 = 0u;
 const ROW_BASE_COLOR: u32 = 1u;
 const ROW_COMPONENTS: u32 = 4u;
 
-@group(0) @binding(0) var<uniform> pose: PoseUniforms;
 @group(0) @binding(1) var<uniform> response_sizes: ResponseUniforms;
 @group(0) @binding(2) var<storage, read> response: array<f32>;
 @group(0) @binding(3) var<storage, read> chain: array<f32>;
@@ -24,15 +29,20 @@ const ROW_COMPONENTS: u32 = 4u;
 @group(0) @binding(4) var<storage, read_write> joint_terms: array<f32>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 @group(0) @binding(6) var<storage, read> appearance: array<f32>;
-// Channel values, [channels][N].
-@group(0) @binding(7) var<storage, read_write> channels: array<f32>;
-@group(0) @binding(8) var<storage, read_write> gaussians: array<f32>;
+// Channel values: of the blend coefficients, a property, and of the colour components, [channels][N] each.
+@group(0) @binding(7) var<storage, read_write> coefficients: array<f32>;
+@group(0) @binding(18) var<storage, read_write> color_channels: array<f32>;
+// Properties: standard deviations, [N], metres, and colours, [3][N].
+@group(0) @binding(8) var<storage, read_write> scale: array<f32>;
+@group(0) @binding(16) var<storage, read_write> color: array<f32>;
 
-@group(0) @binding(9) var<storage, read> d_gaussians: array<f32>;
+@group(0) @binding(9) var<storage, read> d_scale: array<f32>;
+@group(0) @binding(17) var<storage, read> d_color: array<f32>;
 @group(0) @binding(10) var<storage, read_write> d_appearance: array<f32>;
-@group(0) @binding(11) var<storage, read_write> d_channels: array<f32>;
-// dL/d(joint terms), [joints][channels].
-@group(0) @binding(12) var<storage, read> d_joint_terms: array<f32>;
+@group(0) @binding(11) var<storage, read_write> d_color_channels: array<f32>;
+// dL/d(joint terms), [joints][channels], of the coefficients and of the colour components.
+@group(0) @binding(12) var<storage, read> d_coefficient_terms: array<f32>;
+@group(0) @binding(19) var<storage, read> d_color_terms: array<f32>;
 @group(0) @binding(13) var<storage, read_write> d_response: array<f32>;
 @group(0) @binding(14) var<storage, read_write> d_local: array<f32>;
 // Smallest and largest joint term, [channels][joints].
@@ -42,7 +52,7 @@ const ROW_COMPONENTS: u32 = 4u;
 const ROOT: u32 = 0u;
 
 fn channel_count() -> u32 {
-    return pose.basis_count + response_sizes.color_components;
+    return response_sizes.coefficient_rows + response_sizes.color_components;
 }
 
 fn gain_at(channel: u32, k: u32) -> u32 {
@@ -90,12 +100,19 @@ fn appearance_row(row: u32, p: vec4<u32>) -> vec4<f32> {
     return vec4(appearance[at.x], appearance[at.y], appearance[at.z], appearance[at.w]);
 }
 
-fn store_gaussian(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+fn store_scale(p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+    if stored.x { scale[p.x] = value.x; }
+    if stored.y { scale[p.y] = value.y; }
+    if stored.z { scale[p.z] = value.z; }
+    if stored.w { scale[p.w] = value.w; }
+}
+
+fn store_color(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
     let at = vec4(row * pose.gaussian_count) + p;
-    if stored.x { gaussians[at.x] = value.x; }
-    if stored.y { gaussians[at.y] = value.y; }
-    if stored.z { gaussians[at.z] = value.z; }
-    if stored.w { gaussians[at.w] = value.w; }
+    if stored.x { color[at.x] = value.x; }
+    if stored.y { color[at.y] = value.y; }
+    if stored.z { color[at.z] = value.z; }
+    if stored.w { color[at.w] = value.w; }
 }
 
 fn sigmoid4(x: vec4<f32>) -> vec4<f32> {
@@ -110,19 +127,26 @@ fn term_block(first: u32, k: u32) -> vec4<f32> {
 }
 
 // Stores a channel of four points and adds a colour channel's part to the colour (one column a colour channel).
-fn take_channel(channel: u32, p: vec4<u32>, stored: vec4<bool>, moved: vec4<f32>, color: ptr<function, mat3x4<f32>>) {
+fn take_channel(channel: u32, p: vec4<u32>, stored: vec4<bool>, moved: vec4<f32>, logits: ptr<function, mat3x4<f32>>) {
     if channel >= channel_count() {
         return;
     }
     let value = response[channel] + moved;
-    let at = vec4(channel * pose.gaussian_count) + p;
-    if stored.x { channels[at.x] = value.x; }
-    if stored.y { channels[at.y] = value.y; }
-    if stored.z { channels[at.z] = value.z; }
-    if stored.w { channels[at.w] = value.w; }
-    if channel >= pose.basis_count {
-        let row = ROW_COMPONENTS + 3u * (channel - pose.basis_count);
-        *color += mat3x4(value * appearance_row(row, p), value * appearance_row(row + 1u, p),
+    if channel < response_sizes.coefficient_rows {
+        let at = vec4(channel * pose.gaussian_count) + p;
+        if stored.x { coefficients[at.x] = value.x; }
+        if stored.y { coefficients[at.y] = value.y; }
+        if stored.z { coefficients[at.z] = value.z; }
+        if stored.w { coefficients[at.w] = value.w; }
+    } else {
+        let component = channel - response_sizes.coefficient_rows;
+        let at = vec4(component * pose.gaussian_count) + p;
+        if stored.x { color_channels[at.x] = value.x; }
+        if stored.y { color_channels[at.y] = value.y; }
+        if stored.z { color_channels[at.z] = value.z; }
+        if stored.w { color_channels[at.w] = value.w; }
+        let row = ROW_COMPONENTS + 3u * component;
+        *logits += mat3x4(value * appearance_row(row, p), value * appearance_row(row + 1u, p),
                          value * appearance_row(row + 2u, p));
     }
 }
@@ -138,7 +162,7 @@ fn respond(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     }
     let p = four_points(i, n);
     let stored = four_stored(i, n);
-    var color = mat3x4(appearance_row(ROW_BASE_COLOR, p), appearance_row(ROW_BASE_COLOR + 1u, p),
+    var logits = mat3x4(appearance_row(ROW_BASE_COLOR, p), appearance_row(ROW_BASE_COLOR + 1u, p),
                        appearance_row(ROW_BASE_COLOR + 2u, p));
     for (var first = 0u; first < channel_count(); first += 4u) {
         var moved = mat4x4<f32>();
@@ -147,15 +171,15 @@ fn respond(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
             let t = term_block(first, k);
             moved += mat4x4(w * t.x, w * t.y, w * t.z, w * t.w);
         }
-        take_channel(first, p, stored, moved[0], &color);
-        take_channel(first + 1u, p, stored, moved[1], &color);
-        take_channel(first + 2u, p, stored, moved[2], &color);
-        take_channel(first + 3u, p, stored, moved[3], &color);
+        take_channel(first, p, stored, moved[0], &logits);
+        take_channel(first + 1u, p, stored, moved[1], &logits);
+        take_channel(first + 2u, p, stored, moved[2], &logits);
+        take_channel(first + 3u, p, stored, moved[3], &logits);
     }
-    store_gaussian(ROW_SCALE, p, stored, response_sizes.max_scale * sigmoid4(appearance_row(ROW_SCALE_LOGIT, p)));
-    store_gaussian(ROW_COLOR, p, stored, sigmoid4(color[0]));
-    store_gaussian(ROW_COLOR + 1u, p, stored, sigmoid4(color[1]));
-    store_gaussian(ROW_COLOR + 2u, p, stored, sigmoid4(color[2]));
+    store_scale(p, stored, response_sizes.max_scale * sigmoid4(appearance_row(ROW_SCALE_LOGIT, p)));
+    store_color(0u, p, stored, sigmoid4(logits[0]));
+    store_color(1u, p, stored, sigmoid4(logits[1]));
+    store_color(2u, p, stored, sigmoid4(logits[2]));
 }
 
 // Gradient of the appearance tables and of the colour channels.
@@ -168,25 +192,31 @@ fn respond_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         return;
     }
     let s = sigmoid(appearance[p]);
-    let scale = response_sizes.max_scale * s;
-    d_appearance[p] = (d_gaussians[ROW_SCALE * n + p] + pose.scale_weight * scale) * scale * (1.0 - s);
-    var d_color = vec3(0.0);
+    d_appearance[p] = d_scale[p] * (response_sizes.max_scale * s) * (1.0 - s);
+    var d_logits = vec3(0.0);
     for (var c = 0u; c < 3u; c++) {
-        let color = gaussians[(ROW_COLOR + c) * n + p];
-        d_color[c] = d_gaussians[(ROW_COLOR + c) * n + p] * color * (1.0 - color);
-        d_appearance[(ROW_BASE_COLOR + c) * n + p] = d_color[c];
+        let value = color[c * n + p];
+        d_logits[c] = d_color[c * n + p] * value * (1.0 - value);
+        d_appearance[(ROW_BASE_COLOR + c) * n + p] = d_logits[c];
     }
     for (var j = 0u; j < response_sizes.color_components; j++) {
-        let channel = pose.basis_count + j;
-        let value = channels[channel * n + p];
+        let value = color_channels[j * n + p];
         var d_value = 0.0;
         for (var c = 0u; c < 3u; c++) {
             let at = (ROW_COMPONENTS + 3u * j + c) * n + p;
-            d_appearance[at] = value * d_color[c];
-            d_value += appearance[at] * d_color[c];
+            d_appearance[at] = value * d_logits[c];
+            d_value += appearance[at] * d_logits[c];
         }
-        d_channels[channel * n + p] = d_value;
+        d_color_channels[j * n + p] = d_value;
     }
+}
+
+fn d_joint_term(k: u32, channel: u32) -> f32 {
+    let rows = response_sizes.coefficient_rows;
+    if channel < rows {
+        return d_coefficient_terms[k * rows + channel];
+    }
+    return d_color_terms[k * response_sizes.color_components + channel - rows];
 }
 
 // Gradient of the response itself, and what the rotations get through it (added to d_local). Invocation k owns joint k;
@@ -197,7 +227,7 @@ fn response_backward(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < count {
         var sum = 0.0;
         for (var k = 0u; k < pose.joint_count; k++) {
-            sum += d_joint_terms[k * count + id.x];
+            sum += d_joint_term(k, id.x);
         }
         d_response[id.x] = sum;
     }
@@ -209,7 +239,7 @@ fn response_backward(@builtin(global_invocation_id) id: vec3<u32>) {
         var d_feature = 0.0;
         for (var i = 0u; i < count; i++) {
             let at = gain_at(i, k) + c;
-            let d_term = select(0.0, d_joint_terms[k * count + i], follows(i, k));
+            let d_term = select(0.0, d_joint_term(k, i), follows(i, k));
             d_response[at] = d_term * feature(k, c);
             d_feature += d_term * response[at];
         }

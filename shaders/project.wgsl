@@ -1,17 +1,23 @@
 // Projects Gaussians to the image, culls those that cannot be seen, and finds the tiles that each may touch.
 
-const COUNTER_BROKEN: u32 = 3u;
+import package::shared::camera::{ALPHA_MIN, TILE_SIZE, camera_from_world, view};
+import package::shared::counters::Counters;
+import package::shared::dispatch::flat_index;
+import package::shared::gaussian::{
+    COLOR_BASES, are_finite, compensation, footprint, is_finite, is_sound, load_gaussian
+};
+import package::shared::spherical_harmonics::{color_sum, direction_to};
+import package::shared::splat::Splat;
+
 // Depth keys have 30 bits.
 const DEPTH_KEY_MAX: u32 = 0x3fffffffu;
 
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 @group(0) @binding(2) var<storage, read_write> splats: array<Splat>;
 // First and one past last tile, x in the low and y in the high half of each word; all zero when culled.
 @group(0) @binding(3) var<storage, read_write> tile_rects: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> depth_keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> depth_order: array<u32>;
-@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> counters: Counters;
 
 @compute @workgroup_size(64)
 fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -33,7 +39,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     }
     if !is_sound(g) || !are_finite(p) || !are_finite(color) {
         // Whole numbers: the order of additions does not matter.
-        atomicAdd(&counters[COUNTER_BROKEN], 1u);
+        atomicAdd(&counters.broken, 1u);
         return;
     }
     if !in_front {

@@ -1,14 +1,20 @@
 // Sums each Gaussian's slots in order and carries the gradient through the projection to its properties and, if asked
 // for, to the camera.
 
+import package::shared::camera::{camera_from_world, view};
+import package::shared::dispatch::flat_index;
+import package::shared::gaussian::{
+    ANISOTROPIC, ANTIALIAS, COLOR_BASES, FREE_OPACITY, Gaussian, ROW_COLOR, ROW_OPACITY, ROW_ROTATION, ROW_SCALE,
+    UNBOUNDED, axes_of, compensation, footprint, load_gaussian, world_direction
+};
+import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic, stored_color};
+
 // Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
 override SLOT_OPACITY: bool = false;
 // How many places a slot has, as there: 4 for cells of their own, or 1.
 override SLOT_PLACES: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 @group(0) @binding(2) var<storage, read> slot_ranges: array<vec2<u32>>;
 // As in rasterize_backward.wgsl.
 @group(0) @binding(3) var<storage, read> slot_gradients: array<vec4<f32>>;

@@ -1,5 +1,10 @@
 // Blends each tile's splats front to back. A workgroup is a tile and an invocation 2x2 pixels.
 
+import package::shared::blend::{
+    area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
+};
+import package::shared::camera::view;
+
 @compute @workgroup_size(16)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
              @builtin(local_invocation_index) local: u32) {

@@ -2,13 +2,18 @@
 // entries back to front; what it adds up for an entry goes to that (slot, cell) alone, so there is nothing to race for
 // and the sum over slots and cells later has one order.
 
+import package::shared::blend_backward::{
+    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
+};
+import package::shared::camera::{TILE_SIZE, view};
+import package::shared::dispatch::flat_index;
+
 // By cell of a slot, where its mark is set: (mean x, mean y, red, green) and (blue, covariance xx, xy, yy).
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
 // By cell of a slot: 1 where there is a gradient, and, if wanted, the bits of the opacity times its gradient. Cleared before.
 @group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
 
 const CELLS: u32 = 4u;
-const ROWS: u32 = 4u;
 
 @compute @workgroup_size(32)
 fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,

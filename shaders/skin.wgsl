@@ -1,17 +1,16 @@
 // Corrected linear blend skinning. CPU twin: `ghand_core::skinning`.
 
-@group(0) @binding(0) var<uniform> pose: PoseUniforms;
-@group(0) @binding(1) var<storage, read> offsets: array<f32>;
-// [joints][N]
-@group(0) @binding(2) var<storage, read> weights: array<f32>;
-@group(0) @binding(3) var<storage, read> residual_weights: array<f32>;
-@group(0) @binding(4) var<storage, read> chain: array<f32>;
-@group(0) @binding(5) var<storage, read> residual_chain: array<f32>;
+import package::shared::bones::{bone_row, offset_row, residual_bone_row, residual_weight_row, weight_row};
+import package::shared::dispatch::flat_index;
+import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::pose::{ROW_POINT, pose};
+
 @group(0) @binding(6) var<storage, read> poses: array<f32>;
 @group(0) @binding(7) var<storage, read_write> gaussians: array<f32>;
 
+// Of the splatter's table; the mean is in its first three rows.
 fn store(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
-    let at = vec4(row * pose.gaussian_count) + p;
+    let at = vec4(row * pose.table_columns + pose.table_first) + p;
     if stored.x { gaussians[at.x] = value.x; }
     if stored.y { gaussians[at.y] = value.y; }
     if stored.z { gaussians[at.z] = value.z; }

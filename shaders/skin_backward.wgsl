@@ -1,18 +1,17 @@
 // Gradient of corrected skinning to points and residual weights, and the moments whose weighted sums are the gradients
 // of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
 
-@group(0) @binding(0) var<uniform> pose: PoseUniforms;
-@group(0) @binding(1) var<storage, read> offsets: array<f32>;
-@group(0) @binding(2) var<storage, read> weights: array<f32>;
-@group(0) @binding(3) var<storage, read> residual_weights: array<f32>;
-@group(0) @binding(4) var<storage, read> chain: array<f32>;
-@group(0) @binding(5) var<storage, read> residual_chain: array<f32>;
+import package::shared::bones::{bone_row, offset_row, residual_bone_row, residual_weight_row, weight_row};
+import package::shared::dispatch::flat_index;
+import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::pose::{ROW_D_POINT, ROW_MOMENT, ROW_POINT, pose};
+
 @group(0) @binding(6) var<storage, read> d_gaussians: array<f32>;
 @group(0) @binding(7) var<storage, read_write> d_skin: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_residual_weights: array<f32>;
 
 fn d_gaussian_row(row: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(row * pose.gaussian_count) + p;
+    let at = vec4(row * pose.table_columns + pose.table_first) + p;
     return vec4(d_gaussians[at.x], d_gaussians[at.y], d_gaussians[at.z], d_gaussians[at.w]);
 }
 

@@ -2,7 +2,10 @@
 // held as the components of vectors. What is loaded of a splat serves four pixels, and selects instead of branches keep
 // lanes together.
 
-@group(0) @binding(0) var<uniform> view: View;
+import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, TILE_SIZE, TRANSMITTANCE_MIN, view};
+import package::shared::counters::Counters;
+import package::shared::splat::Splat;
+
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 // Intersections (slots) by tile, front to back, and the Gaussian of each slot.
 @group(0) @binding(2) var<storage, read> entries: array<u32>;
@@ -14,18 +17,16 @@
 @group(0) @binding(6) var<storage, read_write> pixel_states: array<vec2<u32>>;
 // Expected camera z of what covers a pixel, metres; 0 where nothing does.
 @group(0) @binding(7) var<storage, read_write> depths: array<f32>;
-@group(0) @binding(8) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 override DEPTH: bool = false;
 // How many entries of a tile the backward pass can go through.
 override BACKWARD_ENTRIES: u32 = 0xffffffffu;
-// Of the tiles with too many entries for the driver, the largest number.
-const COUNTER_CUT_SHORT: u32 = 4u;
 
 // Leaves word of a tile that could not be gone through to its end, now or in the backward pass.
 fn report_cut_short(range: vec2<u32>, last: u32, cut_short: bool) {
-    if cut_short || last > range.x && last - range.x > BACKWARD_ENTRIES {
-        atomicMax(&counters[COUNTER_CUT_SHORT], range.y - range.x);
+    if cut_short || (last > range.x && last - range.x > BACKWARD_ENTRIES) {
+        atomicMax(&counters.cut_short, range.y - range.x);
     }
 }
 

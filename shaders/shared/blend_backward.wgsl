@@ -1,7 +1,9 @@
 // What both tiers' rasterize_backward have in common: taking the entries of a tile back to front, one row of four pixels at
-// a time. The stage says how many ROWS an invocation owns.
+// a time.
 
-@group(0) @binding(0) var<uniform> view: View;
+import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, view};
+import package::shared::splat::Splat;
+
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 // Intersections (slots) by tile, front to back, and the Gaussian of each slot.
 @group(0) @binding(2) var<storage, read> entries: array<u32>;
@@ -14,6 +16,12 @@
 
 // Whether the gradient of the opacity is wanted.
 override SLOT_OPACITY: bool = false;
+
+// Rows that an invocation owns, on the fast tier and on the other.
+@if(fast)
+const ROWS: u32 = 2u;
+@if(!fast)
+const ROWS: u32 = 4u;
 
 // Four pixels side by side, as the entries behind have left them.
 struct Row {

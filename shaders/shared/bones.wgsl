@@ -1,6 +1,15 @@
 // Access to the two chains for the skinning stages, which handle four points an invocation: a bone is loaded once for
 // four points.
 
+import package::shared::pose::{CHAIN_POSED, CHAIN_STRIDE, pose};
+
+@group(0) @binding(1) var<storage, read> offsets: array<f32>;
+// [joints][N]
+@group(0) @binding(2) var<storage, read> weights: array<f32>;
+@group(0) @binding(3) var<storage, read> residual_weights: array<f32>;
+@group(0) @binding(4) var<storage, read> chain: array<f32>;
+@group(0) @binding(5) var<storage, read> residual_chain: array<f32>;
+
 fn bone_row(k: u32, row: u32) -> vec4<f32> {
     let at = k * CHAIN_STRIDE + CHAIN_POSED + 4u * row;
     return vec4(chain[at], chain[at + 1u], chain[at + 2u], chain[at + 3u]);

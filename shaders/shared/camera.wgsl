@@ -29,6 +29,8 @@ struct View {
     padding_3: u32,
 }
 
+@group(0) @binding(0) var<uniform> view: View;
+
 const TILE_SIZE: u32 = 8u;
 // Screen-space blur added to every projected covariance, pixels^2.
 const BLUR: f32 = 0.3;

@@ -1,6 +1,8 @@
 // A Gaussian's row of numbers, whatever its kind, and its footprint on the image. Used forward and backward, so that both
 // see the same bits.
 
+import package::shared::camera::{BLUR, view};
+
 // The kind of the scene, see `ghand_render::splat::SplatModel`.
 override ANISOTROPIC: bool = false;
 override FREE_OPACITY: bool = false;
@@ -14,6 +16,9 @@ override ROW_SCALE: u32 = 3u;
 override ROW_ROTATION: u32 = 4u;
 override ROW_OPACITY: u32 = 4u;
 override ROW_COLOR: u32 = 4u;
+
+// [rows][N], see `ghand_render::splat::SplatModel`.
+@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 
 // Standard deviations, opacity and rotation as they are meant, not as they are stored.
 struct Gaussian {

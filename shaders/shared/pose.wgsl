@@ -1,4 +1,4 @@
-// Sizes and switches of the pose pipeline. Host twin: `ghand_render::pose::PoseUniforms`.
+// Sizes and switches of the pose pipeline. Host twin: `ghand_render::deform::PoseUniforms`.
 struct PoseUniforms {
     gaussian_count: u32,
     joint_count: u32,
@@ -9,10 +9,12 @@ struct PoseUniforms {
     anchored: u32,
     // Whether the mean over joints is taken off the residual weights.
     zero_sum: u32,
-    // d(offset loss)/d(offset) = offset_weight * offset, and the same for the scale.
-    offset_weight: f32,
-    scale_weight: f32,
+    // Where the hand's Gaussians lie in the splatter's table: columns of a row, and the first of theirs.
+    table_columns: u32,
+    table_first: u32,
 }
+
+@group(0) @binding(0) var<uniform> pose: PoseUniforms;
 
 // A chain holds for each joint: local rotation (9), world_from_joint (12), posed_from_rest (12), all row-major.
 const CHAIN_STRIDE: u32 = 33u;

@@ -1,6 +1,8 @@
 // Real spherical harmonics up to degree 3, in the order and with the signs of 3D Gaussian Splatting files, and the
 // gradient of each as a polynomial of the direction's components.
 
+import package::shared::gaussian::{COLOR_BASES, ROW_COLOR, stored, world_direction};
+
 struct Harmonic {
     value: f32,
     gradient: vec3<f32>,

@@ -1,26 +1,82 @@
 //! The project's WGSL without a device.
 
+use std::path::{Path, PathBuf};
+
 use ghand_render::{Tier, shader_sources};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// Every WGSL source as the device gets it, with its name and the tier that runs it.
-pub fn sources() -> Vec<(&'static str, Tier, String)> {
-    let baseline = shader_sources::baseline().into_iter().map(|(name, source)| (name, Tier::Baseline, source));
-    let fast = shader_sources::fast().into_iter().map(|(name, source)| (name, Tier::Fast, source));
-    let response = ("pose_response", Tier::Baseline, ghand_avatar::direct::shader_source());
-    baseline.chain(fast).chain([response]).collect()
+pub fn sources() -> Vec<(&'static str, Tier, &'static str)> {
+    shader_sources::all().collect()
 }
 
 /// Parses and validates a source against what every device of a tier can do.
 ///
 /// # Errors
-/// The compiler's message, with the place in the source.
+/// The compiler's message, with the place in the source, and the file and line of the declaration around it.
 pub fn validate(tier: Tier, source: &str) -> Result<naga::Module, String> {
-    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let at =
+        |message: String, location: Option<naga::SourceLocation>| match location.and_then(|l| declared_at(source, l)) {
+            Some(place) => format!("{place}: {message}"),
+            None => message,
+        };
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| at(e.emit_to_string(source), e.location(source)))?;
     let capabilities = match tier {
         Tier::Baseline => Capabilities::empty(),
         Tier::Fast => Capabilities::SUBGROUP,
     };
-    Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(|e| e.emit_to_string(source))?;
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+    validator.validate(&module).map_err(|e| at(e.emit_to_string(source), e.location(source)))?;
     Ok(module)
+}
+
+/// The declaration that a line of WGSL begins, such as `fn skin`.
+fn declaration(line: &str) -> Option<String> {
+    let mut words = line.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty());
+    match words.next()? {
+        word @ ("fn" | "struct") => Some(format!("{word} {}", words.next()?)),
+        _ => None,
+    }
+}
+
+/// File and line in `shaders/` of the declaration around a place in a composed source, whose lines are other ones.
+fn declared_at(source: &str, place: naga::SourceLocation) -> Option<String> {
+    let lines: Vec<&str> = source.lines().take(place.line_number as usize).collect();
+    let wanted = lines.iter().rev().find_map(|line| declaration(line))?;
+    let root = shader_folder();
+    wgsl_files(&root).into_iter().find_map(|file| {
+        let text = std::fs::read_to_string(&file).ok()?;
+        let line = text.lines().position(|line| declaration(line).as_ref() == Some(&wanted))?;
+        Some(format!("shaders/{}:{}, {wanted}", file.strip_prefix(&root).ok()?.display(), line + 1))
+    })
+}
+
+/// The folder of the WGSL files.
+pub fn shader_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders")
+}
+
+/// All WGSL files below a folder.
+///
+/// # Panics
+/// Panics if the folder cannot be read.
+pub fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
+    files(folder, "wgsl")
+}
+
+/// All files below a folder whose names end so.
+///
+/// # Panics
+/// Panics if the folder cannot be read.
+pub fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.unwrap_or_else(|e| panic!("{}: {e}", folder.display())).path();
+        if path.is_dir() {
+            found.extend(files(&path, extension));
+        } else if path.extension().is_some_and(|e| e == extension) {
+            found.push(path);
+        }
+    }
+    found
 }

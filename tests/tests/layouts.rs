@@ -4,13 +4,14 @@
 
 use std::collections::BTreeMap;
 
-use ghand_avatar::direct::ResponseUniforms;
+use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::Tier;
+use ghand_render::deform::{PoseUniforms, SumUniforms};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
-use ghand_render::pose::{PoseUniforms, SumUniforms};
-use ghand_render::splat::{ScanUniforms, SortUniforms, Splat, View};
+use ghand_render::penalty::PenaltyUniforms;
+use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View};
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
 
@@ -83,8 +84,8 @@ fn host_layouts() -> Vec<Layout> {
             pose_offset,
             anchored,
             zero_sum,
-            offset_weight,
-            scale_weight,
+            table_columns,
+            table_first,
         }),
         host_layout!(SumUniforms { count, left_rows, right_rows, right_offset }),
         host_layout!(AdamUniforms {
@@ -101,7 +102,18 @@ fn host_layouts() -> Vec<Layout> {
             padding_2,
             padding_3,
         }),
-        host_layout!(ResponseUniforms { color_components, max_scale, padding }),
+        host_layout!(ResponseUniforms { coefficient_rows, color_components, max_scale, padding }),
+        host_layout!(PenaltyUniforms { count, weight, padding }),
+        host_layout!(Counters {
+            gaussians,
+            intersections,
+            intersections_wanted,
+            broken,
+            cut_short,
+            too_wide,
+            padding_1,
+            padding_2,
+        }),
         host_layout!(MeshUniforms { clip_x, clip_y, settings, modes, ambient, light_directions, light_colors }),
         host_layout!(WireframeUniforms { size, half_width, near, hidden, padding_1, padding_2, padding_3 }),
         host_layout!(ResolveUniforms { size, supersample, margin, line_color, hidden_color, lines, near, padding }),
@@ -157,7 +169,7 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
     let mut unseen: BTreeMap<String, Layout> = host_layouts().into_iter().map(|l| (l.name.clone(), l)).collect();
     let hosts = unseen.clone();
     for (source_name, tier, source) in sources() {
-        for wgsl in buffer_layouts(&validate(tier, &source).unwrap()) {
+        for wgsl in buffer_layouts(&validate(tier, source).unwrap()) {
             let host = hosts.get(&wgsl.name);
             let host =
                 host.unwrap_or_else(|| panic!("{source_name}: no host struct for {} is compared here", wgsl.name));

@@ -6,12 +6,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use ghand_render::Tier;
-use ghand_tests::shaders::{sources, validate};
+use ghand_tests::shaders::{files, shader_folder, sources, validate, wgsl_files};
 
 #[test]
 fn every_source_is_valid_on_every_device_of_its_tier() {
     for (name, tier, source) in sources() {
-        if let Err(message) = validate(tier, &source) {
+        if let Err(message) = validate(tier, source) {
             panic!("{name}: {message}");
         }
     }
@@ -41,7 +41,7 @@ fn names_and_entry_points_are_unique_in_their_tier() {
     let (mut names, mut entries) = (BTreeSet::new(), BTreeSet::new());
     for (name, tier, source) in sources() {
         assert!(names.insert(name), "two sources are called {name}");
-        for entry in validate(tier, &source).unwrap().entry_points {
+        for entry in validate(tier, source).unwrap().entry_points {
             let is_new = entries.insert((tier, entry.name.clone()));
             assert!(is_new, "{name}: another source has the entry point {}", entry.name);
         }
@@ -52,39 +52,41 @@ fn names_and_entry_points_are_unique_in_their_tier() {
 fn what_the_fast_tier_replaces_has_the_same_entry_points() {
     let entries = |wanted: Tier| -> BTreeSet<String> {
         let of_tier = sources().into_iter().filter(|(_, tier, _)| *tier == wanted);
-        of_tier.flat_map(|(_, tier, source)| validate(tier, &source).unwrap().entry_points).map(|e| e.name).collect()
+        of_tier.flat_map(|(_, tier, source)| validate(tier, source).unwrap().entry_points).map(|e| e.name).collect()
     };
     let (baseline, fast) = (entries(Tier::Baseline), entries(Tier::Fast));
     assert!(fast.len() >= 7 && fast.is_subset(&baseline), "{fast:?}");
 }
 
 #[test]
-fn every_shader_file_is_part_of_a_source() {
-    let sources = sources();
-    let files = wgsl_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders"));
-    assert!(!files.is_empty(), "no shaders were found");
-    let unused: Vec<_> = files.iter().filter(|f| !is_used(&std::fs::read_to_string(f).unwrap(), &sources)).collect();
-    assert!(unused.is_empty(), "no source contains {unused:?}");
+fn every_shared_piece_is_imported_and_every_stage_has_host_code() {
+    let folder = shader_folder();
+    let read = |path: &PathBuf| std::fs::read_to_string(path).unwrap();
+    let shaders: String = wgsl_files(&folder).iter().map(read).collect();
+    let host: String = files(&folder.join("../crates"), "rs").iter().map(read).collect();
+    let unused = unused_files(&folder, &shaders, &host);
+    assert!(unused.is_empty(), "nothing uses {unused:?}");
+    // The search finds what is missing.
+    assert!(unused_files(&folder, "", "").len() == wgsl_files(&folder).len());
+}
+
+/// Shared pieces that no shader of this text imports, and stages that no host code of this text names.
+fn unused_files(folder: &Path, shaders: &str, host: &str) -> Vec<String> {
+    let name = |file: &PathBuf| file.strip_prefix(folder).unwrap().with_extension("").to_string_lossy().into_owned();
+    let is_used = |name: &str| match name.strip_prefix("shared/") {
+        Some(piece) => shaders.contains(&format!("package::shared::{piece}::")),
+        None => host.contains(&format!("\"{name}\"")),
+    };
+    wgsl_files(folder).iter().map(name).filter(|name| !is_used(name)).collect()
 }
 
 #[test]
-fn a_shader_file_that_no_source_contains_is_noticed() {
-    assert!(!is_used("fn nobody_composes_this() {}", &sources()));
-}
-
-fn is_used(text: &str, sources: &[(&str, Tier, String)]) -> bool {
-    sources.iter().any(|(_, _, source)| source.contains(text))
-}
-
-fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
-        let path = entry.unwrap_or_else(|e| panic!("{}: {e}", folder.display())).path();
-        if path.is_dir() {
-            files.extend(wgsl_files(&path));
-        } else if path.extension().is_some_and(|e| e == "wgsl") {
-            files.push(path);
-        }
-    }
-    files
+fn an_error_names_the_file_and_line_of_the_function_that_it_is_in() {
+    let (_, tier, source) = sources().into_iter().find(|(name, ..)| *name == "project").unwrap();
+    let broken = source.replacen("let xx = q.x * d.x;", "let xx = q.x * d.xyzz;", 1);
+    assert_ne!(broken, source, "the line to break is not there");
+    let message = validate(tier, &broken).unwrap_err();
+    let file = std::fs::read_to_string(shader_folder().join("shared/gaussian.wgsl")).unwrap();
+    let line = file.lines().position(|line| line.starts_with("fn axes_of")).unwrap() + 1;
+    assert!(message.starts_with(&format!("shaders/shared/gaussian.wgsl:{line}, fn axes_of: ")), "{message}");
 }

@@ -1,5 +1,6 @@
 //! What an avatar is: a sampled template, its switches, and the learned tables.
 
+use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::mesh::RenderMesh;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
@@ -7,7 +8,8 @@ use ghand_core::{HandModel, HandModelError, Side, SurfaceSamples, surface};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::direct::DirectTables;
+use crate::properties::PropertyTables;
+use crate::properties::direct::DirectTables;
 
 /// Choices that fix the shape of an avatar's tables and what they mean.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +19,9 @@ pub struct AvatarConfig {
     pub uv_resolution: u32,
     /// Number of shape bases, n.
     pub shape_bases: usize,
+    /// Whether a blend coefficient is one number or, as in the paper, three.
+    #[serde(skip_serializing_if = "is_default")]
+    pub coefficients: CoefficientLayout,
     /// Number of pose-dependent colour components of a Gaussian.
     pub color_components: usize,
     /// What the residual skinning weights mean.
@@ -30,10 +35,28 @@ impl Default for AvatarConfig {
         AvatarConfig {
             uv_resolution: 128,
             shape_bases: 8,
+            coefficients: CoefficientLayout::default(),
             color_components: 4,
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
         }
+    }
+}
+
+/// Left out of files: they stay as they were before there was a choice.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+impl AvatarConfig {
+    /// Rows of the blend coefficients.
+    pub fn coefficient_rows(&self) -> usize {
+        self.coefficients.rows() * self.shape_bases
+    }
+
+    /// Channels of the `direct` model's pose response: coefficient rows, then colour components.
+    pub fn channels(&self) -> usize {
+        self.coefficient_rows() + self.color_components
     }
 }
 
@@ -126,8 +149,8 @@ pub struct Avatar {
     pub model: HandModel,
     /// Shape and meaning of the tables.
     pub config: AvatarConfig,
-    /// The learned tables.
-    pub tables: DirectTables,
+    /// What the property model has learned.
+    pub tables: PropertyTables,
     /// Where it comes from.
     pub provenance: Provenance,
 }
@@ -171,7 +194,7 @@ impl Avatar {
             template,
             model: model.without_blend_shapes(),
             config: config.clone(),
-            tables,
+            tables: PropertyTables::Direct(tables),
             provenance: Provenance::default(),
         })
     }

@@ -13,7 +13,8 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, AvatarConfig, Provenance, Template};
-use crate::direct::{DirectTables, table_lengths};
+use crate::properties::PropertyTables;
+use crate::properties::direct::DirectTables;
 
 /// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response followed
 /// the root.
@@ -65,7 +66,30 @@ struct Metadata {
     units: String,
     model: ModelMetadata,
     config: AvatarConfig,
+    /// The property model, which says which tensors there are. Left out of the files of the first model.
+    #[serde(default, skip_serializing_if = "ModelTag::is_first")]
+    property_model: ModelTag,
     provenance: Provenance,
+}
+
+/// Which property model an avatar has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum ModelTag {
+    #[default]
+    Direct,
+}
+
+impl ModelTag {
+    fn of(tables: &PropertyTables) -> ModelTag {
+        match tables {
+            PropertyTables::Direct(_) => ModelTag::Direct,
+        }
+    }
+
+    fn is_first(&self) -> bool {
+        *self == ModelTag::default()
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -78,12 +102,12 @@ struct ModelMetadata {
 
 /// Tensors on their way into a file.
 #[derive(Default)]
-struct Tensors {
+pub(crate) struct Tensors {
     names: Vec<(String, Dtype, Vec<usize>, Vec<u8>)>,
 }
 
 impl Tensors {
-    fn add<T: Pod>(&mut self, name: &str, dtype: Dtype, shape: &[usize], values: &[T]) {
+    pub(crate) fn add<T: Pod>(&mut self, name: &str, dtype: Dtype, shape: &[usize], values: &[T]) {
         self.names.push((name.into(), dtype, shape.to_vec(), bytemuck::cast_slice(values).to_vec()));
     }
 }
@@ -93,21 +117,16 @@ fn flat3(v: &[DVec3]) -> Vec<f64> {
 }
 
 fn tensors(avatar: &Avatar) -> Tensors {
-    let (t, m, d) = (&avatar.template, &avatar.model, &avatar.tables);
+    let (t, m) = (&avatar.template, &avatar.model);
     let (count, joints) = (t.len(), t.joint_count());
-    let channels = avatar.config.shape_bases + avatar.config.color_components;
     let mut out = Tensors::default();
     out.add("joints", Dtype::F64, &[joints, 3], &flat3(&t.joints));
     out.add("rest", Dtype::F32, &[3, count], &t.rest);
     out.add("weights", Dtype::F32, &[joints, count], &t.weights);
     out.add("spacings", Dtype::F32, &[count], &t.spacings);
-    out.add("shape_basis", Dtype::F32, &[avatar.config.shape_bases, 3, count], &d.shape_basis);
-    out.add("residual_weights", Dtype::F32, &[joints, count], &d.residual_weights);
-    out.add("skeleton_regressor", Dtype::F32, &[joints, count], &d.regressor);
-    out.add("appearance", Dtype::F32, &[d.appearance.len() / count.max(1), count], &d.appearance);
-    out.add("response_bias", Dtype::F32, &[channels], &d.response[..channels]);
-    out.add("response_gain", Dtype::F32, &[channels, joints, 9], &d.response[channels..]);
-    out.add("response_limits", Dtype::F32, &[channels, joints, 2], &d.response_limits);
+    match &avatar.tables {
+        PropertyTables::Direct(tables) => tables.write(t, &avatar.config, &mut out),
+    }
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
     out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
@@ -150,6 +169,7 @@ impl Avatar {
                 parents: self.template.parents.clone(),
             },
             config: self.config.clone(),
+            property_model: ModelTag::of(&self.tables),
             provenance: self.provenance.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|e| invalid(e.to_string()))?;
@@ -187,7 +207,8 @@ fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
     Reader::new(path, bytes)?.avatar()
 }
 
-struct Reader<'a> {
+/// An avatar file that is being read.
+pub(crate) struct Reader<'a> {
     path: &'a Path,
     tensors: SafeTensors<'a>,
     metadata: Metadata,
@@ -224,7 +245,7 @@ impl<'a> Reader<'a> {
         Ok(Reader { path, tensors, metadata })
     }
 
-    fn invalid(&self, field: &str, problem: impl Into<String>) -> AvatarFileError {
+    pub(crate) fn invalid(&self, field: &str, problem: impl Into<String>) -> AvatarFileError {
         AvatarFileError::Invalid { path: self.path.into(), field: field.into(), problem: problem.into() }
     }
 
@@ -253,7 +274,8 @@ impl<'a> Reader<'a> {
         Ok((view.shape().to_vec(), values))
     }
 
-    fn floats(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f32>, AvatarFileError> {
+    /// A tensor of that shape; `None` where any size will do.
+    pub(crate) fn floats(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f32>, AvatarFileError> {
         let (_, values) = self.tensor::<f32>(name, Dtype::F32, shape)?;
         match values.iter().position(|v| !v.is_finite()) {
             Some(i) => Err(self.invalid(name, format!("value {i} is not finite"))),
@@ -288,7 +310,6 @@ impl<'a> Reader<'a> {
         if config.shape_bases > 64 || config.color_components > 64 {
             return Err(self.invalid("config", "more than 64 bases or colour components"));
         }
-        let channels = config.shape_bases + config.color_components;
         let template = Template {
             name: model.name.clone(),
             side,
@@ -299,22 +320,8 @@ impl<'a> Reader<'a> {
             weights: self.floats("weights", &[Some(joints), Some(count)])?,
             spacings,
         };
-        let bias = self.floats("response_bias", &[Some(channels)])?;
-        let gain = self.floats("response_gain", &[Some(channels), Some(joints), Some(9)])?;
-        let response_limits = self.floats("response_limits", &[Some(channels), Some(joints), Some(2)])?;
-        if let Some(i) = response_limits.as_chunks::<2>().0.iter().position(|[low, high]| low > high) {
-            let (channel, joint) = (i / joints, i % joints);
-            let problem = format!("channel {channel}, joint {joint}: the lower limit is above the upper one");
-            return Err(self.invalid("response_limits", format!("{problem}; train the avatar again")));
-        }
-        let appearance_rows = table_lengths(count, joints, config)[3] / count;
-        let tables = DirectTables {
-            shape_basis: self.floats("shape_basis", &[Some(config.shape_bases), Some(3), Some(count)])?,
-            residual_weights: self.floats("residual_weights", &[Some(joints), Some(count)])?,
-            regressor: self.floats("skeleton_regressor", &[Some(joints), Some(count)])?,
-            appearance: self.floats("appearance", &[Some(appearance_rows), Some(count)])?,
-            response: [bias, gain].concat(),
-            response_limits,
+        let tables = match meta.property_model {
+            ModelTag::Direct => PropertyTables::Direct(DirectTables::read(self, &template, config)?),
         };
         let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
         let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();
@@ -343,6 +350,7 @@ impl<'a> Reader<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::properties::direct::table_lengths;
     use ghand_core::hand_model::procedural::ProceduralHand;
 
     fn small() -> Avatar {
@@ -357,26 +365,30 @@ mod tests {
         let path = folder.path().join("hand.ghand");
         small().save(&path).unwrap();
         let before = std::fs::read(&path).unwrap();
+        fn tables(avatar: &mut Avatar) -> &mut DirectTables {
+            let PropertyTables::Direct(tables) = &mut avatar.tables;
+            tables
+        }
         type Damage = (&'static str, fn(&mut Avatar));
         let spoil: [Damage; 12] = [
-            ("response_bias", |a| a.tables.response[0] = f32::INFINITY),
-            ("response_gain", |a| *a.tables.response.last_mut().unwrap() = f32::NAN),
-            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[0.5, 0.25])),
-            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[f32::NAN, 0.5])),
-            ("response_limits", |a| a.tables.response_limits[6..8].copy_from_slice(&[0.5, f32::INFINITY])),
-            ("shape_basis", |a| a.tables.shape_basis[5] = f32::NAN),
-            ("appearance", |a| a.tables.appearance[5] = f32::NEG_INFINITY),
+            ("response_bias", |a| tables(a).response[0] = f32::INFINITY),
+            ("response_gain", |a| *tables(a).response.last_mut().unwrap() = f32::NAN),
+            ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[0.5, 0.25])),
+            ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[f32::NAN, 0.5])),
+            ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[0.5, f32::INFINITY])),
+            ("shape_basis", |a| tables(a).shape_basis[5] = f32::NAN),
+            ("appearance", |a| tables(a).appearance[5] = f32::NEG_INFINITY),
             ("joints", |a| a.template.joints[3].y = f64::NAN),
             ("mesh", |a| a.model.faces[0] = [u32::MAX; 3]),
             ("mesh", |a| a.model.weights[0] = -1.0),
             ("config", |a| {
                 a.config.color_components = 65;
                 let [_, _, _, appearance, response, limits] = table_lengths(a.template.len(), 16, &a.config);
-                a.tables.appearance.resize(appearance, 0.0);
-                a.tables.response.resize(response, 0.0);
-                a.tables.response_limits.resize(limits, 0.0);
+                tables(a).appearance.resize(appearance, 0.0);
+                tables(a).response.resize(response, 0.0);
+                tables(a).response_limits.resize(limits, 0.0);
             }),
-            ("avatar", |a| a.tables.regressor.truncate(7)),
+            ("avatar", |a| tables(a).regressor.truncate(7)),
         ];
         for (field, spoil) in spoil {
             let mut avatar = small();

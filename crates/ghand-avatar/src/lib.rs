@@ -1,14 +1,16 @@
-//! Hand avatars: Gaussians on a hand model's surface, their property model, the GPU pipeline that poses and renders
-//! them, and the avatar file.
+//! Hand avatars: Gaussians on a hand model's surface, the property models that drive them, scenes of posed avatars, and
+//! the avatar file.
 
 pub mod avatar;
-pub mod direct;
 pub mod file;
 pub mod ply;
-pub mod renderer;
-pub mod response_limits;
+pub mod posed_avatar;
+pub mod properties;
+pub mod scene;
 
 pub use avatar::{Avatar, AvatarConfig, Provenance, Template};
-pub use direct::DirectTables;
 pub use file::AvatarFileError;
-pub use renderer::AvatarRenderer;
+pub use posed_avatar::PosedAvatar;
+pub use properties::direct::DirectTables;
+pub use properties::{PropertyModel, PropertyRates, PropertyTables};
+pub use scene::Scene;

@@ -4,16 +4,16 @@
 
 mod common;
 
-use common::{COUNT, JOINTS, random, random_avatar};
-use ghand_avatar::direct::{DirectBackward, DirectBuffers};
-use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
+use common::{COUNT, JOINTS, random, random_avatar, tables_of};
+use ghand_avatar::{Avatar, AvatarConfig, PropertyTables, Scene};
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, deform, deform_vjp};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::pose_response::{pose_features, response_features_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_render::pose::PoseBackward;
+use ghand_render::deform::CoefficientLayout;
+use ghand_render::penalty::Penalty;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;
@@ -32,60 +32,42 @@ fn widen(values: &[f32]) -> Vec<f64> {
 
 fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-    let (template, config) = (&avatar.template, &avatar.config);
-    let mut renderer = AvatarRenderer::new(&gpu, avatar, Purpose::Gradients, 2, [16, 16]).unwrap();
-    let gradients = DirectBuffers::zeroed(&gpu, COUNT, JOINTS, config);
-    let splatter = &renderer.splatter;
-    let backward = PoseBackward::new(
-        &gpu,
-        &renderer.pose,
-        &renderer.tables.properties(),
-        &gradients.property_gradients(),
-        splatter.d_gaussians(),
-        &[1.0; JOINTS],
-    );
-    let direct = DirectBackward::new(
-        &gpu,
-        &renderer.forward,
-        &renderer.pose,
-        &backward,
-        &renderer.tables,
-        &gradients,
-        [splatter.gaussians(), splatter.d_gaussians()],
-        template,
-        config,
-    );
-    renderer.set_pose(&gpu, 1, pose).unwrap();
-    renderer.pose.set_frame(&gpu, 1, OFFSET_WEIGHT, SCALE_WEIGHT);
-    gpu.queue.write_buffer(renderer.splatter.d_gaussians(), 0, bytemuck::cast_slice(d_gaussians));
+    let mut scene = Scene::new(&gpu, &[avatar], Purpose::Gradients, 2, [16, 16]).unwrap();
+    let (splatter, avatars) = scene.parts_mut();
+    let (gaussians, on_device) = (splatter.gaussians(), splatter.d_gaussians());
+    let posed = &mut avatars[0];
+    let backward = posed.prepare_training(&gpu, on_device, &[1.0; JOINTS]).unwrap();
+    let (properties, d) = (posed.deformation.properties(), backward.gradients());
+    let mut offset_penalty = Penalty::new(&gpu, posed.deformation.offsets(), backward.d_offsets(), 3 * COUNT);
+    let mut scale_penalty = Penalty::new(&gpu, &properties.scale, &d.scale, COUNT);
+    offset_penalty.set_weight(&gpu, OFFSET_WEIGHT);
+    scale_penalty.set_weight(&gpu, SCALE_WEIGHT);
+    posed.set_pose(&gpu, 1, pose).unwrap();
+    posed.deformation.set_frame(&gpu, 1);
+    gpu.queue.write_buffer(on_device, 0, bytemuck::cast_slice(d_gaussians));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    renderer.encode_pose(&mut encoder);
-    {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        direct.encode_appearance(&mut pass);
-        backward.encode_properties(&mut pass);
-        direct.encode_response(&mut pass);
-        backward.encode_pose(&mut pass);
-    }
+    posed.encode(&gpu, &mut encoder).unwrap();
+    backward.encode_points(&mut encoder);
+    offset_penalty.encode(&mut encoder);
+    scale_penalty.encode(&mut encoder);
+    backward.encode_properties(&mut encoder);
+    posed.model.backward(&gpu, &mut encoder).unwrap();
+    backward.encode_pose(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
-    let posed: Vec<f32> = buffers::read(&gpu, renderer.splatter.gaussians(), 7 * COUNT).unwrap();
-    let d = gradients.download(&gpu, COUNT, JOINTS, config).unwrap();
-    let d_pose: Vec<f32> = buffers::read(&gpu, &backward.d_pose, 3 * JOINTS + 3).unwrap();
-    Outcome {
-        parts: vec![
-            ("posed", widen(&posed)),
-            ("shape basis", widen(&d.shape_basis)),
-            ("residual weights", widen(&d.residual_weights)),
-            ("regressor", widen(&d.regressor)),
-            ("appearance", widen(&d.appearance)),
-            ("response", widen(&d.response)),
-            ("pose", widen(&d_pose)),
-        ],
-    }
+    let table: Vec<f32> = buffers::read(&gpu, gaussians, 7 * COUNT).unwrap();
+    let d_pose: Vec<f32> = buffers::read(&gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();
+    let mut parts = vec![("posed", widen(&table))];
+    parts.extend(posed.model.parameter_gradients(&gpu).unwrap().iter().map(|(name, d)| (*name, widen(d))));
+    parts.push(("pose", widen(&d_pose)));
+    Outcome { parts }
 }
 
 fn planes(values: &[f32], row: usize) -> Vec<DVec3> {
-    let at = |c: usize, p: usize| f64::from(values[(row + c) * COUNT + p]);
+    planes_of(&widen(values), row)
+}
+
+fn planes_of(values: &[f64], row: usize) -> Vec<DVec3> {
+    let at = |c: usize, p: usize| values[(row + c) * COUNT + p];
     (0..COUNT).map(|p| DVec3::new(at(0, p), at(1, p), at(2, p))).collect()
 }
 
@@ -94,16 +76,20 @@ fn flat(values: &[DVec3]) -> Vec<f64> {
 }
 
 fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
-    let (template, config, tables) = (&avatar.template, &avatar.config, &avatar.tables);
+    let (template, config, tables) = (&avatar.template, &avatar.config, tables_of(avatar));
     let (bases, components) = (config.shape_bases, config.color_components);
     let weights = widen(&template.weights);
     let (residual_weights, regressor) = (widen(&tables.residual_weights), widen(&tables.regressor));
-    let response = tables.pose_response(bases + components);
+    let (rows, response) = (config.coefficients.rows(), tables.pose_response(config.channels()));
     let basis: Vec<DVec3> = (0..bases).flat_map(|i| planes(&tables.shape_basis, 3 * i)).collect();
 
     let features = pose_features(pose);
     let channels = response.evaluate(&weights, &features, COUNT);
-    let coefficients: Vec<DVec3> = channels[..bases * COUNT].iter().map(|v| DVec3::splat(*v)).collect();
+    let (coefficient_values, color_values) = channels.split_at(rows * bases * COUNT);
+    let coefficients: Vec<DVec3> = match config.coefficients {
+        CoefficientLayout::PerBasis => coefficient_values.iter().map(|v| DVec3::splat(*v)).collect(),
+        CoefficientLayout::PerComponent => (0..bases).flat_map(|i| planes_of(coefficient_values, 3 * i)).collect(),
+    };
     let rest = planes(&template.rest, 0);
     let deformation = Deformation {
         parents: &template.parents,
@@ -125,7 +111,7 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let mut colors = planes(&tables.appearance, 1);
     for j in 0..components {
         for (p, component) in planes(&tables.appearance, 4 + 3 * j).iter().enumerate() {
-            colors[p] += *component * channels[(bases + j) * COUNT + p];
+            colors[p] += *component * color_values[j * COUNT + p];
         }
     }
     let colors: Vec<DVec3> = colors.iter().map(|c| DVec3::new(sigmoid(c.x), sigmoid(c.y), sigmoid(c.z))).collect();
@@ -142,13 +128,17 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let mut d_channels = Vec::new();
     for j in 0..components {
         let component = planes(&tables.appearance, 4 + 3 * j);
-        let value = &channels[(bases + j) * COUNT..];
+        let value = &color_values[j * COUNT..];
         d_appearance.extend(flat(&(0..COUNT).map(|p| d_logits[p] * value[p]).collect::<Vec<_>>()));
         d_channels.extend((0..COUNT).map(|p| component[p].dot(d_logits[p])));
     }
     let d_offsets: Vec<DVec3> = forward.offsets.iter().map(|offset| *offset * f64::from(OFFSET_WEIGHT)).collect();
     let mut d = deform_vjp(&deformation, pose, &forward, &planes(d_gaussians, 0), &d_offsets);
-    let d_values: Vec<f64> = d.blend_coefficients.iter().map(|c| c.element_sum()).chain(d_channels).collect();
+    let d_coefficients: Vec<f64> = match config.coefficients {
+        CoefficientLayout::PerBasis => d.blend_coefficients.iter().map(|c| c.element_sum()).collect(),
+        CoefficientLayout::PerComponent => d.blend_coefficients.chunks_exact(COUNT).flat_map(flat).collect(),
+    };
+    let d_values: Vec<f64> = d_coefficients.into_iter().chain(d_channels).collect();
     let (d_response, d_features) = response.evaluate_vjp(&weights, &features, &d_values, COUNT);
     d.local.iter_mut().zip(response_features_vjp(&d_features)).for_each(|(sum, d_local)| *sum += d_local);
     let mut d_pose: Vec<f64> = d.rotations(pose).iter().flat_map(|v| v.to_array()).collect();
@@ -176,7 +166,7 @@ fn relative_error(a: &[f64], b: &[f64]) -> f64 {
 
 /// Some terms of the response are held at a limit and some are not.
 fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
-    let response = avatar.tables.pose_response(avatar.config.shape_bases + avatar.config.color_components);
+    let response = tables_of(avatar).pose_response(avatar.config.channels());
     let features = pose_features(pose);
     let (free, held) = (response.unlimited_terms(&features), response.joint_terms(&features));
     // Not counting the root, whose term does not vary.
@@ -186,37 +176,43 @@ fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
 
 #[test]
 fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
-    for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
-        for residual_skeleton in [ResidualSkeleton::Paper, ResidualSkeleton::Anchored] {
-            let config = AvatarConfig {
-                shape_bases: 3,
-                color_components: 2,
-                residual_weights,
-                residual_skeleton,
-                ..Default::default()
-            };
-            let avatar = random_avatar(0, &config);
-            for angle in [0.0, 1e-6, 0.7, 3.0] {
-                let values = widen(&random(9, 3 * JOINTS + 3, 1.0));
-                let vectors: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
-                let pose = Pose {
-                    // Rounded to f32, so that both sides start from the same numbers.
-                    rotations: vectors[..JOINTS].iter().map(|v| (*v * angle).as_vec3().as_dvec3()).collect(),
-                    translation: vectors[JOINTS] * 0.1,
+    for coefficients in [CoefficientLayout::PerBasis, CoefficientLayout::PerComponent] {
+        for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
+            for residual_skeleton in [ResidualSkeleton::Paper, ResidualSkeleton::Anchored] {
+                let config = AvatarConfig {
+                    shape_bases: 3,
+                    coefficients,
+                    color_components: 2,
+                    residual_weights,
+                    residual_skeleton,
+                    ..Default::default()
                 };
-                if angle == 0.7 {
-                    assert_some_are_limited(&avatar, &pose);
-                }
-                let d_gaussians = random(10, 7 * COUNT, 1.0);
-                let device = on_device(&avatar, &pose, &d_gaussians);
-                let exact = in_f64(&avatar, &pose, &d_gaussians);
-                for ((name, a), (_, b)) in device.parts.iter().zip(&exact.parts) {
-                    let error = relative_error(a, b);
-                    assert!(error <= 2e-5, "{residual_weights:?} {residual_skeleton:?} angle {angle} {name}: {error}");
-                    let mut wrong = b.clone();
-                    let last = wrong.len() - 1;
-                    wrong[last] += 1e-4 + 1e-3 * b.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    assert!(!(relative_error(a, &wrong) <= 2e-5), "{name} is not compared");
+                let avatar = random_avatar(0, &config);
+                for angle in [0.0, 1e-6, 0.7, 3.0] {
+                    let values = widen(&random(9, 3 * JOINTS + 3, 1.0));
+                    let vectors: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
+                    let pose = Pose {
+                        // Rounded to f32, so that both sides start from the same numbers.
+                        rotations: vectors[..JOINTS].iter().map(|v| (*v * angle).as_vec3().as_dvec3()).collect(),
+                        translation: vectors[JOINTS] * 0.1,
+                    };
+                    if angle == 0.7 {
+                        assert_some_are_limited(&avatar, &pose);
+                    }
+                    let d_gaussians = random(10, 7 * COUNT, 1.0);
+                    let device = on_device(&avatar, &pose, &d_gaussians);
+                    let exact = in_f64(&avatar, &pose, &d_gaussians);
+                    for ((name, a), (_, b)) in device.parts.iter().zip(&exact.parts) {
+                        let error = relative_error(a, b);
+                        assert!(
+                            error <= 2e-5,
+                            "{residual_weights:?} {residual_skeleton:?} angle {angle} {name}: {error}"
+                        );
+                        let mut wrong = b.clone();
+                        let last = wrong.len() - 1;
+                        wrong[last] += 1e-4 + 1e-3 * b.iter().map(|v| v * v).sum::<f64>().sqrt();
+                        assert!(!(relative_error(a, &wrong) <= 2e-5), "{name} is not compared");
+                    }
                 }
             }
         }
@@ -232,7 +228,8 @@ fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
     let mut avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
     avatar.save(&path).unwrap();
     assert_eq!(Avatar::load(&path).unwrap(), avatar, "without limits");
-    avatar.tables.response_limits.iter_mut().zip(-50..).for_each(|(limit, i)| *limit = 0.01 * i as f32);
+    let PropertyTables::Direct(tables) = &mut avatar.tables;
+    tables.response_limits.iter_mut().zip(-50..).for_each(|(limit, i)| *limit = 0.01 * i as f32);
     avatar.save(&path).unwrap();
     assert_eq!(Avatar::load(&path).unwrap(), avatar);
     let bytes = std::fs::read(&path).unwrap();
@@ -246,7 +243,7 @@ fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
         assert!(message.contains("damaged.ghand") && !message.contains('\n'), "{message}");
     }
     // The limits ascend from -0.5 in steps of 0.01: an upper one is found by its neighbours, and falls below its lower one.
-    let limits: Vec<u8> = avatar.tables.response_limits[..8].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let limits: Vec<u8> = tables_of(&avatar).response_limits[..8].iter().flat_map(|v| v.to_le_bytes()).collect();
     let at = bytes.windows(limits.len()).position(|window| window == limits).unwrap();
     for bad in [-0.9f32, f32::NAN, f32::INFINITY] {
         let mut other = bytes.clone();

@@ -7,7 +7,7 @@ mod common;
 use std::f64::consts::TAU;
 
 use common::{COUNT, JOINTS, random, random_avatar};
-use ghand_avatar::{AvatarConfig, AvatarRenderer};
+use ghand_avatar::{AvatarConfig, Scene};
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::rotation::rotation_from_axis_angle;
@@ -21,13 +21,12 @@ use glam::DVec3;
 const ROUNDING: f64 = 5e-7;
 
 /// The posed Gaussians, `[7][COUNT]`: mean, scale, colour.
-fn posed(gpu: &Gpu, renderer: &mut AvatarRenderer, pose: &Pose) -> Vec<f32> {
-    renderer.set_pose(gpu, 0, pose).unwrap();
-    renderer.pose.set_frame(gpu, 0, 0.0, 0.0);
+fn posed(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> Vec<f32> {
+    scene.set_pose(gpu, 0, 0, pose).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    renderer.encode_pose(&mut encoder);
+    scene.avatars_mut()[0].encode(gpu, &mut encoder).unwrap();
     gpu.queue.submit([encoder.finish()]);
-    buffers::read(gpu, renderer.splatter.gaussians(), 7 * COUNT).unwrap()
+    buffers::read(gpu, scene.splatter().gaussians(), 7 * COUNT).unwrap()
 }
 
 fn vectors(seed: u64, count: usize, size: f32) -> Vec<DVec3> {
@@ -46,17 +45,17 @@ fn a_motion_of_the_root_moves_all_gaussians_rigidly_and_changes_neither_size_nor
             ..Default::default()
         };
         let avatar = random_avatar(seed, &config);
-        let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, [16, 16]).unwrap();
+        let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [16, 16]).unwrap();
         let mut pose = Pose { rotations: vectors(1000 + seed, JOINTS, 1.5), translation: DVec3::ZERO };
         pose.rotations[0] = DVec3::ZERO;
-        let before = posed(&gpu, &mut renderer, &pose);
+        let before = posed(&gpu, &mut scene, &pose);
 
         let drawn = vectors(2000 + seed, 2, 1.0);
         // Angles spread over 0 to a whole turn, rounded to f32 as the device gets them.
         let turn = (drawn[0].normalize() * TAU * (seed as f64 + 0.5) / 40.0).as_vec3().as_dvec3();
         pose.rotations[0] = turn;
         pose.translation = drawn[1] * 0.5;
-        let after = posed(&gpu, &mut renderer, &pose);
+        let after = posed(&gpu, &mut scene, &pose);
 
         let (rotation, joint) = (rotation_from_axis_angle(turn), avatar.template.joints[0]);
         let point = |table: &[f32], p: usize| DVec3::from_array([0, 1, 2].map(|c| f64::from(table[c * COUNT + p])));

@@ -2,8 +2,30 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::parallel::CHUNK;
+
+/// How many numbers a blend coefficient has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CoefficientLayout {
+    /// One per basis and Gaussian: `[n][N]`.
+    #[default]
+    PerBasis,
+    /// One per component of a basis, as in the paper (eq. 7): `[n][3][N]`.
+    PerComponent,
+}
+
+impl CoefficientLayout {
+    /// Numbers of a coefficient: rows of the coefficients of one basis.
+    pub fn rows(self) -> usize {
+        match self {
+            CoefficientLayout::PerBasis => 1,
+            CoefficientLayout::PerComponent => 3,
+        }
+    }
+}
 
 /// Offsets `Delta = sum_i C_i (.) S_i` (metres) of N Gaussians.
 ///

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module};
-use crate::{Gpu, RenderError, buffers, shader_sources};
+use crate::{Gpu, RenderError, buffers};
 
 /// Strands of the value's sum, as in the shader.
 const STRANDS: usize = 256;
@@ -92,34 +92,31 @@ impl ImageLoss {
     }
 
     fn make(gpu: &Gpu, image: &wgpu::Buffer, d_image: &wgpu::Buffer, max_pixels: usize) -> ImageLoss {
-        let module = Module::new(gpu, "image_loss", &shader_sources::image_loss());
+        let module = Module::new(gpu, "image_loss");
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
         let rows = buffers::zeroed(gpu, "loss rows", 4 * 4 * max_pixels);
         let partials = buffers::zeroed(gpu, "loss partials", 3 * 4 * max_pixels);
         let values = buffers::zeroed(gpu, "loss values", 4 * max_pixels);
         let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
-        let stage = |entry, numbers: &[u32]| {
-            let all = [
-                (0, &uniforms),
-                (1, image),
-                (2, &target),
-                (3, &rows),
-                (4, &partials),
-                (5, &values),
-                (6, d_image),
-                (7, &strand_sums),
-            ];
-            let used: Vec<_> = all.into_iter().filter(|(n, _)| numbers.contains(n)).collect();
-            module.stage(gpu, entry, &[]).bind(gpu, &used)
-        };
-        let stages = vec![
-            (stage("loss_rows", &[0, 1, 2, 3]), Direction::Rows),
-            (stage("loss_columns", &[0, 1, 2, 3, 4, 5]), Direction::Columns),
-            (stage("gradient_rows", &[0, 3, 4]), Direction::Rows),
-            (stage("gradient_columns", &[0, 1, 2, 3, 6]), Direction::Columns),
+        let all = [
+            ("loss", &uniforms),
+            ("image", image),
+            ("target_image", &target),
+            ("rows", &rows),
+            ("partials", &partials),
+            ("values", &values),
+            ("d_image", d_image),
+            ("strand_sums", &strand_sums),
         ];
-        let sums = stage("loss_sums", &[0, 5, 7]);
+        let stage = |entry| module.stage(gpu, entry, &[]).bind(gpu, &all);
+        let stages = vec![
+            (stage("loss_rows"), Direction::Rows),
+            (stage("loss_columns"), Direction::Columns),
+            (stage("gradient_rows"), Direction::Rows),
+            (stage("gradient_columns"), Direction::Columns),
+        ];
+        let sums = stage("loss_sums");
         ImageLoss { uniforms, target, strand_sums, stages, sums, max_pixels, size: [0, 0] }
     }
 

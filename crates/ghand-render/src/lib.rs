@@ -1,20 +1,22 @@
-//! Differentiable Gaussian splatting, the avatar's pose pipeline, image losses and mesh rasterising on any wgpu device.
+//! Differentiable Gaussian splatting, the avatar's deformation, image losses and mesh rasterising on any wgpu device.
 //!
 //! Every stage is a WGSL file in `shaders/`, a host part of the same name here, and a plain-Rust twin in
 //! [`reference`] (or in `ghand-core`, where the stage is the method's own mathematics).
 
+pub mod bindings;
 pub mod buffers;
+pub mod deform;
 pub mod device;
 pub mod image_loss;
 pub mod mesh;
 pub mod optimizer;
+pub mod penalty;
 pub mod pipeline;
-pub mod pose;
 pub mod reference;
 pub mod shader_sources;
 pub mod splat;
 pub mod tier;
-mod timing;
+pub mod timing;
 
 pub use device::{AdapterChoice, DeviceError, Gpu, RenderError, address_space_limit_mib};
 pub use tier::Tier;

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, RenderError, buffers, shader_sources};
+use crate::{Gpu, RenderError, buffers};
 
 /// See `shaders/adam.wgsl`.
 #[repr(C)]
@@ -90,23 +90,20 @@ impl Adam {
     /// [`RenderError`] if the device refuses it or was lost.
     pub fn new(gpu: &Gpu) -> Result<Adam, RenderError> {
         gpu.scoped("the optimizer", || {
-            let module = Module::new(gpu, "adam", &shader_sources::adam());
+            let module = Module::new(gpu, "adam");
             Adam { scalars: module.stage(gpu, "adam_step", &[]), vectors: module.stage(gpu, "adam_step_vectors", &[]) }
         })
     }
 
-    /// Binds a table of `length` parameters with `slots` ranges. `counters` are a splatter's: no step is taken while its
-    /// frame is incomplete.
+    /// Binds a table of `length` parameters with `slots` ranges.
     ///
     /// # Errors
     /// [`RenderError`] if the device has no room for the moments or was lost.
-    #[expect(clippy::too_many_arguments, reason = "four of them are the buffers to bind")]
     pub fn table(
         &self,
         gpu: &Gpu,
         parameters: &wgpu::Buffer,
         gradients: &wgpu::Buffer,
-        counters: &wgpu::Buffer,
         length: usize,
         slots: usize,
         grouping: Grouping,
@@ -120,7 +117,12 @@ impl Adam {
             let slots = (0..slots)
                 .map(|_| {
                     let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
-                    let buffers = [(0, &uniforms), (1, parameters), (2, gradients), (3, &moments), (4, counters)];
+                    let buffers = [
+                        ("adam", &uniforms),
+                        ("parameters", parameters),
+                        ("gradients", gradients),
+                        ("moments", &moments),
+                    ];
                     let bound = stage.bind(gpu, &buffers);
                     (uniforms, bound)
                 })

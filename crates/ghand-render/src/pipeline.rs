@@ -1,12 +1,17 @@
-//! Compute pipelines from WGSL pieces.
+//! Compute pipelines from WGSL, with buffers bound by their names in the shader.
 
-use crate::Gpu;
+use crate::bindings::Bindings;
+use crate::{Gpu, shader_sources};
+
+/// The buffers of a stage: for each name in the WGSL the buffer that it stands for.
+pub type Buffers<'a> = [(&'a str, &'a wgpu::Buffer)];
 
 /// One entry point of one shader, ready to be bound and dispatched.
 #[derive(Debug)]
 pub struct Stage {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
+    bindings: Bindings,
 }
 
 /// A [`Stage`] with its buffers.
@@ -17,29 +22,28 @@ pub struct Bound {
     group: wgpu::BindGroup,
 }
 
-/// Joins WGSL pieces into one source: shared pieces first, then the stage. What every stage needs to be dispatched comes
-/// with it.
-pub fn compose(pieces: &[&str]) -> String {
-    let dispatch = include_str!("../../../shaders/shared/dispatch.wgsl");
-    format!("{dispatch}\n{}", pieces.join("\n"))
-}
-
 /// A compiled WGSL source from which stages are made.
 #[derive(Debug)]
 pub struct Module {
     module: wgpu::ShaderModule,
+    source: String,
 }
 
 impl Module {
-    /// Compiles a source. One that does not compile is an error of the [`Gpu::scoped`] around this call, else one of
-    /// [`Gpu::check`]; so are stages that the device refuses.
-    pub fn new(gpu: &Gpu, label: &str, source: &str) -> Module {
-        Module {
-            module: gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            }),
-        }
+    /// Compiles the shader of that name: see [`shader_sources::source`]. One that does not compile is an error of the
+    /// [`Gpu::scoped`] around this call, else one of [`Gpu::check`]; so are stages that the device refuses.
+    ///
+    /// # Panics
+    /// Panics if there is no shader of that name.
+    pub fn new(gpu: &Gpu, name: &str) -> Module {
+        Module::from_source(gpu, name, shader_sources::source(name))
+    }
+
+    /// As [`Module::new`] for a source of the caller's own.
+    pub fn from_source(gpu: &Gpu, name: &str, source: &str) -> Module {
+        let descriptor =
+            wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
+        Module { module: gpu.device.create_shader_module(descriptor), source: source.to_owned() }
     }
 
     /// The stage with that entry point. `constants` are the source's `override` values.
@@ -55,22 +59,20 @@ impl Module {
             },
             cache: None,
         });
-        Stage { label: entry, pipeline }
+        Stage { label: entry, pipeline, bindings: Bindings::in_source(&self.source, &[entry]) }
     }
 }
 
 impl Stage {
-    /// Binds buffers to `@group(0)`; the numbers are the `@binding`s that the entry point uses, no others.
-    pub fn bind(&self, gpu: &Gpu, buffers: &[(u32, &wgpu::Buffer)]) -> Bound {
-        let entries: Vec<_> = buffers
-            .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(self.label),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+    /// Binds buffers by their names in the WGSL. The entry point takes those that it uses, so that all stages of a shader
+    /// can be given the same list.
+    ///
+    /// # Panics
+    /// Panics if a buffer that the entry point uses is missing: the program is wrong, not its input.
+    pub fn bind(&self, gpu: &Gpu, buffers: &Buffers) -> Bound {
+        let resources: Vec<_> = buffers.iter().map(|(name, buffer)| (*name, buffer.as_entire_binding())).collect();
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let group = self.bindings.group(&gpu.device, self.label, &layout, &resources);
         Bound { label: self.label, pipeline: self.pipeline.clone(), group }
     }
 }

@@ -4,6 +4,7 @@ pub mod adam;
 pub mod bin;
 pub mod image_loss;
 pub mod mesh;
+pub mod penalty;
 pub mod project;
 pub mod rasterize;
 pub mod sort;

@@ -6,6 +6,7 @@
 
 mod bands;
 mod bin;
+mod counters;
 mod frame;
 mod model;
 mod project;
@@ -17,14 +18,13 @@ use ghand_core::Camera;
 
 use crate::{Gpu, RenderError, Tier, buffers, timing};
 pub use bands::band_rows;
+pub use counters::Counters;
 use frame::{Frame, FrameBuffers, Pipelines};
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.
 pub const TILE_SIZE: u32 = 8;
-/// Number of the splatter's counters, 32-bit words.
-pub const COUNTERS: usize = 6;
 /// Near plane, metres.
 pub const NEAR: f32 = 0.01;
 
@@ -276,7 +276,7 @@ impl Splatter {
             view: buffers::uniform(gpu, "view", &current),
             gaussians: buffers::zeroed(gpu, "gaussians", rows * count),
             d_gaussians: buffers::zeroed(gpu, "d_gaussians", if_gradients(rows * count)),
-            counters: buffers::filled(gpu, "counters", &[count as u32, 0, 0, 0, 0, 0]),
+            counters: buffers::filled(gpu, "counters", &[Counters { gaussians: count as u32, ..Counters::default() }]),
             image: buffers::zeroed(gpu, "image", 4 * pixels),
             depths: buffers::zeroed(gpu, "depths", if options.depth { pixels } else { 0 }),
             d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
@@ -325,10 +325,7 @@ impl Splatter {
         &self.shared.d_camera
     }
 
-    /// The [`COUNTERS`] counters: Gaussians, intersections drawn, intersections wanted, broken Gaussians (with a number that
-    /// is not finite, or a quaternion of 0; they are dropped), Gaussians on the largest tile that a driver did not go through
-    /// to its end, tiles of the widest Gaussian if they are too many for it. More wanted than drawn means that the frame is
-    /// incomplete.
+    /// The frame's [`Counters`].
     pub fn counters(&self) -> &wgpu::Buffer {
         &self.shared.counters
     }
@@ -370,8 +367,7 @@ impl Splatter {
 
     /// Encodes what the forward pass finds empty.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        // The numbers of broken Gaussians, of those on a tile that was cut short, and of tiles of one that is too wide.
-        encoder.clear_buffer(&self.shared.counters, 12, Some(12));
+        encoder.clear_buffer(&self.shared.counters, Counters::CLEARED_FROM, None);
     }
 
     fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
@@ -415,25 +411,22 @@ impl Splatter {
         FrameStage::BACKWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
-    /// Whether the last frame was complete; if not, the buffers are grown and the frame must be encoded again. Where they
-    /// cannot grow they stay as they were, and smaller frames can be rendered still.
+    /// Reads the counters of the last frame; waits for it.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed or cannot hold that many intersections.
-    pub fn complete(&mut self, gpu: &Gpu) -> Result<bool, RenderError> {
-        let counters: Vec<u32> = buffers::read(gpu, &self.shared.counters, COUNTERS)?;
-        self.complete_for(gpu, &counters)
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn read_counters(&self, gpu: &Gpu) -> Result<Counters, RenderError> {
+        Ok(buffers::read(gpu, &self.shared.counters, 1)?.first().copied().unwrap_or_default())
     }
 
-    /// As [`Splatter::complete`], with the counters already read.
+    /// Whether the frame of these counters was complete; if not, the buffers are grown and the frame must be encoded again.
+    /// Where they cannot grow they stay as they were, and smaller frames can be rendered still.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians;
     /// [`RenderError::OutOfMemory`] if it has no room for them now, [`RenderError::Lost`] if it is lost.
-    pub fn complete_for(&mut self, gpu: &Gpu, counters: &[u32]) -> Result<bool, RenderError> {
-        let &[_, _, wanted, _, cut_short, too_wide, ..] = counters else {
-            return Err(RenderError::Invalid(format!("{} counters, expected {COUNTERS}", counters.len())));
-        };
+    pub fn complete_for(&mut self, gpu: &Gpu, counters: &Counters) -> Result<bool, RenderError> {
+        let &Counters { intersections_wanted: wanted, cut_short, too_wide, .. } = counters;
         if cut_short > 0 {
             // Mesa's software rasteriser ends the loops of a shader after 65,535 rounds, of two or eight Gaussians.
             return Err(RenderError::Invalid(format!(
@@ -470,20 +463,47 @@ impl Splatter {
         Ok(false)
     }
 
+    /// Runs one frame to its end: submits what `encode` encodes, which must contain [`Splatter::forward`], and submits it
+    /// again with more room for intersections until none was left out. Whatever else is encoded sees a frame that may be
+    /// incomplete, and is repeated.
+    ///
+    /// # Errors
+    /// As [`Splatter::complete_for`]; and what `encode` returns.
+    pub fn run_frame(
+        &mut self,
+        gpu: &Gpu,
+        mut encode: impl FnMut(&Splatter, &mut wgpu::CommandEncoder) -> Result<(), RenderError>,
+    ) -> Result<Counters, RenderError> {
+        loop {
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            encode(self, &mut encoder)?;
+            gpu.queue.submit([encoder.finish()]);
+            let counters = self.read_counters(gpu)?;
+            if self.complete_for(gpu, &counters)? {
+                return Ok(counters);
+            }
+        }
+    }
+
     /// Renders the current view of the current table and waits for the image.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or ran out of memory.
     pub fn render(&mut self, gpu: &Gpu) -> Result<Image, RenderError> {
-        loop {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.forward(&mut encoder);
-            gpu.queue.submit([encoder.finish()]);
-            if self.complete(gpu)? {
-                let [width, height] = self.current.size;
-                let rgba = buffers::read(gpu, &self.shared.image, width as usize * height as usize)?;
-                return Ok(Image { width, height, rgba });
-            }
-        }
+        self.run_frame(gpu, |splatter, encoder| {
+            splatter.forward(encoder);
+            Ok(())
+        })?;
+        self.read_image(gpu)
+    }
+
+    /// Reads the last frame's image; waits for it.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn read_image(&self, gpu: &Gpu) -> Result<Image, RenderError> {
+        let [width, height] = self.current.size;
+        let rgba = buffers::read(gpu, &self.shared.image, width as usize * height as usize)?;
+        Ok(Image { width, height, rgba })
     }
 }

@@ -15,7 +15,7 @@ impl Tier {
     /// Environment variable that chooses the tier: `baseline` or `fast`.
     pub const VARIABLE: &'static str = "GHAND_TIER";
 
-    /// Workgroup memory of the fast tier, bytes: a block of pairs in `sort_blocks.wgsl`.
+    /// Workgroup memory of the fast tier, bytes: a block of pairs in `fast/sort.wgsl`.
     const WORKGROUP_BYTES: u32 = 32_768;
 
     /// Fewest invocations of a subgroup on the fast tier: in the rasteriser eight share what they load.
@@ -38,6 +38,14 @@ impl Tier {
         match std::env::var_os(Tier::VARIABLE).map(|text| text.to_string_lossy().into_owned()) {
             Some(text) if !text.is_empty() => Tier::parse(&text).map(Some).ok_or(DeviceError::UnknownTier { text }),
             _ => Ok(None),
+        }
+    }
+
+    /// What is of this tier, of two things for one purpose.
+    pub(crate) fn choose<T>(self, baseline: T, fast: T) -> T {
+        match self {
+            Tier::Baseline => baseline,
+            Tier::Fast => fast,
         }
     }
 

@@ -1,8 +1,72 @@
-//! How long passes take.
+//! How long passes and frames take.
 
 use std::time::Instant;
 
 use crate::{Gpu, RenderError, buffers};
+
+/// The device's clock around a frame that nobody waits for.
+pub struct FrameClock {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    ms_per_tick: f64,
+}
+
+impl FrameClock {
+    /// Bytes of what [`FrameClock::finish`] leaves: two timestamps.
+    pub const BYTES: u64 = 16;
+
+    /// A clock, if the device has one.
+    pub fn new(gpu: &Gpu) -> Option<FrameClock> {
+        gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| FrameClock {
+            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("frame clock"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            }),
+            resolved: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("timestamps"),
+                size: FrameClock::BYTES,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            }),
+            ms_per_tick: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
+        })
+    }
+
+    /// Encodes the start of the frame.
+    pub fn start(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("start of the clock"),
+            timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                query_set: &self.queries,
+                beginning_of_pass_write_index: Some(0),
+                end_of_pass_write_index: None,
+            }),
+        });
+    }
+
+    /// For the frame's last pass, whose end is that of the frame.
+    pub fn end(&self) -> wgpu::RenderPassTimestampWrites<'_> {
+        wgpu::RenderPassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: None,
+            end_of_pass_write_index: Some(1),
+        }
+    }
+
+    /// Encodes the copy of the timestamps to `offset` in a buffer to be read.
+    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, offset: u64) {
+        encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, FrameClock::BYTES);
+    }
+
+    /// The frame's time, milliseconds, from the bytes of its timestamps.
+    pub fn milliseconds(&self, stamps: &[u8]) -> Option<f64> {
+        let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(stamps);
+        let [start, end] = stamps[..] else { return None };
+        Some(end.saturating_sub(start) as f64 * self.ms_per_tick)
+    }
+}
 
 /// Submits what is encoded, then `count` compute passes that `encode` fills, and tells how long each took, milliseconds: by
 /// timestamps where the device has them, else by waiting for each.

@@ -12,7 +12,7 @@ use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use ghand_render::optimizer::{Adam, Grouping};
 use ghand_render::pipeline::Module;
-use ghand_render::splat::{COUNTERS, SplatModel, SplatOptions, Splatter, View};
+use ghand_render::splat::{Counters, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{AdapterChoice, Gpu, RenderError, Tier, buffers};
 use glam::{DVec2, DVec3};
 
@@ -99,7 +99,7 @@ fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
         assert!(is_loss(splatter.render(&gpu)));
         assert!(gpu.is_lost() && is_loss(gpu.check()) && is_loss(gpu.wait()) && is_loss(gpu.poll()));
         assert!(is_loss(buffers::read::<f32>(&gpu, splatter.image(), 4 * pixels)));
-        assert!(is_loss(splatter.complete(&gpu)) && is_loss(splatter.time_stages(&gpu)));
+        assert!(is_loss(splatter.read_counters(&gpu)) && is_loss(splatter.time_stages(&gpu)));
         loss.set_target(&gpu, SIZE, &vec![[0; 4]; pixels], LossWeights::default(), 1.0).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         loss.encode(&mut encoder);
@@ -110,7 +110,7 @@ fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
         assert!(is_loss(ImageLoss::new(&gpu, splatter.image(), splatter.d_image(), pixels)));
         assert!(is_loss(Adam::new(&gpu)));
         let image = splatter.image();
-        assert!(is_loss(adam.table(&gpu, image, image, splatter.counters(), 4, 1, Grouping::Scalars)));
+        assert!(is_loss(adam.table(&gpu, image, image, 4, 1, Grouping::Scalars)));
         buffers::filled(&gpu, "on a lost device", &[1u8, 2, 3]);
         buffers::uniform(&gpu, "on a lost device", &[1.0f32; 4]);
         let texture = Texture::plain([255; 3]);
@@ -139,7 +139,7 @@ fn a_device_lost_with_a_frame_under_way_is_noticed_by_who_waits_for_it() {
         gpu.queue.submit([encoder.finish()]);
         gpu.device.destroy();
         assert!(is_loss(gpu.wait()));
-        assert!(is_loss(buffers::read::<u32>(&gpu, splatter.counters(), 4)));
+        assert!(is_loss(splatter.read_counters(&gpu)));
     });
 }
 
@@ -247,10 +247,8 @@ fn what_does_not_fit_is_one_sentence_and_the_device_goes_on_working() {
 }
 
 /// Counters of a frame that wants so many intersections.
-fn wanting(intersections: u32) -> [u32; COUNTERS] {
-    let mut counters = [0; COUNTERS];
-    counters[2] = intersections;
-    counters
+fn wanting(intersections_wanted: u32) -> Counters {
+    Counters { intersections_wanted, ..Counters::default() }
 }
 
 #[test]
@@ -280,7 +278,8 @@ fn a_frame_that_cannot_grow_leaves_the_splatter_as_it_was() {
 fn a_shader_that_does_not_compile_is_an_error_of_the_call_that_made_it() {
     let gpu = gpu();
     let make = |source: &str, entry: &'static str| {
-        gpu.scoped("a stage under test", || Module::new(&gpu, "tested", source).stage(&gpu, entry, &[])).map(drop)
+        gpu.scoped("a stage under test", || Module::from_source(&gpu, "tested", source).stage(&gpu, entry, &[]))
+            .map(drop)
     };
     let good = "@compute @workgroup_size(1) fn run() {}";
     assert_eq!(make(good, "run"), Ok(()));

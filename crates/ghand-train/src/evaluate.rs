@@ -1,6 +1,6 @@
 //! Evaluation on a split that training did not see.
 
-use ghand_avatar::{Avatar, AvatarRenderer};
+use ghand_avatar::{Avatar, Scene};
 use ghand_core::Pose;
 use ghand_data::{Capture, CaptureError, SplitView};
 use ghand_render::splat::Purpose;
@@ -72,7 +72,7 @@ pub fn evaluate(
         split.cameras.iter().map(|c| axis(&capture.cameras[*c])).max().unwrap_or(1)
     };
     let max_size = [largest(|c| c.width), largest(|c| c.height)];
-    let mut renderer = AvatarRenderer::new(gpu, avatar, Purpose::Images, 1, max_size)?;
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
     let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize)?;
     let background = capture.background;
     let mut sum = [Likeness::default(); 2];
@@ -81,13 +81,13 @@ pub fn evaluate(
     for &SplitView { frame, camera: camera_index, .. } in &split.views {
         let pose: &Pose = &capture.frames[frame].pose;
         if posed != Some(frame) {
-            renderer.set_pose(gpu, 0, pose)?;
+            scene.set_pose(gpu, 0, 0, pose)?;
             posed = Some(frame);
         }
         let camera = &capture.cameras[camera_index];
         let truth = capture.load_view(camera_index, frame)?;
         let size = [truth.width, truth.height];
-        let image = renderer.render(gpu, 0, camera, background.map(|b| b as f32))?;
+        let image = scene.render(gpu, 0, camera, background.map(|b| b as f32))?;
         let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
         let floor_picture: Vec<[u8; 3]> = floor.render(pose, camera, background)?.into_iter().map(quantize).collect();
         let likeness = comparator.compare(gpu, size, &render, &truth.rgba)?;

@@ -1,6 +1,6 @@
 //! Tells when training goes wrong: numbers that are no longer finite, or a loss that has risen.
 
-use ghand_avatar::direct::DirectTables;
+use ghand_avatar::PropertyTables;
 use ghand_core::Pose;
 
 use crate::settings::TrainSettings;
@@ -55,13 +55,8 @@ pub(crate) fn check_hand(response: &[f32], joints: &[[f32; 3]], poses: &[Pose]) 
 }
 
 /// Fails unless what is learned for each Gaussian is finite.
-pub(crate) fn check_gaussians(tables: &DirectTables) -> Result<(), Fault> {
-    check_values(&[
-        ("the shape bases", &tables.shape_basis),
-        ("the residual skinning weights", &tables.residual_weights),
-        ("the skeleton regressor", &tables.regressor),
-        ("colours or scales", &tables.appearance),
-    ])
+pub(crate) fn check_gaussians(tables: &PropertyTables) -> Result<(), Fault> {
+    check_values(&tables.parts())
 }
 
 /// A setting so many times above its default is the likely reason.
@@ -106,6 +101,7 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ghand_avatar::DirectTables;
     use glam::DVec3;
 
     #[test]
@@ -130,7 +126,8 @@ mod tests {
         };
         let (joints, pose) = ([[0.0; 3]; 2], Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO });
         let check = |tables: &DirectTables, joints: &[[f32; 3]], poses: &[Pose]| {
-            check_hand(&tables.response, joints, poses).and_then(|()| check_gaussians(tables))
+            check_hand(&tables.response, joints, poses)
+                .and_then(|()| check_gaussians(&PropertyTables::Direct(tables.clone())))
         };
         check(&tables, &joints, std::slice::from_ref(&pose)).unwrap();
         let fields: [fn(&mut DirectTables) -> &mut Vec<f32>; 5] = [

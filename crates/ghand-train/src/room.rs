@@ -1,6 +1,6 @@
 //! Whether the memory has room for a training.
 
-use ghand_avatar::direct::table_lengths;
+use ghand_avatar::properties::direct::table_lengths;
 
 use crate::settings::TrainSettings;
 use crate::train_error::TrainError;

@@ -40,6 +40,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         // As large as the largest image.
         "crop_margin" => Rule::Whole(0, 16_384),
         "final_rate" => Rule::AboveZero,
+        "coefficients" => Rule::Word(&["per_basis", "per_component"]),
         "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "start_inset" | "l1_weight" | "ssim_weight" | "offset_weight" | "scale_weight" => Rule::Number(0.0, LARGEST),

@@ -1,6 +1,7 @@
 //! What can be chosen about a training run.
 
 use ghand_avatar::AvatarConfig;
+use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,8 @@ pub struct TrainSettings {
     pub color_components: usize,
     /// How far inside of the template's surface the Gaussians start, in their standard deviations.
     pub start_inset: f64,
+    /// Numbers of a blend coefficient: one per basis, or one per component of it, as in the paper.
+    pub coefficients: CoefficientLayout,
     /// What the residual skinning weights mean.
     pub residual_weights: ResidualWeights,
     /// Where the residual skeleton stands.
@@ -83,6 +86,7 @@ impl Default for TrainSettings {
             color_components: 4,
             // A little too thin at first does better than a little too fat: nothing outside of the hand needs unlearning.
             start_inset: 3.0,
+            coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
             l1_weight: 0.8,
@@ -162,6 +166,7 @@ impl TrainSettings {
         AvatarConfig {
             uv_resolution: self.uv_resolution,
             shape_bases: self.shape_bases,
+            coefficients: self.coefficients,
             color_components: self.color_components,
             residual_weights: self.residual_weights,
             residual_skeleton: self.residual_skeleton,
@@ -174,6 +179,7 @@ impl TrainSettings {
         TrainSettings {
             uv_resolution: self.pose_uv_resolution,
             shape_bases: 1,
+            coefficients: CoefficientLayout::PerBasis,
             color_components: 0,
             rate_residual_weights: 0.0,
             rate_regressor: 0.0,

@@ -1,11 +1,11 @@
-//! One training step on the device: pose, splat, loss, all the way back, Adam. Nothing but a counter is read back.
+//! One training step on the device: pose, splat, loss, all the way back, and the update. Nothing but counters is read back.
 
-use ghand_avatar::direct::{DirectBackward, DirectBuffers};
-use ghand_avatar::{Avatar, AvatarRenderer};
+use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
+use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
-use ghand_render::pose::{PoseBackward, pose_stride};
-use ghand_render::splat::{COUNTERS, Purpose};
+use ghand_render::penalty::Penalty;
+use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::settings::TrainSettings;
@@ -13,19 +13,13 @@ use crate::views::TrainView;
 
 /// Everything of a step that lives on the device.
 pub struct Step {
-    /// The avatar and its forward pipeline.
-    pub renderer: AvatarRenderer,
+    scene: Scene,
     loss: ImageLoss,
-    pose_backward: PoseBackward,
-    direct_backward: DirectBackward,
-    shape_basis: AdamTable,
-    residual_weights: AdamTable,
-    regressor: AdamTable,
-    appearance: AdamTable,
-    response: AdamTable,
+    backward: DeformationBackward,
+    offset_penalty: Penalty,
+    scale_penalty: Penalty,
     poses: AdamTable,
     joints: AdamTable,
-    lengths: [usize; 6],
     count: usize,
     joint_count: usize,
 }
@@ -35,7 +29,7 @@ pub struct Step {
 pub struct Rates {
     /// Number of the step, from 1.
     pub step: u64,
-    /// Factor on all table rates.
+    /// Factor on the rates of properties and rest joints.
     pub tables: f64,
     /// Factor on pose and translation; 0 keeps the pose.
     pub pose: f64,
@@ -43,6 +37,22 @@ pub struct Rates {
     pub pose_step: u64,
     /// Weight of the scale term.
     pub scale_weight: f64,
+}
+
+impl Rates {
+    /// The property model's rates.
+    fn of_properties(&self, settings: &TrainSettings) -> PropertyRates {
+        PropertyRates {
+            step: self.step,
+            shape_basis: settings.rate_shape_basis * self.tables,
+            residual_weights: settings.rate_residual_weights * self.tables,
+            regressor: settings.rate_regressor * self.tables,
+            scale: settings.rate_scale * self.tables,
+            color: settings.rate_color * self.tables,
+            color_components: settings.rate_components * self.tables,
+            response: settings.rate_response * self.tables,
+        }
+    }
 }
 
 impl Step {
@@ -57,66 +67,64 @@ impl Step {
         max_size: [u32; 2],
         mobility: &[f32],
     ) -> Result<Step, RenderError> {
-        let (template, config) = (&avatar.template, &avatar.config);
-        let (count, joint_count) = (template.len(), template.joint_count());
-        let renderer = AvatarRenderer::new(gpu, avatar, Purpose::Gradients, frames, max_size)?;
-        let splatter = &renderer.splatter;
+        let (count, joint_count) = (avatar.template.len(), avatar.template.joint_count());
+        let mut scene = Scene::new(gpu, &[avatar], Purpose::Gradients, frames, max_size)?;
+        let (splatter, avatars) = scene.parts_mut();
+        let posed = first(avatars)?;
         let loss =
             ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize)?;
-        let what = format!("the gradients of an avatar of {count} Gaussians");
-        let (gradients, pose_backward, direct_backward) = gpu.scoped(&what, || {
-            let gradients = DirectBuffers::zeroed(gpu, count, joint_count, config);
-            let pose_backward = PoseBackward::new(
-                gpu,
-                &renderer.pose,
-                &renderer.tables.properties(),
-                &gradients.property_gradients(),
-                splatter.d_gaussians(),
-                mobility,
-            );
-            let direct_backward = DirectBackward::new(
-                gpu,
-                &renderer.forward,
-                &renderer.pose,
-                &pose_backward,
-                &renderer.tables,
-                &gradients,
-                [splatter.gaussians(), splatter.d_gaussians()],
-                template,
-                config,
-            );
-            (gradients, pose_backward, direct_backward)
+        let backward = posed.prepare_training(gpu, splatter.d_gaussians(), mobility)?;
+        let deformation = &posed.deformation;
+        let [offset_penalty, scale_penalty] = gpu.scoped("the penalties", || {
+            let (values, gradients) = (&deformation.properties().scale, &backward.gradients().scale);
+            [
+                Penalty::new(gpu, deformation.offsets(), backward.d_offsets(), 3 * count),
+                Penalty::new(gpu, values, gradients, count),
+            ]
         })?;
-        let lengths = ghand_avatar::direct::table_lengths(count, joint_count, config);
         let adam = Adam::new(gpu)?;
-        let table = |values: &wgpu::Buffer, gradient: &wgpu::Buffer, length: usize, slots: usize| {
-            adam.table(gpu, values, gradient, splatter.counters(), length, slots, Grouping::Scalars)
-        };
-        let (t, g) = (&renderer.tables, &gradients);
+        let joints =
+            adam.table(gpu, deformation.joints(), backward.d_joints(), 3 * joint_count, 1, Grouping::Scalars)?;
         let pose_length = frames * pose_stride(joint_count);
-        Ok(Step {
-            shape_basis: table(&t.shape_basis, &g.shape_basis, lengths[0], 1)?,
-            residual_weights: table(&t.residual_weights, &g.residual_weights, lengths[1], 1)?,
-            regressor: table(&t.regressor, &g.regressor, lengths[2], 1)?,
-            appearance: table(&t.appearance, &g.appearance, lengths[3], 3)?,
-            response: table(&t.response, &g.response, lengths[4], 1)?,
-            joints: table(&renderer.pose.joints, &pose_backward.d_joints, 3 * joint_count, 1)?,
-            poses: adam.table(
-                gpu,
-                &renderer.pose.poses,
-                &pose_backward.d_pose,
-                splatter.counters(),
-                pose_length,
-                2,
-                Grouping::Vectors,
-            )?,
-            renderer,
-            loss,
-            pose_backward,
-            direct_backward,
-            lengths,
-            count,
-            joint_count,
+        let poses = adam.table(gpu, deformation.poses(), backward.d_pose(), pose_length, 2, Grouping::Vectors)?;
+        Ok(Step { scene, loss, backward, offset_penalty, scale_penalty, poses, joints, count, joint_count })
+    }
+
+    /// Stores a pose as that of frame number `frame`.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the pose does not fit.
+    pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &ghand_core::Pose) -> Result<(), RenderError> {
+        self.scene.set_pose(gpu, 0, frame, pose)
+    }
+
+    /// The avatar on the device.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] never: a step has one.
+    fn avatar(&self) -> Result<&PosedAvatar, RenderError> {
+        self.scene.avatars().first().ok_or_else(no_avatar)
+    }
+
+    /// Reads back what the property model has learned.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError> {
+        self.avatar()?.model.tables(gpu)
+    }
+
+    /// Reads back what is learned for the whole hand: how it depends on the pose, the rest joints (`n_b`, metres), and the
+    /// poses as `[frames][n_b * 3 + 3]` numbers.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn hand_numbers(&self, gpu: &Gpu, frames: usize) -> Result<HandNumbers, RenderError> {
+        let avatar = self.avatar()?;
+        Ok(HandNumbers {
+            response: avatar.model.pose_numbers(gpu)?,
+            joints: buffers::read(gpu, avatar.deformation.joints(), self.joint_count)?,
+            poses: buffers::read(gpu, avatar.deformation.poses(), frames * pose_stride(self.joint_count))?,
         })
     }
 
@@ -135,19 +143,28 @@ impl Step {
         rates: &Rates,
     ) -> Result<(), RenderError> {
         self.aim(gpu, view, value_count, background, settings, rates.scale_weight)?;
-        self.until_complete(gpu, |step, encoder| {
-            step.renderer.encode_pose(encoder);
-            step.renderer.splatter.forward(encoder);
-            step.loss.encode(encoder);
-            step.renderer.splatter.backward(encoder);
-            let mut pass = encoder
-                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("backward"), ..Default::default() });
-            step.direct_backward.encode_appearance(&mut pass);
-            step.pose_backward.encode_properties(&mut pass);
-            step.direct_backward.encode_response(&mut pass);
-            step.pose_backward.encode_pose(&mut pass);
-            step.update(gpu, &mut pass, view.frame, settings, rates);
-        })
+        let Step { scene, loss, backward, offset_penalty, scale_penalty, .. } = self;
+        scene.run_frame(gpu, |splatter, encoder| {
+            loss.encode(encoder);
+            splatter.backward(encoder);
+            backward.encode_points(encoder);
+            offset_penalty.encode(encoder);
+            scale_penalty.encode(encoder);
+            backward.encode_properties(encoder);
+        })?;
+        self.learn(gpu, view.frame, settings, rates)
+    }
+
+    /// What follows a complete frame: the property model's gradients and the pose's, and the update of all.
+    fn learn(&mut self, gpu: &Gpu, frame: usize, settings: &TrainSettings, rates: &Rates) -> Result<(), RenderError> {
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let model = &mut first(self.scene.avatars_mut())?.model;
+        model.backward(gpu, &mut encoder)?;
+        self.backward.encode_pose(&mut encoder);
+        model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
+        self.update_hand(gpu, &mut encoder, frame, settings, rates);
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
     }
 
     /// The loss of one view, as a mean over its crop; nothing is learned from it.
@@ -162,11 +179,8 @@ impl Step {
         settings: &TrainSettings,
     ) -> Result<f64, RenderError> {
         self.aim(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
-        self.until_complete(gpu, |step, encoder| {
-            step.renderer.encode_pose(encoder);
-            step.renderer.splatter.forward(encoder);
-            step.loss.encode(encoder);
-        })?;
+        let loss = &self.loss;
+        self.scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
         Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim)
     }
@@ -186,53 +200,28 @@ impl Step {
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
-        self.renderer.pose.set_frame(gpu, view.frame, per_gaussian(settings.offset_weight), per_gaussian(scale_weight));
-        self.renderer.set_view(gpu, &view.camera, background)
+        self.offset_penalty.set_weight(gpu, per_gaussian(settings.offset_weight));
+        self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
+        self.scene.set_frame(gpu, view.frame);
+        self.scene.set_view(gpu, &view.camera, background)
     }
 
-    /// Submits what `encode` encodes, and again with more room for intersections until none was left out.
-    fn until_complete(
-        &mut self,
-        gpu: &Gpu,
-        encode: impl Fn(&Step, &mut wgpu::CommandEncoder),
-    ) -> Result<(), RenderError> {
-        loop {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            encode(self, &mut encoder);
-            gpu.queue.submit([encoder.finish()]);
-            // An incomplete frame has changed nothing (Adam checks the counters too): grow and repeat.
-            let counters: Vec<u32> = buffers::read(gpu, self.renderer.splatter.counters(), COUNTERS)?;
-            if self.renderer.splatter.complete_for(gpu, &counters)? {
-                return Ok(());
-            }
-        }
-    }
-
-    fn update(
+    /// Steps the rest joints and the frame's pose.
+    fn update_hand(
         &self,
         gpu: &Gpu,
-        pass: &mut wgpu::ComputePass<'_>,
+        encoder: &mut wgpu::CommandEncoder,
         frame: usize,
         settings: &TrainSettings,
         rates: &Rates,
     ) {
-        let n = self.count;
-        let whole = [
-            (&self.shape_basis, 0, 0..self.lengths[0], settings.rate_shape_basis),
-            (&self.residual_weights, 0, 0..self.lengths[1], settings.rate_residual_weights),
-            (&self.regressor, 0, 0..self.lengths[2], settings.rate_regressor),
-            // Rows of the appearance table: scale, base colour (3), components.
-            (&self.appearance, 0, 0..n, settings.rate_scale),
-            (&self.appearance, 1, n..4 * n, settings.rate_color),
-            (&self.appearance, 2, 4 * n..self.lengths[3], settings.rate_components),
-            (&self.response, 0, 0..self.lengths[4], settings.rate_response),
-            (&self.joints, 0, 0..3 * self.joint_count, settings.rate_joints),
-        ];
-        for (table, slot, range, rate) in whole {
-            if rate > 0.0 && !range.is_empty() {
-                let start = range.start;
-                table.encode(gpu, pass, slot, &AdamUniforms::new(range, start, rate * rates.tables, rates.step));
-            }
+        let mut pass = encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("update hand"), ..Default::default() });
+        let pass = &mut pass;
+        if settings.rate_joints > 0.0 {
+            let uniforms =
+                AdamUniforms::new(0..3 * self.joint_count, 0, settings.rate_joints * rates.tables, rates.step);
+            self.joints.encode(gpu, pass, 0, &uniforms);
         }
         if rates.pose > 0.0 {
             let start = frame * pose_stride(self.joint_count);
@@ -258,4 +247,23 @@ impl Step {
         let count = 3.0 * view.pixels.len() as f64;
         Ok([value.l1_sum / count, 1.0 - value.ssim_sum / count])
     }
+}
+
+/// What is learned for the whole hand.
+#[derive(Debug, Clone)]
+pub struct HandNumbers {
+    /// How all Gaussians depend on the pose.
+    pub response: Vec<f32>,
+    /// Rest joints, metres.
+    pub joints: Vec<[f32; 3]>,
+    /// Poses, `[frames][n_b * 3 + 3]`.
+    pub poses: Vec<f32>,
+}
+
+fn no_avatar() -> RenderError {
+    RenderError::Invalid("a step without an avatar".into())
+}
+
+fn first(avatars: &mut [PosedAvatar]) -> Result<&mut PosedAvatar, RenderError> {
+    avatars.first_mut().ok_or_else(no_avatar)
 }

@@ -3,12 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use ghand_avatar::direct::table_lengths;
 use ghand_avatar::{Avatar, Provenance, Template};
 use ghand_core::{Pose, surface};
 use ghand_data::{Capture, Split};
-use ghand_render::pose::pose_stride;
-use ghand_render::{Gpu, RenderError, buffers};
+use ghand_render::deform::pose_stride;
+use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -232,7 +231,7 @@ impl<'a> Trainer<'a> {
         let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
         let mut step = Step::new(gpu, &avatar, self.poses.len(), self.views.largest(stage.reduction), &mobility)?;
         for (frame, pose) in self.poses.iter().enumerate() {
-            step.renderer.set_pose(gpu, frame, pose)?;
+            step.set_pose(gpu, frame, pose)?;
         }
         let background = self.capture.background.map(|b| b as f32);
         // The means of the loss are over the whole image, so that crops of all sizes weigh the same.
@@ -270,10 +269,10 @@ impl<'a> Trainer<'a> {
             }
             let rounds = settings.pose_prior_rounds;
             if stage.refine_poses && rounds > 0 && iteration % (stage.iterations / rounds).max(1) == 0 {
-                let mut poses = read_poses(gpu, &step, self.poses.len(), avatar.template.joint_count())?;
+                let (_, _, mut poses) = self.read_hand(gpu, &step)?;
                 shrink(&mut poses);
                 for (frame, pose) in poses.iter().enumerate() {
-                    step.renderer.set_pose(gpu, frame, pose)?;
+                    step.set_pose(gpu, frame, pose)?;
                 }
             }
             let Some(index) = order.pop() else { break };
@@ -294,7 +293,7 @@ impl<'a> Trainer<'a> {
             if (iteration + 1) % LOSS_EVERY == 0 {
                 let [l1, _] = step.loss(gpu, view)?;
                 // Gaussians without a place are not drawn: the loss alone would stay finite.
-                let (response, joints, poses) = self.read_hand(gpu, &step, &avatar)?;
+                let (response, joints, poses) = self.read_hand(gpu, &step)?;
                 let checked = check_loss(l1).and_then(|()| check_hand(&response, &joints, &poses));
                 checked.map_err(|fault| diverged(fault, iteration + 1))?;
                 mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
@@ -307,10 +306,9 @@ impl<'a> Trainer<'a> {
                 l1: mean,
             });
         }
-        let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
-        let tables = step.renderer.tables.download(gpu, count, joints, &avatar.config)?;
-        let (_, moved, poses) = self.read_hand(gpu, &step, &avatar)?;
-        let checked = check_hand(&tables.response, &moved, &poses).and_then(|()| check_gaussians(&tables));
+        let tables = step.tables(gpu)?;
+        let (response, moved, poses) = self.read_hand(gpu, &step)?;
+        let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.watched_loss(gpu, &mut step, stage, background)?;
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
@@ -321,14 +319,10 @@ impl<'a> Trainer<'a> {
     }
 
     /// What a step has learned for the whole hand: the pose response, the rest joints and the poses.
-    fn read_hand(&self, gpu: &Gpu, step: &Step, avatar: &Avatar) -> Result<LearnedHand, RenderError> {
-        let joints = avatar.template.joint_count();
-        let [.., response, _] = table_lengths(avatar.template.len(), joints, &avatar.config);
-        Ok((
-            buffers::read(gpu, &step.renderer.tables.response, response)?,
-            buffers::read(gpu, &step.renderer.pose.joints, joints)?,
-            read_poses(gpu, step, self.poses.len(), joints)?,
-        ))
+    fn read_hand(&self, gpu: &Gpu, step: &Step) -> Result<LearnedHand, RenderError> {
+        let numbers = step.hand_numbers(gpu, self.poses.len())?;
+        let poses = poses_of(&numbers.poses, numbers.joints.len());
+        Ok((numbers.response, numbers.joints, poses))
     }
 
     /// The mean loss over some of the views, always the same, evenly over all of them.
@@ -354,17 +348,15 @@ fn recenter(refined: &mut [Pose], given: &[Pose]) {
     refined.iter_mut().for_each(|p| p.translation -= drift);
 }
 
-/// Reads the poses of a step back.
-fn read_poses(gpu: &Gpu, step: &Step, frames: usize, joints: usize) -> Result<Vec<Pose>, RenderError> {
-    let stride = pose_stride(joints);
-    let values: Vec<f32> = buffers::read(gpu, &step.renderer.pose.poses, frames * stride)?;
+/// The poses in a table of `[frames][n_b * 3 + 3]` numbers.
+fn poses_of(table: &[f32], joints: usize) -> Vec<Pose> {
     let pose = |frame: &[f32]| {
         let mut vectors: Vec<DVec3> =
             frame.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect();
         let translation = vectors.pop().unwrap_or(DVec3::ZERO);
         Pose { rotations: vectors, translation }
     };
-    Ok(values.chunks_exact(stride).map(pose).collect())
+    table.chunks_exact(pose_stride(joints)).map(pose).collect()
 }
 
 #[cfg(test)]

@@ -86,7 +86,8 @@ fn a_run_whose_device_is_lost_ends_with_the_avatar_of_one_that_kept_it() {
         }
         // The comparison sees a single number.
         let mut wrong = whole.avatar.tables.clone();
-        wrong.regressor[3] += f32::EPSILON;
+        let PropertyTables::Direct(tables) = &mut wrong;
+        tables.regressor[3] += f32::EPSILON;
         assert!(wrong != whole.avatar.tables);
     });
 }
@@ -111,7 +112,7 @@ fn a_step_an_evaluation_and_a_capture_without_their_device_fail_and_say_why() {
         gpu.device.destroy();
         assert!(matches!(run(&gpu), Err(RenderError::Lost(_))));
         assert!(matches!(step.loss(&gpu, view), Err(RenderError::Lost(_))));
-        let made = ghand_avatar::AvatarRenderer::new(&gpu, &trained.avatar, Purpose::Images, 1, size);
+        let made = ghand_avatar::Scene::new(&gpu, &[&trained.avatar], Purpose::Images, 1, size);
         assert!(matches!(made.map(drop), Err(RenderError::Lost(_))));
         let sentences = [
             evaluate(&gpu, &trained.avatar, &capture, "test", &floor, |_| ()).unwrap_err().to_string(),

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-use ghand_avatar::Avatar;
-use ghand_avatar::response_limits::unlimited;
+use ghand_avatar::properties::direct::unlimited;
+use ghand_avatar::{Avatar, PropertyTables};
 use ghand_core::Pose;
 use ghand_core::pose_response::pose_features;
 use ghand_data::Capture;
@@ -16,9 +16,10 @@ use rand::{RngExt, SeedableRng};
 
 /// Lengths of all Gaussians' offsets in a pose, metres, and their colours' logits.
 fn offsets_and_logits(avatar: &Avatar, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
-    let (count, config, tables) = (avatar.template.len(), &avatar.config, &avatar.tables);
+    let (count, config) = (avatar.template.len(), &avatar.config);
+    let PropertyTables::Direct(tables) = &avatar.tables;
     let weights: Vec<f64> = avatar.template.weights.iter().map(|w| f64::from(*w)).collect();
-    let response = tables.pose_response(config.shape_bases + config.color_components);
+    let response = tables.pose_response(config.channels());
     let values = response.evaluate(&weights, &pose_features(pose), count);
     let offset = |p: usize| {
         let component = |c: usize| -> f64 {
@@ -67,7 +68,8 @@ fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
     };
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
     let mut free = trained.avatar.clone();
-    free.tables.response_limits = unlimited(free.tables.response_limits.len() / 2);
+    let PropertyTables::Direct(tables) = &mut free.tables;
+    tables.response_limits = unlimited(tables.response_limits.len() / 2);
 
     // Training poses are drawn as without limits.
     for pose in &trained.poses {

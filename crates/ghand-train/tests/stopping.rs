@@ -116,11 +116,11 @@ fn looking_at_the_loss_changes_nothing_that_is_learned() {
         let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
         let config = settings().avatar();
         let avatar = Avatar::untrained(&capture.template, &config, [0.8, 0.6, 0.5], 1).unwrap();
-        let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
+        let joints = avatar.template.joint_count();
         let learn = |look: bool| {
             let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
             for (at, frame) in split.frames.iter().enumerate() {
-                step.renderer.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
+                step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
             }
             let mut losses = vec![];
             for k in 0..4 {
@@ -132,7 +132,7 @@ fn looking_at_the_loss_changes_nothing_that_is_learned() {
                 step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
             }
             assert!(losses.windows(2).all(|pair| pair[1] != pair[0]), "{losses:?}");
-            step.renderer.tables.download(gpu, count, joints, &config).unwrap()
+            step.tables(gpu).unwrap()
         };
         let tables = learn(false);
         assert!(tables == learn(true));

@@ -7,13 +7,13 @@ use std::time::Instant;
 use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
 use ghand_avatar::ply::SplatScene;
-use ghand_avatar::{Avatar, AvatarConfig, AvatarRenderer};
+use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::surface::sample_surface;
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_data::named_camera::read_named_camera;
+use ghand_render::Gpu;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
-use ghand_render::{Gpu, buffers};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::turntable;
@@ -128,10 +128,10 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
     let rest = Pose::rest(model.joint_count());
     let around = || turntable(&model, &[&rest], 1, args.size.unwrap_or(DEFAULT_SIZE)).into_iter().flatten().next();
     let Some(camera) = camera.or_else(around) else { bail!("there is no view to render") };
-    let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Gradients, 1, [camera.width, camera.height])?;
-    renderer.set_pose(gpu, 0, &rest)?;
-    renderer.render(gpu, 0, &camera, [0.0; 3])?;
-    Ok((renderer.splatter, camera))
+    let mut scene = Scene::new(gpu, &[&avatar], Purpose::Gradients, 1, [camera.width, camera.height])?;
+    scene.set_pose(gpu, 0, 0, &rest)?;
+    scene.render(gpu, 0, &camera, [0.0; 3])?;
+    Ok((scene.into_splatter(), camera))
 }
 
 fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
@@ -140,8 +140,7 @@ fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
     // A gradient that changes from pixel to pixel: zeros could be faster than what training meets.
     let gradient: Vec<f32> = (0..4 * pixels).map(|i| ((i * 37 % 101) as f32 - 50.0) * 1e-6).collect();
     gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(&gradient));
-    let counters: Vec<u32> = buffers::read(gpu, splatter.counters(), 3)?;
-    let [.., wanted] = counters[..] else { bail!("the device gave no counters") };
+    let wanted = splatter.read_counters(gpu)?.intersections_wanted;
     ensure!(wanted <= splatter.capacity(), "the scene does not fit the device");
     let time = |encode: &dyn Fn(&mut wgpu::CommandEncoder)| -> anyhow::Result<Times> {
         let mut times = Vec::new();

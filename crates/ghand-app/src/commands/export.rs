@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
-use ghand_avatar::renderer::AvatarRenderer;
 use ghand_core::atomic_file::check_target;
 use ghand_render::splat::Purpose;
 
@@ -48,9 +48,9 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     // The picture is not wanted, only the pose: a tile is the smallest.
     let mut gpu = adapter.open()?;
     let scene = gpu.persist("the export", |gpu| -> anyhow::Result<SplatScene> {
-        let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Images, 1, [8, 8])?;
-        renderer.set_pose(gpu, 0, &frame.pose)?;
-        Ok(renderer.posed_scene(gpu, 0)?)
+        let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, [8, 8])?;
+        scene.set_pose(gpu, 0, 0, &frame.pose)?;
+        Ok(scene.posed_splats(gpu, 0)?)
     })?;
     scene.write(&args.ply)?;
     say!("{}: {} Gaussians in the pose {:?}", args.ply.display(), scene.count, frame.id);

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
-use ghand_avatar::renderer::AvatarRenderer;
 use ghand_core::{Camera, Pose};
 use ghand_data::named_camera::read_named_camera;
 use ghand_data::{PoseFrame, PoseSequence};
@@ -110,12 +110,11 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
         let most = [size[0], band_rows(gpu, size)];
-        let mut renderer = AvatarRenderer::new(gpu, &avatar, Purpose::Images, 1, most)?;
+        let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, most)?;
         while let Some((pose, camera)) = series.next().and_then(|number| pictures.get(number)) {
-            renderer.set_pose(gpu, 0, pose)?;
+            scene.set_pose(gpu, 0, 0, pose)?;
             let mut picture = series.blank();
-            renderer
-                .render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
+            scene.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
             series.add(picture)?;
         }
         Ok(())

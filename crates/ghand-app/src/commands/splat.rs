@@ -101,8 +101,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             } else {
                 splatter.render_bands(gpu, view, |row, band| picture.place([0, row], band))?;
             }
-            let counters: Vec<u32> = buffers::read(gpu, splatter.counters(), 4)?;
-            broken = broken.max(counters.get(3).copied().unwrap_or(0));
+            broken = broken.max(splatter.read_counters(gpu)?.broken);
             if let (Some(path), Some(weights)) = (&args.gradients, &weights) {
                 let bytes = gradients(gpu, &splatter, weights, scene.degree)?;
                 write_atomically(path, &bytes)

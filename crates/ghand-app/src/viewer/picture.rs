@@ -4,19 +4,23 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
+use ghand_avatar::Scene;
 use ghand_core::{Camera, Pose};
+use ghand_render::bindings::Bindings;
+use ghand_render::splat::Counters;
+use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError, shader_sources};
 
-use crate::viewer::subject::{Subject, SubjectRenderer};
+use crate::viewer::subject::Subject;
 
 /// Format of the texture: display values, which is what the user interface takes.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Times of which the median is shown.
 const TIMES: usize = 60;
-/// What is read back of a frame: eight words of counters, then two timestamps of eight bytes.
-const READ_BACK_BYTES: u64 = COUNTER_BYTES + 16;
 /// Bytes of the counters.
-const COUNTER_BYTES: u64 = 32;
+const COUNTER_BYTES: u64 = size_of::<Counters>() as u64;
+/// What is read back of a frame: the counters, then the clock.
+const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::BYTES;
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,12 +74,6 @@ impl Median {
     }
 }
 
-struct Timer {
-    queries: wgpu::QuerySet,
-    resolved: wgpu::Buffer,
-    ms_per_tick: f64,
-}
-
 struct Pending {
     done: Receiver<Result<Instant, wgpu::BufferAsyncError>>,
     started: Instant,
@@ -88,12 +86,12 @@ struct Target {
 
 /// A subject on the device with the texture that shows it.
 pub struct Picture {
-    renderer: SubjectRenderer,
+    scene: Scene,
     pipeline: wgpu::RenderPipeline,
     group: wgpu::BindGroup,
     columns: wgpu::Buffer,
     read_back: wgpu::Buffer,
-    timer: Option<Timer>,
+    clock: Option<FrameClock>,
     target: Option<Target>,
     pending: Option<Pending>,
     frame_ms: Median,
@@ -107,11 +105,11 @@ impl Picture {
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<Picture, RenderError> {
-        let renderer = SubjectRenderer::new(gpu, subject, max_size)?;
-        gpu.scoped("the viewer's picture", || Picture::make(gpu, renderer))
+        let scene = subject.on_device(gpu, max_size)?;
+        gpu.scoped("the viewer's picture", || Picture::make(gpu, scene))
     }
 
-    fn make(gpu: &Gpu, renderer: SubjectRenderer) -> Picture {
+    fn make(gpu: &Gpu, scene: Scene) -> Picture {
         let pipeline = pipeline(gpu);
         let buffer = |label, size, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -122,33 +120,20 @@ impl Picture {
             })
         };
         let columns = buffer("picture size", 16, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("picture"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: renderer.splatter().image().as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: columns.as_entire_binding() },
-            ],
-        });
-        let timer = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Timer {
-            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("picture"),
-                ty: wgpu::QueryType::Timestamp,
-                count: 2,
-            }),
-            resolved: buffer("timestamps", 16, wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
-            ms_per_tick: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
-        });
+        let resources =
+            [("image", scene.splatter().image().as_entire_binding()), ("size", columns.as_entire_binding())];
+        let layout = pipeline.get_bind_group_layout(0);
+        let group = Bindings::new("picture", &["cover", "picture"]).group(&gpu.device, "picture", &layout, &resources);
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
         Picture {
-            renderer,
+            scene,
             pipeline,
             group,
             columns,
             read_back,
-            timer,
+            clock: FrameClock::new(gpu),
             target,
             pending,
             frame_ms,
@@ -159,7 +144,7 @@ impl Picture {
 
     /// Number of Gaussians.
     pub fn gaussian_count(&self) -> usize {
-        self.renderer.splatter().count()
+        self.scene.splatter().count()
     }
 
     /// Number of tile intersections that the last picture wanted.
@@ -199,7 +184,10 @@ impl Picture {
     /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
     pub fn render(&mut self, gpu: &Gpu, shot: &Shot) -> Result<bool, RenderError> {
         let (width, height) = (shot.camera.width, shot.camera.height);
-        self.renderer.prepare(gpu, shot.pose.as_ref(), &shot.camera, shot.background)?;
+        if let Some(pose) = &shot.pose {
+            self.scene.set_pose(gpu, 0, 0, pose)?;
+        }
+        self.scene.set_view(gpu, &shot.camera, shot.background)?;
         gpu.queue.write_buffer(&self.columns, 0, bytemuck::cast_slice(&[width, height, 0, 0]));
         let renewed = self.texture().is_none_or(|t| (t.width(), t.height()) != (width, height));
         if renewed {
@@ -213,17 +201,10 @@ impl Picture {
 
         let started = Instant::now();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        if let Some(timer) = &self.timer {
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("start of the clock"),
-                timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
-                    query_set: &timer.queries,
-                    beginning_of_pass_write_index: Some(0),
-                    end_of_pass_write_index: None,
-                }),
-            });
+        if let Some(clock) = &self.clock {
+            clock.start(&mut encoder);
         }
-        self.renderer.encode(&mut encoder);
+        self.scene.encode(gpu, &mut encoder)?;
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("picture"),
@@ -236,21 +217,16 @@ impl Picture {
                         store: wgpu::StoreOp::Store,
                     },
                 })],
-                timestamp_writes: self.timer.as_ref().map(|timer| wgpu::RenderPassTimestampWrites {
-                    query_set: &timer.queries,
-                    beginning_of_pass_write_index: None,
-                    end_of_pass_write_index: Some(1),
-                }),
+                timestamp_writes: self.clock.as_ref().map(FrameClock::end),
                 ..Default::default()
             });
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.group, &[]);
             pass.draw(0..3, 0..1);
         }
-        encoder.copy_buffer_to_buffer(self.renderer.splatter().counters(), 0, &self.read_back, 0, COUNTER_BYTES);
-        if let Some(timer) = &self.timer {
-            encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
-            encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.read_back, COUNTER_BYTES, 16);
+        encoder.copy_buffer_to_buffer(self.scene.splatter().counters(), 0, &self.read_back, 0, COUNTER_BYTES);
+        if let Some(clock) = &self.clock {
+            clock.finish(&mut encoder, &self.read_back, COUNTER_BYTES);
         }
         gpu.queue.submit([encoder.finish()]);
         let (sender, done) = channel();
@@ -281,15 +257,11 @@ impl Picture {
         bytes.copy_from_slice(&self.read_back.get_mapped_range(..).map_err(|e| fail(&e))?);
         self.read_back.unmap();
         let (counters, ticks) = bytes.split_at(COUNTER_BYTES as usize);
-        let counters: Vec<u32> = bytemuck::pod_collect_to_vec(counters);
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
-        self.frame_ms.add(match (&self.timer, &ticks[..]) {
-            (Some(timer), [start, end]) => end.saturating_sub(*start) as f64 * timer.ms_per_tick,
-            _ => elapsed_ms,
-        });
-        self.intersections = counters.get(2).copied().unwrap_or(0);
-        self.broken = counters.get(3).copied().unwrap_or(0);
-        match self.renderer.splatter_mut().complete_for(gpu, &counters) {
+        let counters: Counters = bytemuck::pod_read_unaligned(counters);
+        self.frame_ms.add(self.clock.as_ref().and_then(|clock| clock.milliseconds(ticks)).unwrap_or(elapsed_ms));
+        self.intersections = counters.intersections_wanted;
+        self.broken = counters.broken;
+        match self.scene.splatter_mut().complete_for(gpu, &counters) {
             Ok(true) => Ok(Progress::Complete),
             Ok(false) => Ok(Progress::Incomplete),
             Err(RenderError::Invalid(_) | RenderError::OutOfMemory { .. }) => Ok(Progress::TooFine),
@@ -317,7 +289,7 @@ fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
 fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("picture"),
-        source: wgpu::ShaderSource::Wgsl(shader_sources::picture().into()),
+        source: wgpu::ShaderSource::Wgsl(shader_sources::source("picture").into()),
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("picture"),
@@ -344,7 +316,6 @@ fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
 
 #[cfg(test)]
 mod tests {
-    use ghand_avatar::AvatarRenderer;
     use ghand_render::splat::Purpose;
     use ghand_render::{AdapterChoice, buffers};
 
@@ -376,8 +347,8 @@ mod tests {
         let avatar = bare_hand().unwrap();
         let pose = Pose::rest(avatar.model.joint_count());
         let mut picture = Picture::new(&gpu, &Subject::avatar(avatar.clone()), [128, 128]).unwrap();
-        let mut renderer = AvatarRenderer::new(&gpu, &avatar, Purpose::Images, 1, [128, 128]).unwrap();
-        renderer.set_pose(&gpu, 0, &pose).unwrap();
+        let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [128, 128]).unwrap();
+        scene.set_pose(&gpu, 0, 0, &pose).unwrap();
         // The second picture is smaller: rows must not be mixed up.
         for size in [[101, 77], [50, 90]] {
             let camera = &turntable(&avatar.model, &[&pose], 1, size)[0][0];
@@ -386,7 +357,7 @@ mod tests {
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);
             let shown = pixels(&gpu, picture.texture().unwrap());
-            let image = renderer.render(&gpu, 0, camera, shot.background).unwrap();
+            let image = scene.render(&gpu, 0, camera, shot.background).unwrap();
             let expected = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2], 1.0]);
             let worst = shown.iter().zip(expected).map(|(a, b)| (f32::from(*a) - 255.0 * b).abs()).fold(0.0, f32::max);
             // Half a step of rounding, and what the device's conversion may add.

@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use bytemuck::cast_slice;
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
-use ghand_avatar::{Avatar, AvatarRenderer};
+use ghand_avatar::{Avatar, Scene};
 use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
-use ghand_core::{Camera, Pose, input_file};
-use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
+use ghand_core::{Pose, input_file};
+use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
 use crate::bare_hand::bare_hand_of;
@@ -118,81 +117,15 @@ impl Subject {
     }
 }
 
-/// A subject on the device.
-pub enum SubjectRenderer {
-    /// An avatar, which is posed before it is drawn.
-    Avatar(Box<AvatarRenderer>),
-    /// A scene.
-    Scene(Box<Splatter>),
-}
-
-impl SubjectRenderer {
-    /// Puts a subject on the device, for pictures of at most `max_size` pixels.
+impl Subject {
+    /// Puts it on the device, for pictures of at most `max_size` pixels.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
-    pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<SubjectRenderer, RenderError> {
-        match subject {
-            Subject::Hand(hand) => {
-                let renderer = AvatarRenderer::new(gpu, hand.avatar(), Purpose::Images, 1, max_size)?;
-                Ok(SubjectRenderer::Avatar(Box::new(renderer)))
-            }
-            Subject::Scene { gaussians, .. } => {
-                let options = SplatOptions { model: gaussians.model(), purpose: Purpose::Images, depth: false };
-                let splatter = Splatter::new(gpu, options, gaussians.count, max_size)?;
-                gpu.queue.write_buffer(splatter.gaussians(), 0, cast_slice(&gaussians.table));
-                Ok(SubjectRenderer::Scene(Box::new(splatter)))
-            }
-        }
-    }
-
-    /// The splatter that draws it.
-    pub fn splatter(&self) -> &Splatter {
+    pub fn on_device(&self, gpu: &Gpu, max_size: [u32; 2]) -> Result<Scene, RenderError> {
         match self {
-            SubjectRenderer::Avatar(renderer) => &renderer.splatter,
-            SubjectRenderer::Scene(splatter) => splatter,
+            Subject::Hand(hand) => Scene::new(gpu, &[hand.avatar()], Purpose::Images, 1, max_size),
+            Subject::Scene { gaussians, .. } => Scene::of_splats(gpu, gaussians, max_size),
         }
-    }
-
-    /// The same, to be changed.
-    pub fn splatter_mut(&mut self) -> &mut Splatter {
-        match self {
-            SubjectRenderer::Avatar(renderer) => &mut renderer.splatter,
-            SubjectRenderer::Scene(splatter) => splatter,
-        }
-    }
-
-    /// Chooses pose and view of what is encoded from now on. A scene has no pose.
-    ///
-    /// # Errors
-    /// [`RenderError::Invalid`] if the pose does not fit or the picture is too large.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        pose: Option<&Pose>,
-        camera: &Camera,
-        background: [f32; 3],
-    ) -> Result<(), RenderError> {
-        match self {
-            SubjectRenderer::Avatar(renderer) => {
-                if let Some(pose) = pose {
-                    renderer.set_pose(gpu, 0, pose)?;
-                }
-                renderer.pose.set_frame(gpu, 0, 0.0, 0.0);
-                renderer.set_view(gpu, camera, background)
-            }
-            SubjectRenderer::Scene(splatter) => {
-                let view = View::new(camera, splatter.count(), background, 1.0);
-                splatter.set_view(gpu, view)
-            }
-        }
-    }
-
-    /// Encodes the drawing; after it the splatter's image is the picture.
-    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        if let SubjectRenderer::Avatar(renderer) = self {
-            renderer.encode_pose(encoder);
-        }
-        self.splatter().forward(encoder);
     }
 }

@@ -2,8 +2,8 @@
 
 #![allow(dead_code, reason = "every test file is its own crate and uses the part that it needs")]
 
-use ghand_avatar::direct::{DirectTables, table_lengths};
-use ghand_avatar::{Avatar, AvatarConfig, Template};
+use ghand_avatar::properties::direct::{DirectTables, table_lengths};
+use ghand_avatar::{Avatar, AvatarConfig, PropertyTables, Template};
 use ghand_core::Side;
 use ghand_core::hand_model::procedural::ProceduralHand;
 use glam::DVec3;
@@ -60,5 +60,17 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
         response_limits: random_limits(100 * seed + 11, lengths[5]),
     };
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-    Avatar { template, model, config: config.clone(), tables, provenance: Default::default() }
+    Avatar {
+        template,
+        model,
+        config: config.clone(),
+        tables: PropertyTables::Direct(tables),
+        provenance: Default::default(),
+    }
+}
+
+/// The tables of a direct avatar.
+pub fn tables_of(avatar: &Avatar) -> &DirectTables {
+    let PropertyTables::Direct(tables) = &avatar.tables;
+    tables
 }

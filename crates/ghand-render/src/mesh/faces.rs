@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use wgpu::util::DeviceExt;
 
 use super::{Context, MAX_LIGHTS, MeshInstance, NEAR_PLANE, Shading, Surface, Targets, color_target};
+use crate::bindings::Bindings;
 use crate::shader_sources;
 
 /// Vertex as `mesh.wgsl` reads it.
@@ -48,13 +49,14 @@ const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 #[derive(Debug)]
 pub(super) struct Faces {
     pipeline: wgpu::RenderPipeline,
+    bindings: Bindings,
 }
 
 impl Faces {
     pub fn new(device: &wgpu::Device) -> Faces {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("mesh"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::mesh().into()),
+            source: wgpu::ShaderSource::Wgsl(shader_sources::source("mesh").into()),
         });
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32];
         let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });
@@ -89,7 +91,7 @@ impl Faces {
             multiview_mask: None,
             cache: None,
         });
-        Faces { pipeline }
+        Faces { pipeline, bindings: Bindings::new("mesh", &["vertex", "fragment"]) }
     }
 
     /// Fills `targets.color` and `targets.face_depth`. `camera` is that of the targets.
@@ -109,14 +111,12 @@ impl Faces {
             // Bound, since the pipeline has a place for it, and not read.
             Surface::VertexColors(_) | Surface::Color(_) => context.upload_texture(&Texture::plain([0; 3])),
         };
-        let bindings = context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("mesh"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&texture) },
-            ],
-        });
+        let resources = [
+            ("uniforms", uniforms.as_entire_binding()),
+            ("color_texture", wgpu::BindingResource::TextureView(&texture)),
+        ];
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let bindings = self.bindings.group(&context.device, "mesh", &layout, &resources);
         let depth = context.target("mesh depth", targets.size, DEPTH_FORMAT);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("mesh"),

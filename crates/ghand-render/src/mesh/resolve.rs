@@ -5,6 +5,7 @@ use ghand_core::Camera;
 use glam::DVec3;
 
 use super::{Context, MeshError, MeshImage, MeshStyle, NEAR_PLANE, Targets};
+use crate::bindings::Bindings;
 use crate::{RenderError, buffers, shader_sources};
 
 /// `ResolveUniforms` of `mesh_resolve.wgsl`.
@@ -39,13 +40,14 @@ pub(super) struct Readback {
 #[derive(Debug)]
 pub(super) struct Resolve {
     pipeline: wgpu::ComputePipeline,
+    bindings: Bindings,
 }
 
 impl Resolve {
     pub fn new(device: &wgpu::Device) -> Resolve {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("mesh resolve"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::mesh_resolve().into()),
+            source: wgpu::ShaderSource::Wgsl(shader_sources::source("mesh_resolve").into()),
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("mesh resolve"),
@@ -55,7 +57,7 @@ impl Resolve {
             compilation_options: Default::default(),
             cache: None,
         });
-        Resolve { pipeline }
+        Resolve { pipeline, bindings: Bindings::new("mesh_resolve", &["resolve"]) }
     }
 
     /// Encodes the image of the samples; `margin` pixels around it are left out.
@@ -92,17 +94,18 @@ impl Resolve {
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let (colors, depths) = (make(pixels * 16, output), make(pixels * 4, output));
         let readback = make(pixels * 20, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
-        let textures = [&targets.color, &targets.face_depth, &targets.coverage, &targets.line_depth];
-        let textures = textures.map(wgpu::BindingResource::TextureView);
-        let buffers = [&colors, &depths].map(wgpu::Buffer::as_entire_binding);
-        let resources = [uniforms.as_entire_binding()].into_iter().chain(textures).chain(buffers);
-        let entries: Vec<wgpu::BindGroupEntry> =
-            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-        let bindings = context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("mesh resolve"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+        let texture = wgpu::BindingResource::TextureView;
+        let resources = [
+            ("uniforms", uniforms.as_entire_binding()),
+            ("face_colors", texture(&targets.color)),
+            ("face_depths", texture(&targets.face_depth)),
+            ("line_coverages", texture(&targets.coverage)),
+            ("line_depths", texture(&targets.line_depth)),
+            ("image", colors.as_entire_binding()),
+            ("depths", depths.as_entire_binding()),
+        ];
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let bindings = self.bindings.group(&context.device, "mesh resolve", &layout, &resources);
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bindings, &[]);

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::edges::Segment;
 use super::{Context, NEAR_PLANE, Targets, color_target};
+use crate::bindings::Bindings;
 use crate::shader_sources;
 
 /// A line as `wireframe.wgsl` reads it.
@@ -44,13 +45,14 @@ pub(super) const LINE_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::D
 pub(super) struct Lines {
     cover: wgpu::RenderPipeline,
     depth: wgpu::RenderPipeline,
+    bindings: Bindings,
 }
 
 impl Lines {
     pub fn new(device: &wgpu::Device) -> Lines {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("wireframe"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::wireframe().into()),
+            source: wgpu::ShaderSource::Wgsl(shader_sources::source("wireframe").into()),
         });
         let attributes = wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3];
         let pipeline = |entry_point, targets: &[Option<wgpu::ColorTargetState>], depth_stencil| {
@@ -101,6 +103,7 @@ impl Lines {
             bias: Default::default(),
         };
         Lines {
+            bindings: Bindings::new("wireframe", &["line_vertex", "line_coverage", "line_depth"]),
             cover: pipeline("line_coverage", &[Some(coverage)], None),
             depth: pipeline("line_depth", &[], Some(nearest)),
         }
@@ -131,17 +134,12 @@ impl Lines {
             .then(|| context.buffer(bytemuck::cast_slice(&instances), wgpu::BufferUsages::VERTEX));
         let draw = |pass: &mut wgpu::RenderPass<'_>, pipeline: &wgpu::RenderPipeline| {
             let Some(lines) = &lines else { return };
-            let bindings = context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("wireframe"),
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &[
-                    wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() },
-                    wgpu::BindGroupEntry {
-                        binding: 1,
-                        resource: wgpu::BindingResource::TextureView(&targets.face_depth),
-                    },
-                ],
-            });
+            let resources = [
+                ("uniforms", uniforms.as_entire_binding()),
+                ("face_depths", wgpu::BindingResource::TextureView(&targets.face_depth)),
+            ];
+            let layout = pipeline.get_bind_group_layout(0);
+            let bindings = self.bindings.group(&context.device, "wireframe", &layout, &resources);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bindings, &[]);
             pass.set_vertex_buffer(0, lines.slice(..));

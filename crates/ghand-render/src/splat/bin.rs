@@ -1,12 +1,10 @@
 //! Host part of `bin.wgsl`: which Gaussians each tile draws, in order.
 
 use super::frame::FrameBuffers;
-use super::sort;
+use super::{Counters, sort};
+use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, shader_sources};
 
-/// Index in the counters of the number of intersections wanted, as in `bin.wgsl`.
-const COUNTER_WANTED: u32 = 2;
 /// On how many tiles a Gaussian may lie with Mesa's software rasteriser, which ends the loops of a shader after 65,535 rounds;
 /// the rows of tiles count, too.
 const SOFTWARE_TILES: u32 = 60_000;
@@ -21,7 +19,7 @@ pub struct Pipelines {
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
         let most_tiles = if gpu.is_cpu() { SOFTWARE_TILES } else { u32::MAX };
-        let bin = Module::new(gpu, "bin", &shader_sources::bin());
+        let bin = Module::new(gpu, "bin");
         Pipelines {
             count_tiles: bin.stage(gpu, "count_tiles", &[("MOST_TILES", f64::from(most_tiles))]),
             limit_intersections: bin.stage(gpu, "limit_intersections", &[]),
@@ -53,27 +51,40 @@ impl Stages {
         let depth_order = &b.depth_order[depth_sort.sorted()];
         let sorted = tile_sort.sorted();
         Stages {
-            count_tiles: pipelines
-                .count_tiles
-                .bind(gpu, &[(0, view), (1, &b.tile_rects), (2, depth_order), (3, &b.slot_offsets), (4, counters)]),
-            scan: sort.scan(gpu, &b.slot_offsets, b.count as u32, counters, COUNTER_WANTED),
-            limit_intersections: pipelines.limit_intersections.bind(gpu, &[(0, view), (4, counters)]),
+            count_tiles: pipelines.count_tiles.bind(
+                gpu,
+                &[
+                    ("view", view),
+                    ("tile_rects", &b.tile_rects),
+                    ("depth_order", depth_order),
+                    ("slot_offsets", &b.slot_offsets),
+                    ("counters", counters),
+                ],
+            ),
+            scan: sort.scan(gpu, &b.slot_offsets, b.count as u32, counters, Counters::INTERSECTIONS_WANTED),
+            limit_intersections: pipelines.limit_intersections.bind(gpu, &[("view", view), ("counters", counters)]),
             emit_intersections: pipelines.emit_intersections.bind(
                 gpu,
                 &[
-                    (0, view),
-                    (1, &b.tile_rects),
-                    (2, depth_order),
-                    (3, &b.slot_offsets),
-                    (5, &b.slot_ranges),
-                    (6, &b.tile_keys[0]),
-                    (7, &b.slots[0]),
-                    (8, &b.slot_gaussians),
+                    ("view", view),
+                    ("tile_rects", &b.tile_rects),
+                    ("depth_order", depth_order),
+                    ("slot_offsets", &b.slot_offsets),
+                    ("slot_ranges", &b.slot_ranges),
+                    ("tile_keys", &b.tile_keys[0]),
+                    ("slots", &b.slots[0]),
+                    ("slot_gaussians", &b.slot_gaussians),
                 ],
             ),
-            find_tile_ranges: pipelines
-                .find_tile_ranges
-                .bind(gpu, &[(0, view), (4, counters), (6, &b.tile_keys[sorted]), (9, &b.tile_ranges)]),
+            find_tile_ranges: pipelines.find_tile_ranges.bind(
+                gpu,
+                &[
+                    ("view", view),
+                    ("counters", counters),
+                    ("tile_keys", &b.tile_keys[sorted]),
+                    ("tile_ranges", &b.tile_ranges),
+                ],
+            ),
             gaussian_groups: (b.count as u32).div_ceil(64),
         }
     }

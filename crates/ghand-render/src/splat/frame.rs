@@ -1,6 +1,6 @@
 //! The buffers of a frame and the stages bound to them.
 
-use super::{Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, rasterize, sort};
+use super::{Counters, Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, rasterize, sort};
 use crate::{Gpu, buffers};
 
 /// Bits of a depth key, as in `project.wgsl`.
@@ -107,9 +107,24 @@ pub struct Frame {
 impl Frame {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers) -> Frame {
         let counters = &b.shared.counters;
-        let depth_sort =
-            sort::Stages::new(gpu, &pipelines.sort, counters, 0, DEPTH_BITS, &b.depth_keys, &b.depth_order);
-        let tile_sort = sort::Stages::new(gpu, &pipelines.sort, counters, 1, b.tile_bits, &b.tile_keys, &b.slots);
+        let depth_sort = sort::Stages::new(
+            gpu,
+            &pipelines.sort,
+            counters,
+            Counters::GAUSSIANS,
+            DEPTH_BITS,
+            &b.depth_keys,
+            &b.depth_order,
+        );
+        let tile_sort = sort::Stages::new(
+            gpu,
+            &pipelines.sort,
+            counters,
+            Counters::INTERSECTIONS,
+            b.tile_bits,
+            &b.tile_keys,
+            &b.slots,
+        );
         Frame {
             project: project::Stages::new(gpu, &pipelines.project, b),
             bin: bin::Stages::new(gpu, &pipelines.bin, &pipelines.sort, b, &depth_sort, &tile_sort),

@@ -3,8 +3,8 @@
 use super::frame::FrameBuffers;
 use super::rasterize::places;
 use super::{Purpose, SplatModel};
+use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, shader_sources};
 
 /// Rows of the camera's gradient: turn and translation.
 pub const CAMERA_ROWS: usize = 6;
@@ -26,14 +26,14 @@ pub struct Pipelines {
 impl Pipelines {
     pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose) -> Pipelines {
         let mut constants = model.constants();
-        let project = Module::new(gpu, "project", &shader_sources::project()).stage(gpu, "project", &constants);
+        let project = Module::new(gpu, "project").stage(gpu, "project", &constants);
         let backward = purpose.has_gradients().then(|| {
             constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));
             constants.push(("SLOT_PLACES", f64::from(places(gpu.tier))));
             constants.push(("CAMERA_GRADIENT", f64::from(u8::from(purpose == Purpose::CameraGradients))));
-            let module = Module::new(gpu, "project_backward", &shader_sources::project_backward());
+            let module = Module::new(gpu, "project_backward");
             let camera = (purpose == Purpose::CameraGradients).then(|| {
-                let module = Module::new(gpu, "camera_gradient", &shader_sources::camera_gradient());
+                let module = Module::new(gpu, "camera_gradient");
                 ["camera_strands", "camera_gradient"].map(|entry| module.stage(gpu, entry, &[]))
             });
             Backward { project_backward: module.stage(gpu, "project_backward", &constants), camera }
@@ -54,32 +54,35 @@ impl Stages {
         let project = pipelines.project.bind(
             gpu,
             &[
-                (0, &s.view),
-                (1, &s.gaussians),
-                (2, &b.splats),
-                (3, &b.tile_rects),
-                (4, &b.depth_keys[0]),
-                (5, &b.depth_order[0]),
-                (6, &s.counters),
+                ("view", &s.view),
+                ("gaussians", &s.gaussians),
+                ("splats", &b.splats),
+                ("tile_rects", &b.tile_rects),
+                ("depth_keys", &b.depth_keys[0]),
+                ("depth_order", &b.depth_order[0]),
+                ("counters", &s.counters),
             ],
         );
         let backward = pipelines.backward.as_ref().map(|p| Backward {
             project_backward: p.project_backward.bind(
                 gpu,
                 &[
-                    (0, &s.view),
-                    (1, &s.gaussians),
-                    (2, &b.slot_ranges),
-                    (3, &b.slot_gradients),
-                    (4, &b.slot_marks),
-                    (5, &s.d_gaussians),
-                    (6, &b.camera_rows),
+                    ("view", &s.view),
+                    ("gaussians", &s.gaussians),
+                    ("slot_ranges", &b.slot_ranges),
+                    ("slot_gradients", &b.slot_gradients),
+                    ("slot_marks", &b.slot_marks),
+                    ("d_gaussians", &s.d_gaussians),
+                    ("camera_rows", &b.camera_rows),
                 ],
             ),
             camera: p.camera.as_ref().map(|[strands, sum]| {
                 [
-                    strands.bind(gpu, &[(0, &s.view), (1, &b.camera_rows), (2, &b.camera_strands)]),
-                    sum.bind(gpu, &[(2, &b.camera_strands), (3, &s.d_camera)]),
+                    strands.bind(
+                        gpu,
+                        &[("view", &s.view), ("camera_rows", &b.camera_rows), ("strands", &b.camera_strands)],
+                    ),
+                    sum.bind(gpu, &[("strands", &b.camera_strands), ("d_camera", &s.d_camera)]),
                 ]
             }),
         });

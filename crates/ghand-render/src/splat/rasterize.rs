@@ -3,7 +3,7 @@
 use super::frame::FrameBuffers;
 use super::{Purpose, SplatModel, sort};
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, Tier, shader_sources};
+use crate::{Gpu, Tier};
 
 /// Places that an intersection has for its gradients: one for each cell of 4x4 pixels, or one where invocations add up what
 /// they find.
@@ -38,14 +38,14 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool) -> Pipelines {
-        let forward = Module::new(gpu, "rasterize", &shader_sources::rasterize(gpu.tier));
+        let forward = Module::new(gpu, gpu.tier.choose("rasterize", "fast/rasterize"));
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
         let constants = [("DEPTH", f64::from(u8::from(depth))), ("BACKWARD_ENTRIES", f64::from(entries))];
         Pipelines {
             rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
-                let module = Module::new(gpu, "rasterize_backward", &shader_sources::rasterize_backward(gpu.tier));
+                let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "fast/rasterize_backward"));
                 let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity())))];
                 module.stage(gpu, "rasterize_backward", &constants)
             }),
@@ -68,30 +68,30 @@ impl Stages {
             rasterize: pipelines.rasterize.bind(
                 gpu,
                 &[
-                    (0, &s.view),
-                    (1, &b.splats),
-                    (2, entries),
-                    (3, &b.slot_gaussians),
-                    (4, &b.tile_ranges),
-                    (5, &s.image),
-                    (6, &b.pixel_states),
-                    (7, &s.depths),
-                    (8, &s.counters),
+                    ("view", &s.view),
+                    ("splats", &b.splats),
+                    ("entries", entries),
+                    ("slot_gaussians", &b.slot_gaussians),
+                    ("tile_ranges", &b.tile_ranges),
+                    ("image", &s.image),
+                    ("pixel_states", &b.pixel_states),
+                    ("depths", &s.depths),
+                    ("counters", &s.counters),
                 ],
             ),
             rasterize_backward: pipelines.rasterize_backward.as_ref().map(|stage| {
                 stage.bind(
                     gpu,
                     &[
-                        (0, &s.view),
-                        (1, &b.splats),
-                        (2, entries),
-                        (3, &b.slot_gaussians),
-                        (4, &b.tile_ranges),
-                        (5, &b.pixel_states),
-                        (6, &s.d_image),
-                        (7, &b.slot_gradients),
-                        (8, &b.slot_marks),
+                        ("view", &s.view),
+                        ("splats", &b.splats),
+                        ("entries", entries),
+                        ("slot_gaussians", &b.slot_gaussians),
+                        ("tile_ranges", &b.tile_ranges),
+                        ("pixel_states", &b.pixel_states),
+                        ("d_image", &s.d_image),
+                        ("slot_gradients", &b.slot_gradients),
+                        ("slot_marks", &b.slot_marks),
                     ],
                 )
             }),

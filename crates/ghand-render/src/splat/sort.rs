@@ -1,16 +1,17 @@
-//! Host part of `sort.wgsl` and `scan.wgsl`, and of `sort_blocks.wgsl` and `scan_blocks.wgsl` on the fast tier: a stable
+//! Host part of `sort.wgsl` and `scan.wgsl`, and of `fast/sort.wgsl` and `fast/scan.wgsl` on the fast tier: a stable
 //! radix sort whose length only the GPU knows.
 
 use bytemuck::{Pod, Zeroable};
 
+use super::counters::CounterIndex;
 use crate::pipeline::{Bound, Module, Stage};
-use crate::{Gpu, Tier, buffers, shader_sources};
+use crate::{Gpu, Tier, buffers};
 
 /// Strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
-/// Values of a block of a prefix sum, as in `scan_blocks.wgsl`.
+/// Values of a block of a prefix sum, as in `fast/scan.wgsl`.
 const SCAN_BLOCK: u32 = 2048;
-/// Pairs of a block of the sort, as in `sort_blocks.wgsl`.
+/// Pairs of a block of the sort, as in `fast/sort.wgsl`.
 const SORT_BLOCK: u64 = 2048;
 /// Most pairs of a strand: half of what the loops of software rasterisers go through.
 const MOST_PAIRS: u64 = 32_768;
@@ -18,7 +19,7 @@ const MOST_PAIRS: u64 = 32_768;
 /// Strands of a workgroup, as in `sort.wgsl`.
 const SORT_THREADS: u32 = 8;
 
-/// See `shaders/shared/scan.wgsl`.
+/// See `shaders/scan.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ScanUniforms {
@@ -62,11 +63,8 @@ impl Pipelines {
 
     /// By blocks, which needs the fast tier, or by strands.
     fn of_kind(gpu: &Gpu, by_blocks: bool) -> Pipelines {
-        let (sort, scan) = match by_blocks {
-            false => (shader_sources::sort(), shader_sources::scan()),
-            true => (shader_sources::sort_blocks(), shader_sources::scan_blocks()),
-        };
-        let (sort, scan) = (Module::new(gpu, "sort", &sort), Module::new(gpu, "scan", &scan));
+        let (sort, scan) = if by_blocks { ("fast/sort", "fast/scan") } else { ("sort", "scan") };
+        let (sort, scan) = (Module::new(gpu, sort), Module::new(gpu, scan));
         Pipelines {
             sort_count: sort.stage(gpu, "sort_count", &[]),
             sort_scatter: sort.stage(gpu, "sort_scatter", &[]),
@@ -80,7 +78,7 @@ impl Pipelines {
 
     /// Most bits of a digit.
     fn digit_bits(&self) -> u32 {
-        // By blocks, as many digits as `sort_blocks.wgsl` counts. On a software rasteriser counting digits is cheap beside
+        // By blocks, as many digits as `fast/sort.wgsl` counts. On a software rasteriser counting digits is cheap beside
         // moving pairs, so that few passes are best.
         match (self.by_blocks, self.is_cpu) {
             (true, _) => 4,
@@ -101,19 +99,26 @@ impl Pipelines {
         u32::try_from(pieces).unwrap_or(u32::MAX)
     }
 
-    /// An exclusive prefix sum of the first `length` words of `values`; the total goes to `totals[total_index]`.
-    pub fn scan(&self, gpu: &Gpu, values: &wgpu::Buffer, length: u32, totals: &wgpu::Buffer, total_index: u32) -> Scan {
-        let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index, padding: [0; 2] });
+    /// An exclusive prefix sum of the first `length` words of `values`; the total goes to `total` among the words of `totals`.
+    pub fn scan(
+        &self,
+        gpu: &Gpu,
+        values: &wgpu::Buffer,
+        length: u32,
+        totals: &wgpu::Buffer,
+        total: CounterIndex,
+    ) -> Scan {
+        let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index: total.0, padding: [0; 2] });
         let (pieces, groups) = match self.by_blocks {
             false => (SCAN_STRANDS, SCAN_STRANDS / 64),
             true => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
         };
         let sums = buffers::zeroed(gpu, "strand sums", pieces as usize);
-        let piece = [(0, &uniforms), (1, values), (2, &sums)];
+        let piece = [("scan", &uniforms), ("values", values), ("strand_sums", &sums)];
         Scan {
             groups,
             sums: self.scan_sums.bind(gpu, &piece),
-            strands: self.scan_strands.bind(gpu, &[(0, &uniforms), (2, &sums), (3, totals)]),
+            strands: self.scan_strands.bind(gpu, &[("scan", &uniforms), ("strand_sums", &sums), ("totals", totals)]),
             apply: self.scan_apply.bind(gpu, &piece),
         }
     }
@@ -154,7 +159,7 @@ impl Stages {
         gpu: &Gpu,
         pipelines: &Pipelines,
         counters: &wgpu::Buffer,
-        counter: u32,
+        counter: CounterIndex,
         bits: u32,
         keys: &[wgpu::Buffer; 2],
         values: &[wgpu::Buffer; 2],
@@ -166,25 +171,35 @@ impl Stages {
         let total = buffers::zeroed(gpu, "digit total", 1);
         let passes = (0..count)
             .map(|i| {
-                let uniforms =
-                    SortUniforms { shift: i * digit_bits, mask: (1 << digit_bits) - 1, strands: pieces, counter };
+                let uniforms = SortUniforms {
+                    shift: i * digit_bits,
+                    mask: (1 << digit_bits) - 1,
+                    strands: pieces,
+                    counter: counter.0,
+                };
                 let uniforms = buffers::uniform(gpu, "sort", &uniforms);
                 let (from, to) = ((i % 2) as usize, ((i + 1) % 2) as usize);
                 Pass {
-                    count: pipelines
-                        .sort_count
-                        .bind(gpu, &[(0, &uniforms), (1, counters), (2, &keys[from]), (4, &digits)]),
-                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, 0),
+                    count: pipelines.sort_count.bind(
+                        gpu,
+                        &[
+                            ("sort", &uniforms),
+                            ("counters", counters),
+                            ("keys_in", &keys[from]),
+                            ("digit_counts", &digits),
+                        ],
+                    ),
+                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, CounterIndex(0)),
                     scatter: pipelines.sort_scatter.bind(
                         gpu,
                         &[
-                            (0, &uniforms),
-                            (1, counters),
-                            (2, &keys[from]),
-                            (3, &values[from]),
-                            (4, &digits),
-                            (5, &keys[to]),
-                            (6, &values[to]),
+                            ("sort", &uniforms),
+                            ("counters", counters),
+                            ("keys_in", &keys[from]),
+                            ("values_in", &values[from]),
+                            ("digit_counts", &digits),
+                            ("keys_out", &keys[to]),
+                            ("values_out", &values[to]),
                         ],
                     ),
                 }
@@ -245,7 +260,7 @@ mod tests {
         };
         let (keys, values) = (buffer(|p| p.0), buffer(|p| p.1));
         let counters = buffers::filled(gpu, "counters", &[7, pairs.len() as u32]);
-        let stages = Stages::new(gpu, pipelines, &counters, 1, bits, &keys, &values);
+        let stages = Stages::new(gpu, pipelines, &counters, CounterIndex(1), bits, &keys, &values);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         stages.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
         gpu.queue.submit([encoder.finish()]);
@@ -281,7 +296,7 @@ mod tests {
                 let values: Vec<u32> = (0..count).map(|_| rng.random_range(0..100)).collect();
                 let buffer = buffers::filled(&gpu, "test", &values);
                 let totals = buffers::zeroed(&gpu, "totals", 16);
-                let scan = pipelines.scan(&gpu, &buffer, count, &totals, 2);
+                let scan = pipelines.scan(&gpu, &buffer, count, &totals, CounterIndex(2));
                 let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 scan.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
                 gpu.queue.submit([encoder.finish()]);

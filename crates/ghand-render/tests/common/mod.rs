@@ -163,7 +163,7 @@ pub fn render_table(
         depths: buffers::read(gpu, splatter.depths(), image.len()).unwrap(),
         gradient: buffers::read(gpu, splatter.d_gaussians(), table.len()).unwrap(),
         d_camera: buffers::read(gpu, splatter.d_camera(), 6).unwrap(),
-        broken: buffers::read::<u32>(gpu, splatter.counters(), 4).unwrap()[3],
+        broken: splatter.read_counters(gpu).unwrap().broken,
         image,
     }
 }

@@ -1,13 +1,19 @@
 // As rasterize_backward.wgsl, for the fast tier: eight neighbours of a subgroup share a tile, each with 4x2 of its pixels.
 // They load eight entries between them, and add up what they found for one with shuffles, so that a slot has one place.
 
+import package::shared::blend_backward::{
+    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
+};
+import package::shared::camera::{TILE_SIZE, view};
+import package::shared::dispatch::flat_index;
+import package::shared::splat::Splat;
+
 // By slot, where its mark is set: mean x, mean y, red, green, blue, covariance xx, xy, yy.
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<f32>;
 // By slot: 1 where there is a gradient, and, if wanted, the bits of the opacity times its gradient. Cleared before.
 @group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
 
 const LANES: u32 = 8u;
-const ROWS: u32 = 2u;
 
 struct Loaded {
     slot: u32,

@@ -1,6 +1,13 @@
 // As rasterize.wgsl, for the fast tier: eight neighbours of a subgroup, which belong to one tile, load eight splats between
 // them and hand them round. Loads are what a software rasteriser spends most of its time on.
 
+import package::shared::blend::{
+    DEPTH, area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
+};
+import package::shared::camera::view;
+import package::shared::dispatch::flat_index;
+import package::shared::splat::Splat;
+
 // The splat that a lane of the subgroup has loaded.
 fn splat_of(mine: Splat, lane: u32) -> Splat {
     var splat = Splat();

@@ -3,8 +3,9 @@
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, pose_features};
 
+use super::tables::DirectTables;
 use crate::avatar::Avatar;
-use crate::direct::DirectTables;
+use crate::properties::PropertyTables;
 
 /// How far the response may go beyond its range in training, as a part of the width of that range, at either end.
 pub const RESPONSE_MARGIN: f64 = 0.2;
@@ -31,10 +32,11 @@ impl Avatar {
     /// Each joint's part in each channel is limited by itself, since Gaussians feel single joints: a pose of which every
     /// joint was seen, but not all at once, is not held back. Without poses there are no limits.
     pub fn limit_response(&mut self, poses: &[Pose]) {
-        let channels = self.config.shape_bases + self.config.color_components;
+        let channels = self.config.channels();
         let features: Vec<_> = poses.iter().map(pose_features).collect();
-        let limits = self.tables.pose_response(channels).limits_over(&features, RESPONSE_MARGIN);
+        let PropertyTables::Direct(tables) = &mut self.tables;
+        let limits = tables.pose_response(channels).limits_over(&features, RESPONSE_MARGIN);
         let finite = |limit: &f64| (*limit as f32).clamp(f32::MIN, f32::MAX);
-        self.tables.response_limits = limits.as_flattened().iter().map(finite).collect();
+        tables.response_limits = limits.as_flattened().iter().map(finite).collect();
     }
 }

@@ -1,0 +1,102 @@
+//! An avatar on the device, posed into its part of a splatter's table.
+
+use ghand_core::Pose;
+use ghand_core::residual_skeleton::ResidualSkeleton;
+use ghand_core::skinning::ResidualWeights;
+use ghand_render::deform::{Deformation, DeformationBackward, TablePlace, Template as DeformTemplate, pose_stride};
+use ghand_render::{Gpu, RenderError};
+
+use crate::avatar::Avatar;
+use crate::properties::PropertyModel;
+
+/// An avatar on the device.
+pub struct PosedAvatar {
+    /// Its deformation: poses, joints, properties.
+    pub deformation: Deformation,
+    /// What fills the properties.
+    pub model: Box<dyn PropertyModel>,
+    joint_count: usize,
+    frames: usize,
+}
+
+impl PosedAvatar {
+    /// Puts an avatar on the device, with room for `frames` poses (at least one). Its Gaussians go to `place` in the table
+    /// `gaussians`.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        avatar: &Avatar,
+        frames: usize,
+        gaussians: &wgpu::Buffer,
+        place: TablePlace,
+    ) -> PosedAvatar {
+        let (template, config) = (&avatar.template, &avatar.config);
+        let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
+        let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
+        let frames = frames.max(1);
+        let deform_template = DeformTemplate {
+            rest: &template.rest,
+            weights: &template.weights,
+            joints: &joints,
+            parents: &parents,
+            basis_count: config.shape_bases,
+            coefficients: config.coefficients,
+            frames,
+            anchored: config.residual_skeleton == ResidualSkeleton::Anchored,
+            zero_sum: config.residual_weights == ResidualWeights::ZeroSum,
+        };
+        let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
+        let model = avatar.tables.on_device(gpu, template, config, &deformation);
+        PosedAvatar { deformation, model, joint_count: template.joint_count(), frames }
+    }
+
+    /// Stores a pose as frame number `frame`.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the pose has another number of joints than the avatar, or there is no such frame.
+    pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &Pose) -> Result<(), RenderError> {
+        if pose.rotations.len() != self.joint_count {
+            return Err(RenderError::Invalid(format!(
+                "a pose of {} joints for an avatar of {}",
+                pose.rotations.len(),
+                self.joint_count
+            )));
+        }
+        if frame >= self.frames {
+            return Err(RenderError::Invalid(format!("frame {frame}, but there is room for {} poses", self.frames)));
+        }
+        let vectors = pose.rotations.iter().chain(std::iter::once(&pose.translation));
+        let values: Vec<f32> = vectors.flat_map(|v| v.as_vec3().to_array()).collect();
+        let offset = frame * pose_stride(self.joint_count) * size_of::<f32>();
+        gpu.queue.write_buffer(self.deformation.poses(), offset as u64, bytemuck::cast_slice(&values));
+        Ok(())
+    }
+
+    /// Encodes the posing of the current frame: after it the avatar's part of the table is that of the pose.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the property model fails.
+    pub fn encode(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        self.deformation.encode_skeleton(encoder);
+        self.model.forward(gpu, encoder)?;
+        self.deformation.encode_skin(encoder);
+        Ok(())
+    }
+
+    /// Makes the backward half: gradients of deformation and property model. `d_gaussians` is the gradient of the table,
+    /// `mobility` 1 for each joint whose rotation gets a gradient and 0 for the others.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has no room for it or was lost.
+    pub fn prepare_training(
+        &mut self,
+        gpu: &Gpu,
+        d_gaussians: &wgpu::Buffer,
+        mobility: &[f32],
+    ) -> Result<DeformationBackward, RenderError> {
+        let backward = gpu.scoped("the gradients of an avatar", || {
+            DeformationBackward::new(gpu, &self.deformation, d_gaussians, mobility)
+        })?;
+        self.model.prepare_training(gpu, &self.deformation, &backward)?;
+        Ok(backward)
+    }
+}

@@ -1,0 +1,142 @@
+//! Property models: what gives every Gaussian its properties in a pose.
+//!
+//! This is the seam between what an avatar has learned and how it is deformed and drawn. On disk a model is a variant of
+//! [`PropertyTables`]; on the device it is a [`PropertyModel`], which fills the [`Properties`] of a [`Deformation`].
+//! Everything before it (files, poses) and behind it (deformation, splatting, loss) does not know which model it serves.
+//! A new model is a folder here, a variant and a match arm each in this file, and its tensors in `file/`.
+//!
+//! [`Properties`]: ghand_render::deform::Properties
+
+pub mod direct;
+
+use ghand_render::deform::{Deformation, DeformationBackward};
+use ghand_render::{Gpu, RenderError};
+
+use crate::avatar::{AvatarConfig, Template};
+use direct::{DirectModel, DirectTables};
+
+/// What a property model has learned.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PropertyTables {
+    /// Free tables with a local, linear dependence on the pose.
+    Direct(DirectTables),
+}
+
+/// Learning rates of a step, after the schedule. 0 leaves what it is the rate of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PropertyRates {
+    /// Number of the step, from 1.
+    pub step: u64,
+    /// Of shape bases, metres.
+    pub shape_basis: f64,
+    /// Of residual skinning weights.
+    pub residual_weights: f64,
+    /// Of the skeleton regressor.
+    pub regressor: f64,
+    /// Of the Gaussians' sizes, logits.
+    pub scale: f64,
+    /// Of the colours that no pose changes, logits.
+    pub color: f64,
+    /// Of the parts of colour that poses change.
+    pub color_components: f64,
+    /// Of what the pose does to coefficients and colours.
+    pub response: f64,
+}
+
+/// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters and
+/// of the pose out.
+///
+/// A frame runs [`PropertyModel::forward`] behind the skeleton and before the rest of the deformation. A step of training
+/// then runs splatting, loss and their backward passes in one submission, and once the host knows that the frame was
+/// complete, [`PropertyModel::backward`] and [`PropertyModel::update`]. All three may encode into the encoder that they are
+/// given, which is submitted when they return, or submit work of their own and wait for it, as a network on the host does.
+pub trait PropertyModel {
+    /// Makes what training needs beside the forward pass: gradients and moments.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has no room for it or was lost.
+    fn prepare_training(
+        &mut self,
+        gpu: &Gpu,
+        deformation: &Deformation,
+        backward: &DeformationBackward,
+    ) -> Result<(), RenderError>;
+
+    /// Fills the properties for the pose of the deformation's frame. The posed chain is there.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    fn forward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
+
+    /// Carries the gradients of the properties to the parameters, and adds what the pose gets through the model to
+    /// [`DeformationBackward::d_local`]. The frame was complete.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost, or the model is not prepared for training.
+    fn backward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
+
+    /// Steps the parameters along their gradients.
+    ///
+    /// # Errors
+    /// As [`PropertyModel::backward`].
+    fn update(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        rates: &PropertyRates,
+    ) -> Result<(), RenderError>;
+
+    /// Reads back what the model has learned.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError>;
+
+    /// Reads back the few numbers by which all Gaussians depend on the pose: once one of them is not finite, training is
+    /// lost.
+    ///
+    /// # Errors
+    /// As [`PropertyModel::tables`].
+    fn pose_numbers(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
+
+    /// Reads back the gradients of the parameters by their names in the avatar file, for tests and plots.
+    ///
+    /// # Errors
+    /// As [`PropertyModel::backward`].
+    fn parameter_gradients(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError>;
+}
+
+impl PropertyTables {
+    /// Sets the colours that no pose changes (display values 0..1), one per Gaussian.
+    pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
+        match self {
+            PropertyTables::Direct(tables) => tables.set_base_colors(colors),
+        }
+    }
+
+    /// All learned numbers, with what they are called in messages.
+    pub fn parts(&self) -> Vec<(&'static str, &[f32])> {
+        match self {
+            PropertyTables::Direct(tables) => vec![
+                ("the shape bases", &tables.shape_basis),
+                ("the residual skinning weights", &tables.residual_weights),
+                ("the skeleton regressor", &tables.regressor),
+                ("colours or scales", &tables.appearance),
+                ("the pose response", &tables.response),
+            ],
+        }
+    }
+
+    /// Puts the model on the device, where it fills the properties of `deformation`.
+    pub fn on_device(
+        &self,
+        gpu: &Gpu,
+        template: &Template,
+        config: &AvatarConfig,
+        deformation: &Deformation,
+    ) -> Box<dyn PropertyModel> {
+        match self {
+            PropertyTables::Direct(tables) => Box::new(DirectModel::new(gpu, template, config, tables, deformation)),
+        }
+    }
+}

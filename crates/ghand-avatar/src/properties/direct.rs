@@ -1,0 +1,10 @@
+//! The `direct` property model: free tables over the Gaussians, and a local, linear dependence on the pose within limits.
+
+mod device;
+mod response_limits;
+mod tables;
+mod tensors;
+
+pub use device::{DirectModel, ResponseUniforms};
+pub use response_limits::{RESPONSE_MARGIN, unlimited};
+pub use tables::{DirectTables, table_lengths};

@@ -1,0 +1,265 @@
+//! The `direct` model on the device, host part of `pose_response.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use ghand_render::deform::{Deformation, DeformationBackward, JointSums};
+use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
+use ghand_render::pipeline::{Bound, Module};
+use ghand_render::{Gpu, RenderError, buffers};
+
+use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
+use crate::avatar::{AvatarConfig, Template, max_scale};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables};
+
+/// See `shaders/pose_response.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct ResponseUniforms {
+    /// Rows of the blend coefficients.
+    pub coefficient_rows: u32,
+    /// m.
+    pub color_components: u32,
+    /// Largest standard deviation, metres.
+    pub max_scale: f32,
+    /// Unused.
+    pub padding: u32,
+}
+
+/// A `direct` model: response and appearance of its own, and the shape bases, residual weights and regressor, which are
+/// properties as they are.
+pub struct DirectModel {
+    config: AvatarConfig,
+    count: usize,
+    joints: usize,
+    sizes: wgpu::Buffer,
+    joint_terms: wgpu::Buffer,
+    color_channels: wgpu::Buffer,
+    /// Learned: shape basis, residual weights, regressor, appearance, response; then the response's limits, which are not.
+    tables: [wgpu::Buffer; 6],
+    response_terms: Bound,
+    respond: Bound,
+    training: Option<Training>,
+}
+
+/// What only training needs.
+struct Training {
+    gradients: [wgpu::Buffer; 5],
+    respond_backward: Bound,
+    coefficient_sums: JointSums,
+    color_sums: JointSums,
+    response_backward: Bound,
+    adam: [AdamTable; 5],
+}
+
+/// Ranges of the appearance table with a learning rate of their own: scale, base colour, components.
+const APPEARANCE_SLOTS: usize = 3;
+
+impl DirectModel {
+    /// Puts tables on the device; they fill the properties of `deformation`.
+    pub fn new(
+        gpu: &Gpu,
+        template: &Template,
+        config: &AvatarConfig,
+        tables: &DirectTables,
+        deformation: &Deformation,
+    ) -> DirectModel {
+        let (count, joints) = (template.len(), template.joint_count());
+        let p = deformation.properties();
+        let as_property = |buffer: &wgpu::Buffer, values: &[f32]| {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+            buffer.clone()
+        };
+        let on_device = [
+            as_property(&p.shape_basis, &tables.shape_basis),
+            as_property(&p.residual_weights, &tables.residual_weights),
+            as_property(&p.regressor, &tables.regressor),
+            buffers::filled(gpu, "appearance", &tables.appearance),
+            buffers::filled(gpu, "response", &tables.response),
+            buffers::filled(gpu, "response limits", &tables.response_limits),
+        ];
+        let sizes = ResponseUniforms {
+            coefficient_rows: config.coefficient_rows() as u32,
+            color_components: config.color_components as u32,
+            max_scale: max_scale(template),
+            padding: 0,
+        };
+        let sizes = buffers::uniform(gpu, "response sizes", &sizes);
+        let joint_terms = buffers::zeroed(gpu, "joint terms", config.channels() * joints);
+        let color_channels = buffers::zeroed(gpu, "color channels", config.color_components * count);
+        let module = Module::new(gpu, "pose_response");
+        let all = named(deformation, &sizes, &on_device, &joint_terms, &color_channels);
+        let response_terms = module.stage(gpu, "response_terms", &[]).bind(gpu, &all);
+        let respond = module.stage(gpu, "respond", &[]).bind(gpu, &all);
+        DirectModel {
+            response_terms,
+            respond,
+            config: config.clone(),
+            count,
+            joints,
+            sizes,
+            joint_terms,
+            color_channels,
+            tables: on_device,
+            training: None,
+        }
+    }
+
+    fn lengths(&self) -> [usize; 6] {
+        table_lengths(self.count, self.joints, &self.config)
+    }
+}
+
+/// The forward stages' buffers by their names in the shader.
+fn named<'a>(
+    deformation: &'a Deformation,
+    sizes: &'a wgpu::Buffer,
+    tables: &'a [wgpu::Buffer; 6],
+    joint_terms: &'a wgpu::Buffer,
+    color_channels: &'a wgpu::Buffer,
+) -> Vec<(&'static str, &'a wgpu::Buffer)> {
+    let p = deformation.properties();
+    let [.., appearance, response, limits] = tables;
+    vec![
+        ("pose", deformation.uniforms()),
+        ("response_sizes", sizes),
+        ("response", response),
+        ("response_limits", limits),
+        ("chain", deformation.chain()),
+        ("joint_terms", joint_terms),
+        ("weights", deformation.weights()),
+        ("appearance", appearance),
+        ("coefficients", &p.coefficients),
+        ("color_channels", color_channels),
+        ("scale", &p.scale),
+        ("color", &p.color),
+    ]
+}
+
+impl PropertyModel for DirectModel {
+    fn prepare_training(
+        &mut self,
+        gpu: &Gpu,
+        deformation: &Deformation,
+        backward: &DeformationBackward,
+    ) -> Result<(), RenderError> {
+        let lengths = self.lengths();
+        let what = format!("the gradients of an avatar of {} Gaussians", self.count);
+        let (gradients, respond_backward, coefficient_sums, color_sums, response_backward) =
+            gpu.scoped(&what, || {
+                let d = backward.gradients();
+                let gradients = [
+                    d.shape_basis.clone(),
+                    d.residual_weights.clone(),
+                    d.regressor.clone(),
+                    buffers::zeroed(gpu, "d appearance", lengths[3]),
+                    buffers::zeroed(gpu, "d response", lengths[4]),
+                ];
+                let d_color_channels =
+                    buffers::zeroed(gpu, "d color channels", self.config.color_components * self.count);
+                let sums = |right: &wgpu::Buffer, rows: usize| {
+                    JointSums::new(gpu, deformation.weights(), self.joints, right, 0, rows, self.count)
+                };
+                let coefficient_sums = sums(&d.coefficients, self.config.coefficient_rows());
+                let color_sums = sums(&d_color_channels, self.config.color_components);
+                let module = Module::new(gpu, "pose_response");
+                let mut all = named(deformation, &self.sizes, &self.tables, &self.joint_terms, &self.color_channels);
+                all.extend([
+                    ("d_scale", &d.scale),
+                    ("d_color", &d.color),
+                    ("d_appearance", &gradients[3]),
+                    ("d_color_channels", &d_color_channels),
+                    ("d_coefficient_terms", &coefficient_sums.total),
+                    ("d_color_terms", &color_sums.total),
+                    ("d_response", &gradients[4]),
+                    ("d_local", backward.d_local()),
+                ]);
+                let respond_backward = module.stage(gpu, "respond_backward", &[]).bind(gpu, &all);
+                let response_backward = module.stage(gpu, "response_backward", &[]).bind(gpu, &all);
+                (gradients, respond_backward, coefficient_sums, color_sums, response_backward)
+            })?;
+        let adam = Adam::new(gpu)?;
+        let table =
+            |i: usize, slots| adam.table(gpu, &self.tables[i], &gradients[i], lengths[i], slots, Grouping::Scalars);
+        let adam = [table(0, 1)?, table(1, 1)?, table(2, 1)?, table(3, APPEARANCE_SLOTS)?, table(4, 1)?];
+        self.training =
+            Some(Training { gradients, respond_backward, coefficient_sums, color_sums, response_backward, adam });
+        Ok(())
+    }
+
+    fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        let mut pass = pass(encoder, "pose response");
+        self.response_terms.dispatch(&mut pass, ((self.config.channels() * self.joints) as u32).div_ceil(64));
+        // Four points an invocation.
+        self.respond.dispatch(&mut pass, (self.count as u32).div_ceil(64).div_ceil(4));
+        Ok(())
+    }
+
+    fn backward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        let mut pass = pass(encoder, "pose response backward");
+        training.respond_backward.dispatch(&mut pass, (self.count as u32).div_ceil(64));
+        training.coefficient_sums.encode(&mut pass);
+        training.color_sums.encode(&mut pass);
+        let invocations = self.config.channels().max(self.joints) as u32;
+        training.response_backward.dispatch(&mut pass, invocations.div_ceil(64));
+        Ok(())
+    }
+
+    fn update(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        rates: &PropertyRates,
+    ) -> Result<(), RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        let (n, lengths) = (self.count, self.lengths());
+        let mut pass = pass(encoder, "update");
+        // Rows of the appearance table: scale, base colour (3), components.
+        let ranges = [
+            (0, 0, 0..lengths[0], rates.shape_basis),
+            (1, 0, 0..lengths[1], rates.residual_weights),
+            (2, 0, 0..lengths[2], rates.regressor),
+            (3, 0, 0..n, rates.scale),
+            (3, 1, n..APPEARANCE_ROWS * n, rates.color),
+            (3, 2, APPEARANCE_ROWS * n..lengths[3], rates.color_components),
+            (4, 0, 0..lengths[4], rates.response),
+        ];
+        for (table, slot, range, rate) in ranges {
+            if rate > 0.0 && !range.is_empty() {
+                let start = range.start;
+                training.adam[table].encode(gpu, &mut pass, slot, &AdamUniforms::new(range, start, rate, rates.step));
+            }
+        }
+        Ok(())
+    }
+
+    fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError> {
+        let [shape, weights, regressor, appearance, response, limits] = self.lengths();
+        Ok(PropertyTables::Direct(DirectTables {
+            shape_basis: buffers::read(gpu, &self.tables[0], shape)?,
+            residual_weights: buffers::read(gpu, &self.tables[1], weights)?,
+            regressor: buffers::read(gpu, &self.tables[2], regressor)?,
+            appearance: buffers::read(gpu, &self.tables[3], appearance)?,
+            response: buffers::read(gpu, &self.tables[4], response)?,
+            response_limits: buffers::read(gpu, &self.tables[5], limits)?,
+        }))
+    }
+
+    fn pose_numbers(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
+        buffers::read(gpu, &self.tables[4], self.lengths()[4])
+    }
+
+    fn parameter_gradients(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        let names = ["shape_basis", "residual_weights", "skeleton_regressor", "appearance", "response"];
+        let read = |i: usize| Ok((names[i], buffers::read(gpu, &training.gradients[i], self.lengths()[i])?));
+        (0..names.len()).map(read).collect()
+    }
+}
+
+fn not_prepared() -> RenderError {
+    RenderError::Invalid("the property model was not prepared for training".into())
+}
+
+fn pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
+}

@@ -1,0 +1,113 @@
+//! The learned numbers of a `direct` avatar.
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+
+use super::response_limits::unlimited;
+use crate::avatar::{AvatarConfig, Template, max_scale};
+
+/// Rows of the appearance table before the colour components: scale logit and base colour.
+pub(super) const APPEARANCE_ROWS: usize = 4;
+
+/// The learned numbers of a direct avatar; all tables are row-major `[rows][N]` unless said otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DirectTables {
+    /// S, `[n * 3][N]`, metres.
+    pub shape_basis: Vec<f32>,
+    /// W^, `[n_b][N]`.
+    pub residual_weights: Vec<f32>,
+    /// R, `[n_b][N]`.
+    pub regressor: Vec<f32>,
+    /// Scale logit, base colour logits (3), colour components (3 each), `[4 + 3 m][N]`.
+    pub appearance: Vec<f32>,
+    /// Biases `[n + m]`, then gains `[n + m][n_b][9]`.
+    pub response: Vec<f32>,
+    /// Smallest and largest term of each joint in each channel of the response, `[n + m][n_b][2]`; not learned.
+    pub response_limits: Vec<f32>,
+}
+
+/// Lengths of the tables of [`DirectTables`], in the order of its fields.
+pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usize; 6] {
+    let channels = config.channels();
+    [
+        3 * config.shape_bases * count,
+        joints * count,
+        joints * count,
+        (APPEARANCE_ROWS + 3 * config.color_components) * count,
+        channels + channels * joints * 9,
+        channels * joints * 2,
+    ]
+}
+
+/// Standard deviation of the bases that start without effect: far below what shows, enough to break symmetry.
+const BASIS_NOISE: f32 = 1e-4;
+/// The same for the colour components, in logits.
+const COMPONENT_NOISE: f32 = 0.1;
+/// Standard deviation of a fresh Gaussian in multiples of its spacing: neighbours just close the surface.
+const START_SCALE: f32 = 0.7;
+
+fn logit(x: f32) -> f32 {
+    (x / (1.0 - x)).ln()
+}
+
+impl DirectTables {
+    /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
+    /// coefficient of 1; all others and all colour components start with coefficient 0.
+    ///
+    /// Against the `normals` (N, outwards) the first basis pushes each Gaussian inwards by `inset` times its size: splats
+    /// reach beyond their centres, and the silhouette should start where the surface ends.
+    pub fn untrained(
+        template: &Template,
+        normals: &[DVec3],
+        inset: f64,
+        config: &AvatarConfig,
+        color: [f64; 3],
+        seed: u64,
+    ) -> DirectTables {
+        let (count, joints) = (template.len(), template.joint_count());
+        let lengths = table_lengths(count, joints, config);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        // The sum of four uniform numbers: near enough to a normal one, and the same bits everywhere.
+        let mut noise = |size: f32| -> f32 {
+            let sum: f32 = (0..4).map(|_| rng.random_range(-1.0f32..1.0)).sum();
+            sum * size * (3.0f32 / 4.0).sqrt()
+        };
+        let mut shape_basis = vec![0.0; lengths[0]];
+        shape_basis.iter_mut().skip(3 * count).for_each(|s| *s = noise(BASIS_NOISE));
+        for (c, row) in shape_basis.chunks_exact_mut(count.max(1)).take(3).enumerate() {
+            for ((slot, normal), spacing) in row.iter_mut().zip(normals).zip(&template.spacings) {
+                *slot = -(normal[c] * inset) as f32 * START_SCALE * spacing;
+            }
+        }
+        let largest = max_scale(template);
+        let mut appearance: Vec<f32> =
+            template.spacings.iter().map(|s| logit((START_SCALE * s / largest).clamp(0.02, 0.9))).collect();
+        for channel in color {
+            appearance.extend(std::iter::repeat_n(logit((channel as f32).clamp(0.01, 0.99)), count));
+        }
+        appearance.extend((0..lengths[3] - APPEARANCE_ROWS * count).map(|_| noise(COMPONENT_NOISE)));
+        let mut response = vec![0.0; lengths[4]];
+        // The first basis has a coefficient of 1 in each of its rows.
+        let rows = config.coefficients.rows().min(config.coefficient_rows());
+        response.iter_mut().take(rows).for_each(|bias| *bias = 1.0);
+        DirectTables {
+            shape_basis,
+            residual_weights: vec![0.0; lengths[1]],
+            regressor: vec![0.0; lengths[2]],
+            appearance,
+            response,
+            response_limits: unlimited(lengths[5] / 2),
+        }
+    }
+}
+
+impl DirectTables {
+    /// Sets the base colour of each Gaussian (display values 0..1), as many as there are.
+    pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
+        let count = colors.len();
+        for channel in 0..3 {
+            let row = self.appearance.iter_mut().skip((1 + channel) * count);
+            row.zip(colors).for_each(|(slot, color)| *slot = logit((color[channel] as f32).clamp(0.01, 0.99)));
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Composes the WGSL of every stage: each file in `shaders/` and `shaders/fast/` with what it imports from
+//! `shaders/shared/` (WESL imports). An import that does not exist fails the build and names file and line.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+use wesl::{ManglerKind, ModulePath, Wesl};
+
+fn main() {
+    if let Err(error) = write_sources() {
+        eprintln!("{error}");
+        std::process::exit(1);
+    }
+}
+
+fn write_sources() -> Result<(), Box<dyn Error>> {
+    let shaders = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
+    println!("cargo::rerun-if-changed={}", shaders.display());
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    let mut table = String::from("&[\n");
+    for (folder, prefix) in [("", ""), ("fast", "fast/")] {
+        for stage in stages(&shaders.join(folder))? {
+            let name = format!("{prefix}{stage}");
+            let composed = compose(&shaders, &name, !folder.is_empty())?;
+            let file = out.join(format!("{}.wgsl", name.replace('/', "_")));
+            fs::write(&file, composed)?;
+            writeln!(table, "    ({name:?}, include_str!({:?})),", file.display().to_string())?;
+        }
+    }
+    table.push(']');
+    fs::write(out.join("shaders.rs"), table)?;
+    Ok(())
+}
+
+/// Names of the stages in a folder, sorted.
+fn stages(folder: &Path) -> Result<Vec<String>, Box<dyn Error>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if let (Some("wgsl"), Some(stem)) = (path.extension().and_then(|e| e.to_str()), path.file_stem()) {
+            names.push(stem.to_string_lossy().into_owned());
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+fn compose(shaders: &Path, name: &str, fast: bool) -> Result<String, Box<dyn Error>> {
+    let mut compiler = Wesl::new(shaders);
+    // Names are unique in the project, so that they stay as they are: host code finds buffers and structs by them.
+    compiler.set_mangler(ManglerKind::None).set_feature("fast", fast);
+    let path: ModulePath = format!("package::{}", name.replace('/', "::")).parse()?;
+    let composed = compiler.compile(&path).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
+    Ok(composed.to_string())
+}

@@ -1,0 +1,60 @@
+//! Binding by name: which number the WGSL gives a buffer or texture is read from the WGSL.
+
+use std::collections::BTreeMap;
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+use crate::shader_sources;
+
+/// Number of each binding of `@group(0)` that some entry points use, by its name in the WGSL.
+#[derive(Debug, Clone, Default)]
+pub struct Bindings {
+    numbers: BTreeMap<String, u32>,
+}
+
+impl Bindings {
+    /// The bindings that any of these entry points of a shader uses.
+    ///
+    /// # Panics
+    /// Panics if there is no shader of that name.
+    pub fn new(shader: &str, entry_points: &[&str]) -> Bindings {
+        Bindings::in_source(shader_sources::source(shader), entry_points)
+    }
+
+    /// The bindings that any of these entry points of a WGSL source uses. None if it is not valid, which the device reports.
+    pub fn in_source(source: &str, entry_points: &[&str]) -> Bindings {
+        let Ok(module) = naga::front::wgsl::parse_str(source) else { return Bindings::default() };
+        let Ok(info) = Validator::new(ValidationFlags::empty(), Capabilities::all()).validate(&module) else {
+            return Bindings::default();
+        };
+        let mut numbers = BTreeMap::new();
+        for (index, _) in module.entry_points.iter().enumerate().filter(|(_, e)| entry_points.contains(&&*e.name)) {
+            let uses = info.get_entry_point(index);
+            let used = module.global_variables.iter().filter(|(handle, _)| !uses[*handle].is_empty());
+            numbers.extend(used.filter_map(|(_, v)| Some((v.name.clone()?, v.binding?.binding))));
+        }
+        Bindings { numbers }
+    }
+
+    /// The bind group of those of `resources` that are used; others are left aside, so that all stages of a shader can be
+    /// given the same list.
+    ///
+    /// # Panics
+    /// Panics if a resource that is used is missing: the program is wrong, not its input.
+    pub fn group(
+        &self,
+        device: &wgpu::Device,
+        label: &str,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[(&str, wgpu::BindingResource<'_>)],
+    ) -> wgpu::BindGroup {
+        let resource = |name: &str| {
+            let found = resources.iter().find(|(given, _)| *given == name);
+            found.unwrap_or_else(|| panic!("{label}: nothing is bound to `{name}`")).1.clone()
+        };
+        let entry =
+            |(name, number): (&String, &u32)| wgpu::BindGroupEntry { binding: *number, resource: resource(name) };
+        let entries: Vec<_> = self.numbers.iter().map(entry).collect();
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+    }
+}

@@ -1,0 +1,414 @@
+//! From the properties of a hand's Gaussians and a pose to posed Gaussians, and the gradient back (paper eq. 7 to 11).
+//!
+//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin; backwards in the opposite order. One file
+//! for each stage, named as its shaders and its twin in `ghand-core`. All tables are joint- or component-major
+//! (`[rows][N]`), so that neighbouring invocations touch neighbouring words.
+
+mod blend_shapes;
+mod joint_sums;
+mod properties;
+mod residual_skeleton;
+mod skeleton;
+mod skin;
+
+use bytemuck::{Pod, Zeroable};
+
+pub use ghand_core::blend_shapes::CoefficientLayout;
+pub use joint_sums::{JointSums, SumUniforms};
+pub use properties::{Properties, PropertySizes};
+
+use crate::{Gpu, buffers};
+use blend_shapes::{BlendShapes, BlendShapesBackward};
+use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
+use skeleton::{Skeleton, SkeletonBackward};
+use skin::{Skin, SkinBackward};
+
+/// Floats of one joint in a chain, as in `shaders/shared/pose.wgsl`.
+pub const CHAIN_STRIDE: usize = 33;
+/// Rows of the table of offsets and points.
+const OFFSET_ROWS: usize = 6;
+/// Rows of the table of skinning gradients.
+const SKIN_GRADIENT_ROWS: usize = 15;
+/// First of the rows of moments in it, as in `shaders/shared/pose.wgsl`, and how many there are.
+pub const ROW_MOMENT: u32 = 3;
+const MOMENT_ROWS: usize = 12;
+/// Rows of the splatter's table that the properties give: standard deviation and colour, behind the mean.
+const ROW_SCALE: u64 = 3;
+const ROW_COLOR: u64 = 4;
+
+/// See `shaders/shared/pose.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct PoseUniforms {
+    /// N.
+    pub gaussian_count: u32,
+    /// `n_b`.
+    pub joint_count: u32,
+    /// n.
+    pub basis_count: u32,
+    /// Where the frame's pose starts in the poses, floats.
+    pub pose_offset: u32,
+    /// Whether the residual skeleton stands on the rest joints.
+    pub anchored: u32,
+    /// Whether the mean over joints is taken off the residual weights.
+    pub zero_sum: u32,
+    /// Columns of the splatter's table.
+    pub table_columns: u32,
+    /// The hand's first column in it.
+    pub table_first: u32,
+}
+
+/// The hand that a deformation is made for.
+#[derive(Debug, Clone, Copy)]
+pub struct Template<'a> {
+    /// Rest positions, `[3][N]`, metres.
+    pub rest: &'a [f32],
+    /// Skinning weights, `[n_b][N]`.
+    pub weights: &'a [f32],
+    /// Rest joints, `[n_b][3]`, metres.
+    pub joints: &'a [f32],
+    /// Parent of each joint, -1 for the root.
+    pub parents: &'a [i32],
+    /// Number of shape bases, n.
+    pub basis_count: usize,
+    /// Layout of the blend coefficients.
+    pub coefficients: CoefficientLayout,
+    /// How many poses the pose table holds.
+    pub frames: usize,
+    /// Whether the residual skeleton stands on the rest joints.
+    pub anchored: bool,
+    /// Whether the mean over joints is taken off the residual weights.
+    pub zero_sum: bool,
+}
+
+/// Where a hand's Gaussians lie in a splatter's table, `[rows][columns]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TablePlace {
+    /// Columns of the table: all Gaussians of the scene.
+    pub columns: usize,
+    /// The hand's first column.
+    pub first: usize,
+}
+
+impl TablePlace {
+    /// The only hand of a scene, with so many Gaussians.
+    pub fn alone(gaussians: usize) -> TablePlace {
+        TablePlace { columns: gaussians, first: 0 }
+    }
+
+    /// Byte offset of the hand's first number in a row.
+    fn byte(self, row: u64) -> u64 {
+        (row * self.columns as u64 + self.first as u64) * size_of::<f32>() as u64
+    }
+}
+
+/// Number of floats of a pose of `joint_count` joints: a rotation each, and the translation.
+pub fn pose_stride(joint_count: usize) -> usize {
+    3 * joint_count + 3
+}
+
+/// Workgroups of stages that handle four points an invocation (`shaders/shared/four.wgsl`).
+fn groups_of_four(count: u32) -> u32 {
+    count.div_ceil(4).div_ceil(64)
+}
+
+fn groups(count: u32) -> u32 {
+    count.div_ceil(64)
+}
+
+/// Every buffer of the forward stages.
+struct ForwardBuffers {
+    pose: wgpu::Buffer,
+    poses: wgpu::Buffer,
+    rest: wgpu::Buffer,
+    weights: wgpu::Buffer,
+    joints: wgpu::Buffer,
+    parents: wgpu::Buffer,
+    chain: wgpu::Buffer,
+    residual_joints: wgpu::Buffer,
+    residual_chain: wgpu::Buffer,
+    offsets: wgpu::Buffer,
+    properties: Properties,
+    gaussians: wgpu::Buffer,
+}
+
+impl ForwardBuffers {
+    /// The buffers by their names in the shaders.
+    fn named(&self) -> Vec<(&str, &wgpu::Buffer)> {
+        let p = &self.properties;
+        vec![
+            ("pose", &self.pose),
+            ("poses", &self.poses),
+            ("rest", &self.rest),
+            ("weights", &self.weights),
+            ("joints", &self.joints),
+            ("parents", &self.parents),
+            ("chain", &self.chain),
+            ("residual_joints", &self.residual_joints),
+            ("residual_chain", &self.residual_chain),
+            ("offsets", &self.offsets),
+            ("shape_basis", &p.shape_basis),
+            ("coefficients", &p.coefficients),
+            ("residual_weights", &p.residual_weights),
+            ("regressor", &p.regressor),
+            ("gaussians", &self.gaussians),
+        ]
+    }
+}
+
+/// A hand's deformation: poses and properties to Gaussians in a splatter's table.
+pub struct Deformation {
+    buffers: ForwardBuffers,
+    current: PoseUniforms,
+    place: TablePlace,
+    skeleton: Skeleton,
+    blend_shapes: BlendShapes,
+    residual_skeleton: ResidualSkeleton,
+    skin: Skin,
+}
+
+impl Deformation {
+    /// A deformation that fills the rows of mean, standard deviation and colour of `gaussians`, the table of a splatter of
+    /// round Gaussians with plain colours, at `place`.
+    pub fn new(gpu: &Gpu, template: &Template, gaussians: &wgpu::Buffer, place: TablePlace) -> Deformation {
+        let joints = template.parents.len();
+        let count = template.rest.len() / 3;
+        let current = PoseUniforms {
+            gaussian_count: count as u32,
+            joint_count: joints as u32,
+            basis_count: template.basis_count as u32,
+            pose_offset: 0,
+            anchored: template.anchored.into(),
+            zero_sum: template.zero_sum.into(),
+            table_columns: place.columns as u32,
+            table_first: place.first as u32,
+        };
+        let sizes = PropertySizes {
+            gaussians: count,
+            joints,
+            bases: template.basis_count,
+            coefficients: template.coefficients,
+        };
+        let buffers = ForwardBuffers {
+            pose: buffers::uniform(gpu, "pose", &current),
+            poses: buffers::zeroed(gpu, "poses", template.frames * pose_stride(joints)),
+            rest: buffers::filled(gpu, "rest", template.rest),
+            weights: buffers::filled(gpu, "weights", template.weights),
+            joints: buffers::filled(gpu, "joints", template.joints),
+            parents: buffers::filled(gpu, "parents", template.parents),
+            chain: buffers::zeroed(gpu, "chain", CHAIN_STRIDE * joints),
+            residual_joints: buffers::zeroed(gpu, "residual joints", 3 * joints),
+            residual_chain: buffers::zeroed(gpu, "residual chain", CHAIN_STRIDE * joints),
+            offsets: buffers::zeroed(gpu, "offsets", OFFSET_ROWS * count),
+            properties: Properties::zeroed(gpu, sizes),
+            gaussians: gaussians.clone(),
+        };
+        Deformation {
+            skeleton: Skeleton::new(gpu, &buffers),
+            blend_shapes: BlendShapes::new(gpu, &buffers),
+            residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
+            skin: Skin::new(gpu, &buffers),
+            buffers,
+            current,
+            place,
+        }
+    }
+
+    /// The properties, for a property model to fill.
+    pub fn properties(&self) -> &Properties {
+        &self.buffers.properties
+    }
+
+    /// The uniforms, for stages of a property model.
+    pub fn uniforms(&self) -> &wgpu::Buffer {
+        &self.buffers.pose
+    }
+
+    /// The posed chain, see `shaders/shared/pose.wgsl`. A property model may depend on it.
+    pub fn chain(&self) -> &wgpu::Buffer {
+        &self.buffers.chain
+    }
+
+    /// Residual joints, `[n_b][3]`, metres, and their posed chain.
+    pub fn residual_chain(&self) -> [&wgpu::Buffer; 2] {
+        [&self.buffers.residual_joints, &self.buffers.residual_chain]
+    }
+
+    /// Offsets Delta, then points x_c + Delta, `[6][N]`, metres.
+    pub fn offsets(&self) -> &wgpu::Buffer {
+        &self.buffers.offsets
+    }
+
+    /// Skinning weights, `[n_b][N]`.
+    pub fn weights(&self) -> &wgpu::Buffer {
+        &self.buffers.weights
+    }
+
+    /// Rest joints, `[n_b][3]`, metres.
+    pub fn joints(&self) -> &wgpu::Buffer {
+        &self.buffers.joints
+    }
+
+    /// Poses, `[frames][n_b * 3 + 3]`: axis-angles, then the translation.
+    pub fn poses(&self) -> &wgpu::Buffer {
+        &self.buffers.poses
+    }
+
+    /// Chooses the frame whose pose is used by what is submitted from now on.
+    pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
+        self.current.pose_offset = (frame * pose_stride(self.current.joint_count as usize)) as u32;
+        gpu.queue.write_buffer(&self.buffers.pose, 0, bytemuck::bytes_of(&self.current));
+    }
+
+    /// Encodes the chain, which a property model may read.
+    pub fn encode_skeleton(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.skeleton.encode(&mut pass(encoder, "skeleton"));
+    }
+
+    /// Encodes everything behind the property model.
+    pub fn encode_skin(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = pass(encoder, "deform");
+        self.blend_shapes.encode(&mut pass);
+        self.residual_skeleton.encode(&mut pass);
+        self.skin.encode(&mut pass);
+        drop(pass);
+        let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
+        encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, self.place.byte(ROW_SCALE), row);
+        for c in 0..3 {
+            let to = self.place.byte(ROW_COLOR + c);
+            encoder.copy_buffer_to_buffer(&p.color, c * row, &self.buffers.gaussians, to, row);
+        }
+    }
+}
+
+/// Bytes of a row of N floats.
+fn row_bytes(uniforms: &PoseUniforms) -> u64 {
+    u64::from(uniforms.gaussian_count) * size_of::<f32>() as u64
+}
+
+fn pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
+}
+
+/// Every buffer that the backward stages add.
+struct BackwardBuffers {
+    d_gaussians: wgpu::Buffer,
+    d_skin: wgpu::Buffer,
+    d_residual_joints: wgpu::Buffer,
+    d_joints: wgpu::Buffer,
+    d_local: wgpu::Buffer,
+    d_pose: wgpu::Buffer,
+    mobility: wgpu::Buffer,
+    gradients: Properties,
+}
+
+impl BackwardBuffers {
+    /// The buffers by their names in the shaders.
+    fn named(&self) -> Vec<(&str, &wgpu::Buffer)> {
+        let g = &self.gradients;
+        vec![
+            ("d_gaussians", &self.d_gaussians),
+            ("d_skin", &self.d_skin),
+            ("d_residual_joints", &self.d_residual_joints),
+            ("d_joints", &self.d_joints),
+            ("d_local", &self.d_local),
+            ("d_pose", &self.d_pose),
+            ("mobility", &self.mobility),
+            ("d_shape_basis", &g.shape_basis),
+            ("d_coefficients", &g.coefficients),
+            ("d_residual_weights", &g.residual_weights),
+            ("d_regressor", &g.regressor),
+        ]
+    }
+}
+
+/// The backward half of a [`Deformation`]. In order: [`DeformationBackward::encode_points`], what a loss says of offsets
+/// and properties themselves, [`DeformationBackward::encode_properties`], the property model's backward pass, which adds to
+/// [`DeformationBackward::d_local`], and [`DeformationBackward::encode_pose`].
+pub struct DeformationBackward {
+    buffers: BackwardBuffers,
+    place: TablePlace,
+    row_bytes: u64,
+    skin: SkinBackward,
+    residual_skeleton: ResidualSkeletonBackward,
+    blend_shapes: BlendShapesBackward,
+    skeleton: SkeletonBackward,
+}
+
+impl DeformationBackward {
+    /// The backward half of `forward`; `d_gaussians` is the gradient of the table of Gaussians. `mobility` is 1 for each
+    /// joint whose rotation gets a gradient and 0 for the others.
+    pub fn new(gpu: &Gpu, forward: &Deformation, d_gaussians: &wgpu::Buffer, mobility: &[f32]) -> DeformationBackward {
+        let b = &forward.buffers;
+        let sizes = b.properties.sizes;
+        let d = BackwardBuffers {
+            d_gaussians: d_gaussians.clone(),
+            d_skin: buffers::zeroed(gpu, "d_skin", SKIN_GRADIENT_ROWS * sizes.gaussians),
+            d_residual_joints: buffers::zeroed(gpu, "d_residual_joints", 3 * sizes.joints),
+            d_joints: buffers::zeroed(gpu, "d_joints", 3 * sizes.joints),
+            d_local: buffers::zeroed(gpu, "d_local", 9 * sizes.joints),
+            d_pose: buffers::zeroed(gpu, "d_pose", pose_stride(sizes.joints)),
+            mobility: buffers::filled(gpu, "mobility", mobility),
+            gradients: Properties::zeroed(gpu, sizes),
+        };
+        DeformationBackward {
+            skin: SkinBackward::new(gpu, b, &d),
+            residual_skeleton: ResidualSkeletonBackward::new(gpu, b, &d),
+            blend_shapes: BlendShapesBackward::new(gpu, b, &d),
+            skeleton: SkeletonBackward::new(gpu, b, &d),
+            place: forward.place,
+            row_bytes: row_bytes(&forward.current),
+            buffers: d,
+        }
+    }
+
+    /// Gradients of the properties, shaped like them.
+    pub fn gradients(&self) -> &Properties {
+        &self.buffers.gradients
+    }
+
+    /// dL/d(pose) of the frame, `[n_b * 3 + 3]`.
+    pub fn d_pose(&self) -> &wgpu::Buffer {
+        &self.buffers.d_pose
+    }
+
+    /// dL/d(rest joints), `[n_b][3]`.
+    pub fn d_joints(&self) -> &wgpu::Buffer {
+        &self.buffers.d_joints
+    }
+
+    /// dL/d(local rotations), `[n_b][9]`, row-major. A property model that depends on the pose adds its part between
+    /// [`DeformationBackward::encode_properties`] and [`DeformationBackward::encode_pose`].
+    pub fn d_local(&self) -> &wgpu::Buffer {
+        &self.buffers.d_local
+    }
+
+    /// In its first three rows dL/d(offset), `[3][N]`, between [`DeformationBackward::encode_points`] and
+    /// [`DeformationBackward::encode_properties`]: what a loss says of the offsets themselves is added to it.
+    pub fn d_offsets(&self) -> &wgpu::Buffer {
+        &self.buffers.d_skin
+    }
+
+    /// Encodes the way from the table of Gaussians to scale, colour, residual weights and points.
+    pub fn encode_points(&self, encoder: &mut wgpu::CommandEncoder) {
+        let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
+        encoder.copy_buffer_to_buffer(&b.d_gaussians, self.place.byte(ROW_SCALE), &g.scale, 0, row);
+        for c in 0..3 {
+            let from = self.place.byte(ROW_COLOR + c);
+            encoder.copy_buffer_to_buffer(&b.d_gaussians, from, &g.color, c * row, row);
+        }
+        self.skin.encode(&mut pass(encoder, "deform backward"));
+    }
+
+    /// Encodes the way from the points to all other properties; the local rotations get the residual skeleton's part.
+    pub fn encode_properties(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = pass(encoder, "property gradients");
+        self.residual_skeleton.encode(&mut pass);
+        self.blend_shapes.encode(&mut pass);
+    }
+
+    /// Encodes the way to pose and rest joints.
+    pub fn encode_pose(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.skeleton.encode(&mut pass(encoder, "pose gradient"));
+    }
+}

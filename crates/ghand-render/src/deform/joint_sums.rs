@@ -1,0 +1,74 @@
+//! Host part of `joint_sums.wgsl`: products of two tables summed over the Gaussians. How offsets reach joints, and
+//! gradients of points reach bones.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::groups;
+use crate::pipeline::{Bound, Module};
+use crate::{Gpu, buffers};
+
+/// See `shaders/joint_sums.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct SumUniforms {
+    /// N.
+    pub count: u32,
+    /// Rows of the left table, all of which take part.
+    pub left_rows: u32,
+    /// Rows of the right table that take part.
+    pub right_rows: u32,
+    /// The first of them.
+    pub right_offset: u32,
+}
+
+/// `total[k][m] = sum_p left[k][p] right[offset + m][p]`, in a fixed order.
+pub struct JointSums {
+    /// The result, `[left_rows][right_rows]`.
+    pub total: wgpu::Buffer,
+    strands: Bound,
+    finish: Bound,
+    groups: u32,
+    outputs: u32,
+}
+
+impl JointSums {
+    /// Strands of the sum, as in the shader.
+    pub const STRANDS: usize = 64;
+
+    /// Sums over the `count` columns of `left` (`left_rows` rows) and of `right_rows` rows of `right` from `offset` on.
+    pub fn new(
+        gpu: &Gpu,
+        left: &wgpu::Buffer,
+        left_rows: usize,
+        right: &wgpu::Buffer,
+        offset: u32,
+        right_rows: usize,
+        count: usize,
+    ) -> JointSums {
+        let module = Module::new(gpu, "joint_sums");
+        let sizes = SumUniforms {
+            count: count as u32,
+            left_rows: left_rows as u32,
+            right_rows: right_rows as u32,
+            right_offset: offset,
+        };
+        let uniforms = buffers::uniform(gpu, "joint sums", &sizes);
+        let outputs = left_rows * right_rows;
+        let strands = buffers::zeroed(gpu, "joint sum strands", outputs * Self::STRANDS);
+        let total = buffers::zeroed(gpu, "joint sums", outputs);
+        let all = [("sums", &uniforms), ("left", left), ("right", right), ("partial", &strands), ("total", &total)];
+        JointSums {
+            strands: module.stage(gpu, "joint_sums_strands", &[]).bind(gpu, &all),
+            finish: module.stage(gpu, "joint_sums_total", &[]).bind(gpu, &all),
+            groups: (left_rows.div_ceil(4) * right_rows.div_ceil(4)) as u32,
+            outputs: outputs as u32,
+            total,
+        }
+    }
+
+    /// Encodes the sum.
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.strands.dispatch(pass, self.groups);
+        self.finish.dispatch(pass, groups(self.outputs));
+    }
+}

@@ -1,0 +1,56 @@
+//! What a property model fills and the deformation and the projection read.
+
+use ghand_core::blend_shapes::CoefficientLayout;
+
+use crate::{Gpu, buffers};
+
+/// Sizes of the properties of one hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PropertySizes {
+    /// Gaussians, N.
+    pub gaussians: usize,
+    /// Joints, `n_b`.
+    pub joints: usize,
+    /// Shape bases, n.
+    pub bases: usize,
+    /// Layout of the blend coefficients.
+    pub coefficients: CoefficientLayout,
+}
+
+/// The properties of N Gaussians in one pose, on the device: f32, row-major, and the same buffers for as long as the hand is
+/// there. A property model fills them before the deformation runs; what does not depend on the pose it may fill once.
+///
+/// Gradients of the properties have the same layout, in buffers of their own.
+#[derive(Debug, Clone)]
+pub struct Properties {
+    /// Sizes of all of them.
+    pub sizes: PropertySizes,
+    /// Shape bases S, `[n][3][N]`, metres (paper eq. 7).
+    pub shape_basis: wgpu::Buffer,
+    /// Blend coefficients C, `[n][N]` or `[n][3][N]`, no unit.
+    pub coefficients: wgpu::Buffer,
+    /// Residual skinning weights W^, `[n_b][N]`, no unit.
+    pub residual_weights: wgpu::Buffer,
+    /// Skeleton regressor R, `[n_b][N]`, no unit.
+    pub regressor: wgpu::Buffer,
+    /// Standard deviations of the Gaussians, `[N]`, metres.
+    pub scale: wgpu::Buffer,
+    /// Colours, `[3][N]`, display values.
+    pub color: wgpu::Buffer,
+}
+
+impl Properties {
+    /// Buffers full of zeros.
+    pub fn zeroed(gpu: &Gpu, sizes: PropertySizes) -> Properties {
+        let PropertySizes { gaussians: n, joints, bases, coefficients } = sizes;
+        Properties {
+            sizes,
+            shape_basis: buffers::zeroed(gpu, "shape basis", 3 * bases * n),
+            coefficients: buffers::zeroed(gpu, "coefficients", coefficients.rows() * bases * n),
+            residual_weights: buffers::zeroed(gpu, "residual weights", joints * n),
+            regressor: buffers::zeroed(gpu, "regressor", joints * n),
+            scale: buffers::zeroed(gpu, "scale", n),
+            color: buffers::zeroed(gpu, "color", 3 * n),
+        }
+    }
+}

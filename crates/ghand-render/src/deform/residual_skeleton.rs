@@ -1,0 +1,78 @@
+//! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton (paper eq. 9).
+
+use super::joint_sums::JointSums;
+use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, groups_of_four};
+use crate::Gpu;
+use crate::pipeline::{Bound, Module};
+
+/// Offsets to residual joints and their chain.
+pub struct ResidualSkeleton {
+    regress: JointSums,
+    place: Bound,
+    chain: Bound,
+    joints: u32,
+}
+
+impl ResidualSkeleton {
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> ResidualSkeleton {
+        let sizes = b.properties.sizes;
+        let regress = JointSums::new(gpu, &b.properties.regressor, sizes.joints, &b.offsets, 0, 3, sizes.gaussians);
+        let module = Module::new(gpu, "residual_skeleton");
+        let own = [
+            ("regressed", &regress.total),
+            ("rest_joints", &b.joints),
+            ("joints", &b.residual_joints),
+            ("chain", &b.residual_chain),
+        ];
+        let all = [&own[..], &b.named()[..]].concat();
+        ResidualSkeleton {
+            place: module.stage(gpu, "place_residual_joints", &[]).bind(gpu, &all),
+            chain: module.stage(gpu, "residual_skeleton", &[]).bind(gpu, &all),
+            regress,
+            joints: sizes.joints as u32,
+        }
+    }
+
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.regress.encode(pass);
+        self.place.dispatch(pass, (3 * self.joints).div_ceil(32));
+        self.chain.dispatch(pass, 1);
+    }
+}
+
+/// Gradient of the residual bones to those of the regressor, the offsets and the local rotations.
+pub struct ResidualSkeletonBackward {
+    bone_sums: JointSums,
+    chain: Bound,
+    joints: Bound,
+    groups: u32,
+}
+
+impl ResidualSkeletonBackward {
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> ResidualSkeletonBackward {
+        let sizes = b.properties.sizes;
+        let weights = &b.properties.residual_weights;
+        let bone_sums = JointSums::new(gpu, weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
+        let module = Module::new(gpu, "residual_skeleton_backward");
+        let own = [
+            ("d_bones", &bone_sums.total),
+            ("joints", &b.residual_joints),
+            ("chain", &b.residual_chain),
+            ("d_joints", &d.d_residual_joints),
+        ];
+        let all = [&own[..], &b.named()[..], &d.named()[..]].concat();
+        ResidualSkeletonBackward {
+            chain: module.stage(gpu, "residual_skeleton_backward", &[]).bind(gpu, &all),
+            joints: module.stage(gpu, "residual_joints_backward", &[]).bind(gpu, &all),
+            bone_sums,
+            groups: groups_of_four(sizes.gaussians as u32),
+        }
+    }
+
+    /// Replaces the local rotations' gradient, fills the regressor's, and makes that of the points that of the offsets.
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.bone_sums.encode(pass);
+        self.chain.dispatch(pass, 1);
+        self.joints.dispatch(pass, self.groups);
+    }
+}

@@ -1,0 +1,53 @@
+//! Host part of `skeleton.wgsl` and `skeleton_backward.wgsl`: the pose's chain of joints, and the gradient of pose and joints.
+
+use super::joint_sums::JointSums;
+use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
+use crate::Gpu;
+use crate::pipeline::{Bound, Module};
+
+/// Pose to chain.
+pub struct Skeleton {
+    skeleton: Bound,
+}
+
+impl Skeleton {
+    /// Reads poses, parents and joints; fills the chain.
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> Skeleton {
+        Skeleton { skeleton: Module::new(gpu, "skeleton").stage(gpu, "skeleton", &[]).bind(gpu, &b.named()) }
+    }
+
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.skeleton.dispatch(pass, 1);
+    }
+}
+
+/// Gradient of the bones to that of joints and pose.
+pub struct SkeletonBackward {
+    bone_sums: JointSums,
+    skeleton: Bound,
+    rotations: Bound,
+    joints: u32,
+}
+
+impl SkeletonBackward {
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> SkeletonBackward {
+        let sizes = b.properties.sizes;
+        let bone_sums =
+            JointSums::new(gpu, &b.weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
+        let module = Module::new(gpu, "skeleton_backward");
+        let all = [&[("d_bones", &bone_sums.total)], &b.named()[..], &d.named()[..]].concat();
+        SkeletonBackward {
+            skeleton: module.stage(gpu, "skeleton_backward", &[]).bind(gpu, &all),
+            rotations: module.stage(gpu, "rotation_backward", &[]).bind(gpu, &all),
+            bone_sums,
+            joints: sizes.joints as u32,
+        }
+    }
+
+    /// Adds to the local rotations' gradient, and fills those of joints and pose.
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.bone_sums.encode(pass);
+        self.skeleton.dispatch(pass, 1);
+        self.rotations.dispatch(pass, self.joints.div_ceil(32));
+    }
+}

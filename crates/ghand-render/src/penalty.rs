@@ -1,0 +1,52 @@
+//! Host part of `penalty.wgsl`: what a loss says of a table of values themselves.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::pipeline::{Bound, Module};
+use crate::{Gpu, buffers};
+
+/// See `shaders/penalty.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct PenaltyUniforms {
+    /// How many values.
+    pub count: u32,
+    /// The gradient as a multiple of the value.
+    pub weight: f32,
+    /// Unused.
+    pub padding: [u32; 2],
+}
+
+/// Adds the gradient of `weight / 2 * |values|^2` to a gradient.
+pub struct Penalty {
+    uniforms: wgpu::Buffer,
+    stage: Bound,
+    count: u32,
+    weight: f32,
+}
+
+impl Penalty {
+    /// A penalty on the first `count` numbers of `values`, whose gradients are the first of `gradients`. Its weight is 0.
+    pub fn new(gpu: &Gpu, values: &wgpu::Buffer, gradients: &wgpu::Buffer, count: usize) -> Penalty {
+        let uniforms = buffers::uniform(gpu, "penalty", &PenaltyUniforms::zeroed());
+        let buffers = [("penalty", &uniforms), ("values", values), ("gradients", gradients)];
+        let stage = Module::new(gpu, "penalty").stage(gpu, "add_penalty", &[]).bind(gpu, &buffers);
+        Penalty { uniforms, stage, count: count as u32, weight: 0.0 }
+    }
+
+    /// Sets the weight of what is submitted from now on.
+    pub fn set_weight(&mut self, gpu: &Gpu, weight: f32) {
+        self.weight = weight;
+        let uniforms = PenaltyUniforms { count: self.count, weight, padding: [0; 2] };
+        gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
+    }
+
+    /// Encodes it, unless the weight is 0.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        if self.weight != 0.0 {
+            let mut pass = encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("penalty"), ..Default::default() });
+            self.stage.dispatch(&mut pass, self.count.div_ceil(64));
+        }
+    }
+}
