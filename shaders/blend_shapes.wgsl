@@ -1,6 +1,6 @@
 // Hand Gaussian Blend Shapes: offsets from bases and coefficients, and back. CPU twin: `ghand_core::blend_shapes`.
 
-// Coefficients come one for all three components of a basis, or one a component as in the paper.
+// There is one coefficient for all three components of a basis, or one per component as in the paper.
 override coefficient_channels: u32 = 1u;
 
 @group(0) @binding(0) var<uniform> pose: PoseUniforms;
@@ -8,7 +8,7 @@ override coefficient_channels: u32 = 1u;
 @group(0) @binding(1) var<storage, read> rest: array<f32>;
 // [bases * 3][N]
 @group(0) @binding(2) var<storage, read> shape_basis: array<f32>;
-// [bases * coefficient_channels][N] and possibly more rows, which are not ours.
+// [bases * coefficient_channels][N] and possibly further rows, which this stage does not use.
 @group(0) @binding(3) var<storage, read> coefficients: array<f32>;
 @group(0) @binding(4) var<storage, read_write> offsets: array<f32>;
 @group(0) @binding(5) var<storage, read> d_skin: array<f32>;

@@ -1,4 +1,5 @@
-// The Neural Residual Skeleton: joints regressed from the offsets, and back. CPU twin: `ghand_core::residual_skeleton`.
+// The Neural Residual Skeleton: joints regressed from the offsets, and the gradients. CPU twin:
+// `ghand_core::residual_skeleton`.
 
 @group(0) @binding(0) var<uniform> pose: PoseUniforms;
 @group(0) @binding(1) var<storage, read> joints: array<f32>;

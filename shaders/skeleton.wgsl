@@ -1,5 +1,5 @@
-// The kinematic chain: joint rotations to posed_from_rest maps. A hand has a few dozen joints, so one invocation walks
-// them in order. CPU twin: `ghand_core::skeleton`.
+// The kinematic chain: joint rotations to posed_from_rest maps. A hand has a few dozen joints, so one invocation
+// processes them in order. CPU twin: `ghand_core::skeleton`.
 
 @group(0) @binding(0) var<uniform> pose: PoseUniforms;
 @group(0) @binding(1) var<storage, read> poses: array<f32>;
@@ -46,9 +46,9 @@ fn skeleton() {
     walk();
 }
 
-// The residual chain. Residual weights whose mean over the joints is taken off act on bones as they are just as weights
-// as they are act on bones whose mean is taken off; the latter is done once instead of for every point. Where no mean is
-// taken off, the root turns about the origin instead of about its joint.
+// The residual chain. Subtracting the mean over the joints from the residual weights has the same effect as subtracting
+// it from the bones, which is done once instead of for every point. If no mean is subtracted, the root turns about the
+// origin instead of about its joint.
 @compute @workgroup_size(1)
 fn residual_skeleton() {
     walk();

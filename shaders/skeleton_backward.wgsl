@@ -5,15 +5,15 @@
 @group(0) @binding(2) var<storage, read> parents: array<i32>;
 @group(0) @binding(3) var<storage, read> joints: array<f32>;
 @group(0) @binding(4) var<storage, read> chain: array<f32>;
-// dL/d(posed_from_rest), 12 a joint; turned into dL/d(world_from_joint) in place.
+// dL/d(posed_from_rest), 12 per joint; converted to dL/d(world_from_joint) in place.
 @group(0) @binding(5) var<storage, read_write> d_bones: array<f32>;
-// dL/d(local rotation), 9 a joint, row-major.
+// dL/d(local rotation), 9 per joint, row-major.
 @group(0) @binding(6) var<storage, read_write> d_local: array<f32>;
 @group(0) @binding(7) var<storage, read_write> d_joints: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_pose: array<f32>;
 // 1 for joints whose rotation may change, 0 for the others.
 @group(0) @binding(9) var<storage, read> mobility: array<f32>;
-// dL/d(residual joints), which stand on the rest joints where they are anchored.
+// dL/d(residual joints); if anchored, these are relative to the rest joints.
 @group(0) @binding(10) var<storage, read> d_residual_joints: array<f32>;
 
 fn joint(k: u32) -> vec3<f32> {
@@ -65,7 +65,7 @@ fn add_d_joint(k: u32, d: vec3<f32>) {
     }
 }
 
-// With `keep` 1 the gradient of the local rotations is added to what is there, with 0 it replaces it.
+// With `keep` 1 the gradient of the local rotations is added to the stored values, with 0 it replaces them.
 fn walk(keep: f32) {
     for (var k = 0u; k < pose.joint_count; k++) {
         let d_translation = d_bone_translation(k);
@@ -107,7 +107,7 @@ fn walk(keep: f32) {
 @compute @workgroup_size(1)
 fn residual_skeleton_backward() {
     if pose.zero_sum != 0u {
-        // The residual bones had their mean over the joints taken off.
+        // The mean over the joints was subtracted from the residual bones.
         for (var c = 0u; c < 12u; c++) {
             var mean = 0.0;
             for (var k = 0u; k < pose.joint_count; k++) {
@@ -119,7 +119,7 @@ fn residual_skeleton_backward() {
             }
         }
     } else {
-        // The residual bones had the root's translation taken off.
+        // The root's translation was subtracted from the residual bones.
         for (var r = 0u; r < 3u; r++) {
             var sum = 0.0;
             for (var k = 0u; k < pose.joint_count; k++) {

@@ -1,5 +1,5 @@
-// Gradient of corrected skinning to points and residual weights, and the moments whose weighted sums are the gradients
-// of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
+// Gradient of corrected skinning with respect to points and residual weights, and the moments whose weighted sums are
+// the gradients of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
 
 @group(0) @binding(0) var<uniform> pose: PoseUniforms;
 @group(0) @binding(1) var<storage, read> offsets: array<f32>;
