@@ -1,8 +1,8 @@
 //! How the `direct` property model depends on the pose: locally, linearly and within limits.
 //!
-//! A channel i (a blend coefficient or a colour component) of Gaussian p has the value `y_i^p = bias_i + sum_k W_k^p
-//! clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: only the joints that move a Gaussian affect it. Joint 0, the
-//! root, turns the whole hand and has no effect: its features are 0.
+//! A channel i (a blend coefficient or a colour component) of Gaussian p has the value
+//! `y_i^p = bias_i + sum_k W_k^p clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: only the joints that move a
+//! Gaussian affect it. Joint 0, the root, turns the whole hand and has no effect: its features are 0.
 
 use glam::DMat3;
 

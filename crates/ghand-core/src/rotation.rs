@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
-/// `R = cos I + sin [u]x + versine u u^T` along a vector u, and the coefficients of its derivative `dL/dv = sin_v vee +
-/// versine_v (G + G^T) u + along u`.
+/// `R = cos I + sin [u]x + versine u u^T` along a vector u, and the coefficients of its derivative
+/// `dL/dv = sin_v vee + versine_v (G + G^T) u + along u`.
 ///
 /// For small angles `u = v`, so that nothing is divided by the angle: then `sin` and `versine` stand for sin(angle) /
 /// angle and (1 - cos(angle)) / angle^2. For other angles u is the unit axis, so that no large number is squared.

@@ -8,9 +8,9 @@ const GRID: u32 = 32;
 /// Number of steps of the search for the fold, in squared radius, from the axis to the farthest corner.
 const FOLD_STEPS: u32 = 4096;
 
-/// Distortion of a lens by OpenCV's model of five coefficients: a ray of the pinhole camera, `(x, y, 1)` with `r² = x²
-/// + y²`, is seen at `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r² + k2 r⁴ + k3 r⁶) +
-/// p1 (r² + 2 y²) + 2 p2 x y`, to which the camera's intrinsics are applied.
+/// Distortion of a lens by OpenCV's model of five coefficients: a ray of the pinhole camera, `(x, y, 1)` with
+/// `r² = x² + y²`, is seen at `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
+/// `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`, to which the camera's intrinsics are applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distortion {
     /// k1, k2 and k3.

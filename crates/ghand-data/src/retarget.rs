@@ -2,10 +2,10 @@
 //!
 //! Joints are matched by their roles ([`JointRole`]). Let `G_k` be the rotation of joint k in space, the product of the
 //! rotations starting at the root, and `F_k` its rest frame ([`Rig`]), so that `G_k F_k` is the bone's frame in space.
-//! The other rig's bone gets the same frame: `G'_k F'_k = G_k F_k`, so `G'_k = G_k C_k` with the constant `C_k = F_k
-//! F'_k^T`, and `R'_k = G'_parent^T G'_k`. A bone therefore points where its source points, independent of the two rest
-//! poses; lengths stay the rig's own. Joints that the source lacks (such as WebXR's metacarpals and tips for MANO) keep
-//! their rest angle to their parent. The wrist is moved to the same position.
+//! The other rig's bone gets the same frame: `G'_k F'_k = G_k F_k`, so `G'_k = G_k C_k` with the constant
+//! `C_k = F_k F'_k^T`, and `R'_k = G'_parent^T G'_k`. A bone therefore points where its source points, independent of
+//! the two rest poses; lengths stay the rig's own. Joints that the source lacks (such as WebXR's metacarpals and tips
+//! for MANO) keep their rest angle to their parent. The wrist is moved to the same position.
 //!
 //! A transfer and back is the identity for all joints that both rigs have, if joints that only one has are at rest;
 //! otherwise bones still point in the same directions.

@@ -3,9 +3,9 @@
 //! Rotations are about the axes of MANO's right or left model, in MANO's order (wrist, index, middle, little, ring,
 //! thumb, three each), metres. These layouts are read:
 //!
-//! - **InterHand2.6M** (`..._MANO_NeuralAnnot.json`): `{capture: {frame: {"right": {"pose": 48, "shape": 10, "trans":
-//!   3}, "left": ..}}}`, or one capture of it. 5 frames per second, measured from MANO's mean pose. Frames are in the
-//!   order of their numbers.
+//! - **InterHand2.6M** (`..._MANO_NeuralAnnot.json`):
+//!   `{capture: {frame: {"right": {"pose": 48, "shape": 10, "trans": 3}, "left": ..}}}`, or one capture of it. 5 frames
+//!   per second, measured from MANO's mean pose. Frames are in the order of their numbers.
 //! - **HaMeR, WiLoR** and similar: dictionaries with `global_orient` and `hand_pose`, as matrices (1, 3, 3), (15, 3, 3)
 //!   or axis-angles 3, 45; the programs do not write files themselves, so users dump the network's output to JSON,
 //!   `.npz` or a pickle: directly, or under `pred_mano_params`, `wilor_preds`, `mano_params` or the like, one
