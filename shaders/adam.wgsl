@@ -33,7 +33,7 @@ fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
     let at = adam.parameter_offset + i;
     let gradient = gradients[adam.gradient_offset + i];
-    // What a view does not see keeps its moments: most of a hand is hidden in every view.
+    // Parameters that a view does not see keep their moments: most of a hand is hidden in every view.
     if gradient == 0.0 {
         return;
     }
@@ -43,8 +43,8 @@ fn adam_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     parameters[at] -= adam.learning_rate * (m * adam.correction_1) / (sqrt(v * adam.correction_2) + adam.epsilon);
 }
 
-// The same on vectors of three that share their second moment: all of a joint's axes move in proportion to their
-// gradients, so that an axis about which the images say little is not stirred by noise as far as one that they show.
+// The same for vectors of three numbers that share their second moment. All axes of a joint move in proportion to their
+// gradients, so that noise does not move an axis that the images say little about as far as one that they show.
 @compute @workgroup_size(64)
 fn adam_step_vectors(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                      @builtin(local_invocation_index) local: u32) {

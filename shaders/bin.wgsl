@@ -5,12 +5,12 @@ import package::shared::camera::view;
 import package::shared::counters::Counters;
 import package::shared::dispatch::flat_index;
 
-// On how many tiles a Gaussian may lie: later stages go through them in loops.
+// Most tiles that a Gaussian may cover: later stages loop over them.
 override MOST_TILES: u32 = 0xffffffffu;
 
 @group(0) @binding(1) var<storage, read> tile_rects: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> depth_order: array<u32>;
-// By rank: how many tiles; after the scan: the first slot.
+// By rank: number of tiles; after the scan: first slot.
 @group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>;
 @group(0) @binding(4) var<storage, read_write> counters: Counters;
 // By Gaussian: first slot and one past the last.
@@ -38,7 +38,7 @@ fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     }
 }
 
-// After the scan: how many intersections there are and how many fit.
+// After the scan: the number of intersections, and how many of them fit.
 @compute @workgroup_size(1)
 fn limit_intersections() {
     atomicStore(&counters.intersections, min(atomicLoad(&counters.intersections_wanted), view.intersection_capacity));
@@ -67,7 +67,7 @@ fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     }
 }
 
-// The first intersection whose tile is not before this one; they are sorted.
+// The first intersection whose tile is not before this one; intersections are sorted.
 fn first_of(tile: u32) -> u32 {
     var low = 0u;
     var high = atomicLoad(&counters.intersections);

@@ -3,7 +3,7 @@
 import package::shared::dispatch::flat_index;
 import package::shared::pose::{ROW_D_POINT, ROW_OFFSET, ROW_POINT, pose};
 
-// Coefficients come one for all three components of a basis, or one a component as in the paper.
+// There is one coefficient for all three components of a basis, or one per component as in the paper.
 override COEFFICIENT_ROWS: u32 = 1u;
 
 // [3][N]

@@ -1,5 +1,5 @@
 // Sums the six rows of camera gradients over the Gaussians: each of 64 strands adds its share in order, then one
-// invocation a row adds the strands.
+// invocation per row adds the strands.
 
 import package::shared::camera::view;
 

@@ -1,9 +1,9 @@
 // L1, SSIM and squared error between a rendered image and an 8-bit target, value and gradient.
 //
-// SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; outside the image both pictures count as
-// zero. Every invocation makes a run of four outputs along the pass's direction, so that a tap is loaded once for four. The
-// taps stand one by one with their weights: indexed by a loop, weights and sums would live in memory, four times slower
-// on a software rasteriser.
+// SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; both pictures are zero outside the
+// image. Every invocation computes a run of four outputs along the pass's direction, so that a tap is loaded once for
+// four outputs. The taps are unrolled with their weights: if a loop indexed them, weights and sums would be kept in
+// memory, which is four times slower on a software rasteriser.
 
 import package::shared::dispatch::flat_index;
 
@@ -12,11 +12,11 @@ struct LossUniforms {
     // Weights of mean |x - y| and of 1 - mean SSIM.
     l1_weight: f32,
     ssim_weight: f32,
-    // One over the number of values (pixels times three) that the means are taken over.
+    // One over the number of values (pixels times three) in the means.
     inverse_count: f32,
     // Weight of mean (x - y)^2.
     squared_weight: f32,
-    // Whether each pixel counts by its mask (SSIM: by that in the middle of its window).
+    // Whether each pixel is weighted by its mask (SSIM: by the mask at the centre of its window).
     masked: u32,
     padding: u32,
 }
@@ -30,7 +30,7 @@ const C2: f32 = 0.0009;
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
 // Target: red in the lowest byte, then green, blue, mask.
 @group(0) @binding(2) var<storage, read> target_image: array<u32>;
-// Four blurred values a pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
+// Four blurred values per pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
 @group(0) @binding(3) var<storage, read_write> rows: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
 // |x - y|, SSIM and (x - y)^2 of each pixel, summed over the channels, times its mask.
@@ -50,13 +50,13 @@ fn spread(value: vec3<f32>, w: vec4<f32>) -> mat4x3<f32> {
     return mat4x3(value * w.x, value * w.y, value * w.z, value * w.w);
 }
 
-// The first pixel of the run of an invocation, runs lying along rows.
+// The first pixel of an invocation's run, for runs along rows.
 fn run_in_row(index: u32) -> vec2<u32> {
     let runs = (loss.size.x + RUN - 1u) / RUN;
     return vec2((index % runs) * RUN, index / runs);
 }
 
-// The same, runs lying along columns.
+// The same for runs along columns.
 fn run_in_column(index: u32) -> vec2<u32> {
     return vec2(index % loss.size.x, index / loss.size.x * RUN);
 }

@@ -1,11 +1,11 @@
-// out[k][m] = sum over points of left[k][p] * right[m][p]: how per-point gradients reach joints. Each of STRANDS strided
-// strands of points is summed by one invocation for a block of 4 x 4 outputs, then the strands are added in order.
+// out[k][m] = sum over points of left[k][p] * right[m][p]: adds up per-point gradients for the joints. One invocation
+// sums each of STRANDS strided strands of points for a block of 4 x 4 outputs; then the strands are added in order.
 
 struct SumUniforms {
     count: u32,
     left_rows: u32,
     right_rows: u32,
-    // First row of `right` that takes part.
+    // First row of `right` that is used.
     right_offset: u32,
 }
 

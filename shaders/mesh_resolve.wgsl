@@ -1,13 +1,13 @@
-// Samples of faces and lines to the image: lines over faces, then a box filter. CPU twin: `reference/mesh.rs`.
+// Turns samples of faces and lines into the image: lines over faces, then a box filter. CPU twin: `reference/mesh.rs`.
 
 struct ResolveUniforms {
     // Size of the image, pixels.
     size: vec2u,
     // Samples per pixel along each axis.
     supersample: u32,
-    // Pixels around the image that were drawn and are left out.
+    // Width of the border around the image that is drawn but not kept, pixels.
     margin: u32,
-    // Of lines in sight, and of lines behind faces; w unused.
+    // Colour of visible lines and of lines behind faces; w unused.
     line_color: vec4f,
     hidden_color: vec4f,
     // Whether there are lines; without them their textures are not read.
@@ -20,7 +20,7 @@ struct ResolveUniforms {
 @group(0) @binding(0) var<uniform> uniforms: ResolveUniforms;
 @group(0) @binding(1) var face_colors: texture_2d<f32>;
 @group(0) @binding(2) var face_depths: texture_2d<f32>;
-// Coverage by lines in sight, and by lines behind faces.
+// Coverage by visible lines and by lines behind faces.
 @group(0) @binding(3) var line_coverages: texture_2d<f32>;
 @group(0) @binding(4) var line_depths: texture_depth_2d;
 @group(0) @binding(5) var<storage, read_write> image: array<vec4f>;
@@ -39,7 +39,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
     }
     let k = uniforms.supersample;
     var sum = vec4f(0.0);
-    // The host reads 0 as infinity.
+    // The host converts 0 to infinity.
     var nearest = 0.0;
     for (var y = 0u; y < k; y++) {
         for (var x = 0u; x < k; x++) {

@@ -1,4 +1,4 @@
-// The splatter's image as pixels of a texture, for the user interface to draw. Host: `ghand_app::viewer::picture`.
+// Copies the splatter's image to a texture, which the user interface draws. Host: `ghand_app::viewer::picture`.
 @group(0) @binding(0) var<storage, read> image: array<vec4<f32>>;
 // x: columns of the image.
 @group(0) @binding(1) var<uniform> size: vec4<u32>;

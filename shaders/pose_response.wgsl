@@ -1,7 +1,7 @@
 // The `direct` property model: blend coefficients and colours as local, linear functions of the joints' rotations within
 // limits, and the appearance tables. CPU twin: `ghand_core::pose_response`.
 //
-// Channels are the rows of the blend coefficients, then the colour components. `response` holds one bias a channel, then
+// Channels are the rows of the blend coefficients, then the colour components. `response` holds one bias per channel, then
 // gains [channels][joints][9].
 
 import package::shared::dispatch::flat_index;
@@ -48,7 +48,7 @@ const ROW_COMPONENTS: u32 = 4u;
 // Smallest and largest joint term, [channels][joints].
 @group(0) @binding(15) var<storage, read> response_limits: array<vec2<f32>>;
 
-// The root turns the whole hand and takes no part: neither shape nor look depends on its rotation.
+// The root turns the whole hand and is ignored: neither shape nor colour depends on its rotation.
 const ROOT: u32 = 0u;
 
 fn channel_count() -> u32 {
@@ -84,7 +84,7 @@ fn response_terms(@builtin(global_invocation_id) id: vec3<u32>) {
     joint_terms[id.x] = clamp(sum, response_limits[id.x].x, response_limits[id.x].y);
 }
 
-// Whether a joint term follows the joint's rotation: at a limit it does not.
+// Whether a joint term depends on the joint's rotation: at a limit it does not.
 fn follows(channel: u32, k: u32) -> bool {
     let at = channel * pose.joint_count + k;
     return k != ROOT && joint_terms[at] > response_limits[at].x && joint_terms[at] < response_limits[at].y;
@@ -119,14 +119,14 @@ fn sigmoid4(x: vec4<f32>) -> vec4<f32> {
     return 1.0 / (1.0 + exp(-x));
 }
 
-// What joint k adds to the channels first to first + 3; channels beyond the last repeat it and are not used.
+// What joint k adds to the channels first to first + 3; channels beyond the last repeat the last and are not used.
 fn term_block(first: u32, k: u32) -> vec4<f32> {
     let channel = min(vec4(first) + vec4(0u, 1u, 2u, 3u), vec4(channel_count() - 1u));
     let at = channel * pose.joint_count + k;
     return vec4(joint_terms[at.x], joint_terms[at.y], joint_terms[at.z], joint_terms[at.w]);
 }
 
-// Stores a channel of four points and adds a colour channel's part to the colour (one column a colour channel).
+// Stores a channel of four points and adds a colour channel's part to the colour (one column per colour channel).
 fn take_channel(channel: u32, p: vec4<u32>, stored: vec4<bool>, moved: vec4<f32>, logits: ptr<function, mat3x4<f32>>) {
     if channel >= channel_count() {
         return;
@@ -219,8 +219,8 @@ fn d_joint_term(k: u32, channel: u32) -> f32 {
     return d_color_terms[k * response_sizes.color_components + channel - rows];
 }
 
-// Gradient of the response itself, and what the rotations get through it (added to d_local). Invocation k owns joint k;
-// skinning weights sum to one, so a channel's bias gets the sum over the joints.
+// Gradient of the response, and through it that of the rotations (added to d_local). Invocation k owns joint k;
+// skinning weights sum to one, so the gradient of a channel's bias is the sum over the joints.
 @compute @workgroup_size(64)
 fn response_backward(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = channel_count();

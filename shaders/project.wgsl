@@ -1,4 +1,4 @@
-// Projects Gaussians to the image, culls those that cannot be seen, and finds the tiles that each may touch.
+// Projects Gaussians to the image, culls those that cannot be seen, and finds the tiles that each may cover.
 
 import package::shared::camera::{ALPHA_MIN, TILE_SIZE, camera_from_world, view};
 import package::shared::counters::Counters;
@@ -38,7 +38,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         color = color_sum(i, direction_to(p));
     }
     if !is_sound(g) || !are_finite(p) || !are_finite(color) {
-        // Whole numbers: the order of additions does not matter.
+        // Integers: the order of additions does not matter.
         atomicAdd(&counters.broken, 1u);
         return;
     }
@@ -55,7 +55,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     }
     let c = foot.covariance;
     let center = p.xy / p.z * view.focal + view.principal;
-    // Where opacity * exp(-q / 2) = ALPHA_MIN; a little is added so that rounding never cuts a pixel off.
+    // Where opacity * exp(-q / 2) = ALPHA_MIN; a margin is added so that rounding never loses a pixel.
     let q = 2.0 * log(opacity / ALPHA_MIN) + 1e-3;
     let reach = sqrt(q * c.xz) + 1e-3;
     let origin = vec2(0u, view.first_row);
@@ -67,7 +67,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     let first_tile = (vec2<u32>(first) - origin) / TILE_SIZE;
     let end_tile = (vec2<u32>(last) - origin) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
-    // In order of the depth: the bits of positive floats are. Beyond 3e36 m all are one.
+    // The bits of positive floats sort like the floats. All depths beyond 3e36 m are equal.
     depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX);
     splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0.0, color, 0.0);
 }

@@ -1,5 +1,5 @@
-// Sums each Gaussian's slots in order and carries the gradient through the projection to its properties and, if asked
-// for, to the camera.
+// Sums each Gaussian's slots in order and propagates the gradient through the projection to its properties and, if
+// requested, to the camera.
 
 import package::shared::camera::{camera_from_world, view};
 import package::shared::dispatch::flat_index;
@@ -11,7 +11,7 @@ import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic,
 
 // Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
 override SLOT_OPACITY: bool = false;
-// How many places a slot has, as there: 4 for cells of their own, or 1.
+// Number of places in a slot, as there: 4 if each cell has its own, else 1.
 override SLOT_PLACES: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
@@ -21,7 +21,7 @@ override CAMERA_GRADIENT: bool = false;
 @group(0) @binding(4) var<storage, read> slot_marks: array<u32>;
 // Rows as in `gaussians`.
 @group(0) @binding(5) var<storage, read_write> d_gaussians: array<f32>;
-// What each Gaussian adds to the gradient of the camera's turn and translation, six rows.
+// Contribution of each Gaussian to the gradient of the camera's rotation and translation, six rows.
 @group(0) @binding(6) var<storage, read_write> camera_rows: array<f32>;
 
 fn store(row: u32, i: u32, value: f32) {
@@ -68,7 +68,7 @@ fn quaternion_gradient(g: Gaussian, x_axis: vec3<f32>, y_axis: vec3<f32>, z_axis
     return (unit - q * dot(q, unit)) / g.length;
 }
 
-// What a place of a slot holds.
+// The contents of one place of a slot.
 struct SlotGradient {
     first: vec4<f32>,
     second: vec4<f32>,
@@ -92,7 +92,7 @@ fn joined(a: SlotGradient, b: SlotGradient) -> SlotGradient {
     return SlotGradient(a.first + b.first, a.second + b.second, a.power + b.power);
 }
 
-// A Gaussian that nothing of the image depends on.
+// A Gaussian that the image does not depend on.
 fn store_nothing(i: u32) {
     let rows = ROW_COLOR + 3u * max(COLOR_BASES, 1u);
     for (var row = 0u; row < rows; row++) {
@@ -118,7 +118,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var d_power = 0.0;
     for (var s = slots.x; s < slots.y; s++) {
         var sum = slot_place(s * SLOT_PLACES);
-        // The places of a slot stand one by one: software rasterisers end a loop after 65,535 rounds.
+        // The loop over a slot's places is unrolled: software rasterisers end a loop after 65,535 iterations.
         if SLOT_PLACES == 4u {
             sum = joined(joined(sum, slot_place(s * SLOT_PLACES + 1u)),
                          joined(slot_place(s * SLOT_PLACES + 2u), slot_place(s * SLOT_PLACES + 3u)));
@@ -209,7 +209,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         }
         let d_offset = (d_direction - direction * dot(direction, d_direction)) / length(p);
         d_mean += d_offset;
-        // A turn about the camera's centre does not change the direction; a translation does.
+        // A rotation about the camera's centre does not change the viewing direction; a translation does.
         d_translation +=
             vec3(dot(view.row_x.xyz, d_offset), dot(view.row_y.xyz, d_offset), dot(view.row_z.xyz, d_offset));
     }
@@ -222,7 +222,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
             store(ROW_OPACITY, i, d_plain);
         }
     }
-    // A small turn w of the camera moves p by w x p and turns the Jacobian's rows against the Gaussian's axes.
+    // A small rotation w of the camera moves p by w x p and rotates the Jacobian's rows against the Gaussian's axes.
     var turn = cross(p, d_p);
     if ANISOTROPIC {
         turn += cross(d_jacobian_x, foot.jacobian_x) + cross(d_jacobian_y, foot.jacobian_y);

@@ -1,4 +1,4 @@
-// Blends each tile's splats front to back. A workgroup is a tile and an invocation 2x2 pixels.
+// Blends each tile's splats front to back. A workgroup handles one tile, an invocation 2x2 pixels.
 
 import package::shared::blend::{
     area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
@@ -15,7 +15,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     let area = area_of(tile, local);
     var pixels = empty_pixels(area);
     let range = tile_ranges[tile];
-    // Two entries a round: half as many rounds, of which software rasterisers allow only so many.
+    // Two entries per iteration, because software rasterisers limit the number of iterations.
     var i = range.x;
     for (; i + 1u < range.y; i += 2u) {
         blend(&pixels, i, splat_at(i));

@@ -1,6 +1,6 @@
 // Gradients of the splats from the gradient of the image. An invocation owns a 4x4 cell of pixels and walks its tile's
-// entries back to front; what it adds up for an entry goes to that (slot, cell) alone, so there is nothing to race for
-// and the sum over slots and cells later has one order.
+// entries back to front; the sum for an entry is written only to that (slot, cell), so that there are no races and the
+// later sum over slots and cells has a fixed order.
 
 import package::shared::blend_backward::{
     ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
@@ -10,7 +10,8 @@ import package::shared::dispatch::flat_index;
 
 // By cell of a slot, where its mark is set: (mean x, mean y, red, green) and (blue, covariance xx, xy, yy).
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
-// By cell of a slot: 1 where there is a gradient, and, if wanted, the bits of the opacity times its gradient. Cleared before.
+// By cell of a slot: 1 where there is a gradient, and, if requested, the bits of the opacity times its gradient.
+// Cleared beforehand.
 @group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
 
 const CELLS: u32 = 4u;

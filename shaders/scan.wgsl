@@ -1,5 +1,5 @@
-// Exclusive prefix sum over an array, in three passes over STRANDS contiguous pieces. Each piece is summed by one
-// invocation in order, so nothing depends on scheduling and no workgroup memory is needed.
+// Exclusive prefix sum over an array, in three passes over STRANDS contiguous pieces. One invocation sums each piece in
+// order, so that nothing depends on scheduling and no workgroup memory is needed.
 
 struct ScanUniforms {
     length: u32,

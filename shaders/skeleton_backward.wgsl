@@ -9,7 +9,7 @@ import package::shared::rotation::rotation_from_axis_angle_backward;
 @group(0) @binding(8) var<storage, read_write> d_pose: array<f32>;
 // 1 for joints whose rotation may change, 0 for the others.
 @group(0) @binding(9) var<storage, read> mobility: array<f32>;
-// dL/d(residual joints), which stand on the rest joints where they are anchored.
+// dL/d(residual joints); if anchored, these are relative to the rest joints.
 @group(0) @binding(10) var<storage, read> d_residual_joints: array<f32>;
 
 @compute @workgroup_size(1)

@@ -1,5 +1,5 @@
-// Gradient of corrected skinning to points and residual weights, and the moments whose weighted sums are the gradients
-// of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
+// Gradient of corrected skinning with respect to points and residual weights, and the moments whose weighted sums are
+// the gradients of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
 
 import package::shared::bones::{bone_row, offset_row, residual_bone_row, residual_weight_row, weight_row};
 import package::shared::dispatch::flat_index;

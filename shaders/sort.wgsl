@@ -7,7 +7,7 @@ struct SortUniforms {
     shift: u32,
     mask: u32,
     strands: u32,
-    // Which counter holds the number of pairs.
+    // Index of the counter that holds the number of pairs.
     counter: u32,
 }
 

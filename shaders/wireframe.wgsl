@@ -1,5 +1,5 @@
-// Edges of a mesh as lines of an even width, each a rectangle around its middle: how much of a sample lines cover
-// (`line_coverage`), and how deep they lie (`line_depth`). CPU twin: `reference/wireframe.rs`.
+// Edges of a mesh as lines of constant width, each a rectangle around its centre line: the part of a sample that lines
+// cover (`line_coverage`) and the depth of the lines (`line_depth`). CPU twin: `reference/wireframe.rs`.
 
 struct WireframeUniforms {
     // Size of the target, samples.
@@ -8,7 +8,7 @@ struct WireframeUniforms {
     half_width: f32,
     // Near plane, metres.
     near: f32,
-    // 1 to draw lines behind faces, too.
+    // 1: lines behind faces are drawn, too.
     hidden: u32,
     padding_1: u32,
     padding_2: u32,
@@ -16,14 +16,14 @@ struct WireframeUniforms {
 }
 
 @group(0) @binding(0) var<uniform> uniforms: WireframeUniforms;
-// Camera z of the faces, 0 where there are none.
+// Camera z of the faces, 0 where there is none.
 @group(0) @binding(1) var face_depths: texture_2d<f32>;
 
 struct Varyings {
     @builtin(position) clip: vec4f,
     // Both ends, samples.
     @location(0) @interpolate(flat) ends: vec4f,
-    // Inverse depth at both ends, and by how much it may be less than a face's that the line lies on.
+    // Inverse depth at both ends, and how much smaller it may be than that of a face that the line lies on.
     @location(1) @interpolate(flat) inverse_depths: vec3f,
 }
 
@@ -35,9 +35,9 @@ fn line_vertex(
 ) -> Varyings {
     let along = ends.zw - ends.xy;
     let extent = length(along);
-    // Of an edge seen end on, or without a length, any direction will do.
+    // For an edge seen end on, or without length, any direction works.
     let direction = select(vec2f(1.0, 0.0), along / max(extent, 1e-12), extent > 1e-6);
-    // Half a sample more than the line has, for its smooth rim.
+    // Half a sample wider than the line, for its smooth edge.
     let reach = uniforms.half_width + 0.5;
     let side = vec2f(-direction.y, direction.x) * select(-reach, reach, (index & 1u) == 1u);
     let corner = select(ends.xy - direction * reach, ends.zw + direction * reach, index >= 2u) + side;
@@ -48,7 +48,7 @@ fn line_vertex(
     return out;
 }
 
-// What a line is at a sample.
+// A line at a sample.
 struct Line {
     coverage: f32,
     inverse_depth: f32,
@@ -63,13 +63,14 @@ fn line_at(in: Varyings) -> Line {
     let t = select(0.0, saturate(dot(at - start, along) / squared), squared > 1e-12);
     let middle = start + t * along;
     let distance = length(at - middle);
-    // The part of a sample's width, centred at that distance, that lies within the line: thin lines fade, all lines have
-    // as much ink as they are wide.
+    // The part of a sample's width, centred at that distance, that is within the line: thin lines fade, so that total
+    // coverage is proportional to width.
     let half_width = uniforms.half_width;
     let coverage = saturate(min(distance + 0.5, half_width) - max(distance - 0.5, -half_width));
     let inverse_depth = mix(in.inverse_depths.x, in.inverse_depths.y, t);
 
-    // Seen if no face is nearer at one of the four samples around the middle: the whole width follows the middle.
+    // Visible if no face is nearer at one of the four samples around the centre line: the centre line decides for the
+    // whole width.
     let base = vec2i(floor(middle - 0.5));
     let last = vec2i(uniforms.size) - 1;
     var in_sight = false;
@@ -81,8 +82,8 @@ fn line_at(in: Varyings) -> Line {
     return Line(coverage, inverse_depth, in_sight);
 }
 
-// Coverage by lines in sight, and by lines behind faces. Targets keep the larger value, so that lines that meet or
-// repeat each other are drawn once, in any order.
+// Coverage by visible lines and by lines behind faces. Targets keep the larger value, so that lines that meet or
+// overlap are drawn once, in any order.
 @fragment
 fn line_coverage(in: Varyings) -> @location(0) vec2f {
     let line = line_at(in);

@@ -1,5 +1,5 @@
-// As rasterize.wgsl, for the fast tier: eight neighbours of a subgroup, which belong to one tile, load eight splats between
-// them and hand them round. Loads are what a software rasteriser spends most of its time on.
+// As rasterize.wgsl, for the fast tier: eight neighbours of a subgroup, which belong to one tile, load one of eight
+// splats each and share them. A software rasteriser spends most of its time on loads.
 
 import package::shared::blend::{
     DEPTH, area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
@@ -37,15 +37,15 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
     let first_lane = lane & ~7u;
     var i = range.x;
-    // All lanes stay until all are done: each loads for its neighbours.
+    // All lanes continue until all are done: each loads for its neighbours.
     while subgroupAny(i < range.y && any(pixels.live)) {
-        // Beyond the end there are splats of opacity 0.
+        // Splats beyond the end have opacity 0.
         var mine = Splat();
         let load_at = i + (lane & 7u);
         if load_at < range.y {
             mine = splat_at(load_at);
         }
-        // Written out: software rasterisers allow only so many rounds of loops.
+        // Unrolled: software rasterisers limit the iterations of loops.
         blend(&pixels, i, splat_of(mine, first_lane));
         blend(&pixels, i + 1u, splat_of(mine, first_lane + 1u));
         blend(&pixels, i + 2u, splat_of(mine, first_lane + 2u));

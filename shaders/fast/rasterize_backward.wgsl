@@ -1,5 +1,6 @@
-// As rasterize_backward.wgsl, for the fast tier: eight neighbours of a subgroup share a tile, each with 4x2 of its pixels.
-// They load eight entries between them, and add up what they found for one with shuffles, so that a slot has one place.
+// As rasterize_backward.wgsl, for the fast tier: eight neighbours of a subgroup share a tile, each with 4x2 of its
+// pixels. Each loads one of eight entries, and they add up an entry's gradients with shuffles, so that a slot has one
+// place.
 
 import package::shared::blend_backward::{
     ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
@@ -10,7 +11,8 @@ import package::shared::splat::Splat;
 
 // By slot, where its mark is set: mean x, mean y, red, green, blue, covariance xx, xy, yy.
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<f32>;
-// By slot: 1 where there is a gradient, and, if wanted, the bits of the opacity times its gradient. Cleared before.
+// By slot: 1 where there is a gradient, and, if requested, the bits of the opacity times its gradient. Cleared
+// beforehand.
 @group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
 
 const LANES: u32 = 8u;
@@ -20,7 +22,7 @@ struct Loaded {
     splat: Splat,
 }
 
-// What the lane of the subgroup has loaded.
+// The entry that a lane of the subgroup has loaded.
 fn loaded_by(mine: Loaded, lane: u32) -> Loaded {
     var loaded = Loaded();
     loaded.slot = subgroupShuffle(mine.slot, lane);
@@ -31,8 +33,8 @@ fn loaded_by(mine: Loaded, lane: u32) -> Loaded {
     return loaded;
 }
 
-// One of eight numbers summed over eight lanes: each lane gets the sum of the number of its own index. Halves are exchanged
-// instead of sums repeated, so that it takes seven shuffles and not 24.
+// Sums eight numbers over eight lanes: each lane gets the sum of the number with its own index. Exchanging halves
+// instead of repeating sums takes seven shuffles instead of 24.
 fn sum_of_eight(first: vec4<f32>, second: vec4<f32>, member: u32) -> f32 {
     let upper = (member & 4u) != 0u;
     let four = select(first, second, upper) + subgroupShuffleXor(select(second, first, upper), 4u);
@@ -42,7 +44,7 @@ fn sum_of_eight(first: vec4<f32>, second: vec4<f32>, member: u32) -> f32 {
     return select(two.x, two.y, odd) + subgroupShuffleXor(select(two.y, two.x, odd), 1u);
 }
 
-// A number summed over eight lanes.
+// Sums a number over eight lanes.
 fn sum_over_lanes(value: f32) -> f32 {
     let two = value + subgroupShuffleXor(value, 1u);
     let four = two + subgroupShuffleXor(two, 2u);
@@ -55,7 +57,7 @@ fn max_over_lanes(value: u32) -> u32 {
     return max(four, subgroupShuffleXor(four, 4u));
 }
 
-// Takes entry i, counted from 1, off the pixels and keeps its gradient; 0 is none. The lane has loaded it.
+// Removes entry i, counted from 1, from the pixels and stores its gradient; 0 is none. This lane has loaded the entry.
 fn take_off(rows: ptr<function, array<Row, ROWS>>, x: vec4<f32>, y: f32, i: u32, mine: Loaded, lane: u32, member: u32) {
     let loaded = loaded_by(mine, lane);
     let splat = loaded.splat;
@@ -106,7 +108,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         start = tile_ranges[tile].x;
         i = max(start, max(last_end(rows[0]), last_end(rows[1])));
     }
-    // Entries left to take, the last first. All lanes stay until all are done: each loads for its neighbours.
+    // Remaining entries, the last first. All lanes continue until all are done: each loads for its neighbours.
     var left = max_over_lanes(i - start);
     while subgroupAny(left > 0u) {
         var mine = Loaded();
@@ -115,7 +117,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
             mine = Loaded(slot, splats[slot_gaussians[slot]]);
         }
         let last = start + left;
-        // Written out: software rasterisers allow only so many rounds of loops.
+        // Unrolled: software rasterisers limit the iterations of loops.
         take_off(&rows, x, y, select(0u, last, left > 0u), mine, first_lane, member);
         take_off(&rows, x, y, select(0u, last - 1u, left > 1u), mine, first_lane + 1u, member);
         take_off(&rows, x, y, select(0u, last - 2u, left > 2u), mine, first_lane + 2u, member);

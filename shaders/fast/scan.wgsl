@@ -1,5 +1,5 @@
-// Exclusive prefix sum over an array, in three passes over blocks of consecutive values, for devices that run thousands of
-// invocations at once. The sums are of whole numbers: the result is that of `scan.wgsl`, bit for bit.
+// Exclusive prefix sum over an array, in three passes over blocks of consecutive values, for devices that run thousands
+// of invocations at once. The sums are of integers: the result is that of `scan.wgsl`, bit for bit.
 
 struct ScanUniforms {
     length: u32,
@@ -21,7 +21,7 @@ const MOST_SUBGROUPS: u32 = THREADS / 4u;
 
 var<workgroup> subgroup_totals: array<u32, MOST_SUBGROUPS>;
 
-// Where an invocation stands in its workgroup.
+// Place of an invocation in its workgroup.
 struct Place {
     subgroup: u32,
     subgroups: u32,
@@ -45,7 +45,7 @@ fn workgroup_scan(value: u32, place: Place) -> vec2<u32> {
         }
         all += of_subgroup;
     }
-    // The totals may be overwritten by the next call.
+    // The next call may overwrite the totals.
     workgroupBarrier();
     return vec2(before, all);
 }
@@ -77,7 +77,7 @@ fn scan_sums(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
 }
 
-// One workgroup goes through the blocks' sums.
+// One workgroup scans the blocks' sums.
 @compute @workgroup_size(256)
 fn scan_strands(@builtin(subgroup_id) subgroup: u32, @builtin(num_subgroups) subgroups: u32,
                 @builtin(subgroup_size) lanes: u32, @builtin(subgroup_invocation_id) lane: u32) {

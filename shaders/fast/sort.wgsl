@@ -1,15 +1,15 @@
-// One pass of a stable radix sort of (key, value) pairs, for devices that run thousands of invocations at once. The array
-// is cut into blocks of consecutive pairs, one workgroup each: a block counts its digits, the counts (digit-major) are
-// scanned, and the block then orders its pairs in workgroup memory and writes them out, neighbours together.
-// The order of a stable sort is unique: the result is that of `sort.wgsl`, bit for bit.
+// One pass of a stable radix sort of (key, value) pairs, for devices that run thousands of invocations at once. The
+// array is divided into blocks of consecutive pairs, one workgroup each: a block counts its digits, the counts
+// (digit-major) are scanned, and the block then orders its pairs in workgroup memory and writes them out, neighbours
+// together. The order of a stable sort is unique: the result is that of `sort.wgsl`, bit for bit.
 
 struct SortUniforms {
     // The digit is (key >> shift) & mask; the mask has at most four bits.
     shift: u32,
     mask: u32,
-    // Into how many blocks the keys are cut.
+    // Number of blocks that the keys are divided into.
     strands: u32,
-    // Which counter holds the number of pairs.
+    // Index of the counter that holds the number of pairs.
     counter: u32,
 }
 
@@ -28,7 +28,8 @@ const MOST_SUBGROUPS: u32 = THREADS / 4u;
 @group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
 
-// How often each of the sixteen digits occurs: two to a word, 0 to 7 in `low`, 8 to 15 in `high`. A block has fewer than 2^16.
+// How often each of the sixteen digits occurs: two per word, 0 to 7 in `low`, 8 to 15 in `high`. A block has fewer than
+// 2^16.
 struct Counts {
     low: vec4<u32>,
     high: vec4<u32>,
@@ -60,7 +61,7 @@ fn digit_of(key: u32) -> u32 {
     return (key >> sort.shift) & sort.mask;
 }
 
-// The pairs of a block: its start and how many there are.
+// The pairs of a block: the index of the first and their number.
 fn block_range(block: u32) -> vec2<u32> {
     let count = counters[sort.counter];
     let start = min(block * BLOCK, count);
@@ -79,7 +80,7 @@ fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     let thread = subgroup * lanes + lane;
     var mine = Counts();
     for (var k = 0u; k < PAIRS; k++) {
-        // The order does not matter here: neighbours read neighbours.
+        // The order does not matter here: neighbouring invocations read neighbouring pairs.
         let i = thread + k * THREADS;
         if i < range.y {
             mine = sum(mine, once(digit_of(keys_in[range.x + i])));
@@ -109,7 +110,7 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     }
     let range = block_range(block);
     let thread = subgroup * lanes + lane;
-    // Consecutive pairs, so that the order of invocations is that of the pairs.
+    // Each invocation has consecutive pairs, so that invocations and pairs are in the same order.
     var keys: array<u32, PAIRS>;
     var ranks: array<u32, PAIRS>;
     var mine = Counts();

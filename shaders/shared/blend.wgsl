@@ -1,6 +1,6 @@
-// What both tiers' rasterize have in common, so that they see the same bits: blending splats front to back into 2x2 pixels,
-// held as the components of vectors. What is loaded of a splat serves four pixels, and selects instead of branches keep
-// lanes together.
+// Shared by the rasterize stages of both tiers, so that they compute the same bits: blends splats front to back into
+// 2x2 pixels, held as the components of vectors. A loaded splat serves four pixels, and selects instead of branches
+// keep lanes together.
 
 import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, TILE_SIZE, TRANSMITTANCE_MIN, view};
 import package::shared::counters::Counters;
@@ -13,24 +13,24 @@ import package::shared::splat::Splat;
 @group(0) @binding(4) var<storage, read> tile_ranges: array<vec2<u32>>;
 // Colour over the background, and coverage.
 @group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
-// For the backward pass: the bits of the transmittance, and one past the last entry that a pixel took.
+// For the backward pass: the bits of the transmittance, and one past the last entry that a pixel blended.
 @group(0) @binding(6) var<storage, read_write> pixel_states: array<vec2<u32>>;
-// Expected camera z of what covers a pixel, metres; 0 where nothing does.
+// Expected camera z of the splats that cover a pixel, metres; 0 where none does.
 @group(0) @binding(7) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 override DEPTH: bool = false;
-// How many entries of a tile the backward pass can go through.
+// Most entries of a tile that the backward pass can process.
 override BACKWARD_ENTRIES: u32 = 0xffffffffu;
 
-// Leaves word of a tile that could not be gone through to its end, now or in the backward pass.
+// Records a tile that could not be processed completely, now or in the backward pass.
 fn report_cut_short(range: vec2<u32>, last: u32, cut_short: bool) {
     if cut_short || (last > range.x && last - range.x > BACKWARD_ENTRIES) {
         atomicMax(&counters.cut_short, range.y - range.x);
     }
 }
 
-// What four pixels have gathered so far.
+// What four pixels have accumulated so far.
 struct Pixels {
     x: vec4<f32>,
     y: vec4<f32>,
@@ -39,12 +39,12 @@ struct Pixels {
     green: vec4<f32>,
     blue: vec4<f32>,
     depth: vec4<f32>,
-    // One past the last entry that each took.
+    // One past the last entry that each pixel blended.
     end: vec4<u32>,
     live: vec4<bool>,
 }
 
-// Column and row of the four pixels of an invocation of a tile.
+// Columns and rows of the four pixels of an invocation.
 struct Area {
     column: vec4<u32>,
     row: vec4<u32>,

@@ -1,5 +1,5 @@
-// What both tiers' rasterize_backward have in common: taking the entries of a tile back to front, one row of four pixels at
-// a time.
+// Shared by the rasterize_backward stages of both tiers: removes the entries of a tile back to front, one row of four
+// pixels at a time.
 
 import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, view};
 import package::shared::splat::Splat;
@@ -9,12 +9,12 @@ import package::shared::splat::Splat;
 @group(0) @binding(2) var<storage, read> entries: array<u32>;
 @group(0) @binding(3) var<storage, read> slot_gaussians: array<u32>;
 @group(0) @binding(4) var<storage, read> tile_ranges: array<vec2<u32>>;
-// The bits of the transmittance, and one past the last entry that a pixel took.
+// The bits of the transmittance, and one past the last entry that a pixel blended.
 @group(0) @binding(5) var<storage, read> pixel_states: array<vec2<u32>>;
 // dL/d(colour, coverage).
 @group(0) @binding(6) var<storage, read> d_image: array<vec4<f32>>;
 
-// Whether the gradient of the opacity is wanted.
+// Whether the gradient of the opacity is requested.
 override SLOT_OPACITY: bool = false;
 
 // Rows that an invocation owns, on the fast tier and on the other.
@@ -23,15 +23,16 @@ const ROWS: u32 = 2u;
 @if(!fast)
 const ROWS: u32 = 4u;
 
-// Four pixels side by side, as the entries behind have left them.
+// State of four pixels side by side, after the entries behind.
 struct Row {
     transmittance: vec4<f32>,
-    // dL/dT of what lies behind, times T: sum of weight * (color . d_color) of the splats behind plus the background's part.
+    // dL/dT of everything behind, times T: sum of weight * (color . d_color) of the splats behind plus the background's
+    // part.
     behind: vec4<f32>,
     d_red: vec4<f32>,
     d_green: vec4<f32>,
     d_blue: vec4<f32>,
-    // One past the last entry that each took.
+    // One past the last entry that each pixel blended.
     end: vec4<u32>,
 }
 
@@ -74,7 +75,7 @@ fn last_end(row: Row) -> u32 {
     return max(max(row.end.x, row.end.y), max(row.end.z, row.end.w));
 }
 
-// Takes the splat of entry i off row r, whose pixels lie at (dx, dy) from its mean.
+// Removes the splat of entry i from row r, whose pixels are at (dx, dy) from its mean.
 fn unblend(rows: ptr<function, array<Row, ROWS>>, r: u32, sums: ptr<function, Sums>, i: u32, splat: Splat,
            dx: vec4<f32>, dy: f32) {
     let row = (*rows)[r];
@@ -93,13 +94,14 @@ fn unblend(rows: ptr<function, array<Row, ROWS>>, r: u32, sums: ptr<function, Su
     (*sums).blue += weight * row.d_blue;
     (*rows)[r].behind = row.behind + weight * d_value;
     (*rows)[r].transmittance = select(row.transmittance, before, hit);
-    // Where alpha is cut at ALPHA_MAX it does not depend on the power.
+    // Where alpha is clamped to ALPHA_MAX it does not depend on the power.
     let d_power = select(vec4(0.0), d_alpha * raw, hit & (raw <= vec4(ALPHA_MAX)));
     if SLOT_OPACITY {
         (*sums).power += d_power;
     }
-    // With k = conic d: d(power)/d(mean) = -k and d(power)/d(covariance) = k k^T / 2. By the conic it would be -d d^T / 2,
-    // whose way back to the covariance cancels when a splat is long and thin.
+    // With k = conic d: d(power)/d(mean) = -k and d(power)/d(covariance) = k k^T / 2. With respect to the conic it
+    // would be -d d^T / 2, from which the gradient of the covariance suffers cancellation when a splat is long and
+    // thin.
     let k_x = splat.conic.x * dx + splat.conic.y * dy;
     let k_y = splat.conic.y * dx + splat.conic.z * dy;
     let d_x = d_power * k_x;

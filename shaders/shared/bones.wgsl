@@ -1,4 +1,4 @@
-// Access to the two chains for the skinning stages, which handle four points an invocation: a bone is loaded once for
+// Access to the two chains for the skinning stages, which handle four points per invocation: a bone is loaded once for
 // four points.
 
 import package::shared::pose::{CHAIN_POSED, CHAIN_STRIDE, pose};

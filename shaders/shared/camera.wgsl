@@ -21,8 +21,8 @@ struct View {
     near: f32,
     // Opacity that all Gaussians share.
     opacity: f32,
-    // Where this frame is a band of a larger image: the first of its rows there, a multiple of TILE_SIZE. Projected
-    // positions are those of the larger image, to the bit; `size` and `tiles` are the band's.
+    // If this frame is a band of a larger image: its first row there, a multiple of TILE_SIZE. Projected positions are
+    // those of the larger image, to the bit; `size` and `tiles` are the band's.
     first_row: u32,
     padding_1: u32,
     padding_2: u32,
@@ -36,7 +36,7 @@ const TILE_SIZE: u32 = 8u;
 const BLUR: f32 = 0.3;
 const ALPHA_MIN: f32 = 1.0 / 255.0;
 const ALPHA_MAX: f32 = 0.99;
-// A pixel is finished before the splat that would bring its transmittance to this or less.
+// Blending of a pixel ends before the splat that would reduce its transmittance to this or less.
 const TRANSMITTANCE_MIN: f32 = 1e-4;
 
 fn camera_from_world(view: View, p: vec3<f32>) -> vec3<f32> {

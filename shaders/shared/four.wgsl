@@ -1,4 +1,4 @@
-// Four points an invocation: i, i + Q, i + 2 Q and i + 3 Q with Q a quarter of the points, so that neighbouring
+// Four points per invocation: i, i + Q, i + 2 Q and i + 3 Q with Q a quarter of the points, so that neighbouring
 // invocations touch neighbouring words. Points beyond the last are computed as the last and not stored.
 
 fn quarter(count: u32) -> u32 {

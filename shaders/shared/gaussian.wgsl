@@ -1,5 +1,5 @@
-// A Gaussian's row of numbers, whatever its kind, and its footprint on the image. Used forward and backward, so that both
-// see the same bits.
+// A Gaussian's row of numbers, for every kind of Gaussian, and its footprint on the image. Used forward and backward,
+// so that both compute the same bits.
 
 import package::shared::camera::{BLUR, view};
 
@@ -20,12 +20,12 @@ override ROW_COLOR: u32 = 4u;
 // [rows][N], see `ghand_render::splat::SplatModel`.
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 
-// Standard deviations, opacity and rotation as they are meant, not as they are stored.
+// Standard deviations, opacity and rotation, decoded from their stored form.
 struct Gaussian {
     mean: vec3<f32>,
     scales: vec3<f32>,
     opacity: f32,
-    // Of an anisotropic Gaussian: its unit quaternion (x, y, z, w) and the length that it is stored with.
+    // Of an anisotropic Gaussian: its unit quaternion (x, y, z, w) and the length of the stored one.
     quaternion: vec4<f32>,
     length: f32,
 }
@@ -66,7 +66,7 @@ fn load_gaussian(i: u32) -> Gaussian {
         g.scales = vec3(stored_scale(ROW_SCALE, i), stored_scale(ROW_SCALE + 1u, i), stored_scale(ROW_SCALE + 2u, i));
         let q = vec4(stored(ROW_ROTATION + 1u, i), stored(ROW_ROTATION + 2u, i), stored(ROW_ROTATION + 3u, i),
                      stored(ROW_ROTATION, i));
-        // Squares of huge or tiny numbers would leave the range.
+        // Squares of huge or tiny numbers would overflow or underflow.
         let largest = max(max(abs(q.x), abs(q.y)), max(abs(q.z), abs(q.w)));
         let scaled = q / largest;
         let length = sqrt(dot(scaled, scaled));
@@ -78,7 +78,7 @@ fn load_gaussian(i: u32) -> Gaussian {
     return g;
 }
 
-// Whether every number of the Gaussian can be worked with. A quaternion of 0 is no rotation: its length is NaN.
+// Whether every number of the Gaussian is usable. A quaternion of 0 is not a rotation: its length is NaN.
 fn is_sound(g: Gaussian) -> bool {
     return are_finite(g.mean) && are_finite(g.scales) && is_finite(g.opacity) && is_finite(g.length) && g.length > 0.0
         && are_finite(g.quaternion.xyz) && is_finite(g.quaternion.w);
@@ -101,12 +101,12 @@ fn axes_of(q: vec4<f32>) -> mat3x3<f32> {
                   xz + wy, yz - wx, 1.0 - xx - yy);
 }
 
-// What the projection of a Gaussian needs in both directions. The covariance in the image is T T^T + BLUR with the rows of
-// T = J W A S: kept as T, so that nothing cancels when a Gaussian is long and thin.
+// What both directions of a Gaussian's projection need. The covariance in the image is T T^T + BLUR with the rows of T
+// = J W A S: kept as T to avoid cancellation when a Gaussian is long and thin.
 struct Footprint {
     // Slopes x/z and y/z, clamped.
     slope: vec2<f32>,
-    // Rows of the Jacobian of the projection, in camera axes (pixels a metre).
+    // Rows of the Jacobian of the projection, in camera axes (pixels per metre).
     jacobian_x: vec3<f32>,
     jacobian_y: vec3<f32>,
     // Rows of T: one number for each axis of the Gaussian, pixels.
@@ -119,7 +119,7 @@ struct Footprint {
     area: f32,
 }
 
-// A vector of camera axes in world axes.
+// Converts a vector from camera axes to world axes.
 fn world_direction(v: vec3<f32>) -> vec3<f32> {
     return view.row_x.xyz * v.x + view.row_y.xyz * v.y + view.row_z.xyz * v.z;
 }
@@ -146,7 +146,7 @@ fn footprint(g: Gaussian, p: vec3<f32>) -> Footprint {
     return foot;
 }
 
-// What antialiasing leaves of the opacity.
+// The part of the opacity that antialiasing keeps.
 fn compensation(foot: Footprint) -> f32 {
     if ANTIALIAS {
         return foot.area / sqrt(foot.determinant);

@@ -5,9 +5,9 @@ struct PoseUniforms {
     basis_count: u32,
     // Where this frame's pose starts in `poses`.
     pose_offset: u32,
-    // Whether the residual skeleton stands on the rest joints (1) or on the origin (0).
+    // Whether the residual joints are relative to the rest joints (1) or to the origin (0).
     anchored: u32,
-    // Whether the mean over joints is taken off the residual weights.
+    // Whether the mean over the joints is subtracted from the residual weights.
     zero_sum: u32,
     // Where the hand's Gaussians lie in the splatter's table: columns of a row, and the first of theirs.
     table_columns: u32,

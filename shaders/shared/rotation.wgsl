@@ -1,6 +1,7 @@
 // Rodrigues' formula: R = (1 - b s) I + a [v]x + b v v^T with s = |v|^2. CPU twin: `ghand_core::rotation`.
 
-// a, b and their derivatives to s. Below the limit the closed forms cancel in f32 and the series is used.
+// a, b and their derivatives with respect to s. Below the limit the closed forms suffer cancellation in f32, and the
+// series is used.
 fn rotation_coefficients(s: f32) -> vec4<f32> {
     if s < 0.5 {
         let a = 1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362880.0))));

@@ -59,7 +59,7 @@ fn direction_to(p: vec3<f32>) -> vec3<f32> {
     return normalize(world_direction(p));
 }
 
-// The colour of Gaussian i seen along `direction`, before it is cut at 0.
+// The colour of Gaussian i seen along `direction`, before it is clamped at 0.
 fn color_sum(i: u32, direction: vec3<f32>) -> vec3<f32> {
     if COLOR_BASES == 0u {
         return stored_color(0u, i);

@@ -1,4 +1,4 @@
-//! What there is to see before anything has been trained.
+//! The hand that is shown before anything has been trained.
 
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::hand_model::procedural::ProceduralHand;
@@ -9,23 +9,23 @@ use crate::framing::Upright;
 
 /// Skin that faces the light, display values.
 const COLOR: DVec3 = DVec3::new(0.86, 0.65, 0.54);
-/// Brightness that does not depend on where the skin faces.
+/// Brightness independent of the direction that the skin faces.
 const AMBIENT: f64 = 0.5;
-/// Brightness that the palm and the back of the hand have more than the sides of the fingers, so that fingers stand out.
+/// Extra brightness of the palm and the back of the hand over the sides of the fingers, so that fingers stand out.
 const FACING: f64 = 0.25;
 
 /// The built-in hand as an untrained avatar, softly lit at rest so that its shape shows.
 ///
 /// # Errors
-/// [`HandModelError`] if the built-in hand cannot be built, which would be a mistake in it.
+/// [`HandModelError`] if the built-in hand cannot be built, which would be a bug.
 pub fn bare_hand() -> Result<Avatar, HandModelError> {
     bare_hand_of(&ProceduralHand::default().build()?)
 }
 
-/// As [`bare_hand`], of any hand model.
+/// Like [`bare_hand`], for any hand model.
 ///
 /// # Errors
-/// [`HandModelError`] if the model has no texture coordinates that an avatar could be made with.
+/// [`HandModelError`] if the model's texture coordinates are not usable for an avatar.
 pub fn bare_hand_of(model: &HandModel) -> Result<Avatar, HandModelError> {
     let config = AvatarConfig::default();
     let mut avatar = Avatar::untrained(model, &config, COLOR.to_array(), 0)?;

@@ -1,4 +1,4 @@
-//! Which capture a program works on.
+//! Options that select a capture.
 
 use std::path::{Path, PathBuf};
 
@@ -42,16 +42,16 @@ pub struct CaptureOptions {
 }
 
 impl CaptureArgs {
-    /// Opens the capture at `path` and takes images that are of no use out of `needed` splits, and of `optional` ones where
-    /// they have any. What was left out is said in one warning.
+    /// Opens the capture at `path` and removes unusable images from the `needed` splits, and from the `optional` ones
+    /// if they have images. One warning reports the skipped images.
     ///
     /// # Errors
-    /// One sentence that names the file, the field and what to do; also when a needed split is not there.
+    /// One sentence that names the file, the field and a remedy; also when a needed split is missing.
     pub fn open(&self, path: &Path, needed: &[&str], optional: &[&str]) -> anyhow::Result<Capture> {
         let opened = self.options.open(path)?;
         opened.warnings.iter().for_each(|warning| log::warn!("{warning}"));
         let mut capture = opened.capture;
-        // Before images are looked at, which may take long.
+        // Before images are checked, which may take long.
         needed.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;
         let has_images = |name: &&&str| capture.splits.get(**name).is_some_and(|split| !split.views.is_empty());
         let splits: Vec<&str> = needed.iter().chain(optional.iter().filter(has_images)).copied().collect();
@@ -69,7 +69,7 @@ impl CaptureArgs {
 }
 
 impl CaptureOptions {
-    /// Opens the capture at `path` as it is. What is odd about the hand model's file is among the warnings.
+    /// Opens the capture at `path` with all images. The warnings include oddities of the hand model's file.
     ///
     /// # Errors
     /// One sentence that names the file, the field and what to do.
@@ -92,7 +92,7 @@ impl CaptureOptions {
         Ok(opened)
     }
 
-    /// The option that only a capture has a use for, if one is given.
+    /// The first given option that applies only to captures, if any.
     pub fn given(&self) -> Option<&'static str> {
         [
             ("--hand-model", self.hand_model.is_some()),

@@ -1,4 +1,4 @@
-//! Whether there is any point in training on a capture: what `ghand inspect` finds, asked before the training.
+//! Checks whether training on a capture can succeed: the checks of `ghand inspect`, before training.
 
 use std::path::Path;
 
@@ -6,17 +6,17 @@ use anyhow::bail;
 use ghand_data::Capture;
 use ghand_data::inspection::{CaptureInspection, Severity};
 
-/// Images of the training split whose pixels are looked at: enough to tell what is wrong with nearly all of them, and done
-/// within a few seconds.
+/// Number of images of the training split whose pixels are checked: enough to find problems that nearly all of them
+/// have, within a few seconds.
 const TRAIN_SAMPLE: usize = 60;
-/// Images of the test split whose pixels are looked at.
+/// Number of images of the test split whose pixels are checked.
 const TEST_SAMPLE: usize = 20;
 
-/// Warns of what is odd about the training split, and of what is wrong with the test split, if that has images. `path` is the
+/// Warns of oddities of the training split, and of problems of the test split if it has images. `path` is the
 /// capture's, for messages.
 ///
 /// # Errors
-/// One sentence with all that makes training pointless, unless it is to be `ignored`; then these are warnings, too.
+/// One sentence with everything that makes training pointless, unless `ignored`; then these are also warnings.
 pub fn check_before_training(
     capture: &Capture,
     path: &Path,

@@ -1,4 +1,4 @@
-//! What the command lines have in common: options, errors in one sentence, exit codes.
+//! Shared parts of the command lines: options, errors in one sentence, exit codes.
 
 use std::io::{self, ErrorKind as IoErrorKind, Write};
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use ghand_render::{AdapterChoice, DeviceError, Gpu};
 use crate::crash;
 use crate::runtime_dir::RuntimeDir;
 
-/// Largest edge of an image that the splatter takes, pixels.
+/// Largest edge of an image that the splatter accepts, pixels.
 const LARGEST_EDGE: u32 = 16_384;
 
 /// Which graphics adapter to use.
@@ -27,16 +27,16 @@ impl AdapterArgs {
     /// Opens the chosen adapter.
     ///
     /// # Errors
-    /// [`DeviceError`] if there is none of that name.
+    /// [`DeviceError`] if no adapter has that name.
     pub fn open(&self) -> Result<Gpu, DeviceError> {
         Gpu::new(&self.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse))
     }
 }
 
-/// Exit code of a program that the user has stopped, as of one that Ctrl-C has ended.
+/// Exit code of a program that the user has stopped, the same as for Ctrl-C.
 pub const STOPPED: u8 = 130;
 
-/// The user has stopped the program: what there is, in one line.
+/// The user has stopped the program: a line that says what exists.
 #[derive(Debug)]
 pub struct Stopped(pub String);
 
@@ -48,12 +48,12 @@ impl std::fmt::Display for Stopped {
 
 impl std::error::Error for Stopped {}
 
-/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr, or [`STOPPED`] with
-/// the line of [`Stopped`] there. Called first thing in `main`.
+/// Parses the command line and runs a program: exit code 0, or 1 with one line `error: ...` on stderr, or [`STOPPED`]
+/// with the line of [`Stopped`] on stderr. Must be called first in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     let _runtime_dir = RuntimeDir::ensure();
     crash::explain();
-    // The device's own failures come back as errors; the driver's chatter would only hide them.
+    // Failures of the device are returned as errors; log messages of the driver would only hide them.
     let quiet =
         "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(quiet)).init();
@@ -79,7 +79,7 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
     told(program(args))
 }
 
-/// The exit code of a program that has ended so: an error is told, and one of stdout's, too.
+/// The exit code for the result of a program. Prints its error, and an error of stdout, too.
 fn told(result: anyhow::Result<()>) -> ExitCode {
     note(io::stdout().flush());
     let unprinted = STDOUT_ERROR.get().map(|e| anyhow::anyhow!("stdout: cannot be written: {e}"));
@@ -96,10 +96,10 @@ fn told(result: anyhow::Result<()>) -> ExitCode {
     }
 }
 
-/// Why something could not be printed, if so: the first time.
+/// The first error of printing to stdout, if any.
 static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
 
-/// Remembers an error of stdout for the end of the program. A reader that has gone away is none: that is its own choice.
+/// Stores an error of stdout for the end of the program. A closed pipe is not an error: the reader chose to close it.
 fn note(printed: io::Result<()>) {
     if let Err(error) = printed
         && error.kind() != IoErrorKind::BrokenPipe
@@ -112,9 +112,8 @@ fn tell(error: &anyhow::Error) {
     eprintln!("error: {}", sentence(error));
 }
 
-/// Prints a line on stdout as `println!` does, but never panics. If a line cannot be written, on a full disk for instance, the
-/// program goes on with its work, and [`cli::run`](crate::cli::run) ends it with exit code 1. A reader that has gone away is
-/// no error.
+/// Prints a line on stdout like `println!`, but never panics. If a line cannot be written, for instance on a full disk,
+/// the program continues, and [`cli::run`](crate::cli::run) ends it with exit code 1. A closed pipe is not an error.
 #[macro_export]
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::say(format_args!($($text)*)) };
@@ -125,13 +124,13 @@ pub fn say(line: std::fmt::Arguments) {
     note(writeln!(io::stdout(), "{line}"));
 }
 
-/// Ends the program at once as an error of [`run`] does, for where going back is not possible.
+/// Ends the program at once like an error of [`run`], for places that cannot return an error.
 pub fn end(error: &anyhow::Error) -> ! {
     tell(error);
     std::process::exit(1)
 }
 
-/// An error with its causes, joined by ": ". Causes that a message already spells out are not repeated.
+/// An error with its causes, joined by ": ". Causes that a message already contains are not repeated.
 fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(|c| one_line(&c.to_string())) {
@@ -151,7 +150,7 @@ fn one_line(text: &str) -> String {
 /// Parses a number of views, frames or pictures.
 ///
 /// # Errors
-/// What is wrong with the text.
+/// A description of the problem with the text.
 pub fn parse_count(text: &str) -> Result<u32, String> {
     const MOST: u32 = 10_000;
     let count = text.trim().parse().ok().filter(|count| (1..=MOST).contains(count));
@@ -161,7 +160,7 @@ pub fn parse_count(text: &str) -> Result<u32, String> {
 /// Parses an image size like `640x480`.
 ///
 /// # Errors
-/// What is wrong with the text.
+/// A description of the problem with the text.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let problem = || format!("must be WIDTHxHEIGHT in pixels, each from 1 to {LARGEST_EDGE}, as in 640x480");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;

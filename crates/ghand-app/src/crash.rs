@@ -1,12 +1,12 @@
-//! A last sentence when the process is about to crash.
+//! Prints a last sentence when the process is about to crash.
 //!
-//! Graphics drivers are C libraries inside of the process. Where memory is short they may read through a null pointer or abort,
-//! and Rust's own allocator aborts, too. Without this module a user would see nothing but `Segmentation fault`.
+//! Graphics drivers are C libraries inside the process. If memory is short they may dereference a null pointer or
+//! abort, and Rust's own allocator also aborts. Without this module a user would see only `Segmentation fault`.
 
 #[cfg(target_os = "linux")]
 pub use linux::explain;
 
-/// Elsewhere the system tells of crashes itself.
+/// Other systems report crashes themselves.
 #[cfg(not(target_os = "linux"))]
 pub fn explain() {}
 
@@ -20,7 +20,7 @@ mod linux {
         sentence: String,
         /// Whether the process ends with exit code 1 instead of the signal, which leaves a core dump.
         is_expected: bool,
-        /// What handled the signals before: Rust's check for stack overflows.
+        /// The previous signal handlers: Rust's check for stack overflows.
         before: Vec<(libc::c_int, libc::sigaction)>,
     }
 
@@ -28,8 +28,8 @@ mod linux {
 
     const SIGNALS: [libc::c_int; 3] = [libc::SIGSEGV, libc::SIGBUS, libc::SIGABRT];
 
-    /// From now on a crash is explained on stderr. Under a limit on the address space a crash is a failed allocation, and ends
-    /// the process with exit code 1; otherwise it goes its way after the sentence.
+    /// From now on a crash is explained on stderr. With a limit on the address space, a crash is a failed allocation
+    /// and ends the process with exit code 1; otherwise the crash continues after the sentence.
     pub fn explain() {
         let limit = address_space_limit_mib();
         let sentence = match limit {
@@ -49,7 +49,8 @@ mod linux {
 
     #[allow(unsafe_code, reason = "the standard library cannot handle signals")]
     fn handler_of(signal: libc::c_int) -> Option<libc::sigaction> {
-        // SAFETY: all zeros are a valid `sigaction`, and a null pointer for the new action only asks for the present one.
+        // SAFETY: all zeros are a valid `sigaction`, and a null pointer for the new action only queries the present
+        // one.
         unsafe {
             let mut action: libc::sigaction = std::mem::zeroed();
             (libc::sigaction(signal, std::ptr::null(), &raw mut action) == 0).then_some(action)
@@ -62,7 +63,7 @@ mod linux {
         unsafe {
             let mut action: libc::sigaction = std::mem::zeroed();
             action.sa_sigaction = on_crash as *const () as usize;
-            // On a stack of its own, since the crash may be an overflow of the thread's.
+            // On its own stack, because the crash may be an overflow of the thread's.
             action.sa_flags = libc::SA_ONSTACK;
             libc::sigaction(signal, &raw const action, std::ptr::null_mut());
         }
@@ -78,8 +79,8 @@ mod linux {
             if crash.is_expected {
                 libc::_exit(1);
             }
-            // Back to what was there; the instruction that crashed runs once more and meets it. `abort` raises its signal again
-            // by itself.
+            // Restores the previous handlers; the crashing instruction runs again and triggers them. `abort` raises its
+            // signal again by itself.
             if let Some((_, before)) = crash.before.iter().find(|(s, _)| *s == signal) {
                 libc::sigaction(signal, before, std::ptr::null_mut());
             }

@@ -1,11 +1,11 @@
-//! Which kind of file a path names, recognised from its contents.
+//! The kind of a file, recognised from its contents.
 
 use std::io::Read;
 use std::path::Path;
 
 use ghand_core::input_file;
 
-/// Kinds of files that commands tell apart before they read them.
+/// Kinds of files that commands distinguish before reading them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// An avatar, `.ghand`.
@@ -24,10 +24,10 @@ const LARGEST_HEADER: u64 = 100_000_000;
 /// First bytes of binary glTF, of an archive of arrays, and of pickles of the protocols 2 to 5.
 const HAND_MODEL_STARTS: [&[u8]; 6] = [b"glTF", b"PK\x03\x04", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"];
 
-/// The kind of a file by its first bytes; by its name where they say nothing.
+/// The kind of a file from its first bytes, or from its name if these are not conclusive.
 pub fn file_kind(path: &Path) -> FileKind {
     let mut start = Vec::new();
-    // A safetensors file begins with the length of its JSON header, low byte first, and the header.
+    // A safetensors file begins with the length of its JSON header, little-endian, and the header.
     let read = input_file::open(path).and_then(|file| file.take(9).read_to_end(&mut start));
     let header = start.first_chunk::<8>().map(|length| u64::from_le_bytes(*length));
     let is_safetensors =
@@ -63,7 +63,7 @@ mod tests {
         assert_eq!(kind("a.bin", b"{\"frames\":[{}]}"), FileKind::Other);
         assert_eq!(kind("avatar.ghand", b"ply\r\nformat"), FileKind::Ply);
         assert_eq!(kind("a.bin", b"glTF\x02\0\0\0\0"), FileKind::HandModel);
-        // What is broken at its beginning is left to the reader that its name asks for.
+        // A file with a broken beginning is left to the reader for its name.
         assert_eq!(kind("e.pkl", b"(dp1\n"), FileKind::HandModel);
         assert_eq!(kind("hand.obj", b"v 0 0 0\nv "), FileKind::Other);
         assert_eq!((kind("a.ghand", b""), kind("a.PLY", b"cut")), (FileKind::Avatar, FileKind::Ply));

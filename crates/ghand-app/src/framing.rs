@@ -1,4 +1,4 @@
-//! Where cameras stand so that a hand fills the picture.
+//! Places cameras so that a hand fills the picture.
 
 use std::f64::consts::TAU;
 
@@ -10,31 +10,31 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Distance of a turntable's cameras from the middle of the hand, metres.
 pub const TURNTABLE_DISTANCE: f64 = 0.6;
-/// Part of the picture, from edge to edge, that the hand may take.
+/// Fraction of the picture, from edge to edge, that the hand may fill.
 const FILL: f64 = 0.9;
 /// Field of view of a portrait's height, radians: about that of a portrait lens.
 const PORTRAIT_FIELD: f64 = 0.4;
 /// Turn of a portrait's camera towards the thumb and above the horizon, radians: enough to see depth.
 const PORTRAIT_TURN: DVec2 = DVec2::new(0.4, 0.1);
 
-/// How a hand stands, fingers up; unit vectors, world axes.
+/// Orientation of a hand; unit vectors, world axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Upright {
-    /// Where the fingers point.
+    /// Direction of the fingers.
     pub up: DVec3,
-    /// Where the back of the hand faces.
+    /// Direction that the back of the hand faces.
     pub back: DVec3,
 }
 
 impl Upright {
-    /// Of a model at rest. Hands whose joints have unknown names are taken to stand as the built-in one.
+    /// For a model at rest. Hands with unknown joint names are assumed to be oriented like the built-in one.
     pub fn at_rest(model: &HandModel) -> Upright {
         let built_in = if model.side == Side::Right { DVec3::X } else { DVec3::NEG_X };
         hand_directions(model)
             .map_or(Upright { up: DVec3::NEG_Y, back: built_in }, |d| Upright { up: d.forward, back: d.back })
     }
 
-    /// Of a model in a pose, as its root is turned.
+    /// For a model in a pose, following its root's rotation.
     pub fn posed(model: &HandModel, pose: &Pose) -> Upright {
         let turn = pose.rotations.first().map_or(DMat3::IDENTITY, |root| rotation_from_axis_angle(*root));
         let Upright { up, back } = Upright::at_rest(model);
@@ -60,21 +60,21 @@ pub fn middle(points: &[DVec3]) -> DVec3 {
     (low + high) * 0.5
 }
 
-/// Cameras around a hand, `[pose][view]`, from the back of the hand on, fingers up as in the first pose. The whole ring follows
-/// the hand's translation and keeps one field of view, in which every pose fits.
+/// Cameras around a hand, `[pose][view]`, starting at the back of the hand, fingers up as in the first pose. The whole
+/// ring follows the hand's translation and keeps one field of view that fits every pose.
 pub fn turntable(model: &HandModel, poses: &[&Pose], views: usize, size: [u32; 2]) -> Vec<Vec<Camera>> {
     let angles: Vec<f64> = (0..views).map(|view| TAU * view as f64 / views as f64).collect();
     rings(model, poses, |_| angles.clone(), size)
 }
 
-/// A camera for each pose, going around the hand `turns` times from the back of the hand on: as in a turntable, and past the
-/// last pose it would be where it has begun.
+/// A camera for each pose, going around the hand `turns` times and starting at its back: as in a turntable, the camera
+/// after the last pose would be at the start again.
 pub fn orbit(model: &HandModel, poses: &[&Pose], turns: f64, size: [u32; 2]) -> Vec<Camera> {
     let angle = |pose: usize| vec![TAU * turns * pose as f64 / poses.len() as f64];
     rings(model, poses, angle, size).into_iter().flatten().collect()
 }
 
-/// Cameras around a hand, `[pose][view]`, by the angles of each pose's.
+/// Cameras around a hand, `[pose][view]`, from the angles for each pose.
 fn rings(
     model: &HandModel,
     poses: &[&Pose],
@@ -106,7 +106,7 @@ fn rings(
     targets.iter().enumerate().map(|(number, target)| ring(number, *target, fov_y)).collect()
 }
 
-/// A camera that sees the back of the hand and a little of the thumb's side, fingers up, whichever way the hand is turned;
+/// A camera that sees the back of the hand and a little of the thumb's side, fingers up, for any rotation of the hand;
 /// `points` (world, metres) fill the picture.
 pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height]: [u32; 2]) -> Camera {
     let Upright { up, back } = Upright::posed(model, pose);
@@ -115,7 +115,7 @@ pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height
     let direction = DQuat::from_axis_angle(up, to_thumb) * raised;
     let target = middle(points);
     let far = Camera::look_at(target + direction, target, up, PORTRAIT_FIELD, width, height);
-    // Slopes of the picture's edges, and the least distance at which every point lies within.
+    // Slopes of the picture's edges, and the least distance at which every point is inside.
     let slopes = DVec2::new(f64::from(width), f64::from(height)) / (2.0 * far.focal) * FILL;
     let needed = points.iter().map(|p| {
         let offset = far.rotation * (*p - target);
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn a_hand_that_lies_in_its_model_is_shown_upright() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-        // A quarter turn, as MANO's hands have it: the box around the hand turns with it.
+        // A quarter turn, as in MANO's hands: the box around the hand turns with it.
         let turn = DMat3::from_rotation_z(-std::f64::consts::FRAC_PI_2);
         let mut lying = model.clone();
         lying.vertices.iter_mut().chain(&mut lying.joints).for_each(|p| *p = turn * *p);

@@ -1,4 +1,4 @@
-//! Which hand model a command works on.
+//! Options that select a hand model.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ impl HandModelArgs {
     /// Reads the hand model, or the template mesh of an avatar, or builds the built-in hand if there is no file.
     ///
     /// # Errors
-    /// One that names the file, when it is not a usable hand model or avatar.
+    /// An error that names the file, if it is not a usable hand model or avatar.
     pub fn load(&self, path: Option<&PathBuf>) -> anyhow::Result<HandModelFile> {
         let Some(path) = path else {
             let model = ProceduralHand::default().build()?;
@@ -40,10 +40,10 @@ impl HandModelArgs {
     }
 }
 
-/// Reads a hand model file of any kind, or the template mesh out of an avatar.
+/// Reads a hand model file of any kind, or the template mesh of an avatar.
 ///
 /// # Errors
-/// As of [`HandModelArgs::load`].
+/// As in [`HandModelArgs::load`].
 pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
     match file_kind(path) {
         FileKind::Avatar => {

@@ -1,4 +1,4 @@
-//! What the programs `train`, `viewer` and `ghand` are made of: commands, the viewer's parts, and reading of their input.
+//! Parts of the programs `train`, `viewer` and `ghand`: the commands, the viewer, and the reading of input.
 
 pub mod bare_hand;
 pub mod capture_args;

@@ -11,18 +11,18 @@ use glam::DVec3;
 
 use crate::pictures::Picture;
 
-/// How a mesh is shown.
+/// How a mesh is drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PictureStyle {
     /// Skin in soft light.
     Solid,
-    /// The edges that no face hides.
+    /// The edges that are not hidden by faces.
     Wireframe,
     /// The edges on faces in soft light.
     SolidWireframe,
-    /// A colour a joint, mixed by skinning weight.
+    /// One colour per joint, mixed by skinning weight.
     Weights,
-    /// The skinning weight of one joint, by name or number: from grey, for none, over dark violet to yellow.
+    /// The skinning weight of one joint, by name or number: grey for 0, then dark violet to yellow.
     JointWeights(String),
 }
 
@@ -41,22 +41,23 @@ impl FromStr for PictureStyle {
     }
 }
 
-/// Samples of a pixel along each axis.
+/// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 4;
 /// Skin, display values.
 const SKIN: DVec3 = DVec3::new(0.87, 0.67, 0.56);
-/// Faces below lines: these are what is looked at.
+/// Faces below lines: plain, so that the lines stand out.
 const PALE: DVec3 = DVec3::new(0.82, 0.83, 0.85);
 /// Lines alone, and lines on faces, display values.
 const LINES: DVec3 = DVec3::new(0.1, 0.12, 0.16);
-/// Width of a line as a part of the median edge of the picture, and its bounds, pixels: fine meshes keep their faces.
+/// Width of a line as a fraction of the median edge in the picture, and its bounds, pixels: faces of fine meshes stay
+/// visible.
 const LINE_SHARE: f64 = 0.08;
 const LINE_WIDTHS: [f64; 2] = [0.5, 3.0];
 
 /// Draws a hand model's mesh with its vertices at `positions` (world, metres) into a picture of the camera's size.
 ///
 /// # Errors
-/// One that names the joint that the model lacks, or what cannot be drawn.
+/// An error that names the missing joint, or what cannot be drawn.
 pub fn draw(
     gpu: &Gpu,
     model: &HandModel,
@@ -82,7 +83,7 @@ pub fn draw(
     };
     let shading = match style {
         PictureStyle::Solid | PictureStyle::SolidWireframe => Shading::soft(camera, 0.4),
-        // Colours mean something: just enough shade to see the shape.
+        // Colours have a meaning here: only enough shading to show the shape.
         PictureStyle::Weights | PictureStyle::JointWeights(_) => Shading::soft(camera, 0.55),
         PictureStyle::Wireframe => Shading::Transparent,
     };
@@ -101,7 +102,7 @@ pub fn draw(
     Ok(())
 }
 
-/// A line width, pixels, that suits the mesh as the camera sees it.
+/// A line width, pixels, that suits the mesh as seen by the camera.
 fn line_width(model: &HandModel, positions: &[DVec3], camera: &Camera) -> f64 {
     let [thinnest, widest] = LINE_WIDTHS;
     let pixels: Vec<_> = positions.iter().map(|p| camera.project(*p)).collect();

@@ -1,4 +1,4 @@
-//! Pictures as files: single ones, folders of them, and films.
+//! Writes single pictures, folders of pictures, and films.
 
 mod background;
 mod destination;

@@ -1,4 +1,4 @@
-//! Which poses a command works with: a pose or a motion by name, or a file.
+//! Selects the poses for a command: a pose or a motion by name, or a file.
 
 use std::path::{Path, PathBuf};
 
@@ -51,11 +51,11 @@ pub(crate) fn parse_fps(text: &str) -> Result<f64, String> {
 }
 
 impl PoseReadingArgs {
-    /// The poses that `text` stands for: one of [`POSE_NAMES`], one of [`MOTION_NAMES`], or a file of any kind that
-    /// [`ghand_data::pose_sequence`] reads, or a capture's folder. What the user should know is logged.
+    /// The poses that `text` names: one of [`POSE_NAMES`], one of [`MOTION_NAMES`], or a file of any kind that
+    /// [`ghand_data::pose_sequence`] reads, or a capture's folder. Remarks for the user are logged.
     ///
     /// # Errors
-    /// One sentence that names the file and the field, or lists the names that there are.
+    /// One sentence that names the file and the field, or lists the existing names.
     pub fn load(&self, text: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
         if POSE_NAMES.contains(&text) {
             let frame = PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] };
@@ -95,7 +95,7 @@ impl PoseReadingArgs {
 /// The frame of that id, else of that number, counted from 0.
 ///
 /// # Errors
-/// One that tells the first and the last id.
+/// An error with the first and the last id.
 pub fn choose_frame(mut frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {
     let number = frame_number(&frames, wanted)?;
     Ok(frames.swap_remove(number))
@@ -104,7 +104,7 @@ pub fn choose_frame(mut frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<
 /// The number, counted from 0, of the frame of that id, else of that number.
 ///
 /// # Errors
-/// As [`choose_frame`].
+/// As in [`choose_frame`].
 pub fn frame_number(frames: &[PoseFrame], wanted: &str) -> anyhow::Result<usize> {
     let count = frames.len();
     let by_number = || wanted.parse().ok().filter(|n| *n < count);
@@ -124,7 +124,7 @@ pub fn frame_number(frames: &[PoseFrame], wanted: &str) -> anyhow::Result<usize>
 /// The pose of that name.
 ///
 /// # Errors
-/// One that lists the names, or says that the avatar's joints fit none of them.
+/// An error that lists the names, or says that the avatar's joints do not match any of them.
 pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
     if name == "rest" {
         return Ok(Pose::rest(model.joint_count()));

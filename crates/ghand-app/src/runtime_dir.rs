@@ -1,7 +1,7 @@
-//! A private runtime folder where the system provides none.
+//! A private runtime folder, if the system does not provide one.
 //!
-//! Vulkan's loader and Mesa look for a display server under `XDG_RUNTIME_DIR` and complain on stderr where it is missing, as in
-//! containers, in jobs and on bare logins. There is nothing that a user could do about it, so the programs make one.
+//! Vulkan's loader and Mesa look for a display server under `XDG_RUNTIME_DIR` and complain on stderr if it is missing,
+//! as in containers, jobs and logins without a desktop. A user cannot do much about it, so the programs make one.
 
 /// A runtime folder of this process; removed with the value.
 pub struct RuntimeDir {
@@ -11,16 +11,16 @@ pub struct RuntimeDir {
 const VARIABLE: &str = "XDG_RUNTIME_DIR";
 
 impl RuntimeDir {
-    /// Points `XDG_RUNTIME_DIR` to a new private folder if it is missing or does not name a folder. Where none can be made,
-    /// nothing changes.
+    /// Points `XDG_RUNTIME_DIR` to a new private folder if it is missing or does not name a folder. If none can be
+    /// made, nothing changes.
     ///
-    /// Must be called first thing in `main`, before any other thread exists.
+    /// Must be called first in `main`, before any other thread exists.
     pub fn ensure() -> RuntimeDir {
         let is_there = std::env::var_os(VARIABLE).is_some_and(|folder| std::path::Path::new(&folder).is_dir());
         if is_there || !cfg!(target_os = "linux") {
             return RuntimeDir { _folder: None };
         }
-        // Private to its owner, as the specification of XDG_RUNTIME_DIR demands and tempfile makes it.
+        // Private to its owner, as the specification of XDG_RUNTIME_DIR requires and tempfile provides.
         let folder = tempfile::Builder::new().prefix("ghand-runtime-").tempdir().ok();
         if let Some(folder) = &folder {
             set(folder.path());

@@ -1,4 +1,4 @@
-//! Where cameras stand so that a scene of Gaussians fills the picture, whatever strays around it.
+//! Places cameras so that a scene of Gaussians fills the picture, ignoring outliers.
 
 use std::f64::consts::TAU;
 use std::str::FromStr;
@@ -10,16 +10,16 @@ use glam::{DQuat, DVec2, DVec3};
 
 use crate::framing::middle;
 
-/// Part of the picture, from edge to edge, that the scene may take.
+/// Fraction of the picture, from edge to edge, that the scene may fill.
 const FILL: f64 = 0.9;
 /// Distance of the cameras, in multiples of the scene's radius: about that of a portrait.
 const DISTANCE: f64 = 4.0;
-/// What reaches farther from the middle than so many times the median does not belong to the scene: trainers leave Gaussians
-/// far off. Of a ball all is within 1.3, of a rod within 2.
+/// Gaussians that extend farther from the middle than this many times the median are outliers, which training leaves
+/// far away. All of a ball is within 1.3, all of a rod within 2.
 const STRAY: f64 = 3.0;
-/// Standard deviations to which a Gaussian is seen.
+/// Visible radius of a Gaussian, in standard deviations.
 const REACH: f64 = 2.0;
-/// Logit of the opacity below which Gaussians are hardly seen: that of 0.05.
+/// Logit of the opacity below which Gaussians are hardly visible: that of 0.05.
 const FAINT: f32 = -2.944;
 
 /// Which axis of a scene points up.
@@ -41,20 +41,21 @@ impl FromStr for UpAxis {
 }
 
 impl UpAxis {
-    /// Where the first camera of a turntable stands, seen from the middle: for y, in front of what OpenCV's cameras look at.
+    /// Direction from the middle to the first camera of a turntable: for y, on the side from which OpenCV's cameras
+    /// look.
     fn front(self) -> DVec3 {
         if self.0.z == 0.0 { DVec3::NEG_Z } else { DVec3::NEG_Y }
     }
 }
 
-/// A Gaussian as far as framing goes: its middle, and how far it is seen around it.
+/// A Gaussian for framing: its centre and its visible radius.
 #[derive(Clone, Copy)]
 struct Ball {
     center: DVec3,
     radius: f64,
 }
 
-/// Cameras around a scene, in which all but what strays far from it fits.
+/// Cameras around a scene, with everything except outliers in view.
 pub fn scene_turntable(scene: &SplatScene, views: usize, up: UpAxis, [width, height]: [u32; 2]) -> Vec<Camera> {
     let balls = belonging(balls(scene));
     let corners: Vec<DVec3> = balls.iter().flat_map(|b| [b.center - b.radius, b.center + b.radius]).collect();
@@ -65,7 +66,7 @@ pub fn scene_turntable(scene: &SplatScene, views: usize, up: UpAxis, [width, hei
         let direction = DQuat::from_axis_angle(up.0, TAU * view as f64 / views as f64) * up.front();
         Camera::look_at(target + direction * distance, target, up.0, fov_y, width, height)
     };
-    // The picture's half size at distance 1 that holds every ball of every view.
+    // The picture's half size at distance 1 that contains every ball in every view.
     let aspect = f64::from(width) / f64::from(height);
     let mut slope = 0.0f64;
     for camera in (0..views).map(|view| camera(view, 1.0)) {
@@ -79,7 +80,7 @@ pub fn scene_turntable(scene: &SplatScene, views: usize, up: UpAxis, [width, hei
     (0..views).map(|view| camera(view, fov_y)).collect()
 }
 
-/// The Gaussians that are seen at all, all where none is.
+/// The visible Gaussians, or all if none is visible.
 fn balls(scene: &SplatScene) -> Vec<Ball> {
     let (model, n) = (scene.model(), scene.count);
     let at = |row: usize, i: usize| scene.table.get(row * n + i).copied().unwrap_or(f32::NAN);
@@ -93,7 +94,7 @@ fn balls(scene: &SplatScene) -> Vec<Ball> {
     if seen.is_empty() { (0..n).filter_map(ball).collect() } else { seen }
 }
 
-/// Those that are not far off, around the median of all.
+/// The Gaussians near the median of all.
 fn belonging(balls: Vec<Ball>) -> Vec<Ball> {
     let center = DVec3::from([0, 1, 2].map(|axis| median(balls.iter().map(|b| b.center[axis]).collect())));
     let typical = median(balls.iter().map(|b| b.center.distance(center) + b.radius).collect());
@@ -113,7 +114,7 @@ mod tests {
 
     use super::*;
 
-    /// The table of a hand's Gaussians, and `stray` more ones from elsewhere: middle, logarithm of the size, logit.
+    /// The table of a hand's Gaussians, and additional `stray` ones: centre, logarithm of the size, logit.
     fn scene(stray: &[(DVec3, f32, f32)]) -> SplatScene {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let config = AvatarConfig { uv_resolution: 64, ..Default::default() };

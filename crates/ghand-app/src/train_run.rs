@@ -1,4 +1,4 @@
-//! The life of a run of `train`: its folder, how it is stopped, and what it leaves behind.
+//! A run of `train`: its folder, how it is stopped, and its results.
 
 pub mod demo_capture;
 pub mod evaluation;

@@ -1,4 +1,4 @@
-//! The viewer's parts. [`app`] is the user interface, the same in a window and in a screenshot without a display.
+//! The viewer. [`app`] is the user interface, the same in a window and in a screenshot without a display.
 
 pub mod app;
 pub mod camera;

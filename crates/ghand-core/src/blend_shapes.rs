@@ -29,8 +29,8 @@ impl CoefficientLayout {
 
 /// Offsets `Delta = sum_i C_i (.) S_i` (metres) of N Gaussians.
 ///
-/// `shape_basis` is `[n][N]` (metres), `blend_coefficients` `[n][N]` (no unit, one a component), both basis-major; their
-/// lengths must be equal and a multiple of `count` = N.
+/// `shape_basis` is `[n][N]` (metres), `blend_coefficients` `[n][N]` (no unit, one per component), both basis-major.
+/// Their lengths must be equal and a multiple of `count` = N.
 pub fn blend_shapes(shape_basis: &[DVec3], blend_coefficients: &[DVec3], count: usize) -> Vec<DVec3> {
     let mut offsets = vec![DVec3::ZERO; count];
     offsets.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, offsets)| {

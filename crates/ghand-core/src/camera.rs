@@ -4,11 +4,11 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// A calibrated pinhole camera without distortion.
 ///
-/// Camera axes are OpenCV's (x right, y down, z forward), `x_camera = rotation * x_world + translation`, and the
-/// centre of pixel (0, 0) lies at (0.5, 0.5).
+/// Camera axes are OpenCV's (x right, y down, z forward), `x_camera = rotation * x_world + translation`, and the centre
+/// of pixel (0, 0) is at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// Name of the camera within its capture.
+    /// Name of the camera, unique within its capture.
     pub id: String,
     /// Image width in pixels.
     pub width: u32,

@@ -1,5 +1,5 @@
-//! The whole way from an avatar's properties and a pose to its posed points (paper eq. 7 to 11), and its derivative:
-//! blend shapes, residual skeleton, both kinematic chains, corrected skinning.
+//! From an avatar's properties and a pose to its posed points (paper eq. 7 to 11), and the derivative: blend shapes,
+//! residual skeleton, both kinematic chains, corrected skinning.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -32,11 +32,11 @@ pub struct Deformation<'a> {
     pub residual_weights: &'a [f64],
     /// What the residual weights mean.
     pub residual_weights_mode: ResidualWeights,
-    /// Where the residual skeleton stands.
+    /// Where the residual joints are.
     pub residual_skeleton_mode: ResidualSkeleton,
 }
 
-/// What [`deform`] computes on its way, all in the order of the inputs.
+/// The results of [`deform`], intermediate ones included, all in the order of the inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformed {
     /// Offsets Delta, metres, N.
@@ -53,8 +53,8 @@ pub struct Deformed {
     pub posed: Vec<DVec3>,
 }
 
-/// Gradients of [`deform`]. Where coefficients or regressor depend on the pose themselves, what comes that way is the
-/// caller's to add: to `local`, before [`rotations_vjp`].
+/// Gradients of [`deform`]. If the coefficients or the regressor depend on the pose, the caller adds that part of the
+/// gradient to `local` before [`rotations_vjp`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeformationGradients {
     /// dL/dx_c, N.
@@ -102,7 +102,8 @@ impl<'a> Deformation<'a> {
 /// Posed Gaussians `x_p = (sum_k W_k B_k + W^_k B^_k) (x_c + Delta) + t` with `Delta = sum_i C_i (.) S_i` and the residual
 /// chain B^ of the joints `R Delta` (or `J + R Delta`).
 ///
-/// The lengths must agree as documented; parallel over the Gaussians, and the same bits for any number of threads.
+/// The lengths must agree as documented. Runs in parallel over the Gaussians; the result is bit-identical for any
+/// number of threads.
 pub fn deform(d: &Deformation, pose: &Pose) -> Deformed {
     let offsets = blend_shapes(d.shape_basis, d.blend_coefficients, d.canonical.len());
     let rest: Vec<DVec3> =
@@ -114,8 +115,8 @@ pub fn deform(d: &Deformation, pose: &Pose) -> Deformed {
     Deformed { offsets, rest, chain, residual_joints, residual_chain, posed }
 }
 
-/// Gradients of all inputs from dL/dx_p (N) and from what a loss says of the offsets themselves (dL/dDelta, N; empty if
-/// nothing); `forward` is [`deform`]'s result for the same inputs.
+/// Gradients of all inputs from dL/dx_p (N) and from a loss on the offsets themselves (dL/dDelta, N; empty if there is
+/// none); `forward` is [`deform`]'s result for the same inputs.
 pub fn deform_vjp(
     d: &Deformation,
     pose: &Pose,

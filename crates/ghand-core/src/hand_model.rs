@@ -27,7 +27,7 @@ pub enum Side {
     Left,
 }
 
-/// What is wrong with a hand model or its file.
+/// The problem with a hand model or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum HandModelError {
     /// The file could not be read.
@@ -61,9 +61,9 @@ pub enum HandModelError {
 /// Mean and principal components of hand poses, as MANO has them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSpace {
-    /// Mean rotation of each joint but the root, axis-angle, radians, `n_b - 1`.
+    /// Mean rotation of each joint except the root, axis-angle, radians, `n_b - 1`.
     pub mean: Vec<DVec3>,
-    /// Principal components, `[c][n_b - 1]`, radians a unit; empty if there are none.
+    /// Principal components, `[c][n_b - 1]`, radians per unit; empty if there are none.
     pub components: Vec<DVec3>,
 }
 
@@ -97,16 +97,16 @@ pub struct HandModel {
     /// Shape blend shapes `[n_s][V]`: how a unit of each shape parameter moves the vertices, metres. Empty for a rig
     /// without any.
     pub shape_directions: Vec<DVec3>,
-    /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: how the vertices move with the entries of `R_k - I`, row by row, of
-    /// the joints but the root. Empty for a rig without any.
+    /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: how the vertices move with the entries of `R_k - I`, row by row,
+    /// of all joints except the root. Empty for a rig without any.
     pub pose_directions: Vec<DVec3>,
-    /// Rows `[n_b]` of `(vertex, weight)`: each joint's rest position as a sum over the shaped vertices. Empty when the
-    /// joints do not follow the shape.
+    /// Rows `[n_b]` of `(vertex, weight)`: each joint's rest position as a sum over the shaped vertices. Empty if the
+    /// joints do not depend on the shape.
     pub joint_regressor: Vec<Vec<(u32, f64)>>,
-    /// What poses of this model are measured from, if not from zero.
+    /// The mean that poses of this model are measured from, if any.
     pub pose_space: Option<PoseSpace>,
     /// The vertex of this model at each vertex of the file that it came from: seams split in a file are welded here.
-    /// Empty when the file's vertices are the model's.
+    /// Empty if the file's vertices are the model's.
     pub source_vertices: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! Textured triangle meshes, as renderers take them.
+//! Textured triangle meshes, in the layout that renderers need.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ pub struct Texture {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Row-major texels, `width * height` of them; UV (0, 0) is the corner of the first.
+    /// Row-major texels, `width * height` of them; UV (0, 0) is the outer corner of the first.
     pub rgb: Vec<[u8; 3]>,
 }
 
@@ -24,10 +24,10 @@ impl Texture {
     }
 }
 
-/// Triangles with one UV a vertex (vertices on UV seams are repeated).
+/// Triangles with one UV per vertex (vertices on UV seams are duplicated).
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderMesh {
-    /// Index of each render vertex in the model that it came from.
+    /// For each render vertex, the index of its vertex in the model.
     pub source_vertices: Vec<u32>,
     /// UV of each render vertex.
     pub uvs: Vec<DVec2>,

@@ -1,10 +1,10 @@
-//! Work split in a way that does not depend on the number of threads.
+//! Splits work independently of the number of threads.
 
-/// Points that one task takes at least, and after which sums are rounded: a few microseconds of work.
+/// Least number of points per task, and length of the partial sums: a few microseconds of work.
 pub(crate) const CHUNK: usize = 1024;
 
-/// Sums over `0..count` in chunks of [`CHUNK`] and the chunks in order: always the same order of additions, with far
-/// less rounding than one long sum.
+/// Sums over `0..count` in chunks of [`CHUNK`], then over the chunks in order. The order of additions is always the
+/// same, and there is far less rounding than in one long sum.
 pub(crate) fn sum_in_chunks<T: Copy>(
     count: usize,
     zero: T,

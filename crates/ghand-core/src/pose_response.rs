@@ -1,8 +1,8 @@
 //! How the `direct` property model depends on the pose: locally, linearly and within limits.
 //!
 //! A channel i (a blend coefficient or a colour component) of Gaussian p has the value
-//! `y_i^p = bias_i + sum_k W_k^p clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: a Gaussian feels only the joints
-//! that move it. Joint 0, the root, turns the whole hand and takes no part: its features are 0.
+//! `y_i^p = bias_i + sum_k W_k^p clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: only the joints that move a
+//! Gaussian affect it. Joint 0, the root, turns the whole hand and has no effect: its features are 0.
 
 use glam::DMat3;
 
@@ -38,14 +38,14 @@ pub fn pose_features(pose: &Pose) -> Vec<[f64; 9]> {
     response_features(&local)
 }
 
-/// The learned numbers of a pose response with `bias.len()` channels.
+/// The learned parameters of a pose response with `bias.len()` channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseResponse {
     /// Value at rest, one per channel.
     pub bias: Vec<f64>,
     /// Gains `[channels][n_b][9]`.
     pub gain: Vec<f64>,
-    /// Smallest and largest term of each joint in each channel, `[channels][n_b]`; infinite where there is no limit.
+    /// Smallest and largest term of each joint in each channel, `[channels][n_b]`; infinite if there is no limit.
     pub limits: Vec<[f64; 2]>,
 }
 
@@ -53,13 +53,13 @@ pub struct PoseResponse {
 pub const UNLIMITED: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl PoseResponse {
-    /// What each joint would add to each channel without limits, `[channels][n_b]`, for the joints' features.
+    /// What each joint adds to each channel before the limits are applied, `[channels][n_b]`, for the joints' features.
     pub fn unlimited_terms(&self, features: &[[f64; 9]]) -> Vec<f64> {
         let gain = self.gain.chunks_exact(9).enumerate();
         gain.map(|(i, row)| row.iter().zip(&features[i % features.len()]).map(|(a, f)| a * f).sum()).collect()
     }
 
-    /// What each joint adds to each channel, `[channels][n_b]`, for the joints' features. A NaN stays one.
+    /// What each joint adds to each channel, `[channels][n_b]`, for the joints' features. NaN stays NaN.
     pub fn joint_terms(&self, features: &[[f64; 9]]) -> Vec<f64> {
         let limited = |(term, [low, high]): (f64, &[f64; 2])| {
             if term < *low {
@@ -73,10 +73,11 @@ impl PoseResponse {
         self.unlimited_terms(features).into_iter().zip(&self.limits).map(limited).collect()
     }
 
-    /// Limits `[channels][n_b]` that hold each term to its range over `poses` (the features of each), and to `margin` times
-    /// the width of that range beyond either end. Without poses there are no limits.
+    /// Limits `[channels][n_b]` that keep each term within its range over `poses` (the features of each), extended by
+    /// `margin` times the width of that range at either end. Without poses there are no limits.
     ///
-    /// The range need not include 0, the term at rest: a joint that was never seen straight is drawn as at its least bend.
+    /// The range need not include 0, the term at rest: a joint that was never seen straight is drawn as if at its
+    /// smallest bend.
     pub fn limits_over(&self, poses: &[Vec<[f64; 9]>], margin: f64) -> Vec<[f64; 2]> {
         if poses.is_empty() {
             return vec![UNLIMITED; self.gain.len() / 9];
@@ -106,8 +107,8 @@ impl PoseResponse {
         values
     }
 
-    /// Gradients of bias and gain and of the features, from dL/d(values) `[channels][N]`. A term that is at a limit or
-    /// beyond it passes no gradient on; limits are not learned, and the gradient's are empty.
+    /// Gradients of bias and gain and of the features, from dL/d(values) `[channels][N]`. A term at or beyond a limit
+    /// has no gradient. Limits are not learned; those of the gradient are empty.
     pub fn evaluate_vjp(
         &self,
         weights: &[f64],
@@ -146,13 +147,14 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Two channels, a root and a joint that turns about z: the first channel feels the sine, the second the cosine.
+    /// Two channels, a root and a joint that turns about z: the first channel depends on the sine, the second on the
+    /// cosine.
     fn response() -> PoseResponse {
         let mut gain = vec![0.0; 2 * 2 * 9];
         // Entry 3 of vec(R) is R_10 = sin, entry 0 is R_00 = cos.
         gain[9 + 3] = 2.0;
         gain[3 * 9] = 1.0;
-        // The root's gains are there, and must not matter.
+        // The root's gains are set, and must have no effect.
         gain[..9].fill(5.0);
         PoseResponse { bias: vec![0.25, -0.5], gain, limits: vec![UNLIMITED; 4] }
     }
@@ -162,7 +164,7 @@ mod tests {
     }
 
     fn values(response: &PoseResponse, features: &[[f64; 9]]) -> Vec<f64> {
-        // One Gaussian, a quarter of which follows the root.
+        // One Gaussian, which follows the root with a weight of a quarter.
         response.evaluate(&[0.25, 0.75], features, 1)
     }
 

@@ -1,5 +1,5 @@
-//! A hand model in any shape and pose (paper eq. 2 to 4): shape and pose blend shapes, joints from the shaped surface,
-//! kinematic chain, linear blend skinning; and its derivative.
+//! Poses a hand model in any shape (paper eq. 2 to 4), with its derivative: shape and pose blend shapes, joints
+//! regressed from the shaped surface, kinematic chain, linear blend skinning.
 
 use glam::DVec3;
 
@@ -18,7 +18,7 @@ pub struct ShapedHand {
     pub joints: Vec<DVec3>,
 }
 
-/// A hand in a pose, with what its derivative needs.
+/// A hand in a pose, with the intermediate results that its derivative needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PosedHand {
     /// The hand at rest in its shape.
@@ -42,13 +42,13 @@ pub struct PosingGradients {
     pub translation: DVec3,
     /// dL/d(shape), `n_s`.
     pub shape: Vec<f64>,
-    /// dL/d(`HandModel::vertices`), `V`; through the joints too, where they are regressed.
+    /// dL/d(`HandModel::vertices`), `V`; includes the part through the joints, where they are regressed.
     pub vertices: Vec<DVec3>,
 }
 
 /// Applies shape parameters: `v = v_template + sum_i shape_i S_i`, `J = J_regressor v`.
 ///
-/// `shape` may be shorter than the model's `n_s`; what is missing is 0.
+/// `shape` may be shorter than the model's `n_s`; missing parameters are 0.
 ///
 /// # Errors
 /// [`HandModelError::Invalid`] when `shape` is longer than `n_s` or not finite.
@@ -79,7 +79,8 @@ pub fn regress_joints(regressor: &[Vec<(u32, f64)>], vertices: &[DVec3]) -> Vec<
     regressor.iter().map(|row| row.iter().map(|&(i, w)| vertices[i as usize] * w).sum()).collect()
 }
 
-/// dL/d(shape) (`n_s`) and dL/d(`HandModel::vertices`) (`V`), in that order, from the gradient of [`shape_hand`]'s result.
+/// dL/d(shape) (`n_s`) and dL/d(`HandModel::vertices`) (`V`), in that order, from the gradient of the result of
+/// [`shape_hand`].
 pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Vec<DVec3>) {
     let mut d_vertices = d_shaped.vertices.clone();
     for (row, d_joint) in model.joint_regressor.iter().zip(&d_shaped.joints) {
@@ -95,7 +96,7 @@ pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Ve
 /// Poses a hand: shape and pose blend shapes, chain, linear blend skinning, translation.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] as of [`shape_hand`], and when the pose has not one rotation a joint.
+/// [`HandModelError::Invalid`] as in [`shape_hand`], and when the pose does not have one rotation per joint.
 pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, HandModelError> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
@@ -105,7 +106,7 @@ pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedH
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
     let mut corrected = shaped.vertices.clone();
     for (weight, directions) in pose_features(&chain).zip(model.pose_directions.chunks_exact(corrected.len().max(1))) {
-        // Most joints of most poses do not turn at all.
+        // In most poses, most joints have no rotation.
         if weight != 0.0 {
             corrected.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * weight);
         }
@@ -148,7 +149,7 @@ pub fn pose_hand_vjp(
     }
 }
 
-/// `vec(R_k - I)` of all joints but the root, one after the other.
+/// `vec(R_k - I)` of all joints except the root, concatenated.
 fn pose_features(chain: &Chain) -> impl Iterator<Item = f64> {
     chain.local.iter().skip(1).flat_map(rotation_features)
 }

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use crate::parallel::{CHUNK, sum_in_chunks};
 
-/// Where the residual skeleton stands.
+/// Where the residual joints are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResidualSkeleton {
-    /// `J^ = R Delta`, as in the paper: millimetres from the model's origin.
+    /// `J^ = R Delta`, as in the paper: within millimetres of the model's origin.
     Paper,
     /// `J^ = J + R Delta`: the rest joints, corrected.
     #[default]

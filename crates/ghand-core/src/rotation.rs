@@ -1,12 +1,12 @@
-//! Rotations as axis-angle vectors (Rodrigues' formula), the way back, and the derivatives of both.
+//! Rotations as axis-angle vectors (Rodrigues' formula), their inverse, and the derivatives of both.
 
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
-/// `R = cos I + sin [u]x + versine u u^T` along a vector u, and the numbers of its derivative
+/// `R = cos I + sin [u]x + versine u u^T` along a vector u, and the coefficients of its derivative
 /// `dL/dv = sin_v vee + versine_v (G + G^T) u + along u`.
 ///
-/// Small angles take `u = v`, so that nothing is divided by them: then `sin` and `versine` stand for sin(angle) / angle
-/// and (1 - cos(angle)) / angle^2. Other angles take the unit axis, so that no large number is squared.
+/// For small angles `u = v`, so that nothing is divided by the angle: then `sin` and `versine` stand for sin(angle) /
+/// angle and (1 - cos(angle)) / angle^2. For other angles u is the unit axis, so that no large number is squared.
 struct Rodrigues {
     u: DVec3,
     /// |u|^2
@@ -17,13 +17,13 @@ struct Rodrigues {
     /// d(sin u)/dv and d(versine u)/dv across u.
     sin_v: f64,
     versine_v: f64,
-    /// What comes on top of these along u, for each unit of `u . vee` and of the rest.
+    /// What is added to these along u, per unit of `u . vee` and of the rest.
     sin_along: f64,
     versine_along: f64,
 }
 
 /// Below this squared angle the closed forms of the derivatives cancel; the series, cut after nine terms, is exact to
-/// f64 there (the first term left out is below 0.25^9 / 19! = 4e-23).
+/// f64 there (the first omitted term is below 0.25^9 / 19! = 4e-23).
 const SERIES_BELOW: f64 = 0.25;
 
 impl Rodrigues {
@@ -62,7 +62,7 @@ impl Rodrigues {
 
     fn about_unit_axis(v: DVec3) -> Rodrigues {
         let (angle, rest) = length(v);
-        // The rounding of the angle alone would turn by 2^-53 of it.
+        // Rounding the angle alone would change the rotation by 2^-53 of it.
         let ((sin, cos), (rest_sin, rest_cos)) = (angle.sin_cos(), rest.sin_cos());
         let (sin, cos) = (sin * rest_cos + cos * rest_sin, cos * rest_cos - sin * rest_sin);
         let versine = 1.0 - cos;
@@ -81,8 +81,8 @@ impl Rodrigues {
     }
 }
 
-/// The length of a vector as a number and what rounding took off it: together right to about 2^-104 of it, for every vector whose
-/// length is finite. Only for lengths that are not tiny.
+/// The length of a vector as a number and its rounding error: together they are exact to about 2^-104 of the length,
+/// for every vector of finite length. Not for tiny lengths.
 fn length(v: DVec3) -> (f64, f64) {
     // Squares of larger numbers overflow; products with powers of two are exact.
     let scale = if v.abs().max_element() > 1e150 { 2.0_f64.powi(-600) } else { 1.0 };
@@ -91,7 +91,8 @@ fn length(v: DVec3) -> (f64, f64) {
     for x in v.to_array() {
         let square = x * x;
         let total = sum + square;
-        // What the sum and the product lost, exactly; squares are not negative, so the larger summand is known.
+        // The exact rounding errors of the sum and the product; squares are not negative, so the larger summand is
+        // known.
         lost += if sum > square { (sum - total) + square } else { (square - total) + sum };
         lost += x.mul_add(x, -square);
         sum = total;
@@ -103,7 +104,7 @@ fn length(v: DVec3) -> (f64, f64) {
 
 /// The rotation about `v` by `|v|` radians: within a few units in the last place at 0, beyond 2 pi and up to 1e15 rad.
 ///
-/// A vector that is not finite, or whose length is not, gives a matrix of NaN.
+/// A vector that is not finite, or whose length is not, gives a matrix of NaN values.
 pub fn rotation_from_axis_angle(v: DVec3) -> DMat3 {
     let r = Rodrigues::new(v);
     let (u, a, b) = (r.u, r.u * r.sin, r.u * r.versine);
@@ -114,7 +115,7 @@ pub fn rotation_from_axis_angle(v: DVec3) -> DMat3 {
     )
 }
 
-/// dL/dv from dL/dR for `R = rotation_from_axis_angle(v)`, as exact; NaN where the rotation is.
+/// dL/dv from dL/dR for `R = rotation_from_axis_angle(v)`, as exact as the rotation; NaN where the rotation is NaN.
 pub fn rotation_from_axis_angle_vjp(v: DVec3, d_rotation: &DMat3) -> DVec3 {
     let g = d_rotation;
     let r = Rodrigues::new(v);
@@ -129,16 +130,16 @@ pub fn rotation_from_axis_angle_vjp(v: DVec3, d_rotation: &DMat3) -> DVec3 {
     vee * r.sin_v + symmetric * r.versine_v + u * along
 }
 
-/// The axis-angle vector of a rotation, at most pi long: the inverse of [`rotation_from_axis_angle`]. Of the two vectors
-/// of a half turn, one is taken.
+/// The axis-angle vector of a rotation, at most pi long: the inverse of [`rotation_from_axis_angle`]. Of the two
+/// vectors of a half turn, one is returned.
 ///
-/// For a matrix that is a rotation only up to rounding, the result is as far off. A matrix that is not finite gives a
-/// vector of NaN.
+/// For a matrix that is a rotation only up to rounding, the result has an error of that size. A matrix that is not
+/// finite gives a vector of NaN values.
 pub fn axis_angle_from_rotation(rotation: &DMat3) -> DVec3 {
     let quaternion = quaternion_from_rotation(rotation);
     let (w, axis) =
         if quaternion.w < 0.0 { (-quaternion.w, -quaternion.xyz()) } else { (quaternion.w, quaternion.xyz()) };
-    // The squares of tiny components would vanish.
+    // The squares of tiny components would underflow.
     let largest = axis.abs().max_element();
     if largest == 0.0 {
         // Zero, or NaN where a matrix that is not finite has no angle.
@@ -168,8 +169,8 @@ fn quaternion_from_rotation(r: &DMat3) -> DVec4 {
 
 /// dL/dR from dL/dv for `v = axis_angle_from_rotation(R)`.
 ///
-/// A rotation can only move along the rotations: of all matrices with the same effect on such moves this is the one
-/// that is itself such a move.
+/// A rotation can only change along the manifold of rotations. Of all matrices with the same effect on such changes,
+/// this is the one in the tangent space.
 pub fn axis_angle_from_rotation_vjp(rotation: &DMat3, d_axis_angle: DVec3) -> DMat3 {
     let v = axis_angle_from_rotation(rotation);
     // R exp([w]x) has the logarithm v + J^-1 w with J^-1 = 1 + [v]x / 2 + c [v]x^2, c = 1/s - (1 + cos) / (2 angle sin);
@@ -189,7 +190,7 @@ pub fn axis_angle_from_rotation_vjp(rotation: &DMat3, d_axis_angle: DVec3) -> DM
 /// `(1 - (angle / 2) cot(angle / 2)) / angle^2` for angles up to pi, from the squared angle.
 fn inverse_jacobian_coefficient(s: f64) -> f64 {
     if s < SERIES_BELOW {
-        // sum |B_2k| s^(k-1) / (2k)! with Bernoulli's numbers; the first term left out is below 0.25^8 1e-14 = 2e-19.
+        // sum |B_2k| s^(k-1) / (2k)! with Bernoulli's numbers; the first omitted term is below 0.25^8 1e-14 = 2e-19.
         const TERMS: [f64; 8] = [
             1.0 / 12.0,
             1.0 / 720.0,

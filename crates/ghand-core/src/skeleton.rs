@@ -14,7 +14,7 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// The map that is zero everywhere; where sums and gradients start.
+    /// The map that is zero everywhere: the start of sums and gradients.
     pub const ZERO: Affine = Affine { linear: DMat3::ZERO, translation: DVec3::ZERO };
 
     /// The image of a point.
@@ -67,14 +67,14 @@ pub fn pose_skeleton(parents: &[Option<usize>], joints: &[DVec3], rotations: &[D
 /// Gradients of [`pose_skeleton`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainGradients {
-    /// dL/dJ, one a joint.
+    /// dL/dJ, one per joint.
     pub joints: Vec<DVec3>,
-    /// dL/dR_k, one a joint. Gradients of `R_k` from elsewhere may be added before [`rotations_vjp`].
+    /// dL/dR_k, one per joint. Gradients of `R_k` from elsewhere may be added before [`rotations_vjp`].
     pub local: Vec<DMat3>,
 }
 
-/// dL/dJ and dL/dR_k from dL/dB_k and from the gradient of the posed joints, which are the translations of `G_k` (either
-/// may be empty: no gradient comes that way). The gradient flows from the leaves to the root.
+/// dL/dJ and dL/dR_k from dL/dB_k and from the gradient of the posed joints, which are the translations of `G_k`
+/// (either may be empty if it has no gradient). The gradient flows from the leaves to the root.
 pub fn pose_skeleton_vjp(
     parents: &[Option<usize>],
     joints: &[DVec3],

@@ -10,10 +10,11 @@ use crate::skeleton::{Affine, outer};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResidualWeights {
-    /// Used as they are, as in the paper: the rest pose swells by their sum. The residual root turns about the origin, not
-    /// about its joint; otherwise a turn of the whole hand would move points by their sum times the joint's way.
+    /// Used unchanged, as in the paper: their sum scales the rest pose. The residual root turns about the origin, not
+    /// about its joint. Otherwise a rotation of the whole hand would move points by that sum times the joint's
+    /// displacement.
     Paper,
-    /// Their mean over the joints is subtracted, so that the rest pose stays where it is.
+    /// Their mean over the joints is subtracted, so that the rest pose does not move.
     #[default]
     ZeroSum,
 }
@@ -29,7 +30,7 @@ pub struct Skinning<'a> {
     pub residual_weights: &'a [f64],
     /// `posed_from_rest` of the skeleton, `n_b`.
     pub bones: &'a [Affine],
-    /// `posed_from_rest` of the residual skeleton, `n_b`. Empty with empty `residual_weights`.
+    /// `posed_from_rest` of the residual skeleton, `n_b`. Empty if `residual_weights` is empty.
     pub residual_bones: &'a [Affine],
     /// Global translation, metres.
     pub translation: DVec3,
@@ -42,7 +43,7 @@ pub struct Skinning<'a> {
 pub struct SkinGradients {
     /// dL/d(rest points), N.
     pub rest: Vec<DVec3>,
-    /// dL/d(residual weights before the mode), `[n_b][N]`; empty if there are none.
+    /// dL/d(residual weights before `mode` is applied), `[n_b][N]`; empty if there are none.
     pub residual_weights: Vec<f64>,
     /// dL/dB, `n_b`.
     pub bones: Vec<Affine>,
@@ -53,8 +54,8 @@ pub struct SkinGradients {
 }
 
 impl Skinning<'_> {
-    /// The residual bones that the residual weights blend as they are. Taking the mean over the joints off the weights
-    /// is the same map as taking it off the bones, which are far fewer.
+    /// The residual bones that the unchanged residual weights blend. Subtracting the mean over the joints from the
+    /// weights gives the same map as subtracting it from the bones, of which there are far fewer.
     fn effective_residual_bones(&self) -> Vec<Affine> {
         match self.mode {
             ResidualWeights::Paper => about_the_origin(self.residual_bones),
@@ -76,17 +77,18 @@ impl Skinning<'_> {
     }
 }
 
-/// The maps less their mean.
+/// The maps minus their mean.
 fn centred(maps: &[Affine]) -> Vec<Affine> {
     let share = -1.0 / maps.len() as f64;
     let mean = maps.iter().fold(Affine::ZERO, |sum, map| sum.add_scaled(share, map));
     maps.iter().map(|map| map.add_scaled(1.0, &mean)).collect()
 }
 
-/// The maps of a chain whose root, map 0, turns about the origin: all less the root's translation.
+/// The maps of a chain whose root, map 0, turns about the origin: the root's translation is subtracted from all of
+/// them.
 ///
-/// With the root turned by `R_0` about `J_0`, every map is `R_0 B + (J_0 - R_0 J_0)` of the map B without that turn. What is
-/// taken off is the second term, so that a turn of the root turns every weighted sum of the maps.
+/// With the root turned by `R_0` about `J_0`, every map is `R_0 B + (J_0 - R_0 J_0)` of the map B without that turn.
+/// The second term is subtracted, so that a rotation of the root rotates every weighted sum of the maps.
 fn about_the_origin(maps: &[Affine]) -> Vec<Affine> {
     let root = maps.first().map_or(DVec3::ZERO, |map| map.translation);
     maps.iter().map(|map| Affine { translation: map.translation - root, ..*map }).collect()
@@ -110,7 +112,7 @@ pub fn skin(s: &Skinning) -> Vec<DVec3> {
     s.rest.par_iter().enumerate().with_min_len(CHUNK).map(move_point).collect()
 }
 
-/// Gradients of all inputs from dL/d(posed points). The same bits whatever the number of threads.
+/// Gradients of all inputs from dL/d(posed points). The result is bit-identical for any number of threads.
 pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
     let count = s.rest.len();
     let residual_bones = s.effective_residual_bones();
@@ -135,7 +137,7 @@ pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
         bones: d_bones(s.weights),
         residual_bones: match s.mode {
             ResidualWeights::Paper => about_the_origin_vjp(&d_effective),
-            // Taking off the mean is its own adjoint.
+            // Subtracting the mean is self-adjoint.
             ResidualWeights::ZeroSum => centred(&d_effective),
         },
         translation: sum_in_chunks(count, DVec3::ZERO, |sum, p| sum + d_posed[p], |a, b| a + b),

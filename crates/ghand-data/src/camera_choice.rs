@@ -1,8 +1,8 @@
-//! Few cameras that see much.
+//! Chooses a few cameras that see much.
 
 use ghand_core::Camera;
 
-/// `count` of the cameras' indices, each the farthest from those before it, starting with the first.
+/// Indices of `count` cameras, each the farthest from the previous ones, starting with the first.
 pub(crate) fn well_spread(cameras: &[Camera], among: &[usize], count: usize) -> Vec<usize> {
     let mut chosen: Vec<usize> = among.first().copied().into_iter().collect();
     while chosen.len() < count.min(among.len()) {

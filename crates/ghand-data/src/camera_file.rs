@@ -1,4 +1,4 @@
-//! Cameras as files have them: objects as in the `cameras` of a `capture.json`, one of which may be a file of its own.
+//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also hold one such object alone.
 //! [`crate::named_camera`] reads either.
 
 use std::path::Path;
@@ -16,8 +16,8 @@ use crate::text_file::read_text;
 /// Larger files hold more than one camera.
 const LARGEST_FILE: u64 = 1 << 20;
 
-/// Distortion that leaves less than this part of an undistorted image is taken for a mistake: strong lenses that the model
-/// describes leave more than 0.7.
+/// Distortion for which less than this part of the undistorted image has a source is probably a mistake: strong lenses
+/// that the model describes have more than 0.7.
 const LEAST_SEEN: f64 = 0.5;
 
 #[derive(Serialize, Deserialize)]
@@ -51,7 +51,7 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
 }
 
 impl CameraFile {
-    /// The camera, checked. `field` is where it stands in its file, empty for a file of its own.
+    /// The camera, checked. `field` is its place in the file, empty if the file holds only the camera.
     pub(crate) fn camera(&self, checks: Checker, field: String) -> Result<Camera, CaptureError> {
         let [[fx, skew, cx], [k10, fy, cy], last_row] = self.intrinsics;
         if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
@@ -70,7 +70,8 @@ impl CameraFile {
         })
     }
 
-    /// The distortion of the camera's lens, checked; none where all coefficients are 0. `field` is as in [`Self::camera`].
+    /// The distortion of the camera's lens, checked; `None` if all coefficients are 0. `field` is as in
+    /// [`Self::camera`].
     pub(crate) fn distortion(
         &self,
         checks: Checker,

@@ -1,4 +1,4 @@
-//! The one capture type that the rest of the system sees.
+//! The capture type that the rest of the system uses.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::distortion::Distortion;
 pub use crate::error::CaptureError;
 pub use crate::split::{Split, SplitView};
 
-/// Where a capture's hand model comes from; what a writer puts in place of the model itself.
+/// The source of a capture's hand model; a writer stores this instead of the model.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HandModelSource {
     /// A glTF file, its path relative to the capture's folder.
@@ -21,15 +21,14 @@ pub enum HandModelSource {
     },
     /// The built-in hand of these parameters.
     Procedural(ProceduralHand),
-    /// The user's own MANO file, which is given anew each time.
+    /// The user's own MANO file, which the user gives each time.
     Mano,
 }
 
 /// One moment of the capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Name of the frame within its capture. Where frames lie in folders of several sequences, it is
-    /// `sequence/number`.
+    /// Name of the frame within its capture. If frames are in folders of several sequences, it is `sequence/number`.
     pub id: String,
     /// Coarse pose, in the order of the hand model's joints.
     pub pose: Pose,
@@ -37,8 +36,8 @@ pub struct Frame {
     pub shape: Vec<f64>,
 }
 
-/// Where the images are: paths relative to the capture's folder with `{camera}` and `{frame}` in place of the ids. Of a
-/// frame called `sequence/number`, `{sequence}` and `{number}` are the parts.
+/// Paths of the images, relative to the capture's folder, with `{camera}` and `{frame}` in place of the ids. For a
+/// frame called `sequence/number`, `{sequence}` and `{number}` are its parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImagePaths {
     /// Path of the images.
@@ -46,9 +45,9 @@ pub struct ImagePaths {
     /// Path of the masks (8-bit, hand at >= 128). Without one the images' alpha channel is the mask, and without that the hand
     /// may be anywhere in the image.
     pub mask: Option<String>,
-    /// Folder for masks that are made from the posed hand model where there is no file at `mask`.
+    /// Folder for masks made from the posed hand model, for images without a file at `mask`.
     pub made_masks: Option<PathBuf>,
-    /// Whether the images show more than the hand, so that what is off the mask takes the background's colour.
+    /// Whether the images show more than the hand, so that pixels outside the mask get the background's colour.
     pub hide_surroundings: bool,
 }
 
@@ -83,9 +82,9 @@ pub struct Capture {
     pub frames: Vec<Frame>,
     /// Where the images are.
     pub images: ImagePaths,
-    /// Splits by name: `train`, `test` and whatever else the capture offers.
+    /// Splits by name: `train`, `test` and any others of the capture.
     pub splits: BTreeMap<String, Split>,
-    /// Exact poses, one entry a frame, where they are known. For evaluation; training must not look.
+    /// Exact poses, one entry per frame, if known. For evaluation only; training must not use them.
     pub truth: Option<Vec<Option<Pose>>>,
 }
 
@@ -93,7 +92,7 @@ impl Capture {
     /// The split of that name.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] lists the splits that there are.
+    /// [`CaptureError::Invalid`] lists the existing splits.
     pub fn split(&self, name: &str) -> Result<&Split, CaptureError> {
         self.splits.get(name).ok_or_else(|| {
             let names: Vec<&str> = self.splits.keys().map(String::as_str).collect();
@@ -148,7 +147,7 @@ impl Capture {
     }
 }
 
-/// The hand model in the mean shape of the frames; shapes that are shorter than others have 0 in what they lack.
+/// The hand model in the mean shape of the frames; missing parameters of shorter shapes are 0.
 ///
 /// # Errors
 /// [`HandModelError::Invalid`] when a shape is longer than the model's or not finite.
@@ -162,8 +161,8 @@ pub(crate) fn mean_shaped(model: &HandModel, frames: &[Frame]) -> Result<HandMod
     Ok(HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.clone() })
 }
 
-/// A path template with the ids filled in. Nothing is put into what an id brought in, so that an id that looks like a
-/// placeholder stays what it is.
+/// A path template with the ids filled in. Ids are not expanded again, so that an id that looks like a placeholder
+/// stays unchanged.
 pub(crate) fn fill_template(template: &str, camera: &str, frame: &str) -> String {
     let (sequence, number) = frame.split_once('/').unwrap_or(("", frame));
     let ids = [("{camera}", camera), ("{frame}", frame), ("{sequence}", sequence), ("{number}", number)];

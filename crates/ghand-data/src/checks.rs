@@ -1,4 +1,4 @@
-//! What every reader asks of cameras, poses, ids and paths. Every error carries the file's name.
+//! Checks of cameras, poses, ids and paths, shared by all readers. Every error carries the file's name.
 
 use std::collections::HashMap;
 use std::path::{Component, Path};
@@ -9,13 +9,13 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::error::CaptureError;
 
-/// Rotations further than this from orthonormal (largest entry of R R^T - I) are refused: rounding to four digits, the
-/// coarsest that exporters write, stays below it.
+/// Rotations further than this from orthonormal (largest entry of R R^T - I) are rejected: rounding to four digits, the
+/// coarsest in exported files, stays below it.
 const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Larger images are taken for a mistake; 16384 is also the largest texture of common devices.
+/// Larger images are probably a mistake; 16384 is also the largest texture of common devices.
 const LARGEST_IMAGE: u32 = 16384;
-/// Focal lengths and principal points beyond this are taken for a mistake, pixels: a lens of two metres over pixels of one
-/// micrometre has 2e6.
+/// Focal lengths and principal points beyond this are probably a mistake, pixels: a lens of two metres over pixels of
+/// one micrometre has 2e6.
 const LARGEST_FOCAL: f64 = 1e7;
 
 /// Checks the content of one file.
@@ -24,7 +24,7 @@ pub(crate) struct Checker<'a> {
     pub path: &'a Path,
 }
 
-/// A camera as files hold it: `camera_from_world`, metres, pixels.
+/// A camera as stored in files: `camera_from_world`, metres, pixels.
 pub(crate) struct CameraEntry<'a> {
     pub id: &'a str,
     /// The field that holds it; empty if the file holds nothing else.
@@ -32,12 +32,12 @@ pub(crate) struct CameraEntry<'a> {
     pub size: [u32; 2],
     pub focal: DVec2,
     pub principal: DVec2,
-    /// `camera_from_world`, at most rounded.
+    /// `camera_from_world`, possibly rounded.
     pub rotation: DMat3,
     pub position: Position,
 }
 
-/// Where a camera is.
+/// The position of a camera.
 pub(crate) enum Position {
     /// The translation of `camera_from_world`.
     Translation(DVec3),
@@ -45,7 +45,7 @@ pub(crate) enum Position {
     Center(DVec3),
 }
 
-/// Where the joints of a hand model are in a file's poses.
+/// The rows of a hand model's joints in a file's poses.
 #[derive(Clone, Copy)]
 pub(crate) struct JointRows<'a> {
     /// The row of each joint.
@@ -54,7 +54,7 @@ pub(crate) struct JointRows<'a> {
     pub names: &'a [String],
 }
 
-/// The name of a field's member; the empty field is the file as a whole.
+/// The name of a field's member; an empty field means the whole file.
 pub(crate) fn member(field: &str, name: &str) -> String {
     if field.is_empty() { name.into() } else { format!("{field}.{name}") }
 }
@@ -100,7 +100,7 @@ impl Checker<'_> {
         Ok(Camera { id: entry.id.into(), width, height, focal, principal, rotation, translation })
     }
 
-    /// The rotation nearest to a matrix that is one but for rounding.
+    /// The rotation nearest to a matrix that is a rotation up to rounding.
     fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
         let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
         let error =
@@ -121,7 +121,7 @@ impl Checker<'_> {
         Ok(rotation)
     }
 
-    /// A pose of rows of axis-angle numbers, one a joint. `id` is the frame's.
+    /// A pose from rows of axis-angle numbers, one per joint. `id` is the frame's.
     pub fn pose(
         &self,
         id: &str,
@@ -149,7 +149,7 @@ impl Checker<'_> {
         Ok(pose)
     }
 
-    /// Refuses poses and shapes that no hand has. `id` is the frame's.
+    /// Rejects poses and shapes that no hand can have. `id` is the frame's.
     pub fn pose_range(&self, id: &str, pose: &Pose, shape: &[f64], joints: &[String]) -> Result<(), CaptureError> {
         pose.check_range(joints).and_then(|()| check_shape_range(shape)).map_err(|error| {
             let part = match error {
@@ -161,7 +161,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Index by id, each of which must be there once.
+    /// Index by id; each id must occur once.
     pub fn index<'b>(
         &self,
         field: &str,
@@ -177,7 +177,7 @@ impl Checker<'_> {
         Ok(index)
     }
 
-    /// An id becomes part of a path, and must not lead it elsewhere.
+    /// An id becomes part of a path and must not redirect it.
     pub fn id(&self, field: &str, id: &str) -> Result<(), CaptureError> {
         if is_plain_id(id) {
             return Ok(());
@@ -186,7 +186,8 @@ impl Checker<'_> {
         Err(self.invalid(field, problem))
     }
 
-    /// Refuses paths that could lead out of the capture's folder on any system. Links inside the folder are the user's own.
+    /// Rejects paths that could leave the capture's folder on any system. Links inside the folder are the user's
+    /// responsibility.
     pub fn stays_inside(&self, field: &str, path: &str) -> Result<(), CaptureError> {
         let normal = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         if normal && !path.is_empty() && !path.contains(['\\', ':', '\0']) {
@@ -198,7 +199,7 @@ impl Checker<'_> {
     }
 }
 
-/// Whether an id can be part of a path and lead nowhere else.
+/// Whether an id can be part of a path without redirecting it.
 pub(crate) fn is_plain_id(id: &str) -> bool {
     !(id.is_empty() || id.starts_with('.') || id.contains(['/', '\\', ':', '\0']))
 }

@@ -1,16 +1,15 @@
-//! Lens distortion: images of distorted cameras are resampled to the pinhole cameras that everything else knows.
+//! Lens distortion: images of distorted cameras are resampled to pinhole cameras, which everything else uses.
 
 use ghand_core::Camera;
 use glam::DVec2;
 
 /// Points per axis at which [`Distortion::visible_part`] samples an image.
 const GRID: u32 = 32;
-/// Steps in which the squared radius is searched for the fold, from the axis to the farthest corner.
+/// Number of steps of the search for the fold, in squared radius, from the axis to the farthest corner.
 const FOLD_STEPS: u32 = 4096;
 
-/// Distortion of a lens by OpenCV's model of five coefficients: where a ray of the pinhole camera, `(x, y, 1)` with
-/// `r² = x² + y²`, is seen is
-/// `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
+/// Distortion of a lens by OpenCV's model of five coefficients: a ray of the pinhole camera, `(x, y, 1)` with
+/// `r² = x² + y²`, is seen at `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
 /// `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`, to which the camera's intrinsics are applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distortion {
@@ -32,7 +31,7 @@ impl Distortion {
         [k1, k2, p1, p2, k3]
     }
 
-    /// Where the ray `(x, y, 1)` is seen, as the ray of an undistorted camera.
+    /// The place at which the ray `(x, y, 1)` is seen, as a ray of an undistorted camera.
     pub fn distorted(&self, ray: DVec2) -> DVec2 {
         let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
         let (x, y) = (ray.x, ray.y);
@@ -43,7 +42,8 @@ impl Distortion {
         ray * radial + tangential
     }
 
-    /// The part of an undistorted image, `[0, 1]`, that is seen in the distorted one; both have the camera's intrinsics and size.
+    /// The part of an undistorted image, `[0, 1]`, that is visible in the distorted one; both have the camera's
+    /// intrinsics and size.
     pub fn visible_part(&self, camera: &Camera) -> f64 {
         let source = Source::new(*self, camera);
         let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
@@ -52,8 +52,8 @@ impl Distortion {
         points.filter(|point| source.of(*point).is_some()).count() as f64 / f64::from(GRID * GRID)
     }
 
-    /// The undistorted image of a distorted one, row-major: what the pinhole camera would have seen, between pixels by bilinear
-    /// interpolation. What lies outside of the distorted image is `outside`.
+    /// The undistorted image of a distorted one, row-major: the image of the pinhole camera, with bilinear
+    /// interpolation. Pixels outside the distorted image are `outside`.
     pub(crate) fn undistorted(&self, camera: &Camera, pixels: &[[u8; 4]], outside: [u8; 4]) -> Vec<[u8; 4]> {
         let source = Source::new(*self, camera);
         let rows = 0..camera.height;
@@ -63,12 +63,13 @@ impl Distortion {
     }
 }
 
-/// Where the pixels of an undistorted image come from.
+/// Sources of the pixels of an undistorted image.
 struct Source<'a> {
     distortion: Distortion,
     camera: &'a Camera,
     size: DVec2,
-    /// Squared radius at which the polynomial turns back towards the middle of the image. Beyond it, it describes no lens.
+    /// Squared radius at which the polynomial turns back towards the middle of the image. Beyond it, the polynomial
+    /// does not describe a lens.
     fold: f64,
 }
 
@@ -79,14 +80,14 @@ impl Source<'_> {
         let squared = corners.map(|corner| ((corner - camera.principal) / camera.focal).length_squared());
         let farthest = squared.into_iter().fold(0.0, f64::max);
         let [k1, k2, k3] = distortion.radial;
-        // Of r (1 + k1 r² + k2 r⁴ + k3 r⁶) by r.
+        // Derivative of r (1 + k1 r² + k2 r⁴ + k3 r⁶) with respect to r.
         let slope = |r2: f64| 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3));
         let steps = (1..=FOLD_STEPS).map(|i| farthest * f64::from(i) / f64::from(FOLD_STEPS));
         let fold = steps.into_iter().find(|r2| slope(*r2) <= 0.0).unwrap_or(f64::INFINITY);
         Source { distortion, camera, size, fold }
     }
 
-    /// Where a point of the undistorted image (pixels, centres at half numbers) is in the distorted one.
+    /// The place in the distorted image of a point of the undistorted one (pixels, centres at half-integers).
     fn of(&self, point: DVec2) -> Option<DVec2> {
         let ray = (point - self.camera.principal) / self.camera.focal;
         if ray.length_squared() >= self.fold {
@@ -131,7 +132,7 @@ mod tests {
     /// A smooth picture of the rays that a pinhole camera sees, and a mask: a disc.
     fn scene(ray: DVec2) -> [f64; 4] {
         let wave = |phase: f64| 127.5 + 100.0 * (4.0 * ray.x + phase).sin() * (3.0 * ray.y - phase).cos();
-        // Its edge is as soft as two pixels are wide.
+        // Its edge is two pixels wide.
         let disc = 255.0 * (0.5 + 40.0 * (0.35 - (ray - DVec2::new(0.1, -0.05)).length())).clamp(0.0, 1.0);
         [wave(0.0), wave(0.7), wave(2.0), disc]
     }
@@ -146,8 +147,8 @@ mod tests {
             .collect()
     }
 
-    /// The ray that is seen at `seen`, by iterating the model as OpenCV's documentation has it: the other direction than what is
-    /// tested.
+    /// The ray that is seen at `seen`, by iterating the model as in OpenCV's documentation: the inverse of the tested
+    /// direction.
     fn ray_seen_at(seen: DVec2, [k1, k2, p1, p2, k3]: [f64; 5]) -> DVec2 {
         let mut ray = seen;
         for _ in 0..200 {
@@ -181,7 +182,7 @@ mod tests {
             };
             let (worst, masks, seen) = error(&found);
             assert!(worst <= 2 && masks <= 4 && seen > 6000, "{coefficients:?}: {worst} {masks} {seen}");
-            // Without it, the picture is another one.
+            // Without undistortion, the picture differs.
             let (worst, masks, _) = error(&distorted);
             assert!(worst > 5 && masks > 12, "{coefficients:?}: {worst} {masks}");
         }
@@ -204,7 +205,8 @@ mod tests {
         let found = pincushion.undistorted(&camera, &white, [0, 9, 0, 0]);
         assert_eq!((found[0], found[36 * 96 + 48]), ([0, 9, 0, 0], [255; 4]));
         assert!((0.6..0.95).contains(&pincushion.visible_part(&camera)), "{}", pincushion.visible_part(&camera));
-        // Barrel by one coefficient: r (1 - 0.9 r²) turns back at r = 0.61, and what lies beyond is not seen a second time.
+        // Barrel by one coefficient: r (1 - 0.9 r²) turns back at r = 0.61, and points beyond are not seen a second
+        // time.
         let barrel = Distortion::from_opencv([-0.9, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(barrel.undistorted(&camera, &white, [0; 4])[0], [0; 4]);
         assert_eq!(Distortion::from_opencv([0.0; 5]).visible_part(&camera), 1.0);

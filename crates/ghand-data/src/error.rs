@@ -1,10 +1,10 @@
-//! What can be wrong with a capture.
+//! Errors of captures.
 
 use std::path::{Path, PathBuf};
 
 use ghand_core::HandModelError;
 
-/// What is wrong with a capture. Every message names the file, the field and what to do.
+/// The problem with a capture. Every message names the file, the field and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     /// A file could not be read or written.
@@ -12,7 +12,7 @@ pub enum CaptureError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as in "read the capture".
+        /// The attempted action, such as "read the capture".
         action: &'static str,
         /// The cause.
         source: std::io::Error,
@@ -24,7 +24,7 @@ pub enum CaptureError {
     Json {
         /// The file.
         path: PathBuf,
-        /// The field, if it is known, what is wrong with it, and the line and column.
+        /// The field, if known, its problem, and the line and column.
         problem: String,
     },
     /// A field holds something unusable.
@@ -65,13 +65,13 @@ pub enum CaptureError {
         frame: String,
         /// Id of the camera.
         camera: String,
-        /// What the renderer said.
+        /// The renderer's message.
         problem: String,
     },
 }
 
 impl CaptureError {
-    /// The file that is at fault, if it is one.
+    /// The faulty file, if there is one.
     pub fn path(&self) -> Option<&Path> {
         match self {
             CaptureError::Io { path, .. }

@@ -1,8 +1,8 @@
 //! The project's own capture format: `capture.json`, version 1, with an optional `truth.json` beside it.
 //!
-//! Lengths are metres, rotations axis-angle in radians in the hand model's axes, cameras OpenCV's. Paths are relative to
-//! the capture's folder and must stay inside it. A field that the format does not know is an error, unless its name marks it as a
-//! comment (`_`, `//` or `$` at its beginning). Poses of a MANO model are whole rotations: its mean pose is already in.
+//! Lengths are metres, rotations axis-angle in radians in the hand model's axes, cameras OpenCV's. Paths are relative
+//! to the capture's folder and must stay inside it. An unknown field is an error, unless its name marks it as a comment
+//! (begins with `_`, `//` or `$`). Poses of a MANO model are whole rotations: they include its mean pose.
 
 #[cfg(test)]
 mod field_tests;
@@ -26,7 +26,7 @@ pub(crate) use read::{read_capture, read_capture_text};
 
 pub(crate) const CAPTURE_FILE: &str = "capture.json";
 
-/// What every version of the file has; read first, so that a file of another version is named as such.
+/// The fields of every version of the file; read first, to report a file of another version as such.
 #[derive(Deserialize)]
 struct HeaderFile {
     format: Option<String>,

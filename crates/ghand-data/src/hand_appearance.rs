@@ -1,13 +1,13 @@
 //! Subjects of the Hand Appearance dataset (Karunratanakul et al., HARP, CVPR 2023): one phone camera, one right hand.
 //!
-//! `{subject}/{1..9}/unscreen_cropped/%04d.jpg` over white with `mask/%04d_mask.jpg` and `metro_mano_smooth/%04d_mano.pkl`,
-//! or `metro_mano/` where nothing was smoothed. Sequences 1 to 5 train, 6 to 9 test. Images have 448 x 448 pixels and a focal
-//! length of 2000.
+//! `{subject}/{1..9}/unscreen_cropped/%04d.jpg` over white with `mask/%04d_mask.jpg` and
+//! `metro_mano_smooth/%04d_mano.pkl`, or `metro_mano/` for poses that were not smoothed. Sequences 1 to 5 train, 6 to 9
+//! test. Images have 448 x 448 pixels and a focal length of 2000.
 //!
-//! A frame's pickle holds MANO's `rot` (3), `pose` (45, without its mean), `shape` (10) and `trans` (m), `joints` (mm), and the
-//! weak-perspective `cam` (scale, x, y), which stands for moving the hand by (x, y, 2 f / (448 scale)) in camera axes. Here
-//! the camera stands still and the hand's translation has both. The fits were made with MANO alone or with an arm, whose
-//! `trans` means another point; where the wrist is, `joints` says for either, and that is what is read where it is there.
+//! A frame's pickle holds MANO's `rot` (3), `pose` (45, without its mean), `shape` (10) and `trans` (m), `joints` (mm),
+//! and the weak-perspective `cam` (scale, x, y), which moves the hand by (x, y, 2 f / (448 scale)) in camera axes. Here
+//! the camera is fixed and the hand's translation includes both. The fits used MANO alone or with an arm, whose `trans`
+//! refers to another point. `joints` has the wrist's position in both cases and is used if present.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,10 +30,10 @@ const LAST_TRAINING: u32 = 5;
 const SIZE: u32 = 448;
 /// Focal length, pixels.
 const FOCAL: f64 = 2000.0;
-/// Folders of poses, the better ones first.
+/// Folders of poses, in order of preference.
 const POSE_FOLDERS: [&str; 2] = ["metro_mano_smooth", "metro_mano"];
 const POSE_SUFFIX: &str = "_mano.pkl";
-/// Largest pickle of a frame: 778 vertices and a few more numbers take some 30 kB.
+/// Largest pickle of a frame: 778 vertices and a few more numbers take about 30 kB.
 const LARGEST_POSE: u64 = 1 << 24;
 /// Most frames of a subject; there are about 3000.
 const MOST_FRAMES: usize = 1 << 18;
@@ -48,7 +48,7 @@ fn pose_folder(sequence: &Path) -> Option<PathBuf> {
     POSE_FOLDERS.iter().map(|name| sequence.join(name)).find(|folder| folder.is_dir())
 }
 
-/// Reads a subject. No image is read. `principal` is the principal point, the middle of the image where none is given.
+/// Reads a subject. No image is read. `principal` is the principal point, by default the middle of the image.
 ///
 /// # Errors
 /// [`CaptureError`] names the file, the field and what to do.
@@ -131,7 +131,7 @@ fn check_model<'a>(checks: &Checker, mano: Option<&'a HandModel>) -> Result<&'a 
     Ok(model)
 }
 
-/// Files of poses with their numbers as written, in the order of the numbers.
+/// Files of poses with their numbers as text, in numerical order.
 fn pose_files(folder: &Path) -> Result<Vec<(String, PathBuf)>, CaptureError> {
     let io = |source| CaptureError::Io { path: folder.into(), action: "list the poses", source, remedy: REMEDY };
     let mut files = vec![];
@@ -160,7 +160,7 @@ pub(crate) fn read_pose(origin: &str, bytes: &[u8], model: &HandModel) -> Result
     let mut arrays = NamedArrays::open(origin, bytes, REMEDY)?;
     let invalid =
         |field: &str, problem: String| HandModelError::Invalid { origin: origin.into(), field: field.into(), problem };
-    // An array of one row is that row.
+    // An array with one row is read as that row.
     let mut numbers = |name: &str, count: usize| {
         let array = arrays.numbers(name)?;
         let shape: Vec<usize> = array.shape.iter().copied().skip_while(|n| *n == 1).collect();
@@ -202,7 +202,7 @@ pub(crate) fn read_pose(origin: &str, bytes: &[u8], model: &HandModel) -> Result
     Ok((pose, shape))
 }
 
-/// The wrist of `joints`, millimetres, if it is there.
+/// The wrist of `joints`, millimetres, if present.
 fn first_joint(arrays: &mut NamedArrays, origin: &str) -> Result<Option<DVec3>, HandModelError> {
     if !arrays.contains("joints") {
         return Ok(None);

@@ -1,18 +1,19 @@
 //! Inverse kinematics: the pose of a hand whose joints come nearest to 21 landmarks.
 //!
-//! Landmarks are MediaPipe's: wrist; thumb base (carpometacarpal), knuckle, hinge, tip; and of the index, middle, ring and
-//! little finger knuckle, two hinges and tip. They stand for the wrist, the three joints of each finger, and the fingertips: a
-//! rig's tip joint, else the skin's outermost point along the last bone ([`Rig::tips`]).
+//! Landmarks are MediaPipe's: wrist; thumb base (carpometacarpal), knuckle, hinge, tip; and of the index, middle, ring
+//! and little finger knuckle, two hinges and tip. They correspond to the wrist, the three joints of each finger, and
+//! the fingertips: a rig's tip joint, or else the skin's outermost point along the last bone ([`Rig::tips`]).
 //!
-//! Minimised is, over the root's rotation, the translation and three components for each of the 15 joints of fingers,
-//! `sum |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2`. The components c are those of a joint's axis-angle vector along
-//! the axes of its hinge ([`Rig::hinges`]): bending, sideways, twist. They are kept inside of the joint's range (`limits`)
-//! by projection; that the last hinge of a finger bends with the one before adds a term for each. `s` is the residual itself, within bounds: where the landmarks fit a hand exactly, the second sum has no
-//! weight; where they are noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method;
-//! its Jacobian is made of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
+//! Minimises, over the root's rotation, the translation and three components for each of the 15 finger joints, `sum
+//! |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2`. The components c are those of a joint's axis-angle
+//! vector along the axes of its hinge ([`Rig::hinges`]): bending, sideways, twist. They are kept inside the joint's
+//! range (`limits`) by projection. One more term per finger makes its last hinge bend with the one before. `s` is the
+//! residual itself, within bounds: if the landmarks fit a hand exactly, the second sum has no weight; if they are
+//! noisy, it decides what they leave open. The Levenberg-Marquardt method finds the minimum; its Jacobian consists of
+//! vector-Jacobian products of ghand-core's chain, one per coordinate of a landmark.
 //!
-//! A first frame starts from the palm's orientation with the fingers straight, and with the fingers bent, and the better end is
-//! taken; others start from the frame before.
+//! A first frame starts from the palm's orientation, once with straight and once with bent fingers, and the better
+//! result is used; other frames start from the previous frame.
 
 mod levenberg_marquardt;
 mod limits;
@@ -35,20 +36,20 @@ pub(crate) const UNKNOWNS: usize = 6 + 3 * 15;
 const COLD_STEPS: usize = 60;
 const WARM_STEPS: usize = 20;
 
-/// A warm start that ends further than this from the landmarks (metres, root mean square) is tried again from cold ones, if
-/// it is also this many times further than the frame before.
+/// A warm start that ends further than this from the landmarks (metres, root mean square) is tried again from cold
+/// ones, if it is also this many times further than the previous frame.
 const LOST: f64 = 0.008;
 
-/// A first start that ends nearer than this needs no second one, metres.
+/// A first start that ends nearer than this does not need a second one, metres.
 const FOUND: f64 = 0.001;
 
 /// How much bones may differ from the model's, beyond the size of the whole hand.
 const BONE_RANGE: (f64, f64) = (0.75, 1.33);
 
-/// Fewer frames than this tell the size of a hand, but not the lengths of its bones.
+/// Fewer frames than this determine the size of a hand, but not the lengths of its bones.
 const FRAMES_FOR_BONES: usize = 10;
 
-/// Pairs of landmarks that a bone joins, from the wrist on.
+/// Pairs of landmarks joined by a bone, starting at the wrist.
 const BONES: [(usize, usize); 20] = [
     (0, 1),
     (1, 2),
@@ -75,7 +76,7 @@ const BONES: [(usize, usize); 20] = [
 /// A hand that can be fitted to landmarks.
 #[derive(Debug, Clone)]
 pub struct HandIk {
-    /// Number of the rig's own joints; the tips that it lacks come after them.
+    /// Number of the rig's own joints; missing tips follow them.
     joint_count: usize,
     parents: Vec<Option<usize>>,
     /// Rest positions, metres.
@@ -96,7 +97,7 @@ pub struct IkSolution {
     pub pose: Pose,
     /// Root mean square distance of the landmarks from their joints, metres.
     pub residual: f64,
-    /// Steps that were tried.
+    /// Number of steps tried.
     pub steps: usize,
 }
 
@@ -110,7 +111,7 @@ impl HandIk {
         for (f, finger) in Finger::ALL.into_iter().enumerate() {
             let mut last = 0;
             for k in 1..=3u8 {
-                // A rig has all of them, or it would be none.
+                // Every rig has all of them.
                 last = rig.joint(JointRole::Bend(finger, k)).unwrap_or(0);
                 landmarks[4 * f + usize::from(k)] = last;
                 hinges.push((last, rig.hinges.get(last).copied().unwrap_or(DMat3::IDENTITY)));
@@ -133,7 +134,7 @@ impl HandIk {
         }
     }
 
-    /// Where the landmarks of a pose are: what a perfect tracker would see.
+    /// Positions of the landmarks of a pose: the output of a perfect tracker.
     pub fn landmarks(&self, pose: &Pose) -> [DVec3; LANDMARK_COUNT] {
         let mut rotations = pose.rotations.clone();
         rotations.resize(self.joints.len(), DVec3::ZERO);
@@ -141,8 +142,8 @@ impl HandIk {
         self.landmarks.map(|joint| chain.world[joint].translation + pose.translation)
     }
 
-    /// The same hand with the size of the hand that was seen, and with its lengths of bones if there are frames enough: the
-    /// medians over all frames. Rotations that fit it are those of the model.
+    /// The same hand with the size of the observed hand, and with its bone lengths if there are enough frames: medians
+    /// over all frames. Rotations that fit it also apply to the model.
     pub fn fitted(&self, frames: &[[DVec3; LANDMARK_COUNT]]) -> HandIk {
         let rest = self.landmarks.map(|joint| self.joints[joint]);
         let ratio = |&(from, to): &(usize, usize)| {
@@ -159,7 +160,7 @@ impl HandIk {
             if frames.len() >= FRAMES_FOR_BONES && ratio.is_finite() { ratio.clamp(low, high) } else { size }
         };
         let wrist = rest[0];
-        // Joints that are no landmarks (metacarpals, the palm) are only scaled.
+        // Joints that are not landmarks (metacarpals, the palm) are only scaled.
         let mut joints: Vec<DVec3> = self.joints.iter().map(|joint| wrist + size * (*joint - wrist)).collect();
         for ((from, to), ratio) in BONES.into_iter().zip(ratios) {
             joints[self.landmarks[to]] = joints[self.landmarks[from]] + of_bone(ratio) * (rest[to] - rest[from]);
@@ -167,8 +168,8 @@ impl HandIk {
         HandIk { joints, ..self.clone() }
     }
 
-    /// The pose that fits landmarks (metres) best, starting from the pose of the frame before if there is one. `None` when a
-    /// landmark is not finite, or when wrist, index and little knuckle span no palm.
+    /// The pose that fits landmarks (metres) best, starting from the pose of the previous frame if there is one. `None`
+    /// if a landmark is not finite, or if wrist, index and little knuckle do not span a plane.
     pub fn solve(&self, landmarks: &[DVec3; LANDMARK_COUNT], before: Option<&Pose>) -> Option<IkSolution> {
         if landmarks.iter().any(|point| !point.is_finite()) {
             return None;
@@ -211,7 +212,7 @@ impl HandIk {
         let frame = |points: &[DVec3; LANDMARK_COUNT]| {
             let forward = (0.5 * (points[9] + points[13]) - points[0]).try_normalize()?;
             let across = (points[17] - points[5]).reject_from_normalized(forward).try_normalize()?;
-            // Landmarks in a line leave only rounding.
+            // For landmarks on a line only rounding errors remain.
             let width = (points[17] - points[5]).reject_from_normalized(forward).length();
             (width > 1e-6 && width.is_finite()).then(|| DMat3::from_cols(forward, across, forward.cross(across)))
         };
@@ -230,7 +231,7 @@ impl HandIk {
         x
     }
 
-    /// The unknowns of a pose, inside of the ranges.
+    /// The unknowns of a pose, clamped to the ranges.
     fn unknowns(&self, pose: &Pose) -> [f64; UNKNOWNS] {
         let rotation = |joint: usize| pose.rotations.get(joint).copied().unwrap_or_default();
         let mut x = [0.0; UNKNOWNS];
@@ -245,7 +246,7 @@ impl HandIk {
         x
     }
 
-    /// Rotations of all joints, tips with them.
+    /// Rotations of all joints, including tips.
     fn rotations(&self, x: &[f64; UNKNOWNS]) -> Vec<DVec3> {
         let mut rotations = vec![DVec3::ZERO; self.joints.len()];
         rotations[0] = read(x, 0);
@@ -275,7 +276,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// A hand and the landmarks that it is to reach.
+/// A hand and its target landmarks.
 struct Fit<'a> {
     hand: &'a HandIk,
     landmarks: &'a [DVec3; LANDMARK_COUNT],
@@ -350,8 +351,8 @@ impl Problem for Fit<'_> {
         (matrix, vector)
     }
 
-    /// Of the vectors that stand for the root's rotation, the one of at most half a turn: longer ones come near to a whole
-    /// turn, where the derivative vanishes.
+    /// The vector for the root's rotation with at most half a turn: longer ones come near a whole turn, where the
+    /// derivative vanishes.
     fn settle(&self, x: &mut [f64; UNKNOWNS]) {
         let root = read(x, 0);
         if root.length() > std::f64::consts::PI {

@@ -1,5 +1,5 @@
-//! Images and masks from files, within bounds: neither a file's length nor what it claims to hold decides how much memory
-//! is used, and a decoder that fails is an error like any other.
+//! Reads images and masks within bounds: neither a file's length nor its declared content decides how much memory is
+//! used, and a failing decoder is an ordinary error.
 
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
@@ -12,12 +12,12 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 
 use crate::error::CaptureError;
 
-/// Most bytes that a pixel takes in a file: an EXR with four floats has 16, and may have other layers.
+/// Most bytes per pixel in a file: an EXR with four floats has 16, and may have more layers.
 const FILE_BYTES_A_PIXEL: u64 = 64;
-/// Room for what is in a file beside pixels.
+/// Allowance for data other than pixels.
 const FILE_BYTES_BESIDE: u64 = 1 << 20;
 
-/// What a file is to its capture, for messages.
+/// The role of a file in its capture, for messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
     Image,
@@ -52,21 +52,21 @@ fn unread(file: &Path, role: Role, source: std::io::Error) -> CaptureError {
     }
 }
 
-/// Bytes at the end of a file among which a whole PNG or JPEG has its mark.
+/// Bytes at the end of a file that contain the end marker of a complete PNG or JPEG.
 const TAIL: u64 = 4096;
 
-/// Checks that a file is an image of `size` pixels (width, height) and not cut short, by its header and its end alone where
-/// they leave no doubt.
+/// Checks that a file is an image of `size` pixels (width, height) and not truncated, from its header and its end alone
+/// if these are conclusive.
 pub(crate) fn check(file: &Path, role: Role, size: (u32, u32)) -> Result<(), CaptureError> {
     let mut opened = input_file::open(file).map_err(|source| unread(file, role, source))?;
     if guarded(|| has_header_and_end(&mut opened, size)).map_err(|refusal| refusal.of(file, role, size))? {
         return Ok(());
     }
-    // The mark of a PNG or JPEG may lie further inside: some programs write behind it.
+    // The end marker of a PNG or JPEG may be further inside: some programs append data.
     decode(file, role, &read_bytes(file, role, size)?, size).map(|_| ())
 }
 
-/// Whether the end looks like that of a whole file; an error if the header is none or of another size.
+/// Whether the end looks like that of a complete file; an error if the header is invalid or has another size.
 fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal> {
     let read = |error| Refusal::Broken(ImageError::IoError(error));
     let mut reader = ImageReader::new(BufReader::new(&mut *file)).with_guessed_format().map_err(read)?;
@@ -79,7 +79,7 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
     let mark: &[u8] = match format {
         Some(ImageFormat::Png) => b"IEND",
         Some(ImageFormat::Jpeg) => &END_OF_JPEG,
-        // Its end is no mark, and its pixels may all be NaN.
+        // EXR has no end marker, and its pixels may all be NaN.
         Some(ImageFormat::OpenExr) => return Ok(false),
         _ => return Ok(true),
     };
@@ -90,7 +90,7 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
     Ok(tail.windows(mark.len()).any(|bytes| bytes == mark))
 }
 
-/// Why bytes are no image.
+/// Why bytes are not an image.
 enum Refusal {
     Broken(ImageError),
     OtherSize(u32, u32),
@@ -102,7 +102,7 @@ pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) ->
     guarded(|| decode_sized(bytes, size)).map_err(|refusal| refusal.of(file, role, size))
 }
 
-/// Hostile files run decoders into bugs of their own.
+/// Hostile files may trigger bugs in decoders.
 fn guarded<T>(read: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
     let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(gave_up)
@@ -147,7 +147,7 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     }
     reader.limits(limits(pixels));
     let decoder = reader.into_decoder().map_err(Refusal::Broken)?;
-    // Only the header is read so far.
+    // Only the header has been read here.
     let (width, height) = decoder.dimensions();
     if (width, height) != size {
         return Err(Refusal::OtherSize(width, height));
@@ -168,37 +168,37 @@ fn has_numbers(picture: &DynamicImage) -> bool {
     }
 }
 
-/// What a decoder may hold of an image of so many pixels.
+/// Memory limit of a decoder for an image of this many pixels.
 fn limits(pixels: u64) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * pixels);
     limits
 }
 
-/// The mark at which the picture of a JPEG ends.
+/// The end marker of a JPEG.
 const END_OF_JPEG: [u8; 2] = [0xFF, 0xD9];
 
-/// Whether the end of the picture is in a JPEG. The decoder fills what is missing of a truncated one with grey.
+/// Whether a JPEG has its end marker. The decoder fills missing parts of a truncated file with grey.
 fn has_end(jpeg: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xDA;
-    // Segments with their lengths come first; what they hold (a thumbnail, say) may have an end of its own.
+    // Segments with their lengths come first; their content (such as a thumbnail) may have its own end marker.
     let mut rest = jpeg.get(2..).unwrap_or_default();
     while let &[0xFF, marker, high, low, ..] = rest {
         if marker == START_OF_SCAN {
-            // From here a byte of 0xFF is a mark, never part of the picture.
+            // From here on, a byte 0xFF starts a marker and is never part of the picture.
             return rest.windows(2).any(|pair| pair == END_OF_JPEG);
         }
-        // A mark may be preceded by any number of bytes of 0xFF.
+        // Any number of bytes 0xFF may precede a marker.
         let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
         rest = rest.get(length..).unwrap_or_default();
     }
     false
 }
 
-/// Most times that the pixels an EXR stores may be as many as those it shows; more are a mistake, or made to use up memory.
+/// Largest ratio of stored to visible pixels of an EXR; more is a mistake or an attack on memory.
 const EXR_OVERSCAN: u64 = 4;
 
-/// An EXR shows a window, but stores another one, which the limits of the image library do not look at.
+/// An EXR stores a data window that may differ from its display window; the limits of the image library ignore it.
 fn check_exr(bytes: &[u8], pixels: u64) -> Result<(), Refusal> {
     let hint = || ImageFormatHint::Exact(ImageFormat::OpenExr);
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)

@@ -1,7 +1,7 @@
-//! What there is to know of a capture before an avatar is trained on it, and what is wrong or odd about it.
+//! Facts about a capture before an avatar is trained on it, and its problems and oddities.
 //!
-//! Every file of the splits is looked at, but only for its header and its end; pixels are decoded of a bounded number of images
-//! of each split, spread evenly over cameras and frames. A broken file is a finding, not an error.
+//! Checks the header and the end of every file of the splits. Decodes the pixels of a bounded number of images of each
+//! split, spread evenly over cameras and frames. A broken file is a finding, not an error.
 
 mod cameras;
 mod files;
@@ -23,10 +23,10 @@ pub use findings::{Finding, Severity};
 pub use fit::{ViewFit, posed_template, true_pose};
 pub use overlap::{Spread, iou};
 
-/// Images of a split whose pixels are looked at unless asked otherwise.
+/// Default number of images of a split whose pixels are decoded.
 pub const DEFAULT_SAMPLE: usize = 240;
 
-/// What was found of a split.
+/// Facts about a split.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitFacts {
     /// Its name.
@@ -37,24 +37,24 @@ pub struct SplitFacts {
     pub frames: usize,
     /// Its images.
     pub images: usize,
-    /// Whether all of its images are another split's, too.
+    /// Whether another split contains all of its images.
     pub is_part: bool,
-    /// What the pixels of the sampled images say, frames outermost; images that could not be decoded are not among them.
+    /// Facts from the pixels of the sampled images, frames outermost; without images that could not be decoded.
     pub views: Vec<ViewFit>,
 }
 
 impl SplitFacts {
-    /// Part of the images that is hand, where there are masks.
+    /// Fraction of the images that is hand, where there are masks.
     pub fn coverage(&self) -> Option<Spread> {
         Spread::of(self.views.iter().filter_map(|view| view.coverage))
     }
 
-    /// How well the template meets the masks in the frames' own poses.
+    /// How well the template matches the masks in the frames' own poses.
     pub fn iou_given(&self) -> Option<Spread> {
         Spread::of(self.views.iter().filter_map(|view| view.iou_given))
     }
 
-    /// The same in the true poses, where these are known.
+    /// The same in the true poses, if known.
     pub fn iou_true(&self) -> Option<Spread> {
         Spread::of(self.views.iter().filter_map(|view| view.iou_true))
     }
@@ -65,22 +65,22 @@ impl SplitFacts {
 pub struct CaptureInspection {
     /// Every camera of the capture.
     pub cameras: Vec<CameraFacts>,
-    /// Frames whose true pose is known.
+    /// Number of frames whose true pose is known.
     pub frames_with_truth: usize,
     /// The files of all splits.
     pub files: FileCheck,
     /// The splits by name.
     pub splits: Vec<SplitFacts>,
-    /// What is wrong or odd.
+    /// Problems and oddities.
     pub findings: Vec<Finding>,
     /// The frames of the splits, each once.
     posed_frames: Vec<usize>,
-    /// Most images of a split whose pixels were looked at.
+    /// Limit of images per split whose pixels were decoded.
     sample: usize,
 }
 
 impl CaptureInspection {
-    /// Looks a capture over. The pixels of at most `sample` images of each split are decoded.
+    /// Inspects a capture. The pixels of at most `sample` images of each split are decoded.
     ///
     /// # Errors
     /// [`CaptureError::HandModel`] when the shape or pose of a frame does not fit the hand model.
@@ -90,11 +90,11 @@ impl CaptureInspection {
         Self::of_splits(capture, splits, files, &unusable, sample)
     }
 
-    /// Looks at one split of a capture as [`CaptureInspection::of`] does, but at no file outside of the sample: what there is to
-    /// know before training on it.
+    /// Inspects one split of a capture like [`CaptureInspection::of`], but only the files of the sample: the checks
+    /// before training on it.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no such split; else as of [`CaptureInspection::of`].
+    /// [`CaptureError::Invalid`] when there is no such split; otherwise as in [`CaptureInspection::of`].
     pub fn of_split(capture: &Capture, name: &str, sample: usize) -> Result<CaptureInspection, CaptureError> {
         let split = capture.split(name)?;
         let files = FileCheck { images: split.views.len(), ..Default::default() };
@@ -150,18 +150,18 @@ impl CaptureInspection {
         Ok(inspection)
     }
 
-    /// Whether any image can be used, as far as was looked: all of the files are missing or broken, or all of the sample could
-    /// not be decoded.
+    /// Whether any image can be used, as far as checked. False if all files are missing or broken, or if no image of
+    /// the sample could be decoded.
     pub fn has_usable_image(&self) -> bool {
         let decoded = self.splits.iter().any(|split| !split.views.is_empty());
         decoded || (self.sample == 0 && !self.files.sizes.is_empty())
     }
 
-    /// About `count` of the images whose pixels were looked at, spread evenly over splits, frames and cameras, each with its
-    /// split's facts. Splits that are part of others have none.
+    /// About `count` of the images whose pixels were decoded, spread evenly over splits, frames and cameras, each with
+    /// its split's facts. Splits that are part of others contribute none.
     pub fn examples(&self, count: usize) -> Vec<(&SplitFacts, ViewFit)> {
         let mut splits: Vec<&SplitFacts> = self.splits.iter().filter(|s| !s.is_part && !s.views.is_empty()).collect();
-        // What small splits do not use up is left for the others.
+        // Small splits leave the rest of their share to the others.
         splits.sort_by_key(|split| split.views.len());
         let mut chosen = HashMap::new();
         let mut examples: Vec<(&SplitFacts, ViewFit)> = vec![];
@@ -175,7 +175,7 @@ impl CaptureInspection {
     }
 }
 
-/// Camera and frame of views, each pair once, in the order of frames.
+/// Pairs of camera and frame of views, each once, in the order of frames.
 fn pairs_of<'a>(views: impl Iterator<Item = &'a SplitView>) -> Vec<(usize, usize)> {
     let mut pairs: Vec<(usize, usize)> = views.map(|view| (view.camera, view.frame)).collect();
     pairs.sort_unstable_by_key(|&(camera, frame)| (frame, camera));
@@ -183,7 +183,8 @@ fn pairs_of<'a>(views: impl Iterator<Item = &'a SplitView>) -> Vec<(usize, usize
     pairs
 }
 
-/// Whether another split holds all images of this one; of two with the same images, the second by name is part of the first.
+/// Whether another split holds all images of this one; if two have the same images, the second by name is part of the
+/// first.
 fn is_part_of_another(splits: &[(&str, &Split)], name: &str, split: &Split) -> bool {
     splits.iter().any(|(other, whole)| {
         let may_hold =

@@ -1,9 +1,10 @@
-//! InterHand2.6M (Moon et al., ECCV 2020), v1.0, 5 frames a second, as downloaded, with HandAvatar's choice of images.
+//! InterHand2.6M (Moon et al., ECCV 2020), v1.0, 5 frames per second, as downloaded, with HandAvatar's choice of
+//! images.
 //!
 //! `images/{subset}/Capture{c}/{sequence}/cam{camera}/image{frame}.jpg` beside
-//! `annotations/{subset}/InterHand2.6M_{subset}_{data,camera,MANO_NeuralAnnot,joint_3d}.json`; the images may also lie in
-//! `InterHand2.6M_5fps_batch1/`, as they do after unpacking. The annotations of a subset are some hundred megabytes: they
-//! are read in passing, and only what belongs to the wanted sequences is kept.
+//! `annotations/{subset}/InterHand2.6M_{subset}_{data,camera,MANO_NeuralAnnot,joint_3d}.json`; the images may also be
+//! in `InterHand2.6M_5fps_batch1/`, as they do after unpacking. The annotations of a subset have several hundred
+//! megabytes: they are streamed, and only entries of the wanted sequences are kept.
 //!
 //! Lengths become metres. A camera has `x_camera = R (x_world - position)`. A pose is MANO's with the model's mean pose
 //! added: the root turns about the wrist's joint, and `trans` is added last, as in [`ghand_core::posing::pose_hand`].
@@ -35,16 +36,16 @@ use images::{Image, Images};
 pub(crate) use location::{Location, locate};
 pub(crate) use write::{Landmarks, lay_out, write_annotations};
 
-/// Only every so many images of the split `test` are evaluated, as by HandAvatar; `test_all` has all of them.
+/// Stride of the images in the split `test`, as in HandAvatar; `test_all` has all of them.
 const TEST_STRIDE: usize = 200;
-/// The sparse training splits: so many cameras, spread by farthest-point sampling.
+/// Numbers of cameras of the sparse training splits, chosen by farthest-point sampling.
 const SPARSE: [usize; 2] = [5, 20];
 /// Least distance of the hand's box from the border, pixels.
 const BORDER: f64 = 10.0;
 /// Least length of the longer side of the hand's box, pixels.
 const LEAST_SIDE: f64 = 80.0;
 
-/// Which sequences to read; of the side of the hand model where none are given.
+/// The sequences to read; by default those of the hand model's side.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Sequences {
     pub train: Vec<String>,
@@ -52,7 +53,7 @@ pub(crate) struct Sequences {
 }
 
 impl Sequences {
-    /// HandAvatar's choice where nothing is chosen.
+    /// HandAvatar's choice if nothing is chosen.
     fn or_default(&self, side: Side) -> Sequences {
         let word = if side == Side::Right { "RT" } else { "LT" };
         let or = |given: &[String], name: String| if given.is_empty() { vec![name] } else { given.to_vec() };
@@ -63,8 +64,7 @@ impl Sequences {
     }
 }
 
-/// Reads one capture of one subset. No image is read: which are of no use by their content is found by
-/// [`Capture::drop_unusable`].
+/// Reads one capture of one subset. No image is read: [`Capture::drop_unusable`] finds images with unusable content.
 ///
 /// # Errors
 /// [`CaptureError`] names the file, the field or place, and what to do.
@@ -147,7 +147,8 @@ pub(crate) fn read_interhand(
     Ok(Opened { kind: CaptureKind::InterHand, capture, left_out: counts, warnings: warning.into_iter().collect() })
 }
 
-/// Exact poses of the frames, which synthetic captures have beside the annotations; of other frames than these they may be, too.
+/// Exact poses of the frames, which synthetic captures have beside the annotations; the file may have other frames,
+/// too.
 fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
     let order: Vec<usize> = (0..PARENTS.len()).collect();
     let joints = JointRows { order: &order, names: joints };
@@ -156,7 +157,7 @@ fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<
     Ok(Some(frames.iter().map(|frame| poses.remove(&frame.id)).collect()))
 }
 
-/// A MANO model with what the annotations need.
+/// A MANO model with the data that the annotations need.
 fn check_model<'a>(location: &Location, mano: Option<&'a HandModel>) -> Result<&'a HandModel, CaptureError> {
     let checks = Checker { path: &location.root };
     let Some(model) = mano else {
@@ -209,7 +210,7 @@ fn cameras(file: &Path, tables: &CameraTables, images: &Images) -> Result<Vec<Ca
     Ok(cameras)
 }
 
-/// Camera and frame of an image, or why it is of no use by its annotations.
+/// Camera and frame of an image, or why its annotations make it unusable.
 fn choose(
     capture: &Capture,
     image: &Image,

@@ -1,4 +1,4 @@
-//! JSON from files too large to hold: read in passing, a value at a time, with bounds on what one value may take.
+//! Streams JSON from files too large for memory, one value at a time, with bounds on the size of a value.
 
 use std::fmt;
 use std::io::{self, BufReader, Read};
@@ -12,7 +12,7 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 
 use crate::error::CaptureError;
 
-/// Longest string or number, bytes; names and numbers of data sets have some ten.
+/// Longest string or number, bytes; names and numbers in data sets have about ten.
 const LONGEST_TOKEN: usize = 1 << 12;
 /// Deepest nesting; annotations are six deep.
 const DEEPEST: usize = 64;
@@ -42,8 +42,8 @@ pub(crate) fn read_json<'de, S: DeserializeSeed<'de>>(json: impl Read, seed: S) 
     Ok(value)
 }
 
-/// A JSON text as it is read, with an error where a single string or number is longer, or brackets are deeper, than a
-/// parser's memory should be asked for.
+/// A JSON text being read. A string or number that is too long, or brackets that are too deep for a parser's memory,
+/// are errors.
 struct Bounded<R> {
     inner: R,
     in_string: bool,
@@ -125,7 +125,7 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
     }
 }
 
-/// A name that files write as text or as a whole number.
+/// A name that files store as text or as an integer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Name(pub String);
 
@@ -151,7 +151,7 @@ impl<'de> Deserialize<'de> for Name {
     }
 }
 
-/// Reads an array item by item, handing each to a function.
+/// Reads an array item by item and passes each to a function.
 pub(crate) struct ForEach<T, F> {
     each: F,
     item: PhantomData<T>,
@@ -186,9 +186,9 @@ impl<'de, T: Deserialize<'de>, F: FnMut(T) -> Result<(), String>> Visitor<'de> f
     }
 }
 
-/// What takes the values of an object in passing.
+/// Receives the values of a streamed object.
 pub(crate) trait Keys {
-    /// Takes the value of a key, or skips it.
+    /// Reads the value of a key, or skips it.
     fn value<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error>;
 }
 
@@ -218,7 +218,7 @@ impl<'de, K: Keys> Visitor<'de> for Object<'_, K> {
     }
 }
 
-/// Leaves a value where it is.
+/// Skips a value.
 pub(crate) fn skip<'de, A: MapAccess<'de>>(map: &mut A) -> Result<(), A::Error> {
     map.next_value::<IgnoredAny>().map(|_| ())
 }

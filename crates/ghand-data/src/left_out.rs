@@ -1,14 +1,14 @@
-//! Images that a reader leaves out, counted by reason.
+//! Images that a reader skips, counted by reason.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why an image is of no use.
+/// Why an image cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeftOut {
-    /// The annotations name no camera for it.
+    /// The annotations do not name its camera.
     NoCamera,
-    /// There is no pose of its frame.
+    /// Its frame has no pose.
     NoPose,
     /// It shows the other hand, or both.
     OtherHand,
@@ -16,13 +16,13 @@ pub enum LeftOut {
     AtBorder,
     /// Its hand is small.
     Small,
-    /// Its file, or that of its mask, is not there.
+    /// Its file, or that of its mask, is missing.
     Missing,
-    /// Its file, or that of its mask, is truncated, no image, or not of its camera's size.
+    /// Its file, or that of its mask, is truncated, not an image, or not of its camera's size.
     Broken,
     /// It is black, or its hand is.
     Dark,
-    /// Hardly anything of the hand is on it.
+    /// Its mask shows hardly any of the hand.
     SmallMask,
 }
 
@@ -42,19 +42,19 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// How many images were left out, and why. Written as one sentence.
+/// How many images were skipped, and why. Displayed as one sentence.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LeftOutCounts {
-    /// Images that were looked at.
+    /// Number of images checked.
     pub looked_at: usize,
-    /// Images left out by reason.
+    /// Skipped images by reason.
     pub reasons: BTreeMap<LeftOut, usize>,
-    /// What is wrong with the first file that is missing or broken, where that is known.
+    /// The problem with the first missing or broken file, if known.
     pub first: Option<String>,
 }
 
 impl LeftOutCounts {
-    /// Counts one image that was looked at.
+    /// Counts one checked image.
     pub fn add(&mut self, reason: Option<LeftOut>) {
         self.looked_at += 1;
         if let Some(reason) = reason {
@@ -62,7 +62,7 @@ impl LeftOutCounts {
         }
     }
 
-    /// Images left out in all.
+    /// Total number of skipped images.
     pub fn total(&self) -> usize {
         self.reasons.values().sum()
     }

@@ -1,13 +1,13 @@
-//! Captures of hands: calibrated images, masks and poses, read into one type whatever their format, and a synthetic
-//! capture whose truth is known. And poses that drive a hand, whatever wrote them down.
+//! Captures of hands: calibrated images, masks and poses, read into one type from several formats, and a synthetic
+//! capture with known truth. Also poses that drive a hand, from many kinds of files.
 //!
-//! [`Capture`] is what the rest of the system sees; [`Capture::open_with`] tells by a folder's looks which reader it is for.
-//! [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read published data
-//! sets; [`synthetic`] makes a small capture of a hand that is richer than the template it comes with. [`ViewStore`] decodes
-//! images in the background, [`inspection`] looks a capture over.
+//! [`Capture`] is the type that the rest of the system uses; [`Capture::open_with`] chooses a reader from the folder's
+//! contents. [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read
+//! published data sets; [`synthetic`] makes a small capture of a hand with more detail than its template. [`ViewStore`]
+//! decodes images in the background, [`inspection`] checks a capture.
 //!
-//! [`PoseSequence`] is what drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] carries poses over from
-//! one rig to another, [`ik`] finds them from landmarks, and [`motions`] has a few by name.
+//! [`PoseSequence`] drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] transfers poses
+//! from one rig to another, [`ik`] computes them from landmarks, and [`motions`] has a few by name.
 
 mod camera_choice;
 pub mod camera_file;

@@ -1,6 +1,6 @@
-//! Masks made from the posed hand model, as HandAvatar (Chen et al., CVPR 2023) makes them for InterHand2.6M: the filled
-//! outline of the projected mesh, without what is too dark or too bright to be skin, and of that the part inside of the
-//! largest contour.
+//! Masks made from the posed hand model, as HandAvatar (Chen et al., CVPR 2023) makes them for InterHand2.6M: the
+//! filled outline of the projected mesh, without pixels too dark or too bright for skin, and of that the part inside
+//! the largest contour.
 
 mod cache;
 mod contour;
@@ -19,10 +19,10 @@ pub(crate) use fill::fill;
 /// Skin has a mean of red, green and blue between these, exclusively.
 const GREY_RANGE: [u16; 2] = [10, 200];
 
-/// What decides whether an image is of use.
+/// Facts that decide whether an image can be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Facts {
-    /// Pixels of the mask.
+    /// Number of pixels of the mask.
     pub mask_pixels: u32,
     /// The largest value of the image, in any channel.
     pub brightest: u8,
@@ -63,7 +63,7 @@ pub(crate) fn made_mask(
     Ok(mask)
 }
 
-/// The facts of an image, from the cache or found.
+/// The facts of an image, from the cache or computed.
 pub(crate) fn facts(capture: &Capture, camera: usize, frame: usize) -> Result<Facts, CaptureError> {
     let size = capture.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
     let file = capture.image_file(camera, frame)?;

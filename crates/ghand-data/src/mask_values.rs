@@ -1,20 +1,20 @@
-//! What the values of a mask's file mean.
+//! The meaning of the values in a mask's file.
 
 use image::DynamicImage;
 
 /// A mask from a file.
 pub(crate) struct MaskValues {
-    /// Row-major; the hand is where a value is at least 128.
+    /// Row-major; values of at least 128 are hand.
     pub values: Vec<u8>,
-    /// Whether the file has 0 and 1 instead of 0 and 255. The 1 has become 255.
+    /// Whether the file has 0 and 1 instead of 0 and 255. The 1 is converted to 255.
     pub is_zero_one: bool,
 }
 
-/// The values of a mask in whatever depth and colours its file has them. Of a coloured mask the largest channel counts, so that the
-/// dark red of a label is the hand as white is; what is transparent is not.
+/// The values of a mask, from any depth and colours of its file. The largest channel of a coloured mask counts, so that
+/// a dark red label is hand just like white; transparent pixels are not.
 ///
-/// A mask of integers that are all 0 or 1 says where the hand is with the 1. One of 16 bits whose values are all below 256 has been
-/// widened from 8 bits without being scaled.
+/// In an integer mask with only 0 and 1, 1 means hand. A 16-bit mask with all values below 256 was converted from 8
+/// bits without scaling.
 pub(crate) fn mask_values(picture: DynamicImage) -> MaskValues {
     use DynamicImage::{ImageLuma16, ImageLumaA16, ImageRgb16, ImageRgb32F, ImageRgba16, ImageRgba32F};
     match picture {
@@ -36,7 +36,7 @@ pub(crate) fn mask_values(picture: DynamicImage) -> MaskValues {
     }
 }
 
-/// The largest of red, green and blue, over black where alpha is less than `full`.
+/// The largest of red, green and blue, over black if alpha is less than `full`.
 fn opaque_part([r, g, b, a]: [f32; 4], full: f32) -> f32 {
     let value = r.max(g).max(b);
     if a < full { value * a / full } else { value }
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
-    /// Which pixels are hand, and whether the mask was of 0 and 1.
+    /// Which pixels are hand, and whether the mask had only 0 and 1.
     fn hand(picture: impl Into<DynamicImage>) -> (Vec<bool>, bool) {
         let mask = mask_values(picture.into());
         (mask.values.iter().map(|v| *v >= 128).collect(), mask.is_zero_one)

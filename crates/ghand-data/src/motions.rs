@@ -1,7 +1,7 @@
-//! A few motions by name, for any hand whose joints' names tell the fingers.
+//! Named motions for any hand whose joint names identify the fingers.
 //!
-//! A motion is a row of named poses ([`named_pose`]) with the times at which they are reached, and turns of the whole hand.
-//! From one to the next a joint turns about one axis, starting and ending at rest.
+//! A motion is a sequence of named poses ([`named_pose`]) with the times at which they are reached, and rotations of
+//! the whole hand. Between two poses a joint rotates about one axis, with zero speed at both ends.
 
 use ghand_core::hand_model::named_poses::named_pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
@@ -14,19 +14,19 @@ use crate::rig::Rig;
 /// Names that [`motion`] knows.
 pub const MOTION_NAMES: [&str; 7] = ["grasp", "pinching", "pointing", "count", "wave", "ripple", "tour"];
 
-/// A pose that is reached, and held for a while.
+/// A pose that is reached and then held.
 struct Key {
     pose: Pose,
-    /// Seconds that the way to it takes, and that it is held.
+    /// Duration of the transition to it, and of holding it, seconds.
     way: f64,
     hold: f64,
 }
 
-/// The motion of that name at so many frames a second. It ends as it begins, so that it can be repeated. `None` when the name is
-/// not in [`MOTION_NAMES`].
+/// The motion of that name at this many frames per second. It ends in its first pose, so that it can be repeated.
+/// `None` when the name is not in [`MOTION_NAMES`].
 ///
 /// # Errors
-/// [`PoseError::Invalid`] when the model's joints do not tell what they stand for.
+/// [`PoseError::Invalid`] when the names of the model's joints do not identify their parts.
 pub fn motion(name: &str, model: &HandModel, fps: f64) -> Option<Result<PoseSequence, PoseError>> {
     MOTION_NAMES.contains(&name).then(|| {
         let keys = keys(name, model)?;
@@ -39,7 +39,7 @@ fn keys(name: &str, model: &HandModel) -> Result<Vec<Key>, PoseError> {
     let pose = |name: &str| named_pose(name, model).unwrap_or_else(|| Pose::rest(model.joint_count()));
     let key = |name: &str, way: f64, hold: f64| Key { pose: pose(name), way, hold };
     let [forward, back, across] = rig.palm().unwrap_or([DVec3::NEG_Y, DVec3::X, DVec3::Z]);
-    // Turns of the whole hand about its own axes at rest.
+    // Rotations of the whole hand about its own axes at rest.
     let turned = |name: &str, axis: DVec3, degrees: f64, way: f64, hold: f64| {
         let mut pose = pose(name);
         if let Some(root) = pose.rotations.first_mut() {

@@ -13,10 +13,10 @@ use crate::ghand_format::CAPTURE_FILE;
 use crate::json_file::{LARGEST_FILE, parse};
 use crate::text_file::read_text;
 
-/// Ids that an error lists; rigs with more have ids that follow a pattern.
+/// Most ids that an error lists; with more cameras, ids follow a pattern.
 const LISTED_IDS: usize = 40;
 
-/// Whether a file has cameras, or is one.
+/// Whether a file has cameras, or is a camera.
 #[derive(Deserialize)]
 struct Kind {
     cameras: Option<IgnoredAny>,
@@ -27,11 +27,12 @@ struct CameraList {
     cameras: Vec<CameraFile>,
 }
 
-/// Reads a camera from `FILE` or `FILE:ID`. The file is JSON: one camera, or a `capture.json` (or the folder that holds it),
-/// which needs the id of one of its cameras unless it has only one. A path that exists is taken as it is, colons and all.
+/// Reads a camera from `FILE` or `FILE:ID`. The file is JSON: one camera, or a `capture.json` (or the folder that holds
+/// it), which needs the id of one of its cameras unless it has only one. An existing path is used unchanged, including
+/// colons.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field and what is wrong with it; for an unknown id it lists the ids that there are.
+/// [`CaptureError`] names the file, the field and what is wrong with it; for an unknown id it lists the existing ids.
 pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
     let (path, id) = split(name);
     let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path };
@@ -73,13 +74,13 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
     chosen.camera(checks, format!("cameras[{:?}]", chosen.id))
 }
 
-/// The file and the id that a name holds.
+/// The file and the id in a name.
 fn split(name: &Path) -> (PathBuf, Option<String>) {
     let Some(text) = name.to_str().filter(|_| !name.exists()) else { return (name.into(), None) };
-    // Paths and ids may have colons: what is before the id is the longest path that there is.
+    // Paths and ids may have colons: the file is the longest existing path.
     let parts: Vec<(&str, &str)> = text.rmatch_indices(':').map(|(at, _)| (&text[..at], &text[at + 1..])).collect();
     let found = parts.iter().find(|(path, _)| Path::new(path).exists());
-    // For a file that is not there: not the colon of `C:\...`.
+    // For a missing file: not the colon of `C:\...`.
     match found.or(parts.first().filter(|(_, id)| !id.contains(['/', '\\']))) {
         Some((path, id)) => (path.into(), Some((*id).into())),
         None => (name.into(), None),
@@ -108,7 +109,7 @@ mod tests {
         format!(r#"{{"format":"ghand-capture","frames":[{{"id":"0","pose":[]}}],"cameras":[{}]}}"#, cameras.join(","))
     }
 
-    /// What is read from a file of that name and content, by `name` with `{}` for the file.
+    /// The result for a file with that name and content, read by `name` with `{}` for the file.
     fn read(file: &str, json: &str, name: &str) -> Result<Camera, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(file);

@@ -1,4 +1,4 @@
-//! Any capture, told by what its folder looks like.
+//! Opens any capture; its format is recognised from the folder's contents.
 
 use std::fmt;
 use std::path::Path;
@@ -13,20 +13,20 @@ use crate::hand_appearance::{is_subject, read_hand_appearance};
 use crate::interhand::{Sequences, locate, read_interhand};
 use crate::left_out::LeftOutCounts;
 
-/// What a capture's own files do not say.
+/// Information that a capture's own files do not contain.
 #[derive(Debug, Clone, Default)]
 pub struct OpenOptions {
     /// The user's MANO model, for captures whose poses are MANO's. Its side decides which hand is read.
     pub mano: Option<HandModel>,
-    /// InterHand2.6M: the sequences to train on; HandAvatar's `ROM04_RT_Occlusion` (`LT` for a left hand) where there are none.
+    /// InterHand2.6M: the sequences to train on; HandAvatar's `ROM04_RT_Occlusion` (`LT` for a left hand) if empty.
     pub train_sequences: Vec<String>,
-    /// InterHand2.6M: the sequences to test on; HandAvatar's `ROM03_RT_No_Occlusion` where there are none.
+    /// InterHand2.6M: the sequences to test on; HandAvatar's `ROM03_RT_No_Occlusion` if empty.
     pub test_sequences: Vec<String>,
     /// Hand Appearance: the principal point, pixels; the middle of the image if absent.
     pub principal_point: Option<DVec2>,
 }
 
-/// Whose format a capture is in.
+/// The format of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CaptureKind {
     /// The project's own, `capture.json`.
@@ -47,16 +47,16 @@ impl fmt::Display for CaptureKind {
     }
 }
 
-/// A capture and what was left out of it.
+/// A capture and its skipped images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
-    /// Whose format it is in.
+    /// Its format.
     pub kind: CaptureKind,
     /// The capture.
     pub capture: Capture,
-    /// Images that the annotations name but that are of no use.
+    /// Images that the annotations name but that cannot be used.
     pub left_out: LeftOutCounts,
-    /// What is odd, a sentence each.
+    /// Oddities, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -67,10 +67,10 @@ impl Opened {
 }
 
 impl Capture {
-    /// Opens a capture that needs no [`OpenOptions`]: its folder or its `capture.json`. No image is read.
+    /// Opens a capture that does not need [`OpenOptions`]: its folder or its `capture.json`. No image is read.
     ///
     /// # Errors
-    /// As of [`Capture::open_with`].
+    /// As in [`Capture::open_with`].
     pub fn open(path: &Path) -> Result<Capture, CaptureError> {
         Capture::open_with(path, &OpenOptions::default()).map(|opened| opened.capture)
     }
@@ -95,7 +95,7 @@ impl Capture {
             let (capture, left_out) = read_hand_appearance(path, mano, options.principal_point)?;
             return Ok(Opened::plain(CaptureKind::HandAppearance, capture, left_out));
         }
-        // Tells what would be a capture.
+        // This message says what a capture is.
         Ok(Opened::plain(CaptureKind::Ghand, read_capture(&file, mano)?, LeftOutCounts::default()))
     }
 }

@@ -1,9 +1,9 @@
-//! Poses that drive a hand model, from whatever wrote them down.
+//! Poses that drive a hand model, from many kinds of files.
 //!
-//! [`read_poses`] tells the kind of a file by its content and gives a [`PoseSequence`]: the rate, and for each frame one
-//! axis-angle rotation for each joint of *your* model and a translation. What can be read:
+//! [`read_poses`] recognises a file from its contents and returns a [`PoseSequence`]: the rate, and for each frame a
+//! translation and one axis-angle rotation for each joint of *your* model. It reads:
 //!
-//! | | file | what is in it |
+//! | | file | format |
 //! |---|---|---|
 //! | ghand's own, or a capture | JSON, JSON Lines, `.npz` | [`ghand`] |
 //! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, ARCTIC, AMASS | JSON, `.npz`, `.npy`, `.pkl` | [`mano`] |
@@ -12,10 +12,10 @@
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
 //!
-//! Any of them may lie in `{"right": ..}` or `{"left": ..}`. Rotations of another rig are carried over as [`crate::retarget`] says,
-//! landmarks are fitted by [`crate::ik`]. Poses of the other hand are mirrored, with a warning. ghand's own files must be right; of
-//! what a tracker wrote, frames that cannot be used are left out and counted in one warning. No frame comes through with a number
-//! that is not finite, or that no hand can have ([`Pose::check_range`]).
+//! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another rig,
+//! and [`crate::ik`] fits landmarks. Poses of the other hand are mirrored, with a warning. ghand's own files must be
+//! correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number that is
+//! not finite or that no hand can have ([`Pose::check_range`]).
 
 mod file_rig;
 mod folder;
@@ -42,16 +42,16 @@ use crate::rig::Rig;
 pub(crate) use recording::{Motion, Recording, Skipped, Source};
 use to_model::{carried_over, fitted, mano_rows, rows, side_name};
 
-/// Frames a second of what does not say.
+/// Default rate, frames per second.
 pub const DEFAULT_FPS: f64 = 30.0;
 
-/// Most frames that a motion is resampled to: nine hours at 30 a second.
+/// Most frames that a motion is resampled to: nine hours at 30 per second.
 const MOST_FRAMES: usize = 1_000_000;
 
-/// What is wrong with a file of poses. Every message names the file, the field and what to do.
+/// The problem with a file of poses. Every message names the file, the field and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
-    /// The file cannot be read, or is of no kind that is read.
+    /// The file cannot be read, or its kind is not supported.
     #[error("{path}: the poses: {source}")]
     File {
         /// The file.
@@ -77,7 +77,7 @@ pub enum PoseError {
         /// What is wrong and what to do about it.
         problem: String,
     },
-    /// The hand model that poses are carried over from cannot be made.
+    /// The hand model of the given poses cannot be made.
     #[error(transparent)]
     HandModel(#[from] HandModelError),
 }
@@ -87,7 +87,7 @@ pub enum PoseError {
 pub struct PoseFrame {
     /// Id of the frame.
     pub id: String,
-    /// The pose, one rotation a joint.
+    /// The pose, one rotation per joint.
     pub pose: Pose,
     /// Shape parameters of the hand model; empty for the mean shape, and for poses of another model.
     pub shape: Vec<f64>,
@@ -96,49 +96,49 @@ pub struct PoseFrame {
 /// Poses at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSequence {
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// Names of the joints, in the order of the rotations.
     pub joint_names: Vec<String>,
     /// At least one frame.
     pub frames: Vec<PoseFrame>,
-    /// What the user should know, a sentence each.
+    /// Remarks for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// What a file does not say.
+/// Information that a file does not contain.
 #[derive(Debug, Clone, Default)]
 pub struct PoseOptions {
-    /// Which hand the poses are of: it is taken from a file that has both, and believed where the file says otherwise. Without it,
-    /// the model's side is taken where it is there, else the other one, mirrored.
+    /// Which hand the poses are of: selects a hand from a file that has both, and overrides the file. By default the
+    /// model's side is used if it exists, else the other one, mirrored.
     pub side: Option<Side>,
-    /// The model that the poses are for: its rest skeleton and mean pose make what is carried over to another rig exact. For MANO
-    /// parameters the built-in hand, turned into MANO's axes, stands in without it; ghand's own poses of another rig need it where
-    /// the file does not describe that rig.
+    /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another rig exact.
+    /// Without it, the built-in hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
+    /// another rig need it if the file does not describe that rig.
     pub pose_model: Option<HandModel>,
-    /// Take poses as measured from the flat hand: a MANO model's mean pose is not added.
+    /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.
     pub flat_mean: bool,
     /// Which capture to take from a file that holds several.
     pub take: Option<String>,
-    /// Leave out the rotation and the place of the whole hand.
+    /// Ignore the rotation and the position of the whole hand.
     pub in_place: bool,
 }
 
 /// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
 ///
 /// # Errors
-/// [`PoseError`] names the file, the field and a remedy when the file is none that is read, when no frame is usable, or when
-/// the model's joints do not tell what they stand for and the poses are not for them.
+/// [`PoseError`] names the file, the field and a remedy when the file's kind is not supported, when no frame is usable,
+/// or when the names of the model's joints do not identify their parts and the poses are not for them.
 pub fn read_poses(path: &Path, model: &HandModel, options: &PoseOptions) -> Result<PoseSequence, PoseError> {
     let (path, value) = folder::read(path)?;
     poses_of_value(&path.display().to_string(), &value, model, options)
 }
 
-/// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only when it
-/// is a capture of another rig.
+/// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only
+/// if it is a capture of another rig.
 ///
 /// # Errors
-/// As of [`read_poses`].
+/// As in [`read_poses`].
 pub fn read_poses_bytes(
     origin: &str,
     bytes: &[u8],
@@ -149,7 +149,7 @@ pub fn read_poses_bytes(
     poses_of_value(origin, &value, model, options)
 }
 
-/// Reads a file of its kind; `None` for one of another kind.
+/// Reads a file of this kind; `None` for another kind.
 type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
 
 pub(crate) fn poses_of_value(
@@ -161,7 +161,7 @@ pub(crate) fn poses_of_value(
     let wanted = options.side.unwrap_or(model.side);
     let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count() };
     let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
-    // What does not say which hand it is, is taken for the one that is wanted.
+    // Poses of an unknown side are read as the wanted side.
     let side = options.side.or(side).unwrap_or(model.side);
     let (mut frames, side) = match motion {
         Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
@@ -188,7 +188,7 @@ pub(crate) fn poses_of_value(
     Ok(PoseSequence { fps: fps.unwrap_or(DEFAULT_FPS), joint_names: model.joint_names.clone(), frames, warnings })
 }
 
-/// What a file holds, read by the first reader that knows it as its own kind.
+/// The content of a file, read by the first reader that recognises its kind.
 fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let readers: [Reader; 5] = [xr::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
@@ -215,8 +215,8 @@ impl PoseSequence {
         self.frames.len().saturating_sub(1) as f64 / self.fps
     }
 
-    /// The pose at a time in seconds, between two frames by the shortest way that each joint can turn; before the first frame
-    /// and after the last, theirs.
+    /// The pose at a time in seconds. Between two frames each joint takes the shortest rotation; before the first frame
+    /// and after the last, the pose is theirs.
     pub fn at(&self, seconds: f64) -> Option<Pose> {
         let last = self.frames.len().checked_sub(1)?;
         let place = (seconds * self.fps).clamp(0.0, last as f64);
@@ -229,7 +229,7 @@ impl PoseSequence {
         }
     }
 
-    /// The same motion at another rate. Ids are counted anew; shapes are those of the frame before.
+    /// The same motion at another rate. Ids are renumbered; shapes are those of the previous frame.
     ///
     /// # Errors
     /// [`PoseError::Invalid`] when that would be more than a million frames.
@@ -256,7 +256,7 @@ impl PoseSequence {
     }
 }
 
-/// The pose a part of the way from one to another: each joint turns about one axis, by the shorter way.
+/// Interpolates two poses: each joint rotates about one axis, by the shorter rotation.
 pub fn between(from: &Pose, to: &Pose, part: f64) -> Pose {
     let turn = |(a, b): (&DVec3, &DVec3)| {
         let [a, b] = [a, b].map(|r| DQuat::from_mat3(&rotation_from_axis_angle(*r)).normalize());

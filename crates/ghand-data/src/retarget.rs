@@ -1,17 +1,17 @@
-//! Poses of one rig, for another one.
+//! Transfers poses of one rig to another.
 //!
-//! Joints are matched by what their names mean ([`JointRole`]). Let `G_k` be the rotation of joint k in space, the product of
-//! the rotations from the root on, and `F_k` its rest frame ([`Rig`]), so that `G_k F_k` is where the bone's frame is in space.
-//! The other rig's bone gets the same frame: `G'_k F'_k = G_k F_k`, so `G'_k = G_k C_k` with the constant `C_k = F_k F'_k^T`, and
-//! `R'_k = G'_parent^T G'_k`. A bone thus points where its model points, whatever the two rest poses; lengths stay the
-//! rig's own. Joints that the source lacks (WebXR's metacarpals and tips, for MANO) keep their rest angle to their parent.
-//! The wrist comes to the same place.
+//! Joints are matched by their roles ([`JointRole`]). Let `G_k` be the rotation of joint k in space, the product of the
+//! rotations starting at the root, and `F_k` its rest frame ([`Rig`]), so that `G_k F_k` is the bone's frame in space.
+//! The other rig's bone gets the same frame: `G'_k F'_k = G_k F_k`, so `G'_k = G_k C_k` with the constant
+//! `C_k = F_k F'_k^T`, and `R'_k = G'_parent^T G'_k`. A bone therefore points where its source points, independent of
+//! the two rest poses; lengths stay the rig's own. Joints that the source lacks (such as WebXR's metacarpals and tips
+//! for MANO) keep their rest angle to their parent. The wrist is moved to the same position.
 //!
-//! There and back is the identity for all joints that both have, as long as those that only one has are at rest; bones
-//! that moved them point where they pointed in any case.
+//! A transfer and back is the identity for all joints that both rigs have, if joints that only one has are at rest;
+//! otherwise bones still point in the same directions.
 //!
-//! The mirror image in x of a pose is a pose of the mirrored hand: `M R M` with `M = diag(-1, 1, 1)` turns the axis-angle
-//! (x, y, z) into (x, -y, -z). It changes the side before anything is matched.
+//! The mirror image in x of a pose is a pose of the mirrored hand: `M R M` with `M = diag(-1, 1, 1)` turns the
+//! axis-angle vector (x, y, z) into (x, -y, -z). Mirroring takes place before matching.
 
 use ghand_core::hand_model::joint_names::JointRole;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
@@ -20,28 +20,28 @@ use glam::{DMat3, DVec3};
 
 use crate::rig::Rig;
 
-/// The way from one rig to another.
+/// A transfer from one rig to another.
 #[derive(Debug, Clone)]
 pub struct Retarget {
     source_parents: Vec<Option<usize>>,
     target_parents: Vec<Option<usize>>,
-    /// For each joint of the target the joint of the source, and `C_k`.
+    /// For each joint of the target, the joint of the source and `C_k`.
     matches: Vec<Option<(usize, DMat3)>>,
-    /// Where the wrists are at rest.
+    /// Rest positions of the wrists.
     source_wrist: DVec3,
     target_wrist: DVec3,
     mirror: bool,
 }
 
 impl Retarget {
-    /// The way from `source` to `target`. Hands of the other side are mirrored.
+    /// The transfer from `source` to `target`. Hands of the other side are mirrored.
     pub fn new(source: &Rig, target: &Rig) -> Retarget {
         let mirror = source.side != target.side;
         let matched = |joint: usize| {
             let role = target.roles.get(joint).copied().flatten()?;
             let from = source.joint(role)?;
             let source_frame = *source.frames.get(from)?;
-            // The mirrored bone has -Z and +Y mirrored; its X is what makes them a rotation again.
+            // The mirrored bone has -Z and +Y mirrored; its X is chosen so that they are a rotation again.
             let flip = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
             let source_frame = if mirror { flip * source_frame * flip } else { source_frame };
             Some((from, source_frame * target.frames.get(joint)?.transpose()))
@@ -57,7 +57,7 @@ impl Retarget {
         }
     }
 
-    /// The pose of the target that shows what a pose of the source shows. Joints without a rotation count as at rest.
+    /// The pose of the target that corresponds to a pose of the source. Joints without a rotation are at rest.
     pub fn pose(&self, pose: &Pose) -> Pose {
         let pose = if self.mirror { mirrored(pose) } else { pose.clone() };
         let mut source: Vec<DMat3> = Vec::with_capacity(self.source_parents.len());
@@ -79,7 +79,7 @@ impl Retarget {
         Pose { rotations, translation: self.source_wrist + pose.translation - self.target_wrist }
     }
 
-    /// How many joints of the target are driven.
+    /// Number of driven joints of the target.
     pub fn matched_count(&self) -> usize {
         self.matches.iter().flatten().count()
     }

@@ -1,9 +1,9 @@
-//! The skeleton that rotations are about, with a frame on each bone that means the same on every rig.
+//! A skeleton with a frame on each bone that is defined in the same way on every rig.
 //!
-//! A bone's frame is OpenXR's: -Z along the bone towards the fingertip, +Y out of the back of the hand (of the thumb: out of
-//! its nail), +X to the right of both. On the wrist, -Z points to the knuckle of the middle finger. For a rig that is known by
-//! its rest pose alone, the frames come from the rest positions of the joints; joints of WebXR and OpenXR are given by their
-//! frames in space, so that there the rest frames are all the identity.
+//! A bone's frame is OpenXR's: -Z along the bone towards the fingertip, +Y out of the back of the hand (of the thumb:
+//! out of its nail), +X to the right of both. On the wrist, -Z points to the knuckle of the middle finger. For a rig
+//! known only by its rest pose, the frames come from the rest positions of the joints. WebXR and OpenXR give joints by
+//! their frames in space, so that all their rest frames are the identity.
 
 use ghand_core::hand_model::joint_names::{Finger, JointRole};
 use ghand_core::{HandModel, Side};
@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 
 use crate::pose_sequence::PoseError;
 
-/// How much the nail of the thumb faces to the back of the hand: its hinges bend across the palm and, a little, into it.
+/// How much the thumb's nail faces the back of the hand: its hinges bend across the palm and, a little, into it.
 const THUMB_TOWARDS_BACK: f64 = 0.45;
 
 /// A skeleton at rest, with frames.
@@ -23,17 +23,17 @@ pub struct Rig {
     pub side: Side,
     /// Names of the `n_b` joints; joint 0 is the wrist.
     pub joint_names: Vec<String>,
-    /// What the joints stand for, where the names tell, `n_b`.
+    /// Roles of the joints, where their names tell, `n_b`.
     pub roles: Vec<Option<JointRole>>,
     /// Parent of each joint, which precedes it.
     pub parents: Vec<Option<usize>>,
     /// Rest positions, metres, axes of the rig, `n_b`.
     pub joints: Vec<DVec3>,
-    /// Rest frames: rotations from the bone's axes to the axes of the rig, `n_b`; the identity where no role is known.
+    /// Rest frames: rotations from the bone's axes to the axes of the rig, `n_b`; the identity if no role is known.
     pub frames: Vec<DMat3>,
-    /// The same with the frame of a hinge in place of the thumb's: X is what its joints bend about.
+    /// The same with the frame of a hinge for the thumb: its joints bend about X.
     pub hinges: Vec<DMat3>,
-    /// Where the fingertips are at rest, thumb to little finger, metres.
+    /// Rest positions of the fingertips, thumb to little finger, metres.
     pub tips: [DVec3; 5],
 }
 
@@ -41,8 +41,8 @@ impl Rig {
     /// The rig of a hand model.
     ///
     /// # Errors
-    /// [`PoseError::Invalid`] when the names of its joints do not tell three joints for each finger, or when joints of a
-    /// finger lie in one place.
+    /// [`PoseError::Invalid`] when the names of its joints do not identify three joints for each finger, or when joints
+    /// of a finger have the same position.
     pub fn of(model: &HandModel) -> Result<Rig, PoseError> {
         let roles = JointRole::of_joints(&model.joint_names);
         let tips = Finger::ALL.map(|finger| tip(model, &roles, finger).unwrap_or(DVec3::NAN));
@@ -53,7 +53,7 @@ impl Rig {
     /// `tips` are the fingertips at rest, thumb to little finger.
     ///
     /// # Errors
-    /// As of [`Rig::of`].
+    /// As in [`Rig::of`].
     pub fn at_rest(
         name: &str,
         side: Side,
@@ -89,7 +89,8 @@ impl Rig {
         }
     }
 
-    /// The 25 joints of WebXR, of which only frames in space are known: all rest frames are the identity, all joints at 0.
+    /// The 25 joints of WebXR, for which only frames in space are known: all rest frames are the identity, all joints
+    /// are at 0.
     pub fn webxr(side: Side) -> Rig {
         let mut names = vec!["wrist".to_owned()];
         let mut parents = vec![None];
@@ -128,10 +129,10 @@ impl Rig {
         self.joints.get(self.joint(role)?).copied()
     }
 
-    /// Directions at rest from the wrist to the middle knuckle, from the palm through the back of the hand, and from the
-    /// index finger to the ring finger; each a unit, at right angles to each other.
+    /// Directions at rest from the wrist to the middle knuckle, from the palm through the back of the hand, and from
+    /// the index finger to the ring finger; orthonormal.
     ///
-    /// The little finger is left out: its knuckle lies lower, and the palm of WebXR's frames does not tilt with it.
+    /// The little finger is not used: its knuckle is lower, and the palm of WebXR's frames does not tilt with it.
     pub fn palm(&self) -> Option<[DVec3; 3]> {
         let knuckle = |finger| self.at(JointRole::Bend(finger, 1));
         let forward = (knuckle(Finger::Middle)? - *self.joints.first()?).try_normalize()?;
@@ -173,7 +174,7 @@ impl Rig {
     }
 }
 
-/// The frame with -Z along a bone and +Y as near to `up` as can be.
+/// The frame with -Z along a bone and +Y as near to `up` as possible.
 fn bone_frame(along: DVec3, up: DVec3) -> Option<DMat3> {
     let z = -along.try_normalize()?;
     let y = up.reject_from_normalized(z).try_normalize()?;

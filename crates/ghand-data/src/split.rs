@@ -1,9 +1,9 @@
-//! Named choices of a capture's images.
+//! Named selections of a capture's images.
 
 /// One image of a split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SplitView {
-    /// Where the frame is in [`Split::frames`].
+    /// Index of the frame in [`Split::frames`].
     pub position: usize,
     /// The frame, an index into the frames of the capture.
     pub frame: usize,
@@ -11,7 +11,7 @@ pub struct SplitView {
     pub camera: usize,
 }
 
-/// A named choice of images: pairs of some cameras and some frames, not always all of them.
+/// A named selection of images: pairs of cameras and frames, not always all pairs.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Split {
     /// Indices into the cameras of the capture.
@@ -49,7 +49,8 @@ impl Split {
         Split { cameras, frames, views }
     }
 
-    /// The same choice without the images that `keep` refuses, and without cameras and frames that then have none.
+    /// The same selection without the images that `keep` rejects, and without cameras and frames that have no images
+    /// left.
     pub fn filtered(&self, keep: impl Fn(&SplitView) -> bool) -> Split {
         Split::of_pairs(self.views.iter().filter(|v| keep(v)).map(|v| (v.camera, v.frame)))
     }

@@ -1,8 +1,9 @@
-//! A small capture whose truth is known: a detailed hand that is *not* the template, seen by cameras all around it.
+//! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
-//! The true hand has other lengths than the template (by up to 6 %), a finer mesh, relief and skin that follow the pose, and
-//! volume-preserving skinning, so that the template under plain linear blend skinning is wrong where templates are wrong. Training poses carry a tracker's
-//! errors; test poses and truth are exact. The same options give the same capture, up to the renderer's rounding.
+//! The true hand has other lengths than the template (by up to 6 %), a finer mesh, relief and skin that follow the
+//! pose, and volume-preserving skinning, so that the template with plain linear blend skinning has the usual errors of
+//! templates. Training poses have the errors of a tracker; test poses and truth are exact. The same options give the
+//! same capture, up to the renderer's rounding.
 
 pub(crate) mod anatomy;
 mod atlas;
@@ -37,7 +38,7 @@ use draw::draw;
 use trajectory::PoseNoise;
 use true_hand::TrueHand;
 
-/// How a synthetic capture is laid out.
+/// The layout of a synthetic capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CaptureFormat {
     /// The project's own: `capture.json`, PNG images and masks.
@@ -48,31 +49,31 @@ pub enum CaptureFormat {
     InterHand,
 }
 
-/// More are taken for a mistake.
+/// More are probably a mistake.
 const MOST_CAMERAS: usize = 1000;
 const MOST_FRAMES: usize = 100_000;
-/// Pixels around the hand, since readers of InterHand2.6M leave out hands within ten of the border.
+/// Pixels around the hand, because readers of InterHand2.6M skip hands within ten pixels of the border.
 const INTERHAND_BORDER: f64 = 12.0;
-/// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers want.
+/// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers require.
 const INTERHAND_LEAST: u32 = 160;
 
 /// The hand model of a capture in the format of InterHand2.6M, in its folder.
 pub const HAND_MODEL_FILE: &str = "hand_right.npz";
 
-/// What to make.
+/// Options of a synthetic capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticOptions {
-    /// Decides the hand and its skin.
+    /// Seed of the hand and its skin.
     pub identity: u64,
-    /// Decides the motion, the test poses and the errors of the training poses.
+    /// Seed of the motion, the test poses and the errors of the training poses.
     pub seed: u64,
     /// Cameras of the training split.
     pub views: usize,
     /// Frames of the training split: one smooth trajectory.
     pub train_frames: usize,
-    /// Frames of the test split: single poses that the trajectory does not hold.
+    /// Frames of the test split: single poses that are not on the trajectory.
     pub test_frames: usize,
-    /// Cameras of the test split, none of which trains.
+    /// Cameras of the test split, none of which is used for training.
     pub test_views: usize,
     /// Image width, pixels.
     pub width: u32,
@@ -83,7 +84,7 @@ pub struct SyntheticOptions {
     pub pose_noise_degrees: f64,
     /// Standard deviation of each component of the training translations, metres.
     pub translation_noise: f64,
-    /// How it is laid out.
+    /// Its layout.
     pub format: CaptureFormat,
 }
 
@@ -110,7 +111,7 @@ impl Default for SyntheticOptions {
 pub struct SceneLight {
     /// Unit vector from the scene towards the light, world axes.
     pub direction: DVec3,
-    /// What it adds to the texture's factor where it falls in squarely.
+    /// Its contribution to the texture's factor at normal incidence.
     pub color: DVec3,
 }
 
@@ -118,11 +119,11 @@ pub struct SceneLight {
 /// clamped to 1, in display values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneLighting {
-    /// Light from everywhere.
+    /// Ambient light.
     pub ambient: DVec3,
     /// The lights.
     pub lights: Vec<SceneLight>,
-    /// How far light wraps around the form, `[0, 1]`.
+    /// How far light wraps around the shape, `[0, 1]`.
     pub wrap: f64,
 }
 
@@ -133,9 +134,9 @@ pub struct SceneMesh<'a> {
     pub positions: &'a [DVec3],
     /// Unit vertex normals, world axes.
     pub normals: &'a [DVec3],
-    /// UV of each vertex, (0, 0) at the corner of the first texel.
+    /// UV of each vertex, (0, 0) at the outer corner of the first texel.
     pub uvs: &'a [DVec2],
-    /// The part of the light that arrives at each vertex past the rest of the hand, `[0, 1]`.
+    /// The fraction of the light that reaches each vertex past the rest of the hand, `[0, 1]`.
     pub exposure: &'a [f64],
     /// Triangles as vertex indices.
     pub triangles: &'a [[u32; 3]],
@@ -145,16 +146,16 @@ pub struct SceneMesh<'a> {
     pub lighting: &'a SceneLighting,
 }
 
-/// Draws a scene as a camera sees it: row-major pixels of the camera's size, straight colour and coverage, antialiased; or says
-/// why it could not.
+/// Draws a scene as a camera sees it: row-major pixels of the camera's size, straight colour and coverage, antialiased;
+/// or returns an error.
 pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>, String> + 'a;
 
 /// Makes a synthetic capture in the folder `out_dir`.
 ///
-/// The capture appears there whole or not at all: it is made beside `out_dir` and renamed.
+/// The capture appears there atomically: it is made beside `out_dir` and renamed.
 ///
 /// # Errors
-/// [`CaptureError`] when the options are unusable, `out_dir` holds anything already or cannot be written, or `render` fails.
+/// [`CaptureError`] when the options are unusable, `out_dir` is not empty or cannot be written, or `render` fails.
 pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderScene) -> Result<(), CaptureError> {
     check(options, out_dir)?;
     let io = |action: &'static str| {
@@ -194,7 +195,7 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
     if out_dir.exists() {
         std::fs::remove_dir(out_dir).map_err(io("replace the empty folder"))?;
     }
-    // Temporary folders are private; the capture is not.
+    // Temporary folders are private; the capture should not be.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -208,7 +209,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     let fail = |field: &str, problem: String| {
         Err(CaptureError::Invalid { path: out_dir.into(), field: field.into(), problem })
     };
-    // A split `test` without images is no InterHand2.6M.
+    // InterHand2.6M always has images in the split `test`.
     let least_test = usize::from(options.format == CaptureFormat::InterHand);
     let counts = [
         ("views", options.views, 1, MOST_CAMERAS),
@@ -240,14 +241,14 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
             return fail(field, format!("is {value}; give 0 to {most}"));
         }
     }
-    // That it does not exist is as it should be; everything else shows when it is made.
+    // It should not exist; other errors appear when it is created.
     if std::fs::read_dir(out_dir).is_ok_and(|mut entries| entries.next().is_some()) {
         return fail("folder", "is not empty; give another or remove it first".into());
     }
     Ok(())
 }
 
-/// Everything about the capture but its pictures.
+/// The capture without its pictures.
 fn plan(
     options: &SyntheticOptions,
     template: &ProceduralHand,
@@ -271,7 +272,7 @@ fn plan(
         CaptureFormat::InterHand => INTERHAND_BORDER,
     };
     let cameras = rig::cameras(count, options.width, options.height, border, &points);
-    // Test cameras lie spread between the others.
+    // Test cameras are spread between the others.
     let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
     let train_frames: Vec<usize> = (0..options.train_frames).collect();

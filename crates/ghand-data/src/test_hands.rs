@@ -24,7 +24,7 @@ pub(crate) fn procedural(side: Side) -> &'static HandModel {
     &HANDS[usize::from(side == Side::Left)]
 }
 
-/// The generic hand of WebXR's joints, where it is.
+/// The generic hand with WebXR's joints, if it is available.
 pub(crate) fn generic(side: Side) -> Option<HandModel> {
     let file = if side == Side::Left { "left.glb" } else { "right.glb" };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand");
@@ -51,7 +51,7 @@ pub(crate) fn natural_pose(model: &HandModel, rng: &mut ChaCha8Rng) -> Pose {
     let (a, b) = (named(), named());
     let mut pose = between(&a, &b, rng.random());
     for rotation in &mut pose.rotations {
-        // Only what bends at all: metacarpals and tips stay.
+        // Only joints that bend: metacarpals and tips stay.
         if *rotation != DVec3::ZERO {
             *rotation += vector(rng, 0.04);
         }
@@ -67,7 +67,7 @@ pub(crate) fn natural_motion(count: usize, seed: u64) -> Vec<Pose> {
     trajectory(&Anatomy::of(model), model.joint_count(), count, seed)
 }
 
-/// The larger of two numbers, or NaN if one of them is.
+/// The larger of two numbers, or NaN if either is NaN.
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

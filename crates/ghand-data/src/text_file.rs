@@ -1,4 +1,4 @@
-//! Texts that are read as a whole, within a bound.
+//! Reads whole text files, within a bound.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub(crate) fn read_text(
             checks.invalid("file", format!("is larger than {} MiB; split it, or keep only what is needed", most >> 20))
         })?;
     let wrong = |what: &str| checks.invalid("file", format!("is {what}; save it as UTF-8"));
-    // Some editors mark UTF-8, too; JSON has no place for the mark.
+    // Some editors add a byte order mark to UTF-8, which JSON does not allow.
     let bytes = match bytes.as_slice() {
         [0xEF, 0xBB, 0xBF, text @ ..] => text.to_vec(),
         [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => return Err(wrong("text in UTF-16")),

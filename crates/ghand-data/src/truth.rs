@@ -1,4 +1,4 @@
-//! `truth.json`: exact poses beside a capture, where they are known. Training never reads it, evaluation may.
+//! `truth.json`: exact poses beside a capture, if known. Training never reads it; evaluation may.
 //!
 //! `{"frames":[{"id":"0000","pose":[[x,y,z]],"translation":[x,y,z]}]}`, as the frames of a `capture.json`.
 
@@ -27,8 +27,7 @@ struct TruthFrame {
     translation: [f64; 3],
 }
 
-/// Exact poses with the ids of their frames, each once; none if the file is not there. `joints` are the hand
-/// model's.
+/// Exact poses with the ids of their frames, each once; `None` if the file is missing. `joints` are the hand model's.
 pub(crate) fn read_truth(path: &Path, joints: JointRows) -> Result<Option<Vec<(String, Pose)>>, CaptureError> {
     if !path.exists() {
         return Ok(None);
@@ -42,7 +41,7 @@ pub(crate) fn read_truth(path: &Path, joints: JointRows) -> Result<Option<Vec<(S
     file.frames.into_iter().map(pose).collect::<Result<_, _>>().map(Some)
 }
 
-/// Writes the truth into the capture's folder, if it is known.
+/// Writes the truth into the capture's folder, if known.
 pub(crate) fn write_truth(capture: &Capture) -> Result<(), CaptureError> {
     let Some(truth) = &capture.truth else { return Ok(()) };
     let frames = (capture.frames.iter().zip(truth))
@@ -54,7 +53,7 @@ pub(crate) fn write_truth(capture: &Capture) -> Result<(), CaptureError> {
     write_json(&capture.root.join(TRUTH_FILE), &TruthFile { frames })
 }
 
-/// Axis-angle numbers of a pose, a row a joint.
+/// Axis-angle numbers of a pose, one row per joint.
 pub(crate) fn pose_rows(pose: &Pose) -> Vec<Vec<f64>> {
     pose.rotations.iter().map(|r| r.to_array().to_vec()).collect()
 }

@@ -1,4 +1,4 @@
-//! Readers of bytes alone, without the folder that they would come from: what fuzzing feeds.
+//! Readers of bytes without a folder, for fuzzing.
 
 use std::path::Path;
 
@@ -9,15 +9,15 @@ use crate::capture::{Capture, CaptureError};
 use crate::pose_sequence::{PoseError, PoseOptions, PoseSequence, poses_of_value};
 use crate::{ghand_format, hand_appearance, interhand};
 
-/// Reads the text of a `capture.json`. `path` is where it would be: for messages, and for a hand model beside it.
+/// Reads the text of a `capture.json`. `path` is its assumed path, for messages and for a hand model beside it.
 ///
 /// # Errors
-/// As of [`Capture::open_with`].
+/// As in [`Capture::open_with`].
 pub fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     ghand_format::read_capture_text(path, text, mano)
 }
 
-/// What was found in bytes that were read as each of InterHand2.6M's annotation files, capture 0.
+/// Result of reading bytes as each of InterHand2.6M's annotation files, capture 0.
 #[derive(Debug)]
 pub struct InterHandCounts {
     /// Cameras with a position.
@@ -45,7 +45,7 @@ pub fn read_hand_appearance_pose(bytes: &[u8], model: &HandModel) -> Result<(Pos
     hand_appearance::read_pose("0001_mano.pkl", bytes, model)
 }
 
-/// Names of arrays that readers of poses ask for.
+/// Names of arrays that readers of poses use.
 const ARRAY_NAMES: [&str; 42] = [
     "pose",
     "translation",
@@ -91,11 +91,11 @@ const ARRAY_NAMES: [&str; 42] = [
     "tips",
 ];
 
-/// Reads poses from arrays as an `.npz` archive would hold them, whose checksums would keep changes of them out. Each array is a
-/// byte that chooses its name, two bytes with a length (the low one first), and so many bytes of an `.npy` file.
+/// Reads poses from arrays as in an `.npz` archive, but without its checksums, which would reject mutations. Each array
+/// is a byte that selects its name, two bytes with a length (little-endian), and that many bytes of an `.npy` file.
 ///
 /// # Errors
-/// As of [`crate::read_poses`].
+/// As in [`crate::read_poses`].
 pub fn read_pose_arrays(mut bytes: &[u8], model: &HandModel) -> Result<PoseSequence, PoseError> {
     let mut arrays: Vec<(String, Value)> = Vec::new();
     while let [choice, low, high, rest @ ..] = bytes {

@@ -1,4 +1,4 @@
-//! Which images are of use by their content.
+//! Finds images with usable content.
 
 use std::collections::{BTreeMap, HashSet};
 use std::io::ErrorKind;
@@ -11,21 +11,21 @@ use crate::image_file::{Role, check};
 use crate::left_out::{LeftOut, LeftOutCounts};
 use crate::mask::{Facts, facts};
 
-/// Least pixels of a mask.
+/// Least number of pixels of a mask.
 const LEAST_MASK: u32 = 3000;
 /// Images, and hands, whose largest value is below this are black.
 const LEAST_BRIGHTNESS: u8 = 20;
 
 impl Capture {
-    /// Looks at the images of some splits and takes those that are of no use out of them: those whose file, or that of whose
-    /// mask, is not there, is no image, is of another size than its camera's, or is cut short. Little of each PNG and JPEG is read;
-    /// what is broken inside is an error of [`Capture::load_view`]. EXR images are decoded, and those without a number taken out.
+    /// Checks the images of some splits and removes unusable ones: those whose image or mask file is missing,
+    /// unreadable, truncated or not of its camera's size. Only parts of each PNG and JPEG are read; damage inside is an
+    /// error of [`Capture::load_view`]. EXR images are decoded, and those with only NaN are removed.
     ///
-    /// Of a data set whose masks are made, the images are decoded, and broken and black ones and those with hardly any hand on
-    /// the mask are taken out. Masks that are not there are made and kept.
+    /// For a data set with made masks, the images are decoded, and broken and black ones and those with hardly any hand
+    /// on the mask are removed. Missing masks are made and cached.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no split of such a name, or nothing is left of one.
+    /// [`CaptureError::Invalid`] when there is no split with such a name, or a split has no images left.
     pub fn drop_unusable(&mut self, splits: &[&str]) -> Result<LeftOutCounts, CaptureError> {
         let mut counts = LeftOutCounts::default();
         let mut pairs = vec![];
@@ -90,7 +90,7 @@ impl Capture {
     }
 }
 
-/// Why an image is of no use, and what its file's error says if it has one.
+/// Why an image cannot be used, and the message of its file's error, if any.
 struct Unusable {
     reason: LeftOut,
     problem: Option<String>,

@@ -16,14 +16,14 @@ pub struct View {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are exactly
-    /// those of the file but for images with an alpha channel, which are composited over the capture's background, for EXR,
-    /// whose linear light is encoded as sRGB, for cameras with distortion, whose images are undistorted, and for captures that
-    /// hide their surroundings.
+    /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are
+    /// exactly those of the file, with these exceptions: images with an alpha channel are composited over the capture's
+    /// background, the linear light of EXR is encoded as sRGB, images of cameras with distortion are undistorted, and
+    /// captures may hide the surroundings.
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// A view cut to the hand.
+/// A view cropped to the hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CroppedView {
     /// The camera of the cropped image; its size is that of the crop.
@@ -32,10 +32,10 @@ pub struct CroppedView {
     pub pixels: Vec<[u8; 4]>,
 }
 
-/// What reading a view came across beside its pixels.
+/// Observations made while reading a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ViewNotes {
-    /// Whether something tells the hand from the rest: a mask, or an alpha channel that is not opaque everywhere.
+    /// Whether the hand is marked: by a mask, or by an alpha channel that is not opaque everywhere.
     pub has_mask: bool,
     /// Whether the mask's file has 0 and 1 instead of 0 and 255.
     pub is_zero_one: bool,
@@ -44,8 +44,8 @@ pub(crate) struct ViewNotes {
 }
 
 impl View {
-    /// The view cut to the box of its mask grown by `margin` pixels; the whole view if the mask is empty. `camera` is the
-    /// view's.
+    /// The view cropped to the box of its mask, grown by `margin` pixels; the whole view if the mask is empty. `camera`
+    /// is the view's.
     pub fn cropped(&self, camera: &Camera, margin: u32) -> CroppedView {
         let [x, y, width, height] = crop_box(&self.rgba, self.width, self.height, margin);
         let rows = self.rgba.chunks_exact(self.width.max(1) as usize).skip(y as usize).take(height as usize);
@@ -54,8 +54,8 @@ impl View {
     }
 }
 
-/// The box of the mask grown by `margin` pixels and cut at the image, as x, y, width, height; the whole image if the mask
-/// is empty.
+/// The box of the mask, grown by `margin` pixels and clipped to the image, as x, y, width, height; the whole image if
+/// the mask is empty.
 pub(crate) fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {
     let mut low = [u32::MAX; 2];
     let mut high = [0; 2];
@@ -75,7 +75,8 @@ pub(crate) fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32)
 }
 
 impl Capture {
-    /// Reads the image and the mask of a camera and a frame (indices). Pairs that no split names may have no file.
+    /// Reads the image and the mask of a camera and a frame (indices). Pairs that are not in any split may have no
+    /// file.
     ///
     /// # Errors
     /// [`CaptureError`] when there is no such camera or frame, or when a file is missing, broken or not of the camera's size.
@@ -83,7 +84,7 @@ impl Capture {
         self.load_view_with_notes(camera, frame).map(|(view, _)| view)
     }
 
-    /// As [`Capture::load_view`], with what reading it came across.
+    /// Like [`Capture::load_view`], with observations.
     pub(crate) fn load_view_with_notes(&self, camera: usize, frame: usize) -> Result<(View, ViewNotes), CaptureError> {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
         let file = self.image_file(camera, frame)?;
@@ -120,7 +121,7 @@ impl Capture {
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
     }
 
-    /// The mask from its file, if the capture has masks. A file that may be made and is not there is none.
+    /// The mask from its file, if the capture has masks. `None` for a missing mask that can be made.
     pub(crate) fn load_mask(
         &self,
         camera: usize,
@@ -135,7 +136,7 @@ impl Capture {
         Ok(Some(mask_values(decode(&file, Role::Mask, &bytes, size)?)))
     }
 
-    /// Pixels of an image over the background; alpha as in the file, 255 where it has none.
+    /// Pixels of an image over the background; alpha as in the file, 255 if it has none.
     pub(crate) fn display_values(&self, picture: DynamicImage, file: &[u8]) -> Vec<[u8; 4]> {
         let picture = match image::guess_format(file) {
             Ok(ImageFormat::OpenExr) => encoded(&picture),
@@ -158,7 +159,7 @@ impl Capture {
     }
 }
 
-/// Pixels of which a channel is not a number.
+/// Number of pixels with a NaN channel.
 fn nan_pixels(picture: &DynamicImage) -> usize {
     let count = |values: &[f32], channels: usize| {
         values.chunks_exact(channels).filter(|pixel| pixel.iter().any(|v| v.is_nan())).count()
@@ -170,7 +171,7 @@ fn nan_pixels(picture: &DynamicImage) -> usize {
     }
 }
 
-/// Display values with straight alpha of the linear light with premultiplied alpha that an EXR holds.
+/// Converts an EXR's linear light with premultiplied alpha to display values with straight alpha.
 fn encoded(picture: &DynamicImage) -> DynamicImage {
     let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
     let encode = |linear: f32| {

@@ -1,4 +1,4 @@
-//! Views cut to the hand, decoded in the background and kept in bounded memory.
+//! Views cropped to the hand, decoded in the background and cached in bounded memory.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,14 +11,14 @@ use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::view::CroppedView;
 
-/// How a [`ViewStore`] keeps its views.
+/// Options of a [`ViewStore`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ViewStoreOptions {
     /// Pixels kept around the mask.
     pub margin: u32,
-    /// Most bytes of pixels that are kept. What is in use or being decoded comes on top.
+    /// Most bytes of cached pixels. Views in use or being decoded take additional memory.
     pub capacity: u64,
-    /// Threads that decode; one for each core if absent.
+    /// Number of decoding threads; one per core if absent.
     pub threads: Option<usize>,
 }
 
@@ -47,18 +47,18 @@ struct Shared {
     cache: Cache<Pair, Arc<CroppedView>, Bytes>,
 }
 
-/// The views of a capture, cut to the hand. What is returned depends on the pair alone, not on what else is kept or when it
-/// was decoded.
+/// The views of a capture, cropped to the hand. The result depends only on the pair, not on the cache or the time of
+/// decoding.
 pub struct ViewStore {
     shared: Arc<Shared>,
     pool: rayon::ThreadPool,
 }
 
 impl ViewStore {
-    /// A store of the views of a capture, empty at first.
+    /// A store of the views of a capture, initially empty.
     ///
     /// # Errors
-    /// [`CaptureError::Io`] when the system gives no threads.
+    /// [`CaptureError::Io`] when the system cannot create threads.
     pub fn new(capture: &Capture, options: &ViewStoreOptions) -> Result<ViewStore, CaptureError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.threads.unwrap_or(0))
@@ -75,7 +75,7 @@ impl ViewStore {
             .shards(1)
             .estimated_items_capacity((options.capacity >> 19).max(16) as usize)
             .weight_capacity(options.capacity)
-            // Passes over all views do not favour what was seen twice.
+            // Passes over all views do not favour views that were used twice.
             .hot_allocation(0.5)
             .build()
             .map_err(|error| CaptureError::Invalid {
@@ -88,17 +88,17 @@ impl ViewStore {
         Ok(ViewStore { shared, pool })
     }
 
-    /// The view of a camera and a frame (indices), decoded now unless it is kept or being decoded. Waits, and so is not for
-    /// tasks of rayon's.
+    /// The view of a camera and a frame (indices), decoded now unless it is cached or being decoded. Blocks, and must
+    /// therefore not be called from rayon tasks.
     ///
     /// # Errors
-    /// As of [`Capture::load_view`].
+    /// As in [`Capture::load_view`].
     pub fn get(&self, camera: usize, frame: usize) -> Result<Arc<CroppedView>, CaptureError> {
         let pair = (camera, frame);
         self.shared.cache.get_or_insert_with(&pair, || self.shared.load(pair))
     }
 
-    /// Has a view decoded in the background. What fails there fails again in [`ViewStore::get`], which tells why.
+    /// Decodes a view in the background. A failure occurs again in [`ViewStore::get`], which returns the error.
     pub fn prefetch(&self, camera: usize, frame: usize) {
         let pair = (camera, frame);
         if self.shared.cache.peek(&pair).is_none() {
@@ -106,7 +106,7 @@ impl ViewStore {
             self.pool.spawn(move || match shared.without_waiting(pair) {
                 GuardResult::Guard(guard) => {
                     if let Ok(view) = shared.load(pair) {
-                        // One that is too large is not kept.
+                        // A view that is too large is not cached.
                         let _ = guard.insert(view);
                     }
                 }
@@ -115,7 +115,7 @@ impl ViewStore {
         }
     }
 
-    /// Hands each view to a function, on all threads of the store; the results are in the order of the pairs (camera,
+    /// Passes each view to a function, on all threads of the store; the results are in the order of the pairs (camera,
     /// frame).
     ///
     /// # Errors
@@ -138,7 +138,7 @@ impl ViewStore {
         self.pool.install(|| pairs.par_iter().map(|pair| Ok(each(&*view(pair)?))).collect())
     }
 
-    /// Bytes that are kept now.
+    /// Number of bytes cached now.
     pub fn kept_bytes(&self) -> u64 {
         self.shared.cache.weight()
     }
@@ -151,8 +151,8 @@ impl Shared {
         Ok(Arc::new(view.cropped(camera, self.margin)))
     }
 
-    /// What is kept, or the task to decode it, or neither while another thread does. A thread of the pool must not wait: while
-    /// it decodes, it may take up another task, and that may be the one for the same view.
+    /// The cached view, or the task to decode it, or neither while another thread decodes it. A thread of the pool must
+    /// not wait: while it decodes, it may start another task, which may be the one for the same view.
     fn without_waiting(&self, pair: Pair) -> GuardResult<'_, Pair, Arc<CroppedView>, Bytes, Hasher, Lifecycle> {
         self.cache.get_value_or_guard(&pair, Some(Duration::ZERO))
     }

@@ -1,4 +1,4 @@
-//! `train`: a capture in, an avatar out.
+//! `train`: trains an avatar from a capture.
 
 use std::process::ExitCode;
 

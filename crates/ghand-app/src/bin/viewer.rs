@@ -1,4 +1,4 @@
-//! `viewer`: look at an avatar in any pose from any side.
+//! `viewer`: shows an avatar in any pose from any side.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -64,7 +64,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// What to show and where it is from.
+/// What to show, and its source.
 fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
         Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),

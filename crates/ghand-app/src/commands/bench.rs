@@ -1,4 +1,4 @@
-//! `ghand bench splat`: how long a frame and its gradient take.
+//! `ghand bench splat`: times a frame and its gradient.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -54,9 +54,9 @@ struct SplatArgs {
     json: bool,
 }
 
-/// Frames that warm the caches up.
+/// Number of warm-up frames.
 const WARM_UP: usize = 3;
-/// Size of the image when nothing says it.
+/// Default size of the image.
 const DEFAULT_SIZE: [u32; 2] = [334, 512];
 
 /// Runs a benchmark.
@@ -137,7 +137,7 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
 fn splat(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<()> {
     let (splatter, camera) = set_up(args, gpu)?;
     let pixels = camera.width as usize * camera.height as usize;
-    // A gradient that changes from pixel to pixel: zeros could be faster than what training meets.
+    // A gradient that changes from pixel to pixel: zeros could be faster than the gradients in training.
     let gradient: Vec<f32> = (0..4 * pixels).map(|i| ((i * 37 % 101) as f32 - 50.0) * 1e-6).collect();
     gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(&gradient));
     let wanted = splatter.read_counters(gpu)?.intersections_wanted;

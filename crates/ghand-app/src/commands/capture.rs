@@ -1,4 +1,4 @@
-//! `ghand capture`: a synthetic capture whose truth is known.
+//! `ghand capture`: makes a synthetic capture with known truth.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -49,7 +49,7 @@ pub struct CaptureArgs {
 /// Makes the capture.
 ///
 /// # Errors
-/// One that names the option or the file and what is wrong with it.
+/// An error that names the option or the file and its problem.
 pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let start = Instant::now();
     let defaults = SyntheticOptions::default();

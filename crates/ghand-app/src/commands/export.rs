@@ -1,4 +1,4 @@
-//! `ghand export`: a posed avatar as a scene of Gaussians that other programs open.
+//! `ghand export`: writes a posed avatar as a scene of Gaussians for other programs.
 
 use std::path::PathBuf;
 
@@ -35,7 +35,7 @@ pub struct ExportArgs {
 /// Poses the avatar and writes its Gaussians. All input is read and checked before anything is written.
 ///
 /// # Errors
-/// One that names the file or the option and what is wrong with it.
+/// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.ply.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("ply")) {
         bail!("--ply {}: must end in .ply", args.ply.display());
@@ -45,7 +45,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");
     let frame = choose_frame(frames, wanted).with_context(|| args.pose.clone())?;
-    // The picture is not wanted, only the pose: a tile is the smallest.
+    // Only the pose is needed, not the picture: one tile is the smallest picture.
     let mut gpu = adapter.open()?;
     let scene = gpu.persist("the export", |gpu| -> anyhow::Result<SplatScene> {
         let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, [8, 8])?;

@@ -1,4 +1,4 @@
-//! `ghand inspect`: what is in a capture, a hand model, an avatar or a scene of Gaussians, and what is odd about it.
+//! `ghand inspect`: describes a capture, a hand model, an avatar or a scene of Gaussians, with its oddities.
 
 mod avatar;
 mod capture;
@@ -23,7 +23,7 @@ use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::say;
 
-/// Views of a contact sheet.
+/// Number of views on a contact sheet.
 const SHEET_VIEWS: usize = 12;
 
 /// Command line of `ghand inspect`.
@@ -44,12 +44,12 @@ pub struct InspectArgs {
     no_sheet: bool,
 }
 
-/// Prints what is in a capture, a hand model, an avatar or a scene, and what is odd about it; of a capture, writes a sheet of
+/// Describes a capture, a hand model, an avatar or a scene, with its oddities; for a capture, also writes a sheet of
 /// pictures.
 ///
 /// # Errors
-/// One that names the file and the part that cannot be used, or the sheet that cannot be written. Images that cannot be used
-/// are no error unless none can be.
+/// An error that names the file and its unusable part, or the sheet that cannot be written. Unusable images are an
+/// error only if no image can be used.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
         Some(path) if !path.exists() => bail!("{}: no such file or folder", path.display()),
@@ -70,15 +70,15 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
 }
 
-/// Whether a path is meant to be a capture: hand models are files, and none is JSON.
+/// Whether a path means a capture: hand models are files, and never JSON.
 fn is_capture(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Where the pictures of a capture go unless told otherwise; relative to the current folder. Each capture has its own file, so
-/// that no inspection replaces the pictures of another capture.
+/// Default path of a capture's pictures, relative to the current folder. Each capture has its own file, so that an
+/// inspection does not replace the pictures of another capture.
 fn default_sheet(capture: &Path) -> PathBuf {
-    // `.` and `..` have no name of their own, a capture.json that of its folder.
+    // `.` and `..` have no name of their own; a capture.json has that of its folder.
     let full = std::fs::canonicalize(capture).unwrap_or_else(|_| capture.to_path_buf());
     let folder = if full.is_dir() { Some(full.as_path()) } else { full.parent() };
     let name = folder.and_then(Path::file_name).map_or("capture".into(), |name| name.to_string_lossy());
@@ -110,7 +110,7 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     Ok(())
 }
 
-/// Draws and writes the sheet; gives a line that says where it is, or why there is none.
+/// Draws and writes the sheet; returns a line that says where it is, or why there is none.
 fn write_sheet(
     path: &Path,
     is_wanted: bool,
@@ -120,7 +120,7 @@ fn write_sheet(
 ) -> anyhow::Result<String> {
     let none_is_there = |error: &DeviceError| matches!(error, DeviceError::NoAdapter { found, .. } if found.is_empty());
     let mut gpu = match adapter.open() {
-        // The rest of an inspection needs none, and nobody has asked for the pictures.
+        // The rest of an inspection does not need a device, and the pictures were not requested.
         Err(error) if !is_wanted && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
         opened => opened?,
     };

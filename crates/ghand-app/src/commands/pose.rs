@@ -1,4 +1,5 @@
-//! `ghand pose`: the mesh of a hand model in any pose and shape, as a file or as a picture, or poses of any kind as ghand's own.
+//! `ghand pose`: writes or draws the mesh of a hand model in any pose and shape, or converts poses to ghand's own
+//! format.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
-/// Size of a picture when neither the command line nor a camera says.
+/// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand pose`.
@@ -75,7 +76,7 @@ struct LookArgs {
     background: Background,
 }
 
-/// What `--out` asks for.
+/// The kind of output that `--out` requests.
 enum Output<'a> {
     Mesh(&'a Path, WriteMesh),
     Poses(&'a Path),
@@ -86,7 +87,7 @@ type WriteMesh = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
 /// Poses the hand model, writes its mesh and draws it, or writes the poses.
 ///
 /// # Errors
-/// One that names the file or the option and what is wrong with it.
+/// An error that names the file or the option and its problem.
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
@@ -113,7 +114,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let frame = chosen(args, sequence.frames, args.frame.as_deref().unwrap_or("0"))?;
     let posed = pose_hand(model, &frame.shape, &frame.pose)
         .with_context(|| format!("{}: frame {:?}", args.pose.as_deref().unwrap_or("pose"), frame.id))?;
-    // Drawn before anything is written: what cannot be drawn leaves no file.
+    // Drawn before anything is written, so that a failed drawing leaves no file.
     let picture = match (&args.picture, format) {
         (Some(path), Some(format)) => {
             Some((path, picture(&args.look, format, adapter, model, &frame.pose, &posed.vertices)?))
@@ -167,7 +168,7 @@ fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> 
     if let Some(text) = &args.pose {
         return args.reading_poses.load(text, model);
     }
-    // Zeros of a MANO model are its mean pose.
+    // Zeros are the mean pose of a MANO model.
     let mut pose = Pose::rest(model.joint_count());
     if let (Some(space), false) = (&model.pose_space, args.reading_poses.flat_mean) {
         pose.rotations.iter_mut().skip(1).zip(&space.mean).for_each(|(rotation, mean)| *rotation += *mean);

@@ -1,4 +1,4 @@
-//! `ghand render`: pictures and films of an avatar in any pose from any view.
+//! `ghand render`: renders pictures and films of an avatar in any pose from any view.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_b
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
 
-/// Size of a picture when neither the command line nor a camera says.
+/// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand render`.
@@ -68,7 +68,7 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// Renders the pictures. All input is read and checked before anything is written.
 ///
 /// # Errors
-/// One that names the file or the option and what is wrong with it.
+/// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
     let avatar = Avatar::load(&args.avatar)?;
@@ -106,7 +106,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
     }
     let mut gpu = adapter.open()?;
-    // Outlives the device: what is written need not be rendered again.
+    // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
         let most = [size[0], band_rows(gpu, size)];
@@ -130,7 +130,7 @@ fn chosen_frames(args: &RenderArgs, frames: Vec<PoseFrame>) -> anyhow::Result<Ve
     Ok(frames.into_iter().enumerate().skip(number).take(1).collect())
 }
 
-/// Pictures a second of a film: a motion's own, else those that make a turn of some seconds.
+/// Frame rate of a film: that of a motion, else one that makes a turn take a few seconds.
 fn film_rate(args: &RenderArgs, sequence: &PoseSequence) -> f64 {
     if sequence.frames.len() > 1 && args.frame.is_none() {
         return sequence.fps;
@@ -138,7 +138,7 @@ fn film_rate(args: &RenderArgs, sequence: &PoseSequence) -> f64 {
     args.reading.fps.unwrap_or_else(|| turn_rate(args.turntable.unwrap_or(1) as usize))
 }
 
-/// What a film of a pose by name or file is called.
+/// The name of a film of a named pose or a file.
 fn stem(pose: &str) -> &str {
     Path::new(pose).file_stem().and_then(|stem| stem.to_str()).unwrap_or("film")
 }

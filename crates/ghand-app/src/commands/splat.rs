@@ -1,4 +1,4 @@
-//! `ghand splat`: a picture of any scene of Gaussians, and the gradient of its pixels.
+//! `ghand splat`: renders any scene of Gaussians, with the gradient of its pixels.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -23,7 +23,7 @@ use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_framing::{UpAxis, scene_turntable};
 
-/// Size of a picture when neither the command line nor a camera says.
+/// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 /// Command line of `ghand splat`.
@@ -70,7 +70,7 @@ pub struct SplatArgs {
 /// Renders the scene. All input is read and checked before anything is written.
 ///
 /// # Errors
-/// One that names the file or the option and what is wrong with it.
+/// An error that names the file or the option and its problem.
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
     let destination = args.format.destination(&args.out, name)?;
@@ -86,7 +86,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let shots: Vec<Shot> = (0..cameras.len()).map(|view| Shot { view: Some(view), ..Shot::default() }).collect();
     let fps = args.fps.unwrap_or_else(|| turn_rate(cameras.len()));
     let mut gpu = adapter.open()?;
-    // Outlives the device: what is written need not be rendered again.
+    // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     let mut broken = 0;
     gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
@@ -95,7 +95,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             let view = View::new(camera, scene.count, args.background.color(), 1.0);
             let mut picture = series.blank();
             if weights.is_some() {
-                // In one piece: the gradient goes back through the last frame.
+                // In one piece, because the gradient is propagated through the last frame.
                 splatter.set_view(gpu, view)?;
                 picture.place([0, 0], &splatter.render(gpu)?);
             } else {
@@ -151,7 +151,7 @@ fn splatter(
     Ok(splatter)
 }
 
-/// Bytes: a picture as large as can be, 16384 x 16384, of half floats.
+/// Bytes: the largest possible picture, 16384 x 16384, in half floats.
 const LARGEST_WEIGHTS: u64 = 1 << 31;
 
 /// The gradient of the image: one weight for each of red, green and blue.

@@ -1,4 +1,4 @@
-//! `train`: a capture in, an avatar out.
+//! `train`: trains an avatar from a capture.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -72,13 +72,13 @@ impl TrainArgs {
     }
 }
 
-/// What the split with the figures is usually called.
+/// The usual name of the split for evaluation.
 const DEFAULT_TEST_SPLIT: &str = "test";
 
-/// Trains, evaluates and leaves the results in a folder.
+/// Trains, evaluates and writes the results to a folder.
 ///
 /// # Errors
-/// One that names the file, the option or the setting and what is wrong with it; one that says why the training has failed;
+/// An error that names the file, the option or the setting and its problem, or says why training has failed;
 /// [`Stopped`] if the user has stopped it.
 pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let settings = args.settings()?;
@@ -94,7 +94,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         (None, None) => Some(demo_capture(&mut gpu, PathBuf::from(DEMO_CAPTURE), &interruption)?),
     };
     let path = args.capture.capture.as_ref().or(demo.as_ref()).context("--capture: is missing")?;
-    // A split that was asked for and is not there fails here, before the training.
+    // A requested split that does not exist fails here, before training.
     let needed: Vec<&str> = std::iter::once(&args.split).chain(&args.test_split).map(String::as_str).collect();
     let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
@@ -162,9 +162,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
 }
 
-/// Lines of progress that a run prints where there is no terminal for a bar.
+/// Lines of progress that a run prints without a terminal for a progress bar.
 const PROGRESS_LINES: u64 = 20;
-/// At the latest after so long there is another line.
+/// Longest time between two lines.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 
 fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {

@@ -1,6 +1,6 @@
-//! What is behind a picture.
+//! The background of a picture.
 
-/// What is behind a picture.
+/// The background of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
     /// A colour, display values from 0 to 1.
@@ -10,7 +10,7 @@ pub enum Background {
 }
 
 impl Background {
-    /// The colour to render over. What is to be transparent is rendered over black: its colours are then those of the
+    /// The colour to render over. Transparent pictures are rendered over black: their colours are then those of the
     /// foreground times the coverage.
     pub fn color(self) -> [f32; 3] {
         match self {
@@ -23,7 +23,7 @@ impl Background {
 /// Parses a background like `0.2,0.2,0.2`, display values from 0 to 1, or `transparent`.
 ///
 /// # Errors
-/// What is wrong with the text.
+/// A description of the problem with the text.
 pub fn parse_background(text: &str) -> Result<Background, String> {
     if text == "transparent" {
         return Ok(Background::Transparent);

@@ -1,4 +1,4 @@
-//! What `--out` and `--format` ask for: a picture, a film or a folder of pictures.
+//! The output that `--out` and `--format` request: a picture, a film or a folder of pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -27,11 +27,11 @@ pub enum Destination {
 }
 
 impl FormatArgs {
-    /// Where the pictures go: to the file if `out` ends in a format's name, else into the folder, which need not be there yet.
-    /// A film in a folder is called `name`.
+    /// Where the pictures go: to the file if `out` ends in a format's name, else to the folder, which need not exist
+    /// yet. A film in a folder is called `name`.
     ///
     /// # Errors
-    /// One that says what `--out` may end in, or that it and `--format` say different things.
+    /// An error that says how `--out` may end, or that it contradicts `--format`.
     pub fn destination(self, out: &Path, name: &str) -> anyhow::Result<Destination> {
         let shown = out.display();
         let is_folder = out.is_dir() || out.as_os_str().to_string_lossy().ends_with(std::path::is_separator);

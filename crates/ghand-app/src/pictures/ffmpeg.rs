@@ -1,4 +1,4 @@
-//! Films that ffmpeg encodes: raw pictures go to it through a pipe.
+//! Films encoded by ffmpeg, which receives raw pictures through a pipe.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
@@ -17,11 +17,11 @@ const PROGRAM: &str = "ffmpeg";
 const REMEDY: &str =
     "install ffmpeg (Debian or Ubuntu: `apt-get install ffmpeg`), or render a .gif or a folder of PNG pictures";
 
-/// A film that ffmpeg is encoding. Dropped before its end, it leaves nothing.
+/// A film that ffmpeg is encoding. If dropped before its end, it leaves no file.
 pub struct PipedFilm {
     child: Child,
     pictures: Option<ChildStdin>,
-    /// What ffmpeg has to say; a file, since nobody reads a pipe meanwhile.
+    /// Messages of ffmpeg; a file, because nothing reads a pipe during encoding.
     complaints: File,
     encoded: TempPath,
 }
@@ -36,7 +36,7 @@ impl PipedFilm {
             bail!("--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures");
         }
         let file = |what: &str| format!("cannot make a temporary file for {what}");
-        // MP4 is not written from its start to its end.
+        // MP4 is not written sequentially.
         let encoded = tempfile::Builder::new().prefix("ghand-").tempfile().with_context(|| file("the film"))?;
         let encoded = encoded.into_temp_path();
         let complaints = tempfile::tempfile().with_context(|| file("ffmpeg's messages"))?;
@@ -59,7 +59,7 @@ impl PipedFilm {
     /// Adds a picture.
     ///
     /// # Errors
-    /// What ffmpeg says if it has ended.
+    /// The message of ffmpeg, if it has ended.
     pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
         let sent = match &mut self.pictures {
             Some(pipe) => pipe.write_all(picture.to_rgba8().as_flattened()),
@@ -68,7 +68,7 @@ impl PipedFilm {
         match sent {
             Ok(()) => Ok(()),
             Err(error) => {
-                // It has ended, or will: with nothing more to come.
+                // It has ended, or will end without more input.
                 self.pictures = None;
                 let _ = self.child.wait();
                 Err(self.failure(&error.to_string()))
@@ -79,7 +79,7 @@ impl PipedFilm {
     /// Waits for the end of the encoding and writes the film.
     ///
     /// # Errors
-    /// What ffmpeg says, or one that names the file.
+    /// The message of ffmpeg, or an error that names the file.
     pub fn write(mut self, path: &Path) -> anyhow::Result<()> {
         // The end of the pictures.
         self.pictures = None;
@@ -103,13 +103,13 @@ impl PipedFilm {
 
 impl Drop for PipedFilm {
     fn drop(&mut self) {
-        // Nothing to do where it has ended, and nobody to tell where it cannot be.
+        // Nothing to do if it has ended, and no way to report if it cannot be stopped.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// All arguments but the last, the file.
+/// All arguments except the last, the file.
 fn arguments(options: &FilmOptions) -> Vec<String> {
     let [width, height] = options.size;
     let (behind, pixels) = match options.background {
@@ -119,14 +119,14 @@ fn arguments(options: &FilmOptions) -> Vec<String> {
             (format!("0x{r:02x}{g:02x}{b:02x}"), "yuv420p")
         }
     };
-    // Half as many columns and rows of colour: both must be even.
+    // Colour has half as many columns and rows, so that both must be even.
     let even = format!("pad=ceil(iw/2)*2:ceil(ih/2)*2:color={behind}");
     let filters = format!("{even},scale=out_color_matrix=bt709:out_range=tv,format={pixels}");
     let input = format!("-y -loglevel error -f rawvideo -pixel_format rgba -video_size {width}x{height} -framerate");
     let tags = "-colorspace bt709 -color_primaries bt709 -color_trc iec61966-2-1 -color_range tv";
     let codec = match options.format {
         FilmFormat::Mp4 => "-c:v libx264 -crf 16 -preset medium -movflags +faststart -f mp4",
-        // GIF does not come here.
+        // GIF is not handled here.
         FilmFormat::Webm | FilmFormat::Gif => "-c:v libvpx-vp9 -crf 20 -b:v 0 -row-mt 1 -f webm",
     };
     let words = |text: &str| text.split(' ').map(String::from).collect::<Vec<_>>();

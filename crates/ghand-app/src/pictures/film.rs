@@ -7,17 +7,17 @@ use super::format::FilmFormat;
 use super::gif::GifFilm;
 use super::{Background, Picture};
 
-/// How long a film goes once around a hand or scene that does not move, seconds, if it has pictures enough.
+/// Duration of one turn around a hand or scene that does not move, seconds, if there are enough pictures.
 pub const LONGEST_TURN_SECONDS: f64 = 4.0;
-/// Pictures a second beyond which a turn gets shorter.
+/// Highest frame rate; with more pictures a turn takes longer.
 const SMOOTH_RATE: f64 = 30.0;
 
-/// Pictures a second of a film that goes once around in so many views.
+/// Frame rate of a film of one turn with this many views.
 pub fn turn_rate(views: usize) -> f64 {
     (views as f64 / LONGEST_TURN_SECONDS).clamp(1.0, SMOOTH_RATE)
 }
 
-/// What a film is made of.
+/// Properties of a film.
 #[derive(Debug, Clone, Copy)]
 pub struct FilmOptions {
     /// The format.
@@ -26,11 +26,11 @@ pub struct FilmOptions {
     pub size: [u32; 2],
     /// What is behind every picture.
     pub background: Background,
-    /// Pictures a second.
+    /// Pictures per second.
     pub fps: f64,
 }
 
-/// A film in the making.
+/// A film being made.
 pub enum Film {
     /// Encoded here.
     Gif(GifFilm),
@@ -39,7 +39,7 @@ pub enum Film {
 }
 
 impl Film {
-    /// Begins a film. Tells before anything is rendered that it cannot be made.
+    /// Begins a film. Fails before anything is rendered if the film cannot be made.
     ///
     /// # Errors
     /// One sentence on what the format cannot do, or that ffmpeg is missing.
@@ -53,7 +53,7 @@ impl Film {
     /// Adds a picture of the film's size.
     ///
     /// # Errors
-    /// One of the encoder's.
+    /// An error of the encoder.
     pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
         match self {
             Film::Gif(film) => film.add(picture),
@@ -61,10 +61,10 @@ impl Film {
         }
     }
 
-    /// Ends the film and writes it, whole or not at all.
+    /// Ends the film and writes it atomically.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn write(self, path: &Path) -> anyhow::Result<()> {
         match self {
             Film::Gif(film) => film.write(path),

@@ -14,16 +14,16 @@ use super::{Picture, Shot};
 /// The list of a folder's pictures.
 pub const LIST: &str = "render.json";
 const FORMAT: &str = "ghand-render";
-/// Bytes: a hundred thousand pictures take about ten MB.
+/// Largest list in bytes: a hundred thousand pictures take about ten MB.
 const LARGEST_LIST: u64 = 1 << 28;
-/// What the names of rendered pictures begin with.
+/// Prefixes of the names of rendered pictures.
 const PREFIXES: [&str; 2] = ["frame-", "view-"];
 
 /// Contents of the list.
 #[derive(Debug, Serialize, Deserialize)]
 struct List {
     format: String,
-    /// Whether the render came to its end; if not, some of the pictures are not there.
+    /// Whether the render was completed; if not, some of the pictures are missing.
     complete: bool,
     pictures: Vec<Listed>,
 }
@@ -46,10 +46,11 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Looks at the folder, which need not be there, and changes nothing.
+    /// Checks the folder, which need not exist, and changes nothing.
     ///
     /// # Errors
-    /// One that names the file that would be overwritten though no earlier render made it, or what is wrong with the list.
+    /// An error that names a file that would be overwritten but is not from an earlier render, or the problem with the
+    /// list.
     pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<Folder> {
         let most = |number: fn(&Shot) -> Option<usize>| shots.iter().filter_map(number).max().unwrap_or(0);
         let widths = [most(|s| s.frame), most(|s| s.view)].map(|most| most.to_string().len());
@@ -71,7 +72,7 @@ impl Folder {
     /// Writes picture number `number`; before the first one, removes the pictures of an earlier render.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn add(&mut self, number: usize, picture: Picture) -> anyhow::Result<()> {
         if !self.begun {
             self.begin()?;
@@ -86,7 +87,7 @@ impl Folder {
     fn begin(&self) -> anyhow::Result<()> {
         std::fs::create_dir_all(&self.path)
             .with_context(|| format!("{}: cannot make the folder", self.path.display()))?;
-        // Whatever comes in between: what is listed is what may be there.
+        // Written first, so that after an interruption every existing picture is listed.
         let mut both = self.pictures.clone();
         let planned: HashSet<&str> = self.pictures.iter().map(|p| p.file.as_str()).collect();
         let only_earlier = self.earlier.iter().filter(|file| !planned.contains(file.as_str()));
@@ -100,10 +101,10 @@ impl Folder {
         self.write_list(self.pictures.clone(), false)
     }
 
-    /// Notes in the list that the render is complete; tells how many pictures of an earlier one were removed.
+    /// Notes in the list that the render is complete; returns how many pictures of an earlier one were removed.
     ///
     /// # Errors
-    /// One that names the list.
+    /// An error that names the list.
     pub fn finish(self) -> anyhow::Result<usize> {
         self.write_list(self.pictures.clone(), true)?;
         Ok(self.earlier.len())
@@ -121,7 +122,7 @@ impl Folder {
     }
 }
 
-/// The name of a picture without its ending, its numbers with so many digits at least.
+/// The name of a picture without its extension, its numbers with at least this many digits.
 fn name(shot: &Shot, [frame_width, view_width]: [usize; 2]) -> String {
     let frame = shot.frame.map(|number| format!("frame-{number:0width$}", width = frame_width.max(4)));
     let view = shot.view.map(|number| format!("view-{number:0width$}", width = view_width.max(2)));
@@ -139,7 +140,7 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
     let bytes = input_file::read(&path, LARGEST_LIST).with_context(|| format!("{shown}: cannot be read; {remedy}"))?;
     let list = bytes.and_then(|bytes| serde_json::from_slice::<List>(&bytes).ok()).filter(|list| list.format == FORMAT);
     let Some(list) = list else { bail!("{shown}: is no list of pictures that ghand has rendered; {remedy}") };
-    // They will be removed: nothing but what is called like a picture of a render, and lies in the folder itself.
+    // They will be removed, so only files named like a picture of a render and directly in the folder count.
     let is_rendered = |file: &str| {
         let mut parts = Path::new(file).components();
         let is_name = matches!((parts.next(), parts.next()), (Some(Component::Normal(name)), None) if name == file);

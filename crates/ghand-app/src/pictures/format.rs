@@ -1,4 +1,4 @@
-//! The formats of pictures and films, and how a file's name tells its own.
+//! The formats of pictures and films, and how a file's name determines its format.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub enum StillFormat {
 /// Formats of films.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FilmFormat {
-    /// 256 colours a frame; opaque or clear.
+    /// 256 colours per frame; pixels are opaque or fully transparent.
     Gif,
     /// VP9, may be translucent.
     Webm,
@@ -24,7 +24,7 @@ pub enum FilmFormat {
     Mp4,
 }
 
-/// Formats of all that is rendered.
+/// Formats of everything that is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// Single pictures.
@@ -33,7 +33,7 @@ pub enum Format {
     Film(FilmFormat),
 }
 
-/// All formats, by the ending of their files.
+/// All formats, by file extension.
 const FORMATS: [(&str, Format); 5] = [
     ("png", Format::Still(StillFormat::Png)),
     ("exr", Format::Still(StillFormat::Exr)),
@@ -43,31 +43,31 @@ const FORMATS: [(&str, Format); 5] = [
 ];
 
 impl Format {
-    /// Parses `png`, `exr`, `gif`, `webm` or `mp4`, in letters of any case.
+    /// Parses `png`, `exr`, `gif`, `webm` or `mp4`, in upper or lower case.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// A description of the problem with the text.
     pub fn parse(text: &str) -> Result<Format, String> {
         let found = FORMATS.iter().find(|(name, _)| text.eq_ignore_ascii_case(name));
         found.map(|(_, format)| *format).ok_or_else(|| "must be png, exr, gif, webm or mp4".into())
     }
 
-    /// The format that a file's ending tells, in letters of any case.
+    /// The format given by a file's extension, in upper or lower case.
     pub fn of(path: &Path) -> Option<Format> {
         path.extension().and_then(|ending| Format::parse(ending.to_str()?).ok())
     }
 
-    /// The ending of its files.
+    /// The extension of its files.
     pub fn ending(self) -> &'static str {
         FORMATS.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
     }
 }
 
 impl StillFormat {
-    /// The format of a single picture that a file's ending tells; `option` is for the message.
+    /// The format of a single picture, given by a file's extension; `option` is for the message.
     ///
     /// # Errors
-    /// One that names the option and the file.
+    /// An error that names the option and the file.
     pub fn of(path: &Path, option: &str) -> anyhow::Result<StillFormat> {
         match Format::of(path) {
             Some(Format::Still(format)) => Ok(format),

@@ -1,4 +1,4 @@
-//! Films as GIF: each picture with the 255 colours that suit it best, and one for the background, which is exact.
+//! Films as GIF: each picture has the 255 colours that suit it best, and one exact colour for the background.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,16 +11,16 @@ use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use super::film::FilmOptions;
 use super::{Background, Picture};
 
-/// Browsers show what is to be shown for less than two hundredths of a second for ten.
+/// Browsers show frames shorter than two hundredths of a second for ten hundredths.
 const FASTEST: f64 = 50.0;
-/// One pixel in so many is looked at to find the colours; a prime, so that no row or column is left out.
+/// One pixel in this many is sampled to find the colours; a prime, so that no row or column is missed.
 const SAMPLING: i32 = 3;
-/// Place of the background in the palette; what is transparent where nothing is behind.
+/// Index of the background in the palette; it is the transparent colour if there is no background.
 const BEHIND: u8 = 0;
-/// Colours beside that of the background.
+/// Number of colours besides that of the background.
 const COLORS: usize = 255;
 
-/// A GIF in the making.
+/// A GIF being made.
 pub struct GifFilm {
     encoder: Encoder<Vec<u8>>,
     options: FilmOptions,
@@ -28,7 +28,7 @@ pub struct GifFilm {
 }
 
 impl GifFilm {
-    /// Begins a GIF that is repeated for ever.
+    /// Begins a GIF that repeats forever.
     ///
     /// # Errors
     /// One sentence if it would be too fast.
@@ -49,7 +49,7 @@ impl GifFilm {
     /// Adds a picture.
     ///
     /// # Errors
-    /// One of the encoder's.
+    /// An error of the encoder.
     pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
         let pixels = picture.to_rgba8();
         let transparent = self.options.background == Background::Transparent;
@@ -59,7 +59,7 @@ impl GifFilm {
         let delay = at(self.count + 1) - at(self.count);
         self.encoder.write_frame(&Frame {
             delay: delay.clamp(0.0, f64::from(u16::MAX)) as u16,
-            // What is clear must not show the picture before.
+            // Transparent pixels must not show the previous picture.
             dispose: if transparent { DisposalMethod::Background } else { DisposalMethod::Keep },
             transparent: transparent.then_some(BEHIND),
             width: picture.size[0] as u16,
@@ -75,7 +75,7 @@ impl GifFilm {
     /// Ends and writes it.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn write(self, path: &Path) -> anyhow::Result<()> {
         let context = || format!("{}: cannot write the GIF", path.display());
         let bytes = self.encoder.into_inner().with_context(context)?;
@@ -83,7 +83,7 @@ impl GifFilm {
     }
 }
 
-/// A picture by the places of its colours in a palette.
+/// A picture as indices into a palette.
 struct Indexed {
     /// Red, green, blue, one after the other.
     palette: Vec<u8>,
@@ -97,7 +97,7 @@ fn indexed(pixels: &[[u8; 4]], background: Background) -> Indexed {
     };
     let is_behind = |[r, g, b, a]: [u8; 4]| match background {
         Background::Color(_) => [r, g, b] == behind,
-        // GIF knows no half: what covers less than half of a pixel is not there.
+        // GIF has no partial transparency: pixels with less than half coverage are transparent.
         Background::Transparent => a < 128,
     };
     let seen: Vec<[u8; 4]> = pixels.iter().filter(|p| !is_behind(**p)).map(|[r, g, b, _]| [*r, *g, *b, 255]).collect();
@@ -115,7 +115,7 @@ fn indexed(pixels: &[[u8; 4]], background: Background) -> Indexed {
         let network = NeuQuant::new(SAMPLING, COLORS, seen.as_flattened());
         palette.extend(network.color_map_rgb());
         for color in &distinct {
-            // At most 254: the network has so many colours.
+            // At most 254: the network has 255 colours.
             places.insert([color[0], color[1], color[2]], network.index_of(color) as u8 + 1);
         }
     }

@@ -1,4 +1,4 @@
-//! One picture: filled piece by piece with what the device renders, and encoded.
+//! One picture: filled piece by piece with the device's renders, and encoded.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -12,7 +12,7 @@ use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, RgbImage
 
 use super::{Background, StillFormat};
 
-/// A picture in the form in which its file has it.
+/// A picture in the form in which its file stores it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Columns and rows.
@@ -31,13 +31,13 @@ enum Pixels {
 }
 
 impl Picture {
-    /// A picture of 8-bit values that is to be filled.
+    /// An empty picture of 8-bit values.
     pub fn bytes(size: [u32; 2], background: Background) -> Picture {
         let count = size[0] as usize * size[1] as usize;
         Picture { size, background, pixels: Pixels::Bytes(vec![[0; 4]; count]) }
     }
 
-    /// A picture of the kind that a format stores, to be filled.
+    /// An empty picture of the kind that a format stores.
     pub fn blank(size: [u32; 2], background: Background, format: StillFormat) -> Picture {
         match format {
             StillFormat::Png => Picture::bytes(size, background),
@@ -53,13 +53,14 @@ impl Picture {
         self.background
     }
 
-    /// Puts a piece, rendered over the picture's background, where its left top pixel is. What lies outside is cut off.
+    /// Copies a piece, rendered over the picture's background, to the position of its top left pixel. Parts outside the
+    /// picture are dropped.
     pub fn place(&mut self, [left, top]: [u32; 2], piece: &Image) {
         let pixel = |x: u32, y: u32| piece.rgba[y as usize * piece.width as usize + x as usize];
         self.fill([left, top], [piece.width, piece.height], pixel);
     }
 
-    /// As [`Picture::place`], for a piece that has no background yet.
+    /// Like [`Picture::place`], for a piece that has no background yet.
     pub fn place_mesh(&mut self, [left, top]: [u32; 2], piece: &MeshImage) {
         let color = self.background.color();
         let pixel = |x: u32, y: u32| {
@@ -85,7 +86,7 @@ impl Picture {
                         let [r, g, b, a] = value.map(to_byte);
                         pixels[at] = match (transparent, a) {
                             (false, _) => [r, g, b, 255],
-                            // A colour that nobody can see would only make the file larger.
+                            // An invisible colour would only make the file larger.
                             (true, 0) => [0; 4],
                             (true, a) => [r, g, b, a],
                         };
@@ -106,7 +107,7 @@ impl Picture {
     /// The contents of a file: PNG with alpha only if the background is transparent, or OpenEXR with 32-bit floats.
     ///
     /// # Errors
-    /// One of the encoder's.
+    /// An error of the encoder.
     pub fn encode(self) -> anyhow::Result<Vec<u8>> {
         let [width, height] = self.size;
         let mut bytes = Cursor::new(Vec::new());
@@ -129,10 +130,10 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
-    /// Writes the picture, whole or not at all.
+    /// Writes the picture atomically.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn write(self, path: &Path) -> anyhow::Result<()> {
         let context = || format!("{}: cannot write the picture", path.display());
         let bytes = self.encode().with_context(context)?;
@@ -140,7 +141,7 @@ impl Picture {
     }
 }
 
-/// Colour over black and coverage, as colour and coverage.
+/// Converts colour over black with coverage to straight colour with coverage.
 fn straight([r, g, b, a]: [f32; 4]) -> [f32; 4] {
     if a > 0.0 { [r / a, g / a, b / a, a] } else { [0.0; 4] }
 }
@@ -149,10 +150,10 @@ fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
-/// Writes a picture as PNG, whole or not at all.
+/// Writes a picture as PNG, atomically.
 ///
 /// # Errors
-/// One that names the file.
+/// An error that names the file.
 pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     let context = || format!("{}: cannot write the picture", path.display());
     let mut png = Cursor::new(Vec::new());

@@ -1,4 +1,4 @@
-//! Several pictures, one after the other, to wherever they go.
+//! Writes several pictures, one after the other, to a destination.
 
 use std::path::PathBuf;
 
@@ -11,21 +11,22 @@ use super::film::{Film, FilmOptions};
 use super::folder::Folder;
 use super::{Background, Destination, Picture, StillFormat};
 
-/// What a picture of a series shows.
+/// The content of a picture in a series.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Shot {
-    /// Number of the frame, where frames are rendered.
+    /// Number of the frame, if frames are rendered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<usize>,
     /// Its id in the file of poses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
-    /// Number of the view around it, where there are several.
+    /// Number of the view around it, if there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<usize>,
 }
 
-/// Pictures on their way into files. Outlives the device that renders them: what has been added need not be rendered again.
+/// Pictures being written to files. Outlives the device that renders them, so that added pictures need not be rendered
+/// again.
 pub struct Series {
     sink: Sink,
     size: [u32; 2],
@@ -43,11 +44,11 @@ enum Sink {
 }
 
 impl Series {
-    /// Prepares for one picture of each shot, all of one size; `fps` is for films. Everything is checked here that can be
-    /// before the first picture is rendered, and nothing is written.
+    /// Prepares for one picture of each shot, all of one size; `fps` is for films. Checks everything that can be
+    /// checked before the first picture is rendered, and writes nothing.
     ///
     /// # Errors
-    /// One sentence if the destination cannot take these pictures.
+    /// One sentence if the destination cannot accept these pictures.
     pub fn new(
         destination: &Destination,
         shots: &[Shot],
@@ -80,7 +81,7 @@ impl Series {
                 Sink::Folder(path.clone(), Folder::new(path, *format, shots)?)
             }
         };
-        // Draws nothing where stderr is no terminal.
+        // Draws nothing if stderr is not a terminal.
         let bar = if shots.len() > 1 { ProgressBar::new(shots.len() as u64) } else { ProgressBar::hidden() };
         bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} pictures {elapsed} (left {eta})")?);
         Ok(Series { sink, size, background, format: still, count: shots.len(), next: 0, bar })
@@ -96,10 +97,10 @@ impl Series {
         Picture::blank(self.size, self.background, self.format)
     }
 
-    /// Takes the picture of the next shot.
+    /// Adds the picture of the next shot.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn add(&mut self, picture: Picture) -> anyhow::Result<()> {
         match &mut self.sink {
             Sink::Picture(path) => picture.write(path)?,
@@ -111,10 +112,10 @@ impl Series {
         Ok(())
     }
 
-    /// Completes the files; tells what was written, for people.
+    /// Completes the files; returns what was written, as text.
     ///
     /// # Errors
-    /// One that names the file.
+    /// An error that names the file.
     pub fn finish(self) -> anyhow::Result<String> {
         self.bar.finish_and_clear();
         let ([width, height], count) = (self.size, self.count);

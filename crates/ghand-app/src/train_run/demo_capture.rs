@@ -1,4 +1,4 @@
-//! The synthetic capture of runs without one.
+//! The synthetic capture for runs without a capture.
 
 use std::path::{Path, PathBuf};
 
@@ -10,14 +10,14 @@ use crate::cli::Stopped;
 use crate::say;
 use crate::train_run::interruption::{BEFORE_TRAINING, Interruption};
 
-/// Where runs without a folder of their own share it, relative to the current folder.
+/// Shared by runs without `--out`; relative to the current folder.
 pub const DEMO_CAPTURE: &str = "out/demo-capture";
 
-/// Makes the capture, if it is not there yet.
+/// Makes the capture, if it does not exist yet.
 ///
 /// # Errors
-/// [`Stopped`] if a stop was asked for meanwhile, and one that names the folder if it cannot be written, or the device if
-/// it failed.
+/// [`Stopped`] if a stop was requested meanwhile; an error that names the folder if it cannot be written, or the device
+/// if it failed.
 pub fn demo_capture(gpu: &mut Gpu, folder: PathBuf, interruption: &Interruption) -> anyhow::Result<PathBuf> {
     let is_there = |folder: &Path| folder.join("capture.json").exists();
     if is_there(&folder) {
@@ -34,7 +34,7 @@ pub fn demo_capture(gpu: &mut Gpu, folder: PathBuf, interruption: &Interruption)
         Ok(false) => {
             Err(Stopped("stopped while the synthetic capture was being made: nothing was written".into()).into())
         }
-        // Another run has made the same one meanwhile.
+        // Another run has made the same capture meanwhile.
         Err(_) if is_there(&folder) => Ok(folder),
         Err(error) => Err(error),
     }

@@ -1,4 +1,4 @@
-//! The figures of a run: on images that training did not see, and on poses whose truth is known.
+//! The figures of a run: on images that training did not see, and on poses with known truth.
 
 use ghand_data::{Capture, Split};
 use ghand_render::Gpu;
@@ -10,15 +10,15 @@ use ghand_train::{TrainSettings, Trained};
 
 use crate::say;
 
-/// How many views of the test split the report shows.
+/// Number of views of the test split in the report.
 const REPORT_VIEWS: usize = 5;
-/// Views that the floor's colours are averaged over.
+/// Number of views that the floor's colours are averaged over.
 const FLOOR_VIEWS: usize = 200;
 
 /// The figures on a split that has images, and some of them for the report.
 ///
 /// # Errors
-/// One that names the image that is unusable, or the device if it failed.
+/// An error that names the unusable image, or the device if it failed.
 pub fn evaluate_images(
     gpu: &Gpu,
     capture: &Capture,
@@ -52,7 +52,7 @@ pub fn evaluate_images(
     Ok((metrics, shown))
 }
 
-/// Joint-angle errors of the capture's and the refined training poses, where the truth of all of them is known.
+/// Joint-angle errors of the capture's and the refined training poses, if the truth of all of them is known.
 pub fn pose_error(capture: &Capture, frames: &[usize], trained: &Trained) -> Option<PoseError> {
     let truth = capture.truth.as_ref()?;
     let truth: Option<Vec<_>> = frames.iter().map(|f| truth.get(*f)?.clone()).collect();
@@ -85,7 +85,8 @@ pub fn print_table(m: &Metrics) {
     say!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
 }
 
-/// That the avatar does not beat its floor, and why that may be; `None` if it does, or if there are no figures on images.
+/// A message that the avatar does not beat its floor, with likely reasons; `None` if it does, or without figures on
+/// images.
 pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
     let images = metrics.images.as_ref().filter(|images| !images.beats_floor)?;
     let default = TrainSettings::default().iterations;

@@ -1,4 +1,4 @@
-//! A folder into which one process at a time writes.
+//! A lock on a folder, so that one process at a time writes into it.
 
 use std::fs::{File, TryLockError};
 use std::io::{ErrorKind, Read, Write};
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-/// Name of the file that is locked. The system gives the lock back whatever ends the process; a file that is left behind
-/// locks nothing.
+/// Name of the file that is locked. The system releases the lock however the process ends; a leftover file does not
+/// lock anything.
 pub const LOCK_FILE: &str = ".train.lock";
 
 /// The right to write into a folder, until it is dropped.
@@ -17,12 +17,12 @@ pub struct FolderLock {
     _file: File,
 }
 
-/// What came of an attempt to lock a folder.
+/// Result of an attempt to lock a folder.
 #[derive(Debug)]
 pub enum Attempt {
     /// It is locked.
     Locked(FolderLock),
-    /// Another process holds it: which one, as far as it says.
+    /// Another process holds it, with its identity if known.
     Taken(String),
 }
 
@@ -32,11 +32,11 @@ impl FolderLock {
         folder.join(LOCK_FILE)
     }
 
-    /// Locks a folder without waiting. Where the file system knows no locks, that is said in a warning and the folder counts
-    /// as locked.
+    /// Locks a folder without waiting. If the file system does not support locks, there is a warning and the folder
+    /// counts as locked.
     ///
     /// # Errors
-    /// One that names the file, if it cannot be opened.
+    /// An error that names the file, if it cannot be opened.
     pub fn attempt(folder: &Path) -> anyhow::Result<Attempt> {
         let path = FolderLock::file(folder);
         loop {
@@ -47,7 +47,7 @@ impl FolderLock {
                     // Its holder removed it after it was opened here: another process may have made and locked a new one.
                 }
                 Ok(()) => {
-                    // Only for the message to others: without it they know less.
+                    // Only for the message of other processes, which then has less detail.
                     let _ = file.set_len(0).and_then(|()| write!(file, "{}", std::process::id()));
                     return Ok(Attempt::Locked(FolderLock { _file: file }));
                 }
@@ -72,7 +72,7 @@ impl FolderLock {
     }
 }
 
-/// Whether a path still leads to an open file.
+/// Whether a path still refers to an open file.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -82,7 +82,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Where open files cannot be removed and made anew.
+/// For systems on which open files cannot be removed and recreated.
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
@@ -99,7 +99,7 @@ mod tests {
         let Attempt::Taken(holder) = FolderLock::attempt(folder.path()).unwrap() else { panic!("it is taken") };
         assert_eq!(holder, format!("process {}", std::process::id()));
         drop(lock);
-        // The file that was left behind locks nothing.
+        // The leftover file does not lock anything.
         assert!(FolderLock::file(folder.path()).exists());
         assert!(matches!(FolderLock::attempt(folder.path()).unwrap(), Attempt::Locked(_)));
     }

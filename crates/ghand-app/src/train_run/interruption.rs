@@ -11,17 +11,17 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use crate::cli;
 use crate::train_run::run_folder::Leftovers;
 
-/// How often it is looked whether a signal has come: faster than anybody presses Ctrl-C twice.
+/// Interval of checks for signals: shorter than the time between two presses of Ctrl-C.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// What is said of a run that ends before its training.
+/// Message of a run that ends before its training.
 pub const BEFORE_TRAINING: &str = "stopped before the training: nothing was saved";
 
 /// What the next signal does.
 enum Response {
     /// It ends the program with this line.
     End(String),
-    /// It asks for a stop; the one after it ends the program.
+    /// It requests a stop; the next one ends the program.
     Stop,
 }
 
@@ -30,7 +30,7 @@ struct State {
     leftovers: Option<Leftovers>,
 }
 
-/// Listens to signals until the program ends.
+/// Listens for signals until the program ends.
 #[derive(Clone)]
 pub struct Interruption {
     stop: Arc<AtomicBool>,
@@ -41,7 +41,7 @@ impl Interruption {
     /// Starts to listen. At first a signal ends the program with `line`.
     ///
     /// # Errors
-    /// If the system refuses handlers of signals.
+    /// If the system rejects the signal handlers.
     pub fn listen(line: &str) -> anyhow::Result<Interruption> {
         let state = State { response: Response::End(line.into()), leftovers: None };
         let interruption = Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
@@ -65,12 +65,12 @@ impl Interruption {
         Ok(interruption)
     }
 
-    /// True once a stop has been asked for.
+    /// True once a stop has been requested.
     pub fn stop(&self) -> &AtomicBool {
         &self.stop
     }
 
-    /// From now on a signal asks for a stop, and a second one ends the program.
+    /// From now on a signal requests a stop, and a second one ends the program.
     pub fn stop_first(&self) {
         self.state().response = Response::Stop;
     }
@@ -80,12 +80,12 @@ impl Interruption {
         self.state().response = Response::End(line);
     }
 
-    /// What is to be removed if a signal ends the program.
+    /// Files and folders to remove if a signal ends the program.
     pub fn remove_at_end(&self, leftovers: Leftovers) {
         self.state().leftovers = Some(leftovers);
     }
 
-    /// Does `work`, which writes files: no signal ends the program meanwhile, so that none is left half-written.
+    /// Runs `work`, which writes files. No signal ends the program meanwhile, so that no file is left half-written.
     pub fn whole<T>(&self, work: impl FnOnce() -> T) -> T {
         let _state = self.state();
         work()
@@ -98,7 +98,7 @@ impl Interruption {
 
     fn respond(&self) {
         let mut state = self.state();
-        // A terminal has echoed ^C into the line of the progress bar.
+        // A terminal echoes ^C into the line of the progress bar.
         let before = if std::io::stderr().is_terminal() { "\n" } else { "" };
         match &state.response {
             Response::Stop => {
@@ -111,7 +111,7 @@ impl Interruption {
                 if let Some(leftovers) = &state.leftovers {
                     leftovers.remove();
                 }
-                // Not `std::process::exit`: that would take apart the graphics driver while it is at work.
+                // Not `std::process::exit`: that would unload the graphics driver while it is working.
                 signal_hook::low_level::exit(cli::STOPPED.into())
             }
         }

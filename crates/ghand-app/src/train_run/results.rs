@@ -1,4 +1,4 @@
-//! The files that a run leaves behind.
+//! Writes the result files of a run.
 
 use std::path::Path;
 
@@ -14,9 +14,9 @@ use ghand_train::evaluate::Metrics;
 /// Writes the refined poses as a pose file, joints in the hand model's order.
 ///
 /// # Errors
-/// One that names the file, if it cannot be written.
+/// An error that names the file, if it cannot be written.
 pub fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: &Path) -> anyhow::Result<()> {
-    // The avatar file's hand model has the joints that were learned, too.
+    // The hand model in the avatar file also has the learned joints.
     let model = HandModel { joints: trained.avatar.template.joints.clone(), ..trained.avatar.model.clone() };
     let frame = |(frame, pose): (&usize, &Pose)| {
         let Frame { id, shape, .. } = capture.frames.get(*frame)?;
@@ -30,7 +30,7 @@ pub fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: 
 /// Writes the figures.
 ///
 /// # Errors
-/// One that names the file, if it cannot be written.
+/// An error that names the file, if it cannot be written.
 pub fn save_metrics(metrics: &Metrics, path: &Path) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(metrics)?;
     write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))

@@ -1,4 +1,4 @@
-//! The folder of a run: where it is, that nothing of an earlier run is lost, and that only one run writes into it.
+//! The folder of a run: chooses it, protects earlier results, and ensures that only one run writes into it.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use crate::say;
 use crate::train_run::folder_lock::{Attempt, FolderLock};
 
-/// Where `train` writes unless told otherwise, relative to the current folder. Later runs go to `out/train-2` and so on.
+/// The default folder of `train`, relative to the current folder. Later runs go to `out/train-2` and so on.
 pub const DEFAULT_FOLDER: &str = "out/train";
 /// The avatar in a run's folder.
 pub const AVATAR_FILE: &str = "avatar.ghand";
@@ -17,12 +17,12 @@ pub const POSES_FILE: &str = "poses.json";
 pub const METRICS_FILE: &str = "metrics.json";
 /// The picture in a run's folder.
 pub const REPORT_FILE: &str = "report.png";
-/// All that a run leaves behind.
+/// All results of a run.
 const RESULTS: [&str; 4] = [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE];
-/// Folders beside the default one that are tried.
+/// Number of folders that are tried after the default one.
 const MOST_FOLDERS: usize = 100_000;
 
-/// The folder of a run, locked. What this made and nobody filled is removed when it is dropped.
+/// The folder of a run, locked. When dropped, removes the folders that it made and that are still empty.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
@@ -34,14 +34,14 @@ pub struct RunFolder {
 #[derive(Debug, Clone)]
 pub struct Leftovers {
     lock: PathBuf,
-    /// Folders that were not there before, the innermost first.
+    /// Folders that did not exist before, the innermost first.
     made: Vec<PathBuf>,
 }
 
 impl Leftovers {
     /// Removes the lock's file, and the folders that were made for this run if they are empty.
     pub fn remove(&self) {
-        // What cannot be removed is in nobody's way.
+        // Anything that cannot be removed does no harm.
         let _ = std::fs::remove_file(&self.lock);
         self.made.iter().for_each(|folder| {
             let _ = std::fs::remove_dir(folder);
@@ -51,7 +51,7 @@ impl Leftovers {
 
 impl Drop for RunFolder {
     fn drop(&mut self) {
-        // Before the lock is given back: nobody else's lock is removed.
+        // Before the lock is released, so that the lock of another process is not removed.
         self.leftovers.remove();
     }
 }
@@ -60,8 +60,8 @@ impl RunFolder {
     /// The folder that a user named. With `force` the results of an earlier run may be replaced.
     ///
     /// # Errors
-    /// One that names the file if there are results and no `force`, or the folder if another run writes into it or it
-    /// cannot be made.
+    /// An error that names the file if there are results and no `force`, or the folder if another run writes into it or
+    /// it cannot be made.
     pub fn named(path: &Path, force: bool) -> anyhow::Result<RunFolder> {
         let refuse = || match result_in(path).filter(|_| !force) {
             Some(file) => bail!(
@@ -73,7 +73,7 @@ impl RunFolder {
         refuse()?;
         match RunFolder::claim(path)? {
             Ok(folder) => {
-                // The run that held the lock until now may have ended with a result.
+                // The run that held the lock until now may have written results.
                 refuse()?;
                 Ok(folder)
             }
@@ -84,10 +84,10 @@ impl RunFolder {
         }
     }
 
-    /// The first of `base`, `base-2`, `base-3`, ... without results of an earlier run and in which no run is under way.
+    /// The first of `base`, `base-2`, `base-3`, ... without results of an earlier run and without a run in progress.
     ///
     /// # Errors
-    /// One that names a folder that cannot be made.
+    /// An error that names a folder that cannot be made.
     pub fn next(base: &Path) -> anyhow::Result<RunFolder> {
         for number in 1..=MOST_FOLDERS {
             let path = if number == 1 { base.to_owned() } else { numbered(base, number) };
@@ -110,7 +110,7 @@ impl RunFolder {
         )
     }
 
-    /// Makes and locks a folder; tells who holds it if another process does.
+    /// Makes and locks a folder; if another process holds it, returns which one.
     fn claim(path: &Path) -> anyhow::Result<Result<RunFolder, String>> {
         let missing = path.ancestors().filter(|a| !a.as_os_str().is_empty()).take_while(|a| !a.exists());
         let made = missing.map(Path::to_owned).collect();
@@ -131,7 +131,7 @@ impl RunFolder {
         &self.path
     }
 
-    /// What must be removed where the program ends without dropping this.
+    /// Files and folders to remove if the program ends without dropping this.
     pub fn leftovers(&self) -> Leftovers {
         self.leftovers.clone()
     }
@@ -141,10 +141,10 @@ impl RunFolder {
         self.path.join(name)
     }
 
-    /// Removes all results but the avatar. Those of an earlier run would be taken for this one's.
+    /// Removes all results except the avatar, because those of an earlier run would look like this one's.
     ///
     /// # Errors
-    /// One that names the file that cannot be removed.
+    /// An error that names the file that cannot be removed.
     pub fn remove_figures(&self) -> anyhow::Result<()> {
         for name in RESULTS.into_iter().filter(|name| *name != AVATAR_FILE) {
             let path = self.file(name);
@@ -203,13 +203,13 @@ mod tests {
         let base = place.path().join("out/train");
         let first = RunFolder::next(&base).unwrap();
         assert_eq!(first.path(), base);
-        // The first is still under way, and then has a result.
+        // The first is still in progress, and then has a result.
         let second = RunFolder::next(&base).unwrap();
         assert_eq!(second.path(), place.path().join("out/train-2"));
         fill(&first);
         drop(first);
         assert_eq!(RunFolder::next(&base).unwrap().path(), place.path().join("out/train-3"));
-        // The second ends without a result: its folder is free again, and gone.
+        // The second ends without a result: its folder is unlocked and removed.
         drop(second);
         assert!(!place.path().join("out/train-2").exists());
         assert_eq!(RunFolder::next(&base).unwrap().path(), place.path().join("out/train-2"));

@@ -1,4 +1,4 @@
-//! What all exports of a posed hand have in common.
+//! Shared parts of all exports of a posed hand.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub(super) fn check(model: &HandModel, positions: &[DVec3]) -> Result<(), HandMo
     Err(HandModelError::Invalid { origin: model.name.clone(), field: "positions".into(), problem })
 }
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 pub(super) fn write(path: &Path, contents: &[u8]) -> Result<(), HandModelError> {
     write_atomically(path, contents).map_err(|error| HandModelError::Write { path: path.to_path_buf(), source: error })
 }

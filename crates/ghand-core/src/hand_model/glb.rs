@@ -18,13 +18,13 @@ const INDEX_BUFFER: u32 = 34963;
 /// split along the seams of the atlas.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the model breaks its invariants, `positions` are not finite or not one a vertex, or
-/// the mesh is larger than GLB's 4 GiB.
+/// [`HandModelError::Invalid`] when the model breaks its invariants, `positions` are not finite or not one per vertex,
+/// or the mesh is larger than GLB's 4 GiB.
 pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, HandModelError> {
     export::check(model, positions)?;
     let mesh = RenderMesh::from_model(model);
     let points: Vec<Vec3> = mesh.gather(positions).iter().map(|p| p.as_vec3()).collect();
-    // glTF demands a unit vector even where there is no area to have a direction.
+    // glTF requires a unit vector, even for a vertex whose faces have no area.
     let normals = mesh.gather(&model.vertex_normals(positions));
     let normals = normals.iter().map(|n| if *n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() });
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -32,7 +32,7 @@ pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, Hand
         low = low.min(*p);
         high = high.max(*p);
     }
-    // All entries are of four bytes, so that every part of the buffer begins where it must.
+    // All entries have four bytes, so that every part of the buffer is aligned.
     let parts: [Vec<u8>; 4] = [
         points.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect(),
         normals.flat_map(|n| n.to_array()).flat_map(f32::to_le_bytes).collect(),
@@ -84,7 +84,7 @@ pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, Hand
     Ok(glb)
 }
 
-/// Writes [`glb_bytes`] to a file, whole or not at all.
+/// Writes [`glb_bytes`] to a file atomically.
 ///
 /// # Errors
 /// As [`glb_bytes`]; [`HandModelError::Write`] when the file cannot be written.
@@ -114,7 +114,7 @@ mod tests {
         let path = folder.path().join("hand.glb");
         write_glb(&path, &model, &positions).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        // With the reader's validation, which knows min and max, ranges and alignments.
+        // With the reader's validation, which checks min and max, ranges and alignments.
         let file = ::gltf::Gltf::from_slice(&bytes).unwrap();
         let blob = file.blob.clone().unwrap();
         assert!(file.buffers().all(|b| b.length() == blob.len()));

@@ -1,8 +1,7 @@
 //! Reads any rigged hand from a glTF or GLB file.
 //!
-//! What a hand model needs differs from what glTF stores: joints are re-expressed in the mesh's own axes, vertices that
-//! were split at UV seams are welded, and for WebXR hands, whose joints are flat siblings, the hierarchy comes from the
-//! joints' names.
+//! A hand model differs from what glTF stores: joints are converted to the mesh's own axes, vertices that were split at
+//! UV seams are welded, and for WebXR hands, whose joints are siblings, the hierarchy comes from the joints' names.
 
 mod buffers;
 mod joints;
@@ -29,15 +28,15 @@ const MAX_SETS: u32 = 64;
 
 /// Reads the first skinned mesh of a `.glb` file, or of a `.gltf` file with its buffers beside it.
 ///
-/// The model's axes are the mesh's (node transforms of a skinned mesh have no effect). The unit is the file's, which
-/// glTF defines to be metres. Joints of a rig with WebXR names are ordered wrist, thumb, index, middle, ring, pinky, each
-/// from the palm to the tip, whatever their order in the file; other rigs keep the file's order as far as parents can
-/// precede their children. The hand is a left one if the file's or nodes' names say so.
+/// The model's axes are the mesh's (node transforms of a skinned mesh have no effect). The unit is that of glTF,
+/// metres. Joints of a rig with WebXR names are ordered wrist, thumb, index, middle, ring, pinky, each from the palm to
+/// the tip, whatever their order in the file; other rigs keep the file's order, except that parents precede their
+/// children. It is a left hand if the names of the file or its nodes say so.
 ///
 /// # Errors
 /// [`HandModelError::Io`] when a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
 /// when it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
-/// hand, or has buffers outside of its folder.
+/// hand, or has buffers outside its folder.
 pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     let name = path.display().to_string();
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
@@ -48,11 +47,11 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 
-/// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder` is where
-/// other files that it names lie: without one, naming a file is an error.
+/// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder`
+/// contains the other files that it names; without a folder, naming a file is an error.
 ///
 /// # Errors
-/// As of [`read_gltf`].
+/// As in [`read_gltf`].
 pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<HandModel, HandModelError> {
     let source = Source { name: name.into() };
     let file = parse(bytes, &source)?;
@@ -119,7 +118,7 @@ impl Source {
     }
 }
 
-/// The mesh as the file has it, vertices split at seams.
+/// The mesh as stored in the file, with vertices split at seams.
 #[derive(Default)]
 struct RawMesh {
     positions: Vec<[f32; 3]>,
@@ -234,7 +233,7 @@ fn side(path: &Path, node: &Node, rig: &Rig) -> Side {
         let name = name.to_lowercase();
         name.contains("left") || name.starts_with("l_") || name.ends_with("_l") || name.ends_with(".l")
     };
-    // The rig knows better than the file's name, which may be anything.
+    // Names in the rig are more reliable than the file's name, which may be anything.
     let is_right = |name: &str| {
         let name = name.to_lowercase();
         name.contains("right") || name.starts_with("r_") || name.ends_with("_r") || name.ends_with(".r")

@@ -1,4 +1,4 @@
-//! What there is to know of a hand model before it is used, and what is odd about it.
+//! Facts about a hand model for its user, and unusual properties.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,8 @@ use crate::surface::sample_surface;
 /// Resolutions at which texels are counted.
 const RESOLUTIONS: [u32; 5] = [64, 128, 256, 512, 1024];
 
-/// Longest edge of the bounding box that is a hand's, metres: from a child's hand without a forearm to an adult's with.
+/// Plausible range of the bounding box's longest edge, metres: from a child's hand without a forearm to an adult's
+/// with.
 const HAND_SIZE: std::ops::Range<f64> = 0.08..0.5;
 
 /// Facts about a hand model.
@@ -26,11 +27,11 @@ pub struct Inspection {
     pub texels: Vec<(u32, usize)>,
     /// Part of the UV square that the atlas covers.
     pub uv_fill: f64,
-    /// What is odd, each with what it leads to.
+    /// Unusual properties, each with its consequence.
     pub warnings: Vec<String>,
 }
 
-/// Looks a valid model over.
+/// Inspects a valid model.
 pub fn inspect(model: &HandModel) -> Inspection {
     let mut warnings = Vec::new();
     let low = model.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -104,7 +105,7 @@ mod tests {
         let found = inspect(&ProceduralHand::default().build().unwrap());
         assert_eq!((found.boundary_edges, &found.warnings[..]), (0, &[][..]));
         assert_eq!(found.texels.iter().map(|t| t.0).collect::<Vec<_>>(), RESOLUTIONS);
-        // Four times as many texels at twice the resolution, but for the charts' borders.
+        // Four times as many texels at twice the resolution, except at the charts' borders.
         let growth = found.texels.windows(2).map(|pair| pair[1].1 as f64 / pair[0].1 as f64);
         assert!(growth.into_iter().all(|g| (3.8..4.2).contains(&g)), "{:?}", found.texels);
     }

@@ -1,8 +1,9 @@
-//! What the joints of a hand are called, and the parts that they stand for.
+//! Names of hand joints, and the parts of the hand that they mean.
 //!
-//! Understood are MANO's names (`index1`), WebXR's (`index-finger-phalanx-proximal`), OpenXR's
+//! Recognised are MANO's names (`index1`), WebXR's (`index-finger-phalanx-proximal`), OpenXR's
 //! (`XR_HAND_JOINT_INDEX_PROXIMAL_EXT`), those of a few animation tools (`LeftHandIndex1`, `index_01_r`,
-//! `RightIndexProximal`), and whatever else names a finger with a part or with a number counted from the knuckle.
+//! `RightIndexProximal`), and all other names that contain a finger and either its part or a number counted from the
+//! knuckle.
 
 use super::HandModel;
 
@@ -26,23 +27,23 @@ impl Finger {
     pub const ALL: [Finger; 5] = [Finger::Thumb, Finger::Index, Finger::Middle, Finger::Ring, Finger::Little];
 }
 
-/// The part of a hand that a joint stands for, whatever the rig calls it.
+/// The part of a hand that a joint moves, independent of the rig's names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum JointRole {
     /// The wrist, root of the hand.
     Wrist,
-    /// The middle of the palm, which OpenXR has besides.
+    /// The middle of the palm, an additional joint of OpenXR.
     Palm,
-    /// Where the metacarpal bone of a finger begins; the thumb's is its first [`JointRole::Bend`].
+    /// The start of a finger's metacarpal bone; the thumb's is its first [`JointRole::Bend`].
     Metacarpal(Finger),
-    /// One of the three joints that bend a finger, 1 to 3 from the palm on.
+    /// One of the three joints that bend a finger, 1 to 3 counted from the palm.
     Bend(Finger, u8),
     /// The tip.
     Tip(Finger),
 }
 
 impl JointRole {
-    /// What a joint of that name stands for, if the name tells.
+    /// The part that a joint of that name moves, if the name tells.
     pub fn of(name: &str) -> Option<JointRole> {
         let name = name.to_lowercase();
         let words = || name.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
@@ -81,8 +82,8 @@ impl JointRole {
         })
     }
 
-    /// For each joint of a model what it stands for: the root is the wrist, whatever its name; of two joints that seem to be
-    /// the same, the first one counts.
+    /// The part that each joint of a model moves. The root is the wrist, whatever its name; if two joints seem to be
+    /// the same part, the first one counts.
     pub fn of_joints(names: &[String]) -> Vec<Option<JointRole>> {
         let mut roles: Vec<Option<JointRole>> = Vec::with_capacity(names.len());
         for (k, name) in names.iter().enumerate() {
@@ -94,7 +95,7 @@ impl JointRole {
 }
 
 fn finger(name: &str) -> Option<Finger> {
-    // "middle" last: some rigs call the second joint of a finger so.
+    // "middle" comes last: some rigs use it for the second joint of a finger.
     let words = [
         ("thumb", Finger::Thumb),
         ("index", Finger::Index),
@@ -106,7 +107,7 @@ fn finger(name: &str) -> Option<Finger> {
     words.into_iter().find(|(word, _)| name.contains(word)).map(|(_, finger)| finger)
 }
 
-/// The three joints that bend a finger, from the palm on, if the model has them.
+/// The three joints that bend a finger, starting at the palm, if the model has them.
 pub fn finger_joints(finger: Finger, model: &HandModel) -> Option<[usize; 3]> {
     let roles = JointRole::of_joints(&model.joint_names);
     let find = |k: u8| roles.iter().position(|role| *role == Some(JointRole::Bend(finger, k)));

@@ -1,8 +1,8 @@
 //! Reads MANO hand models (Romero, Tzionas and Black, "Embodied Hands", 2017) from the user's own files, and models of
-//! other rigs that are stored in the same way.
+//! other rigs stored in the same way.
 //!
-//! Read are the pickle as published, pickles of later releases of Python and its libraries in any protocol, with or
-//! without chumpy's wrappers, and `.npz` archives of the same keys. Nothing that a file names is run.
+//! Accepts the pickle as published, pickles of later releases of Python and its libraries in any protocol, with or
+//! without chumpy's wrappers, and `.npz` archives with the same keys. Nothing that a file names is executed.
 
 mod build;
 mod fields;
@@ -48,54 +48,55 @@ pub const PARENTS: [Option<usize>; 16] = [
     Some(14),
 ];
 
-/// What to do about a file that is no MANO model.
+/// Remedy for a file that is not a MANO model.
 const REMEDY: &str = "pass MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded";
 
-/// Most bytes of a file: twice what the model of a whole body takes.
+/// Largest file in bytes: twice the size of a whole body's model.
 const MAX_BYTES: usize = 1 << 28;
 
-/// What to do about the bug of the published left model, whose shape directions are those of the right hand in x.
+/// What to do about the bug of the published left model, whose shape directions have the x components of the right
+/// hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LeftShapes {
-    /// Turn the x components round when the file shows the bug.
+    /// Negate the x components if the file has the bug.
     #[default]
     Fixed,
-    /// Leave the shape directions as they are, for shape parameters that were found with them.
+    /// Keep the shape directions, for shape parameters that were fitted with them.
     AsPublished,
 }
 
-/// What a MANO file does not say.
+/// Information that a MANO file does not contain.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ManoOptions {
-    /// An OBJ file of the same mesh whose texture coordinates are taken; without it an atlas is built.
+    /// An OBJ file of the same mesh with texture coordinates; without it, an atlas is built.
     pub uv_obj: Option<PathBuf>,
-    /// Which hand it is; without it the file's name tells, else the geometry.
+    /// Which hand it is; by default decided by the file's name, else by the geometry.
     pub side: Option<Side>,
     /// What to do about the bug of the published left model.
     pub left_shapes: LeftShapes,
 }
 
-/// A hand model with what its user should know of its file.
+/// A hand model with remarks on its file for the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ManoFile {
     /// The hand.
     pub model: HandModel,
-    /// Whether the file shows the bug of the published left model. The model's shape directions are free of it unless
-    /// [`LeftShapes::AsPublished`] was asked for.
+    /// Whether the file has the bug of the published left model. The model's shape directions are corrected unless
+    /// [`LeftShapes::AsPublished`] was requested.
     pub has_left_shape_bug: bool,
-    /// What is unusual about the file, a sentence each.
+    /// Unusual properties of the file, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// Reads a MANO model; see [`read_mano_with_warnings`].
 ///
 /// # Errors
-/// As of [`read_mano_with_warnings`].
+/// As in [`read_mano_with_warnings`].
 pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandModelError> {
     Ok(read_mano_with_warnings(path, options)?.model)
 }
 
-/// Reads a MANO model from a pickle or an `.npz` archive, whichever the content is.
+/// Reads a MANO model from a pickle or an `.npz` archive, recognised from its contents.
 ///
 /// Keys: `v_template` (V, 3), `f` (F, 3), `weights` (V, n_b), `kintree_table` (2, n_b), `J_regressor` (n_b, V; sparse or
 /// not), `shapedirs` (V, 3, n_s), `posedirs` (V, 3, 9 (n_b - 1)), and where there are any `hands_mean` (3 (n_b - 1)) and
@@ -114,16 +115,16 @@ pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandMo
 /// shape, an index or a number that cannot be.
 pub fn read_mano_with_warnings(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
     let bytes = read_file(path)?;
-    // A right model that cannot be read is no reason to refuse the left one.
+    // An unreadable right model is not a reason to reject the left one.
     let right = side::right_beside(path).and_then(|right| read_file(&right).ok());
     read_mano_bytes(&path.display().to_string(), &bytes, right.as_deref(), options)
 }
 
 /// Reads the bytes of a file as [`read_mano_with_warnings`] does. `name` is the file's, for messages and for the side;
-/// `right` are the bytes of the right model that belongs to a left one, to compare with.
+/// `right` are the bytes of the matching right model, to compare a left model with.
 ///
 /// # Errors
-/// As of [`read_mano_with_warnings`].
+/// As in [`read_mano_with_warnings`].
 pub fn read_mano_bytes(
     name: &str,
     bytes: &[u8],
@@ -143,7 +144,7 @@ pub fn read_mano_bytes(
     Ok(ManoFile { model, has_left_shape_bug, warnings })
 }
 
-/// Gives the model texture coordinates: the file's with its triangles, or a built atlas.
+/// Gives the model texture coordinates: those of the OBJ file, with its triangles, or a built atlas.
 fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandModelError> {
     if let Some(path) = &options.uv_obj {
         let found = read_obj_uvs(path, model.vertices.len(), &model.faces)?;

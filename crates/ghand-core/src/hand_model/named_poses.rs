@@ -1,4 +1,4 @@
-//! A few poses by name, for hands whose joints' names tell the fingers.
+//! Named poses for hands whose joint names identify the fingers.
 
 use glam::DVec3;
 
@@ -10,9 +10,10 @@ use crate::Pose;
 pub const POSE_NAMES: [&str; 12] =
     ["rest", "open", "relaxed", "spread", "fist", "pinch", "point", "victory", "three", "four", "thumbs-up", "ok"];
 
-/// Joint angles in radians, whatever the rig.
+/// Joint angles in radians, independent of the rig.
 struct Gesture {
-    /// Index, middle, ring, little finger: three flexions from the knuckle on, and the turn towards the little finger.
+    /// Index, middle, ring, little finger: three flexions, starting at the knuckle, and the rotation towards the little
+    /// finger.
     fingers: [[f64; 4]; 4],
     /// Towards the palm and across it at the thumb's base, then the flexions of its two other joints.
     thumb: [f64; 4],
@@ -22,9 +23,9 @@ const CURLED: [f64; 4] = [1.42, 1.72, 1.05, 0.0];
 const STRAIGHT: [f64; 4] = [0.0; 4];
 
 fn gesture(name: &str) -> Option<Gesture> {
-    // Curled fingers point at one spot of the palm, which turns the outer ones inwards.
+    // Curled fingers point at the same spot of the palm, which turns the outer ones inwards.
     let [index, middle, ring, little] = [0.10, 0.02, -0.10, -0.24].map(|side| [CURLED[0], CURLED[1], CURLED[2], side]);
-    // Beside a straight finger the web holds a knuckle back.
+    // Next to a straight finger the web limits how far a knuckle bends.
     let bent_alone = [1.25, CURLED[1], CURLED[2], -0.10];
     let folded_thumb = [0.16, 0.12, 0.88, 1.09];
     Some(match name {
@@ -78,18 +79,18 @@ fn gesture(name: &str) -> Option<Gesture> {
     })
 }
 
-/// Where a flat hand points, unit vectors in model axes.
+/// Directions of a flat hand, unit vectors in model axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandDirections {
     /// From the wrist to the middle finger's knuckle.
     pub forward: DVec3,
     /// From the index finger's knuckle to the little finger's.
     pub across: DVec3,
-    /// Where the back of the hand faces.
+    /// The direction that the back of the hand faces.
     pub back: DVec3,
 }
 
-/// Directions of a model at rest; `None` when the names of its joints do not tell the three joints of each finger.
+/// Directions of a model at rest; `None` when the names of its joints do not identify the three joints of each finger.
 pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
     let knuckle = |finger| Some(model.joints[finger_joints(finger, model)?[0]]);
     let across = (knuckle(Finger::Little)? - knuckle(Finger::Index)?).normalize_or_zero();
@@ -98,8 +99,8 @@ pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
     Some(HandDirections { forward, across, back })
 }
 
-/// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the names of the model's joints do
-/// not tell the three joints of each finger (see [`super::joint_names`]).
+/// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the names of the model's joints
+/// do not identify the three joints of each finger (see [`super::joint_names`]).
 ///
 /// Axes come from the rest pose, which must be roughly flat: a finger flexes in the plane through its first bone and
 /// the palm's normal. The root stays where it is.
@@ -127,7 +128,7 @@ pub fn named_pose(name: &str, model: &HandModel) -> Option<Pose> {
     Some(pose)
 }
 
-/// The axis about which a small turn moves `from` towards `to`.
+/// The axis about which a small rotation moves `from` towards `to`.
 fn turning(from: DVec3, to: DVec3) -> DVec3 {
     from.cross(to).normalize_or_zero()
 }
@@ -140,7 +141,7 @@ mod tests {
     use crate::hand_model::gltf::read_gltf;
     use crate::hand_model::procedural::ProceduralHand;
 
-    /// Where the points fixed to each joint at rest go: an independent, plain walk along the chain.
+    /// New positions of points fixed to each joint at rest, from an independent, simple walk along the chain.
     fn posed(model: &HandModel, pose: &Pose, points: &[(usize, DVec3)]) -> Vec<DVec3> {
         let mut turns: Vec<DMat3> = Vec::new();
         let mut places: Vec<DVec3> = Vec::new();
@@ -156,7 +157,7 @@ mod tests {
         points.iter().map(|&(k, p)| places[k] + turns[k] * (p - model.joints[k])).collect()
     }
 
-    /// The vertex that lies farthest from the wrist among those that move with a joint.
+    /// The vertex farthest from the wrist among those that move with a joint.
     fn tip(model: &HandModel, finger: Finger) -> (usize, DVec3) {
         let last = finger_joints(finger, model).unwrap()[2];
         let tip_joint = model.parents.iter().position(|p| *p == Some(last)).unwrap_or(last);

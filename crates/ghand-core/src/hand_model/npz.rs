@@ -12,8 +12,8 @@ pub(crate) use write::{NamedNumbers, npz_bytes};
 
 use header::{Header, split_header};
 
-/// Most bytes that are unpacked of one archive, so that a small file cannot ask for all memory or time: twice what the
-/// model of a whole body takes.
+/// Most bytes that are unpacked from one archive, so that a small file cannot exhaust memory or time: twice the size of
+/// a whole body's model.
 const MAX_UNPACKED: usize = 1 << 29;
 
 /// Most arrays in an archive.
@@ -28,7 +28,7 @@ pub struct Npz<'a> {
 }
 
 impl<'a> Npz<'a> {
-    /// Whether the bytes begin as an archive does.
+    /// Whether the bytes begin like an archive.
     pub fn recognizes(bytes: &[u8]) -> bool {
         bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")
     }
@@ -36,7 +36,7 @@ impl<'a> Npz<'a> {
     /// Opens the bytes of an `.npz` file.
     ///
     /// # Errors
-    /// [`ArrayError`] when they are no zip archive or one of more than 4096 files.
+    /// [`ArrayError`] when they are not a zip archive, or one with more than 4096 files.
     pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
         let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
             ArrayError(format!("is no .npz archive that can be read ({error}); copy or download it again"))
@@ -62,14 +62,15 @@ impl<'a> Npz<'a> {
     /// The numbers of the array `name`.
     ///
     /// # Errors
-    /// [`ArrayError`] when there is none of that name, when it is damaged or too large, when it is compressed in another
-    /// way than by deflation, or when it holds no numbers. What all arrays of an archive unpack to is limited to 512 MiB.
+    /// [`ArrayError`] when there is none of that name, when it is damaged or too large, when it is compressed by a
+    /// method other than deflation, or when it is not numeric. The unpacked arrays of an archive together are limited
+    /// to 512 MiB.
     pub fn numbers(&mut self, name: &str) -> Result<NumericArray, ArrayError> {
         let stored = self.stored(name)?;
         stored.elements.numbers(&stored.data, &stored.shape, stored.fortran)
     }
 
-    /// The bytes of the array `name`, with what they mean.
+    /// The bytes of the array `name`, with their type and shape.
     pub(crate) fn stored(&mut self, name: &str) -> Result<StoredArray, ArrayError> {
         let damaged =
             |error: &dyn std::fmt::Display| ArrayError(format!("cannot be unpacked ({error}); write the .npz again"));
@@ -77,8 +78,8 @@ impl<'a> Npz<'a> {
         let index = index.ok_or_else(|| ArrayError("is not in the archive; store it under this name".into()))?;
         let file = self.archive.by_index(index).map_err(|error| damaged(&error))?;
         let mut bytes = Vec::new();
-        // One byte more than allowed tells a full budget from an exceeded one. What a file says about its size is not
-        // relied upon.
+        // One byte more than allowed distinguishes a full budget from an exceeded one. The size that the file declares
+        // is not trusted.
         file.take(self.budget as u64 + 1).read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
         self.budget = self.budget.checked_sub(bytes.len()).ok_or_else(|| {
             ArrayError(format!("unpacks to too much: an archive may hold {MAX_UNPACKED} bytes, store less in it"))
@@ -98,7 +99,7 @@ pub(crate) fn read_npy(mut bytes: Vec<u8>) -> Result<StoredArray, ArrayError> {
     Ok(StoredArray { elements, fortran, shape, data: bytes })
 }
 
-/// An array as it is stored.
+/// A stored array.
 pub(crate) struct StoredArray {
     pub elements: ElementType,
     /// Whether the first index runs fastest.

@@ -1,11 +1,11 @@
-//! Reads Python pickles without running anything.
+//! Reads Python pickles without executing anything.
 //!
-//! A pickle is a program for a small stack machine. [`machine`] runs it on plain values alone: a class or function that
-//! it names becomes a mark ([`Class`]), never a call, and names outside of a short list end the reading.
+//! A pickle is a program for a small stack machine. [`machine`] runs it on plain values only: a class or function that
+//! it names becomes a tag ([`Class`]), never a call, and names outside a short list end the reading.
 //!
-//! All values of a pickle lie in one [`Graph`] and refer to each other by number. Values that are shared, that contain
-//! themselves or that are nested a million deep therefore take no more room than the bytes that describe them, and no
-//! step of reading or dropping them recurses.
+//! All values of a pickle are in one [`Graph`] and refer to each other by index. Therefore values that are shared,
+//! contain themselves or are nested a million deep take no more memory than the bytes that describe them, and neither
+//! reading nor dropping them recurses.
 
 mod arrays;
 mod machine;
@@ -15,7 +15,7 @@ use std::borrow::Cow;
 
 pub(crate) use arrays::SparseMatrix;
 
-/// What is wrong with a pickle, and what to do about it.
+/// The problem with a pickle, and its remedy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum PickleError {
     /// It names something that no hand model needs.
@@ -24,7 +24,7 @@ pub(crate) enum PickleError {
     /// It uses a feature that is not supported.
     #[error("uses {0} at byte {1}, which is not supported; re-save the file as a plain .npz (numpy.savez)")]
     Unsupported(&'static str, usize),
-    /// Its bytes make no sense.
+    /// Its bytes are not valid.
     #[error("is damaged at byte {at}: {problem}; copy or download the file again")]
     Damaged {
         /// Where the instruction begins.
@@ -32,12 +32,12 @@ pub(crate) enum PickleError {
         /// What is wrong there.
         problem: Cow<'static, str>,
     },
-    /// It has more instructions than any hand model.
+    /// It has more instructions than any hand model needs.
     #[error("has more than {MAX_INSTRUCTIONS} instructions; re-save the file as a plain .npz (numpy.savez)")]
     TooLong,
 }
 
-/// Most instructions of a pickle. Each makes at most one value, one entry of the stack and one of the memo, so that this
+/// Most instructions of a pickle. Each makes at most one value, one stack entry and one memo entry, so that this limit
 /// bounds all of them; a MANO file has a few hundred.
 const MAX_INSTRUCTIONS: usize = 1 << 22;
 
@@ -64,7 +64,7 @@ pub(crate) enum Node<'a> {
     Object(Box<Object>),
 }
 
-/// What a value of a pickle is, one step deep.
+/// A value of a pickle, without its nested values.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Plain {
     Nothing,
@@ -79,7 +79,7 @@ pub(crate) enum Plain {
     Array,
 }
 
-/// A call or an instance, not run.
+/// A call or an instance, not executed.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Object {
     pub class: Class,
@@ -101,9 +101,9 @@ pub(crate) enum Class {
     /// `copyreg._reconstructor`, which makes an instance of its first argument.
     Reconstructor,
     NdArray,
-    /// What makes an empty array, to be filled by its state.
+    /// Function that makes an empty array, which its state fills.
     EmptyArray,
-    /// What makes an array around bytes, in protocol 5.
+    /// Function that makes an array from bytes, in protocol 5.
     ArrayFromBuffer,
     ArrayScalar,
     ElementType,
@@ -116,7 +116,7 @@ pub(crate) enum Class {
 }
 
 impl Class {
-    /// The class or function of that name, under any of the names that releases of Python and the libraries gave it.
+    /// The class or function of that name, under any of the names that releases of Python and the libraries have used.
     fn find(module: &str, name: &str) -> Option<Class> {
         let module = module.strip_prefix("numpy._core").map_or(module.to_owned(), |rest| format!("numpy.core{rest}"));
         Some(match (module.as_str(), name) {
@@ -147,7 +147,7 @@ pub(crate) struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    /// Whether the bytes begin as a pickle of a dictionary or of an object does, in any protocol.
+    /// Whether the bytes begin like a pickle of a dictionary or an object, in any protocol.
     pub(crate) fn recognizes(bytes: &[u8]) -> bool {
         matches!(bytes.first(), Some(0x80 | b'(' | b'}' | b'c'))
     }
@@ -155,13 +155,13 @@ impl<'a> Graph<'a> {
     /// Reads a pickle of protocol 0 to 5.
     ///
     /// # Errors
-    /// [`PickleError`] says what is wrong where.
+    /// [`PickleError`] says what is wrong and where.
     pub(crate) fn read(bytes: &'a [u8]) -> Result<Graph<'a>, PickleError> {
         let (nodes, root) = machine::run(bytes)?;
         Ok(Graph { nodes, root })
     }
 
-    /// The value that the pickle stands for.
+    /// The value that the pickle represents.
     pub(crate) fn root(&self) -> Id {
         self.root
     }
@@ -177,7 +177,7 @@ impl<'a> Graph<'a> {
     }
 
     fn node(&self, id: Id) -> &Node<'a> {
-        // Every Id is made together with its node.
+        // Every Id is created together with its node.
         self.nodes.get(id.0 as usize).unwrap_or(&Node::None)
     }
 

@@ -1,14 +1,14 @@
-//! The built-in hand, made by code from a few lengths.
+//! The built-in hand, generated from a few lengths.
 //!
-//! It is made like a glove. Two equal pieces of cloth are cut along one outline (`pattern`), sewn together at it, and
-//! pulled over a solid hand (`flesh`), on which the cloth then evens itself out. The flat pieces are the UV atlas,
-//! so that it is one-to-one by construction, and the texels are about equally dense on the palm and on the sides of
-//! the fingers.
+//! It is constructed like a glove. Two equal pieces of cloth are cut along one outline (`pattern`), sewn together at
+//! it, and pulled over a solid hand (`flesh`), on which the cloth is then relaxed. The flat pieces are the UV atlas,
+//! which is therefore one-to-one by construction, and the texels are about equally dense on the palm and on the sides
+//! of the fingers.
 //!
 //! # Shape
 //!
 //! Ten shape directions ([`HandModel::shape_directions`]); a unit is about a standard deviation among adults, and the
-//! wrist joint stays where it is:
+//! wrist joint does not move:
 //!
 //! | | direction | a unit changes | of the default hand |
 //! |---|---|---|---|
@@ -23,7 +23,7 @@
 //!
 //! # Pose
 //!
-//! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone lets collapse
+//! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
 //! (`correctives`).
 
 mod cholesky;
@@ -69,9 +69,9 @@ pub struct ProceduralHand {
     pub thumb_length: f64,
     /// Width of the thumb's last joint.
     pub thumb_width: f64,
-    /// Fineness of the mesh: an edge is about 7.4 mm / `detail` long, on a hand of the default size. From 1 to 6;
-    /// 2 gives about 4,800 vertices in half a second, 6 about 42,000 in some ten seconds. The blend shapes take
-    /// 3.5 kB a vertex: 17 MB at 2, 145 MB at 6.
+    /// Fineness of the mesh: an edge is about 7.4 mm / `detail` long, on a hand of the default size. From 1 to 6; 2
+    /// gives about 4,800 vertices in half a second, 6 about 42,000 in some ten seconds. The blend shapes take 3.5 kB
+    /// per vertex: 17 MB at 2, 145 MB at 6.
     pub detail: u32,
 }
 
@@ -97,7 +97,7 @@ impl ProceduralHand {
     ///
     /// # Errors
     /// [`HandModelError::Invalid`] when a length is not finite, not positive or far from a hand's proportions, when
-    /// `detail` is not in 1..=6, or when the parts run into each other, so that no sound surface exists.
+    /// `detail` is not in 1..=6, or when the parts intersect, so that no valid surface exists.
     pub fn build(&self) -> Result<HandModel, HandModelError> {
         self.check()?;
         let skeleton = skeleton::Skeleton::new(self);
@@ -131,7 +131,7 @@ impl ProceduralHand {
         Ok(model)
     }
 
-    /// Size relative to the default hand, for lengths that are no parameters.
+    /// Size relative to the default hand, for lengths that are not parameters.
     fn scale(&self) -> f64 {
         self.palm_width / ProceduralHand::default().palm_width
     }
@@ -148,12 +148,12 @@ impl ProceduralHand {
         let lengths = self.finger_lengths.map(|v| ("finger_lengths", v));
         let widths = self.finger_widths.map(|v| ("finger_widths", v));
         for (field, value) in single.into_iter().chain(lengths).chain(widths) {
-            // A length in centimetres or millimetres is the likely mistake.
+            // Probably a length in centimetres or millimetres.
             if !(value.is_finite() && value > 0.0 && value < 1.0) {
                 return Err(invalid(field, format!("is {value}; it must be a length in metres between 0 and 1")));
             }
         }
-        // Outside of these ratios the fixed proportions (joints, pads, webs) stop fitting the given lengths.
+        // Outside these ratios the fixed proportions (joints, pads, webs) stop fitting the given lengths.
         let ratios = [
             ("palm_length", self.palm_length / self.palm_width, 1.0, 2.5),
             ("palm_thickness", self.palm_thickness / self.palm_width, 0.2, 0.8),
@@ -179,7 +179,7 @@ fn invalid(field: &str, problem: String) -> HandModelError {
     HandModelError::Invalid { origin: "procedural hand".into(), field: field.into(), problem }
 }
 
-/// Turns a right hand into a left one: mirrored in x, triangles turned round.
+/// Turns a right hand into a left one: mirrored in x, with the winding of the triangles reversed.
 fn mirror(model: &mut HandModel) {
     model.side = Side::Left;
     for p in model.vertices.iter_mut().chain(&mut model.joints).chain(&mut model.shape_directions) {

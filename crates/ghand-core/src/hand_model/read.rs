@@ -1,4 +1,4 @@
-//! Any hand model file, told by its contents.
+//! Reads any hand model file, recognised from its contents.
 
 use std::path::{Path, PathBuf};
 
@@ -6,23 +6,23 @@ use super::gltf::read_gltf;
 use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
 use super::{HandModel, HandModelError};
 
-/// What a reader cannot know from the file.
+/// Information that the file does not contain.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// OBJ file with the UVs of a MANO model, which has none of its own. Without it they are made.
+    /// OBJ file with the UVs of a MANO model, which has none of its own. Without it, UVs are generated.
     pub uv_obj: Option<PathBuf>,
     /// What to do about the bug of the published MANO left hand.
     pub left_shapes: LeftShapes,
 }
 
-/// A hand model with what its file said.
+/// A hand model with remarks on its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModelFile {
     /// The hand model.
     pub model: HandModel,
-    /// What kind of file it is, for people.
+    /// Kind of the file, for display.
     pub kind: &'static str,
-    /// What is odd about the file or was mended.
+    /// Unusual or corrected properties of the file.
     pub warnings: Vec<String>,
 }
 
@@ -50,7 +50,7 @@ pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFi
     Ok(HandModelFile { model: file.model, kind: "MANO model", warnings })
 }
 
-/// By the file's name, else by its first bytes. A file that cannot be opened is left to the reader to complain of.
+/// From the file's name, else from its first bytes. The reader reports a file that cannot be opened.
 fn is_gltf(path: &Path) -> bool {
     use std::io::Read;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());

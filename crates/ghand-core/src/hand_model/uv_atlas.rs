@@ -1,7 +1,7 @@
 //! Builds a UV atlas for a mesh that has none.
 //!
-//! The surface is cut into charts that are seen from one direction without hiding any of themselves, each is projected
-//! along its direction, and the projections are packed into the unit square. Nothing of a chart is tilted by more than
+//! The surface is cut into charts, each completely visible from one direction. Each chart is projected along its
+//! direction, and the projections are packed into the unit square. No part of a chart is tilted by more than
 //! [`STEEPEST`], so that texels are about equally dense everywhere; overlaps are impossible by construction.
 
 mod charts;
@@ -12,12 +12,13 @@ use glam::{DVec2, DVec3};
 
 use charts::Chart;
 
-/// Cosine of the steepest angle between a face and the plane that it is projected on: 60 degrees, at which a texel covers
-/// twice the area, sqrt(2) of the spacing. Less makes more charts, whose gutters then cost more than the evenness gains.
+/// Cosine of the steepest angle between a face and the plane that it is projected on: 60 degrees, at which a texel
+/// covers twice the area, sqrt(2) of the spacing. A smaller angle makes more charts, whose gutters cost more than the
+/// evenness gains.
 const STEEPEST: f64 = 0.5;
 
-/// Smallest area of a face that gets a place of its own, where the longest side of the mesh's box is 1: at it, the area
-/// of a triangle is near the rounding error of its corners and its direction is noise.
+/// Smallest area of a face that gets its own place, where the longest side of the mesh's box is 1: at it, the area of a
+/// triangle is near the rounding error of its corners and its direction is noise.
 const SMALLEST_AREA: f64 = 1e-14;
 
 /// UV coordinates that show every face of a mesh once.
@@ -32,13 +33,13 @@ pub struct Atlas {
     pub charts: usize,
 }
 
-/// Why there is no atlas of a mesh.
+/// Why an atlas cannot be built for a mesh.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AtlasError {
     /// No face has an area.
     #[error("no face has an area; an atlas needs a surface")]
     Empty,
-    /// A face names a vertex that is not there.
+    /// A face refers to a missing vertex.
     #[error("face {face} names a vertex beyond the {vertices}; repair the mesh")]
     BeyondVertices {
         /// The face.
@@ -52,7 +53,7 @@ pub enum AtlasError {
         /// The vertex.
         vertex: usize,
     },
-    /// The surface falls into more pieces than a texture has room for.
+    /// The surface has more pieces than fit into a texture.
     #[error("the surface falls into {charts} pieces, more than a texture has room for; weld its vertices")]
     TooManyCharts {
         /// Number of pieces.
@@ -63,12 +64,12 @@ pub enum AtlasError {
 /// Builds an atlas of a mesh given as vertices (any unit) and triangles that index them, counter-clockwise seen from
 /// outside.
 ///
-/// Any triangles will do: open, closed, with edges that many faces share or that are wound either way. No two triangles
-/// of the atlas overlap; charts keep two texels of 512 between each other and to the border (less if there are thousands
-/// of them). The same mesh gives the same bits, and its place and size do not matter.
+/// Any triangles are accepted: open, closed, with edges shared by many faces, or with inconsistent winding. No two
+/// triangles of the atlas overlap; charts keep two texels of 512 between each other and to the border (less if there
+/// are thousands of them). The same mesh gives the same bits; its position and size do not matter.
 ///
 /// # Errors
-/// [`AtlasError`] when the mesh is not usable or without any area.
+/// [`AtlasError`] when the mesh is not usable or has no area.
 pub fn build_atlas(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Atlas, AtlasError> {
     if let Some(face) = faces.iter().position(|f| f.iter().any(|&i| i as usize >= vertices.len())) {
         return Err(AtlasError::BeyondVertices { face, vertices: vertices.len() });

@@ -1,4 +1,4 @@
-//! Fields that the format does not know, numbers beyond all hands, and lens distortion.
+//! Unknown fields, values that no hand can have, and lens distortion.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
     type Change = fn(&mut Value);
     let cases: [(Change, &[&str]); 12] = [
         (|v| rename(v, "mask_path", "mask_paht"), &["mask_paht: is not a field", "nearest", "\"mask_path\""]),
-        // What is missing for it is not what is told.
+        // The message does not name the field that is missing because of it.
         (|v| rename(v, "image_path", "imagepath"), &["imagepath: is not a field", "\"image_path\""]),
         (|v| v["scale"] = json!(2), &["scale: is not a field", "known here are format, version, units"]),
         (|v| v["hand_model"]["joint_names"] = json!([]), &["hand_model.joint_names", "\"joints\""]),
@@ -163,7 +163,7 @@ fn views_of_distorted_cameras_are_undistorted_with_their_masks() {
     let first = row.iter().position(|pixel| pixel[0] >= 100).unwrap();
     assert_eq!((first, row.iter().position(|pixel| pixel[3] == 255)), (30, Some(30)), "{row:?}");
     assert!(view.rgba.iter().all(|pixel| [0, 255].contains(&pixel[3])));
-    // The corner is not in the file's image: it is the background (0, 0.5, 1), and no hand.
+    // The corner is not in the file's image: it is the background (0, 0.5, 1), and not hand.
     assert_eq!(view.rgba[0], [0, 128, 255, 0]);
     capture.images.mask = None;
     let (view, notes) = capture.load_view_with_notes(0, 0).unwrap();

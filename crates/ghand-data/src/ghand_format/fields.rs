@@ -1,7 +1,7 @@
-//! Fields of a `capture.json` by name: one that the format does not know is an error that names the nearest.
+//! Fields of a `capture.json` by name: an unknown field is an error that suggests the nearest name.
 //!
-//! A misspelt optional field would otherwise be a field that is not there, such as `"mask_paht"`, without which the hand may be
-//! anywhere in the images.
+//! Otherwise a misspelt optional field, such as `"mask_paht"`, would count as missing, and the hand could be anywhere
+//! in the images.
 
 use std::path::Path;
 
@@ -20,15 +20,15 @@ use crate::checks::Checker;
 use crate::error::CaptureError;
 use crate::json_file::not_as_expected;
 
-/// What the name of a comment begins with.
+/// Prefixes of comments' names.
 const COMMENTS: [&str; 3] = ["_", "//", "$"];
-/// Names that are less alike (Jaro-Winkler, 1 for the same) are not called near.
+/// Names that are less similar (Jaro-Winkler, 1 for equal) are not suggested.
 const LEAST_LIKENESS: f64 = 0.75;
-/// Letters of a field that a message has.
+/// Most characters of a field in a message.
 const LONGEST_FIELD: usize = 100;
 
-/// What the text of a file says, if it has no field that is unknown. An unknown field is the error even where something else is
-/// wrong, too: a misspelt name leaves another field missing.
+/// The content of a file's text, if it has no unknown field. An unknown field takes precedence over other errors,
+/// because a misspelt name leaves another field missing.
 pub(super) fn read_fields(path: &Path, text: &str) -> Result<CaptureFile, CaptureError> {
     let mut unknown = None;
     let mut json = serde_json::Deserializer::from_str(text);
@@ -64,13 +64,13 @@ fn is_comment(name: &str) -> bool {
     COMMENTS.iter().any(|mark| name.starts_with(mark))
 }
 
-/// Where a field is.
+/// The place of a field.
 struct Place {
-    /// The names and indices that lead to it, with its own.
+    /// Its full path of names and indices.
     written: String,
     /// Its own name.
     name: String,
-    /// The field at the top of the file in which it is; none for one at the top.
+    /// The top-level field that contains it; `None` for a top-level field.
     top: Option<String>,
 }
 
@@ -114,7 +114,7 @@ fn unknown_field(checks: Checker, field: &str, name: &str, known: &[&str]) -> Ca
         Some(nearest) => format!("the nearest that is known here is {nearest:?}"),
         None => format!("known here are {}", known.join(", ")),
     };
-    // A hostile file has names of any length.
+    // Names in a hostile file may have any length.
     let field: String = field.chars().take(LONGEST_FIELD).collect();
     let problem = format!(
         "is not a field of the format; {instead}; correct or remove it, or begin its name with _ if it is a comment"
@@ -122,15 +122,15 @@ fn unknown_field(checks: Checker, field: &str, name: &str, known: &[&str]) -> Ca
     checks.invalid(field, problem)
 }
 
-/// The names of a struct's fields, as files have them.
+/// The names of a struct's fields in files.
 fn field_names<T: DeserializeOwned>() -> &'static [&'static str] {
     let mut names: &'static [&'static str] = &[];
-    // Fails: there is no value, only the names are asked for.
+    // Fails because there is no value; only the names are needed.
     drop(T::deserialize(FieldNames(&mut names)));
     names
 }
 
-/// Takes down the names of the fields that a struct asks for.
+/// Records the names of the fields that a struct requests.
 struct FieldNames<'a>(&'a mut &'static [&'static str]);
 
 impl<'de> Deserializer<'de> for FieldNames<'_> {

@@ -1,4 +1,4 @@
-//! Reading and checking of `capture.json`.
+//! Reads and checks `capture.json`.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::json_file::{LARGEST_FILE, parse};
 use crate::text_file::read_text;
 use crate::truth::{TRUTH_FILE, read_truth};
 
-/// Most images that all splits name together; the largest data sets have some million.
+/// Most images of all splits together; the largest data sets have a few million.
 const MOST_VIEWS: usize = 1 << 23;
 
 /// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
@@ -189,7 +189,7 @@ impl Reader<'_> {
         Ok((model, source))
     }
 
-    /// Refuses a field that another kind of hand model has.
+    /// Rejects a field that belongs to another kind of hand model.
     fn only_of(&self, kind: &str, field: &str, is_there: bool, file: &HandModelFile) -> Result<(), CaptureError> {
         if !is_there || file.kind == kind {
             return Ok(());
@@ -198,7 +198,7 @@ impl Reader<'_> {
         Err(self.invalid(member("hand_model", field), problem))
     }
 
-    /// For each joint of the model its row in the file's poses.
+    /// The row in the file's poses of each joint of the model.
     fn joint_order(&self, file: &HandModelFile, model: &HandModel) -> Result<Vec<usize>, CaptureError> {
         let Some(names) = &file.joints else {
             if file.parents.is_some() {
@@ -261,7 +261,7 @@ impl Reader<'_> {
         file.camera(self.checks, format!("cameras[{:?}]", file.id))
     }
 
-    /// The cameras' distortion; nothing if none has any.
+    /// The cameras' distortion; empty if none has any.
     fn distortion(&self, files: &[CameraFile], cameras: &[Camera]) -> Result<Vec<Option<Distortion>>, CaptureError> {
         let found = files
             .iter()
@@ -296,7 +296,7 @@ impl Reader<'_> {
         };
         let cameras = look_up("cameras", &file.cameras, cameras)?;
         let frames = look_up("frames", &file.frames, frames)?;
-        // A short file can name far more pairs than memory holds.
+        // A short file can name far more pairs than fit into memory.
         let left = cameras.len().checked_mul(frames.len()).and_then(|views| views_left.checked_sub(views));
         *views_left = left.ok_or_else(|| {
             let [cameras, frames] = [cameras.len(), frames.len()];
@@ -333,7 +333,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Exact poses by frame, if the file is there.
+    /// Exact poses by frame, if the file exists.
     fn truth(
         &self,
         path: &Path,

@@ -14,9 +14,9 @@ fn hand() -> ProceduralHand {
     ProceduralHand { detail: 1, ..Default::default() }
 }
 
-/// A small sound capture in a folder of its own, its images 4 x 3 pixels.
+/// A small valid capture in its own folder, with images of 4 x 3 pixels.
 pub(super) fn sample(root: &Path) -> Capture {
-    // Built once: the many small tests would spend their time on it.
+    // Built once, because it would take most of the time of many small tests.
     static HAND_MODEL: LazyLock<HandModel> = LazyLock::new(|| hand().build().unwrap());
     let hand_model = HAND_MODEL.clone();
     let joints = hand_model.joint_count();
@@ -78,7 +78,7 @@ pub(super) fn assert_contains(message: &str, parts: &[&str]) {
     }
 }
 
-/// The largest difference of any entry; NaN where one is.
+/// The largest difference of any entry; NaN if an entry is NaN.
 fn apart(a: DMat3, b: DMat3) -> f64 {
     (a - b).to_cols_array().iter().map(|e| e.abs()).fold(0.0, larger)
 }
@@ -219,7 +219,7 @@ fn paths_that_leave_the_folder_are_refused_on_any_system() {
 
 #[test]
 fn numbers_that_are_not_finite_are_refused() {
-    // JSON has no such numbers; what overflows or is written as NaN must not become one.
+    // JSON has no such numbers; overflowing numbers or text such as NaN must not become one.
     for number in ["1e999", "NaN", "Infinity"] {
         let folder = tempfile::tempdir().unwrap();
         sample(folder.path()).save().unwrap();
@@ -348,7 +348,7 @@ fn the_path_traced_capture_is_read_whole() {
     let hand = view.rgba.iter().filter(|p| p[3] == 255).count();
     assert!((10_000..120_000).contains(&hand), "{hand} pixels of hand");
 
-    // The hand is where its pose and the camera say.
+    // The hand is at the place given by its pose and the camera.
     let camera = &capture.cameras[split.cameras[0]];
     let pose = &capture.frames[split.frames[0]].pose;
     let model = &capture.hand_model;
@@ -359,6 +359,6 @@ fn the_path_traced_capture_is_read_whole() {
             view.rgba[pixel.y as usize * 334 + pixel.x as usize][3] == 255
         })
         .count();
-    // Tips lie on the skin and may fall beside it.
+    // Tips are on the skin and may project beside the mask.
     assert!(inside >= 20, "{inside} of 25 joints are seen on the hand");
 }

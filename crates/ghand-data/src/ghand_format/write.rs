@@ -1,4 +1,4 @@
-//! The `capture.json` of a [`Capture`].
+//! Writes the `capture.json` of a [`Capture`].
 
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::{Camera, HandModel, Side};
@@ -17,16 +17,16 @@ impl Capture {
     /// Images, masks and a glTF file are not touched.
     ///
     /// # Errors
-    /// [`CaptureError::Io`] when a file cannot be written; it is then as it was before. [`CaptureError::Invalid`] when the
-    /// format has no place for what the capture holds: one that was read from another data set.
+    /// [`CaptureError::Io`] when a file cannot be written; it is then unchanged. [`CaptureError::Invalid`] when the
+    /// format cannot express the capture, as for one that was read from another data set.
     pub fn save(&self) -> Result<(), CaptureError> {
         self.check_writable()?;
-        // The truth first: a folder with a capture.json is a whole capture.
+        // The truth first: a folder with a capture.json is a complete capture.
         write_truth(self)?;
         write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
     }
 
-    /// Frames of several sequences, made masks and splits that are no product have no place in the format.
+    /// The format cannot express frames of several sequences, made masks, and splits that are not a product.
     fn check_writable(&self) -> Result<(), CaptureError> {
         let odd = if self.images.made_masks.is_some() || self.images.hide_surroundings {
             "masks"
@@ -89,7 +89,7 @@ fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile
     }
 }
 
-/// The parameters as a file has them.
+/// The parameters as stored in a file.
 fn parameters(hand: &ProceduralHand) -> Map<String, Value> {
     match serde_json::to_value(hand) {
         Ok(Value::Object(parameters)) => parameters,

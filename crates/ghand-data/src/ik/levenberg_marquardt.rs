@@ -1,20 +1,20 @@
-//! Levenberg and Marquardt's method for least squares inside of a box, with a prior whose weight follows the residual.
+//! The Levenberg-Marquardt method for least squares inside a box, with a prior whose weight follows the residual.
 
 use super::limits::{Coupling, Range};
 use super::{LANDMARK_COUNT, UNKNOWNS};
 
-/// The residual that weighs the prior stays within these, metres: exact landmarks still leave the twist of a straight finger
-/// open, and the first steps of a start from afar are no noise.
+/// Bounds of the residual that weights the prior, metres: exact landmarks still leave the twist of a straight finger
+/// open, and a large residual in the first steps is not noise.
 const LEAST_SIGMA: f64 = 1e-4;
 const MOST_SIGMA: f64 = 0.01;
 
-/// Steps smaller than this, radians or metres, change nothing that can be seen.
+/// Steps smaller than this, radians or metres, have no visible effect.
 const SMALL_STEP: f64 = 1e-5;
 
-/// A step that was hardly damped and brought less than this part of the sum is the last one.
+/// A hardly damped step that reduces the sum by less than this fraction is the last one.
 const SMALL_GAIN: f64 = 1e-4;
 
-/// Damping, as a part of the diagonal: at first, and where no step helps any more.
+/// Damping, as a fraction of the diagonal: at first, and when no step helps any more.
 const FIRST_DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e8;
 
@@ -22,13 +22,13 @@ const MOST_DAMPING: f64 = 1e8;
 pub(super) trait Problem {
     /// Ranges of the last unknowns.
     fn ranges(&self) -> &[Range];
-    /// What goes together among the last unknowns.
+    /// Couplings among the last unknowns.
     fn couplings(&self) -> &[Coupling];
     /// Sum of the squared errors, square metres.
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64;
     /// `J^T J` and `J^T e`.
     fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]);
-    /// Another vector for the same thing, where one is better.
+    /// An equivalent vector, where one is better.
     fn settle(&self, x: &mut [f64; UNKNOWNS]);
 }
 
@@ -65,7 +65,7 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
             gradient[of] += weight * error;
             gradient[with] -= weight * c.ratio * error;
         }
-        // What lies at its bound and wants to leave the range stays there.
+        // Unknowns at a bound that would leave the range stay there.
         for (k, range) in ranges.iter().enumerate() {
             let (at, value) = (free + k, x[free + k]);
             if (value <= range.low && gradient[at] > 0.0) || (value >= range.high && gradient[at] < 0.0) {
@@ -111,7 +111,8 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
     (x, steps)
 }
 
-/// The solution of `(A + damping diag(A)) step = gradient` by Cholesky's method; `None` if the matrix is not positive.
+/// The solution of `(A + damping diag(A)) step = gradient` by Cholesky factorisation; `None` if the matrix is not
+/// positive.
 fn damped_step(
     matrix: &[[f64; UNKNOWNS]; UNKNOWNS],
     gradient: &[f64; UNKNOWNS],
@@ -122,7 +123,7 @@ fn damped_step(
         for j in 0..=i {
             let mut sum = matrix[i][j];
             if i == j {
-                // A landmark's unit of length is the metre: what no landmark tells must stay, not run away.
+                // Landmarks are in metres: unknowns that no landmark determines must stay bounded.
                 sum += damping * (sum + 1e-9);
             }
             sum -= lower[i][..j].iter().zip(&lower[j][..j]).map(|(a, b)| a * b).sum::<f64>();

@@ -1,14 +1,15 @@
-//! How far the joints of a hand bend.
+//! Ranges of motion of a hand's joints.
 //!
-//! Ranges of motion are those of the American Academy of Orthopaedic Surgeons ("Joint motion: method of measuring and
-//! recording"): fingers, knuckle 90 degrees of bending and 45 of stretching, 20 to either side; middle hinge 100 and 0, last
-//! hinge 90 and 0; thumb, base 15 and 20 with 70 away from the palm, knuckle 50 and 0, hinge 80 and 20. To each a margin is added:
-//! a rig at rest is not at the surgeons' zero, its axes are not quite a person's, and of the thumb's base the three angles
-//! mix. Ranges are of the components of a joint's axis-angle vector along the axes of its hinge.
+//! The ranges are those of the American Academy of Orthopaedic Surgeons ("Joint motion: method of measuring and
+//! recording"): fingers, knuckle 90 degrees of bending and 45 of stretching, 20 to either side; middle hinge 100 and 0,
+//! last hinge 90 and 0; thumb, base 15 and 20 with 70 away from the palm, knuckle 50 and 0, hinge 80 and 20. A margin
+//! is added to each: a rig at rest is not at the surgeons' zero, its axes are not exactly a person's, and the three
+//! angles of the thumb's base mix. The ranges apply to the components of a joint's axis-angle vector along the axes of
+//! its hinge.
 
 use ghand_core::hand_model::joint_names::Finger;
 
-/// Where a component may be, and where it is likely to be, radians.
+/// Allowed and likely values of a component, radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Range {
     pub low: f64,
@@ -22,7 +23,8 @@ const fn degrees(low: f64, high: f64, mean: f64, spread: f64) -> Range {
     Range { low: low * RADIANS, high: high * RADIANS, mean: mean * RADIANS, spread: spread * RADIANS }
 }
 
-/// Of the three components of a joint, 1 to 3 from the palm on: bending (negative towards the palm), sideways, twist.
+/// For the three components of a joint, 1 to 3 counted from the palm: bending (negative towards the palm), sideways,
+/// twist.
 pub(crate) fn ranges(finger: Finger, joint: u8) -> [Range; 3] {
     match (finger, joint) {
         (Finger::Thumb, 1) => {
@@ -40,18 +42,18 @@ pub(crate) fn ranges(finger: Finger, joint: u8) -> [Range; 3] {
     }
 }
 
-/// Two components that go together: `(of - ratio with) / spread` is likely to be small.
+/// Two coupled components: `(of - ratio with) / spread` is likely to be small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Coupling {
-    /// Among the components of all joints.
+    /// Indices into the components of all joints.
     pub of: usize,
     pub with: usize,
     pub ratio: f64,
     pub spread: f64,
 }
 
-/// The last hinge of a finger bends with the one before, by about two thirds of it: they share a tendon (Lin, Wu and Huang,
-/// "Modeling the constraints of human hand motion", 2000). Not so the thumb's.
+/// The last hinge of a finger bends with the one before, by about two thirds of it: they share a tendon (Lin, Wu and
+/// Huang, "Modeling the constraints of human hand motion", 2000). The thumb's does not.
 pub(crate) fn couplings() -> Vec<Coupling> {
     let bend = |finger: usize, joint: usize| 3 * (3 * finger + joint - 1);
     let spread = 20f64.to_radians();

@@ -9,7 +9,7 @@ use super::*;
 use crate::retarget::{mirrored, mirrored_point};
 use crate::test_hands::{generic, hands, larger, natural_motion, natural_pose, procedural, vector};
 
-/// Greatest distance of the joints of two poses, metres; NaN if there is one.
+/// Largest distance between the joints of two poses, metres; NaN if one is NaN.
 fn joint_error(model: &HandModel, a: &Pose, b: &Pose) -> f64 {
     let places = [a, b].map(|pose| {
         let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
@@ -23,7 +23,7 @@ fn ik(model: &HandModel) -> HandIk {
     HandIk::new(&Rig::of(model).unwrap())
 }
 
-/// Asserts that the joints of a pose are found again to half a millimetre, and returns the pose that was found.
+/// Asserts that the joints of a pose are recovered to half a millimetre, and returns the recovered pose.
 fn found_again(model: &HandModel, ik: &HandIk, pose: &Pose, before: Option<&Pose>, what: &str) -> Pose {
     let solution = ik.solve(&ik.landmarks(pose), before).unwrap();
     let error = joint_error(model, pose, &solution.pose);
@@ -86,7 +86,7 @@ fn crossed_fingers_are_found() {
         let mut pose = named_pose("point", &model).unwrap();
         let rig = Rig::of(&model).unwrap();
         let joint = |finger, k| rig.joint(JointRole::Bend(finger, k)).unwrap();
-        // The middle finger bends a little and lies over the index finger.
+        // The middle finger bends a little and crosses the index finger.
         let side = if model.side == Side::Right { 1.0 } else { -1.0 };
         for (finger, components) in
             [(Finger::Index, [-0.1, -0.2 * side, 0.0]), (Finger::Middle, [-0.35, 0.3 * side, 0.0])]
@@ -151,8 +151,9 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
             error * 1e3,
             median(steps)
         );
-        // Of 900 joints, one may bend quite otherwise. A landmark is off by 8.7 mm, the square root of three times 5 mm: the worst joint is no further off than that, and
-        // a little for the metacarpals' ends, which no landmark sees.
+        // Of 900 joints, one may bend quite differently. A landmark is off by 8.7 mm, the square root of three times 5
+        // mm: the worst joint is no further off than that, plus a little for the metacarpals' ends, which have no
+        // landmark.
         assert!(error < 0.010 && angle < 12.0 && worst < 90.0, "{error} {angle} {worst}");
     }
 }
@@ -185,7 +186,7 @@ fn hands_of_other_sizes_and_proportions_are_fitted_with_the_same_rotations() {
         // Without fitting, the hand is far too large.
         assert!(ik.solve(seen, None).unwrap().residual > 3e-3);
     }
-    // A few frames tell the size only.
+    // A few frames determine only the size.
     let few: Vec<_> = poses.iter().take(2).map(|pose| ik.landmarks(pose).map(|p| p * 0.8)).collect();
     let solution = ik.fitted(&few).solve(&few[0], None).unwrap();
     assert!(solution.residual < 1e-4, "{}", solution.residual);
@@ -200,9 +201,9 @@ fn landmarks_that_are_no_hand_have_no_pose() {
     nan[7].y = f64::NAN;
     assert!(ik.solve(&nan, None).is_none() && ik.solve(&good.map(|_| DVec3::ONE), None).is_none());
     assert!(ik.solve(&good.map(|p| DVec3::X * p.x), None).is_none());
-    // Squares of such lengths overflow; no answer is one, too.
+    // Squares of such lengths overflow; no result is acceptable, too.
     assert!(ik.solve(&good.map(|p| p * 1e200), None).is_none_or(|solution| solution.pose.translation.is_finite()));
-    // Any finite points give a finite pose or none.
+    // Finite points give a finite pose or none.
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..30 {
         let size = 10f64.powi(rng.random_range(-6..6));
@@ -229,7 +230,7 @@ fn a_jacobian_is_that_of_differences() {
                 fit.squares(&moved)
             };
             let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
-            // Differences of this width are right to about 1e-9 of squares of some decimetres.
+            // Differences of this width are accurate to about 1e-9 for squares of some decimetres.
             (difference - 2.0 * scale * gradient[k]).abs() <= 1e-6
         };
         assert!((0..UNKNOWNS).all(|k| check(k, 1.0)));

@@ -1,18 +1,18 @@
-//! Where the cameras stand to the hand.
+//! Positions of the cameras relative to the hand.
 
 use ghand_core::rotation::rotation_from_axis_angle;
 use glam::DVec3;
 
 use crate::capture::Capture;
 
-/// Where one camera stands, and what it has taken.
+/// The position of one camera, and its images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFacts {
-    /// From the hand's mean position, metres.
+    /// Distance from the hand's mean position, metres.
     pub distance: f64,
     /// Whether that position lies in front of the camera.
     pub in_front: bool,
-    /// Images in the splits.
+    /// Number of images in the splits.
     pub images: usize,
 }
 
@@ -33,8 +33,8 @@ pub(super) fn camera_facts(capture: &Capture, pairs: &[(usize, usize)]) -> Vec<C
     facts
 }
 
-/// The mean over the frames of the middle of the hand, world, metres: that of the template's vertices, moved with the root
-/// alone.
+/// The mean over the frames of the hand's centre, world, metres: the centre of the template's vertices, moved only with
+/// the root.
 fn mean_position(capture: &Capture) -> DVec3 {
     let template = &capture.template;
     let middle = template.vertices.iter().sum::<DVec3>() / template.vertices.len().max(1) as f64;

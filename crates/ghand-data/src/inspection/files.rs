@@ -1,4 +1,4 @@
-//! Whether the files of a capture's images are there, whole and of their cameras' sizes.
+//! Whether the files of a capture's images exist, are complete and have their cameras' sizes.
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, check};
 
-/// Most problems that are kept with their reasons; all are counted.
+/// Most problems stored with their reasons; all are counted.
 pub const MOST_PROBLEMS: usize = 100;
 
 /// A file that cannot be used.
@@ -17,24 +17,24 @@ pub const MOST_PROBLEMS: usize = 100;
 pub struct FileProblem {
     /// The file.
     pub file: PathBuf,
-    /// Whether it is not there at all.
+    /// Whether it is missing.
     pub missing: bool,
-    /// What is wrong, with the file's name and what to do.
+    /// The problem, with the file's name and a remedy.
     pub reason: String,
 }
 
-/// The files of all splits, each looked at once.
+/// The files of all splits, each checked once.
 #[derive(Debug, Default)]
 pub struct FileCheck {
     /// Images of the splits.
     pub images: usize,
-    /// Files of images and masks that should be there.
+    /// Expected files of images and masks.
     pub files: usize,
-    /// Files that are not there.
+    /// Missing files.
     pub missing: usize,
-    /// Files that are there but truncated, no images, or of another size than their cameras'.
+    /// Existing files that are truncated, not images, or not of their cameras' sizes.
     pub broken: usize,
-    /// Masks that have no file and are made from the posed hand model.
+    /// Masks without a file, which are made from the posed hand model.
     pub made_masks: usize,
     /// Sizes (width, height) of cameras, pixels, and how many images have them.
     pub sizes: BTreeMap<[u32; 2], usize>,
@@ -42,7 +42,7 @@ pub struct FileCheck {
     pub problems: Vec<FileProblem>,
 }
 
-/// What was found of one image.
+/// Result for one image.
 #[derive(Debug, Default)]
 struct Found {
     files: usize,
@@ -52,10 +52,10 @@ struct Found {
 }
 
 impl FileCheck {
-    /// Looks at the headers and ends of the files of some pairs of camera and frame, in parallel. Gives the pairs, too, of which
-    /// something is wrong.
+    /// Checks the headers and ends of the files of some pairs of camera and frame, in parallel. Also returns the pairs
+    /// with problems.
     pub(super) fn of(capture: &Capture, pairs: &[(usize, usize)]) -> (FileCheck, HashSet<(usize, usize)>) {
-        // In parts, so that a capture without any file does not pile up as many reasons.
+        // In parts, so that a capture without any file does not accumulate as many reasons.
         const PART: usize = 4096;
         let mut total = FileCheck { images: pairs.len(), ..Default::default() };
         let mut unusable = HashSet::new();
@@ -76,7 +76,7 @@ impl FileCheck {
         (total, unusable)
     }
 
-    /// Counts and, while there is room, keeps a problem.
+    /// Counts a problem and stores it while there is room.
     pub(super) fn add(&mut self, problem: FileProblem) {
         *(if problem.missing { &mut self.missing } else { &mut self.broken }) += 1;
         if self.problems.len() < MOST_PROBLEMS {

@@ -1,4 +1,4 @@
-//! What is wrong or odd about a capture.
+//! Problems and oddities of a capture.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -6,44 +6,46 @@ use std::fmt;
 use super::{CaptureInspection, SplitFacts, ViewFit};
 use crate::capture::Capture;
 
-/// A template that meets the masks less than this may be posed, or seen, in another way than the capture means: noise of four
-/// degrees in every joint leaves a mean of 0.8, a transposed rotation, where cameras stand all around a hand, 0.5 to 0.6.
+/// A template that overlaps the masks less than this may use another convention for poses or cameras than the capture:
+/// noise of four degrees in every joint gives a mean of 0.8, transposed rotations, with cameras all around a hand, 0.5
+/// to 0.6.
 const LEAST_IOU: f64 = 0.7;
-/// A template that meets the masks less than this is elsewhere: millimetres leave 0, and training, which moves a hand by
-/// millimetres, finds no way back. Even a hand beside the right place, or a transposed rotation, has more.
+/// A template that overlaps the masks less than this is elsewhere: translations in millimetres give 0, and training,
+/// which moves a hand by millimetres, cannot recover. Even a hand beside the right place, or a transposed rotation, has
+/// more.
 const HOPELESS_IOU: f64 = 0.1;
-/// Distances between cameras and a hand, metres: from a lens that nearly touches it to the far end of a hall.
+/// Plausible distances between cameras and a hand, metres: from a lens that nearly touches it to the far end of a hall.
 const DISTANCES: std::ops::Range<f64> = 0.03..20.0;
-/// The part of a split's images that must have a fault before training is pointless. Some images of a sound capture may have it:
-/// the hand leaves a camera's view.
+/// Fraction of a split's images that must have a fault for training to be pointless. Some images of a good capture may
+/// have it, such as when the hand leaves a camera's view.
 const NEARLY_ALL: f64 = 0.9;
-/// The part of the cameras that must have a fault before training is pointless.
+/// Fraction of the cameras that must have a fault for training to be pointless.
 const MOST_CAMERAS: f64 = 0.5;
-/// The part of the joint rotations that are longer than a whole turn where poses are in degrees. Few rotations of a pose are zero,
-/// and 6.3 degrees are little; in radians, a whole turn is none.
+/// If more than this fraction of the joint rotations are longer than a whole turn, poses are in degrees. Few rotations
+/// of a pose are zero, and most exceed 6.3 degrees; in radians, none exceeds a whole turn.
 const DEGREES: f64 = 0.1;
 /// Images, and hands, whose largest value is below this are black.
 const LEAST_BRIGHTNESS: u8 = 20;
-/// Images whose values differ by no more than this have one colour: a lossy file of one colour differs by as much.
+/// Images whose values differ by no more than this have one colour: lossy compression makes such differences.
 const MOST_OF_ONE_COLOR: u8 = 2;
-/// Names in a list; more are counted.
+/// Most names in a list; further ones are counted.
 const MOST_NAMES: usize = 5;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Unusual; an avatar may still come out well.
+    /// Unusual; the avatar may still be good.
     Odd,
-    /// No avatar can come of training on this.
+    /// Training on this cannot give an avatar.
     Pointless,
 }
 
-/// Something wrong or odd about a capture.
+/// A problem or oddity of a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
-    /// What it is, with what it leads to or where it comes from: a sentence without its full stop.
+    /// Description with consequence or cause: a sentence without its full stop.
     pub text: String,
 }
 
@@ -62,12 +64,13 @@ fn finding(is_pointless: bool, text: String) -> Finding {
     Finding { severity: if is_pointless { Severity::Pointless } else { Severity::Odd }, text }
 }
 
-/// The views of all splits that are no part of others.
+/// The views of all splits that are not part of others.
 fn views(found: &CaptureInspection) -> impl Iterator<Item = &ViewFit> {
     found.splits.iter().filter(|split| !split.is_part).flat_map(|split| &split.views)
 }
 
-/// A finding about the views that have a fault, if any has: pointless where nearly all of a split have it. Only `of` views count.
+/// A finding about the views with a fault, if there are any: pointless if nearly all of a split have it. Only `of`
+/// views count.
 fn faulty(
     found: &CaptureInspection,
     of: impl Fn(&ViewFit) -> bool,
@@ -233,7 +236,7 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
     let worse_than = |most: f64, least: f64| {
         let poor = found.splits.iter().filter(|split| !split.is_part).filter_map(move |split| {
             let mean = split.iou_given()?.mean;
-            // NaN is poor, too.
+            // NaN counts as poor, too.
             let is_poor = (least..most).contains(&mean) || (mean.is_nan() && least == 0.0);
             is_poor.then(|| format!("{} ({mean:.2})", split.name))
         });
@@ -248,7 +251,7 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
     let hopeless = Some(worse_than(HOPELESS_IOU, 0.0)).filter(|splits| !splits.is_empty());
     let poor = Some(worse_than(LEAST_IOU, HOPELESS_IOU)).filter(|splits| !splits.is_empty());
     [
-        // A hand that leaves some cameras' view is nothing odd.
+        // It is normal for a hand to leave some cameras' view.
         outside.filter(|outside| outside.severity == Severity::Pointless),
         hopeless.map(|splits| finding(true, text("hardly or not at all", splits))),
         poor.map(|splits| finding(false, text("poorly", splits))),

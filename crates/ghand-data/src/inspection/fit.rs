@@ -1,4 +1,4 @@
-//! How much of an image is hand, and how well the posed template meets it.
+//! The fraction of an image that is hand, and how well the posed template matches it.
 
 use ghand_core::Pose;
 use ghand_core::posing::pose_hand;
@@ -11,19 +11,19 @@ use crate::error::CaptureError;
 use crate::mask::fill;
 use crate::view::View;
 
-/// What the pixels of one image say.
+/// Facts from the pixels of one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewFit {
     /// The camera, an index into those of the capture.
     pub camera: usize,
     /// The frame, an index into those of the capture.
     pub frame: usize,
-    /// Part of the image that is hand, `[0, 1]`; `None` where the image has no mask, so that all of it may be hand.
+    /// Fraction of the image that is hand, `[0, 1]`; `None` if the image has no mask, so that all of it may be hand.
     pub coverage: Option<f64>,
-    /// Intersection over union of the mask with the posed template, `[0, 1]`, in the frame's own pose; `None` where there is no
-    /// mask, or nothing on it and nothing of the template in the image.
+    /// Intersection over union of the mask with the posed template, `[0, 1]`, in the frame's own pose; `None` if there
+    /// is no mask, or if both the mask and the template's image are empty.
     pub iou_given: Option<f64>,
-    /// The same in the true pose, where that is known.
+    /// The same in the true pose, if known.
     pub iou_true: Option<f64>,
     /// Whether anything of the posed template, in the frame's own pose, is in the image.
     pub shows_template: bool,
@@ -37,8 +37,8 @@ pub struct ViewFit {
     pub nan_pixels: usize,
 }
 
-/// The capture's hand model in a frame's shape and pose, its vertices (world, metres): first in the frame's own pose, then in
-/// the true one where it is known.
+/// The capture's hand model in a frame's shape and pose, its vertices (world, metres): first in the frame's own pose,
+/// then in the true one if known.
 ///
 /// # Errors
 /// [`CaptureError::HandModel`] when shape or pose do not fit the hand model, [`CaptureError::Invalid`] when there is no such
@@ -53,13 +53,14 @@ pub fn posed_template(capture: &Capture, frame: usize) -> Result<(Vec<DVec3>, Op
     Ok((posed(pose)?, truth))
 }
 
-/// The true pose of a frame, where it is known.
+/// The true pose of a frame, if known.
 pub fn true_pose(capture: &Capture, frame: usize) -> Option<&Pose> {
     capture.truth.as_ref()?.get(frame)?.as_ref()
 }
 
-/// Decodes images and compares their masks with the posed template; an image that cannot be decoded has its error. `pairs`
-/// (camera, frame) are in the order of frames, each of which is posed once; the results are in the order of the pairs.
+/// Decodes images and compares their masks with the posed template; an image that cannot be decoded gives its error.
+/// `pairs` (camera, frame) are in the order of frames, each of which is posed once; the results are in the order of the
+/// pairs.
 ///
 /// # Errors
 /// [`CaptureError::HandModel`] as of [`posed_template`].

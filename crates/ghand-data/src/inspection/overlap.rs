@@ -1,7 +1,7 @@
-//! How well two masks agree, and how numbers of many images spread.
+//! Agreement of two masks, and the spread of numbers over many images.
 
-/// Intersection over union of two masks of the same image, in `[0, 1]`; `None` where both are empty, which says nothing about
-/// how well they agree. What one mask has beyond the length of the other counts as disagreement.
+/// Intersection over union of two masks of the same image, in `[0, 1]`; `None` if both are empty, because then
+/// agreement is undefined. If the lengths differ, the excess counts as disagreement.
 pub fn iou(a: &[bool], b: &[bool]) -> Option<f64> {
     let both = a.iter().zip(b).filter(|(a, b)| **a && **b).count();
     let count = |mask: &[bool]| mask.iter().filter(|inside| **inside).count();
@@ -9,10 +9,10 @@ pub fn iou(a: &[bool], b: &[bool]) -> Option<f64> {
     (either > 0).then(|| both as f64 / either as f64)
 }
 
-/// How numbers spread.
+/// The spread of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// How many there are, at least 1.
+    /// Their count, at least 1.
     pub count: usize,
     /// Their mean.
     pub mean: f64,
@@ -23,7 +23,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The spread of some numbers; `None` if there are none. One that is NaN makes mean, minimum and maximum NaN.
+    /// The spread of some numbers; `None` if there are none. A NaN makes mean, minimum and maximum NaN.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
         let mut values = values.into_iter();
         let first = values.next()?;

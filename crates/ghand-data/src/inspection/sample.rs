@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-/// At most `count` of `views`, which lie frames outermost, in their order: one from each of as many stretches of equal length,
-/// so that they are spread over the frames, and there one of the camera that has been chosen least so far.
+/// At most `count` of `views` (frames outermost), in their order: one from each of `count` stretches of equal length,
+/// so that they are spread over the frames, and within a stretch one of the camera that has been chosen least so far.
 ///
-/// `chosen` counts how often each camera has been chosen; it is brought up to date, so that several calls share the cameras
-/// among them.
+/// `chosen` counts how often each camera has been chosen; it is updated, so that several calls together use the cameras
+/// evenly.
 pub(super) fn spread_evenly<'a, T>(
     views: &'a [T],
     camera: impl Fn(&T) -> usize,
@@ -18,7 +18,8 @@ pub(super) fn spread_evenly<'a, T>(
     let mut sample = Vec::with_capacity(count);
     for i in 0..count {
         let stretch = views.get(i * total / count..(i + 1) * total / count).unwrap_or_default();
-        // Among equals the first would always be of the stretch's first frame: begin elsewhere in each.
+        // The first of several equals would always be in the stretch's first frame: start at another place in each
+        // stretch.
         let start = (i * stretch.len()) / count;
         let turned = stretch.iter().skip(start).chain(stretch.iter().take(start));
         let least = turned.min_by_key(|view| chosen.get(&camera(view)).copied().unwrap_or(0));
@@ -44,7 +45,7 @@ mod tests {
 
     #[test]
     fn every_camera_and_every_frame_has_its_turn() {
-        // A stride of 20 would always meet the same of the 20 cameras.
+        // A stride of 20 would always hit the same one of the 20 cameras.
         let split = Split::product((0..20).collect(), (0..240).collect());
         let found = sample(&split, 240);
         let uses = |of: &dyn Fn(&(usize, usize)) -> usize| {

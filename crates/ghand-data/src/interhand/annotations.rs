@@ -86,7 +86,7 @@ struct ById<'a, T>(&'a mut BTreeMap<String, T>);
 
 impl<T: for<'a> Deserialize<'a>> Keys for ById<'_, T> {
     fn value<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error> {
-        // A camera without a value is one that is not there.
+        // A camera without a value does not exist.
         let Some(value) = map.next_value::<Option<T>>()? else { return Ok(()) };
         if self.0.len() >= MOST_CAMERAS {
             return Err(A::Error::custom(format!("more than {MOST_CAMERAS} cameras")));

@@ -13,11 +13,11 @@ use crate::checks::Checker;
 use crate::error::CaptureError;
 use crate::json::{ForEach, Keys, Name, Numbers, Object, read_json, read_streaming, skip};
 
-/// Most images that are kept; the largest subset has 1.4 million in all.
+/// Most images that are kept; the largest subset has 1.4 million in total.
 const MOST_IMAGES: usize = 1 << 22;
-/// Most names of sequences or cameras of a capture; there are some hundred.
+/// Most names of sequences or cameras of a capture; there are a few hundred.
 const MOST_NAMES: usize = 1 << 14;
-/// The ids of grey cameras begin so.
+/// Prefix of the ids of grey cameras.
 const GREY: &str = "41";
 
 /// One image with its annotation.
@@ -31,14 +31,14 @@ pub(crate) struct Image {
     pub camera: usize,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// The hand that it shows, if it is one.
+    /// The hand that it shows, if it shows one.
     pub side: Option<Side>,
     /// The hand's box: x, y, width, height, pixels.
     pub bounds: Option<[f64; 4]>,
 }
 
 impl Image {
-    /// What tells its frame: sequence and number.
+    /// Identifies its frame: sequence and number.
     pub fn frame(&self) -> (usize, u64) {
         (self.sequence, self.number)
     }
@@ -128,7 +128,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// For a second pass over a file whose annotations stand before the images they are about.
+    /// For a second pass over a file whose annotations precede their images.
     fn again(&mut self) -> AnnotationsOnly<'_, 'a> {
         AnnotationsOnly(self)
     }

@@ -1,5 +1,5 @@
-//! Whether poses and hand model belong together: annotated joints, from `InterHand2.6M_{subset}_joint_3d.json`, against
-//! those of the posed model.
+//! Checks whether poses and hand model belong together: compares annotated joints, from
+//! `InterHand2.6M_{subset}_joint_3d.json`, with those of the posed model.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -24,12 +24,12 @@ pub(super) const TIPS: [usize; 5] = [4, 8, 16, 12, 0];
 pub(super) const JOINTS: usize = 21;
 /// Frames that are compared: enough for a mean.
 const COMPARED: usize = 32;
-/// Mean distance from which model and poses do not belong together, metres: the fits are published with about 5 mm, the
-/// joints of the two skeletons differ by about as much, and a wrong mean pose moves fingers by centimetres.
+/// Mean distance above which model and poses do not belong together, metres: the fits are published with about 5 mm,
+/// the joints of the two skeletons differ by about as much, and a wrong mean pose moves fingers by centimetres.
 const FAR: f64 = 0.03;
 
-/// A sentence of warning when the posed model's joints are far from the annotated ones. `frames` by their numbers. Without
-/// the file, or without any annotated frame, there is nothing to compare.
+/// A warning if the posed model's joints are far from the annotated ones. `frames` are indexed by number. Without the
+/// file, or without any annotated frame, nothing is compared.
 pub(super) fn warning(
     path: &Path,
     capture: &str,
@@ -100,7 +100,7 @@ struct JointRecord {
     world_coord: Option<BothHands>,
 }
 
-/// The joints of both hands; nothing if there are more or fewer, however many.
+/// The joints of both hands; `None` if there are more or fewer.
 struct BothHands(Option<Vec<Numbers<3>>>);
 
 impl<'de> Deserialize<'de> for BothHands {

@@ -1,11 +1,11 @@
-//! Where the parts of the data set are.
+//! Locations of the parts of the data set.
 
 use std::path::{Path, PathBuf};
 
 use crate::checks::Checker;
 use crate::error::CaptureError;
 
-/// Folders that images lie in, below the root: as the format says, and as the archive unpacks.
+/// Folders of the images, below the root: as documented, and as unpacked from the archive.
 const IMAGE_FOLDERS: [&str; 2] = ["images", "InterHand2.6M_5fps_batch1/images"];
 const SUBSETS: [&str; 3] = ["train", "val", "test"];
 /// HandAvatar's captures, subset and number.
@@ -36,8 +36,8 @@ impl Location {
     }
 }
 
-/// The capture that a path stands for: the root of the data set is the first of HandAvatar's captures that is there, and a
-/// folder `Capture0` among the images is that one. Nothing if the path is neither.
+/// The capture that a path means: the root of the data set means the first existing one of HandAvatar's captures, and a
+/// folder such as `Capture0` among the images means that one. `None` if the path is neither.
 pub(crate) fn locate(path: &Path) -> Option<Result<Location, CaptureError>> {
     let path = std::path::absolute(path).ok()?;
     if let Some(images) = image_folder(&path) {

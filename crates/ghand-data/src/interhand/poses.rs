@@ -17,7 +17,7 @@ use crate::json::{Keys, Numbers, Object, read_json, read_streaming, skip};
 
 /// Shape parameters of a frame.
 pub(super) const SHAPES: usize = 10;
-/// Axis-angle numbers of a pose: 16 joints.
+/// Number of axis-angle numbers in a pose: 16 joints.
 const POSE: usize = 48;
 
 /// MANO's parameters in the world's frame, as annotated: the pose without its mean.
@@ -29,7 +29,7 @@ pub(crate) struct Parameters {
     pub trans: Numbers<3>,
 }
 
-/// Poses of the wanted frames by their number; frames whose annotation is null or not there have none. Their ids are
+/// Poses of the wanted frames by their number; frames whose annotation is null or missing have none. Their ids are
 /// empty.
 pub(super) fn read_poses(
     path: &Path,
@@ -61,7 +61,7 @@ pub(crate) fn read_pose_text(
     Ok(reader.frames.found)
 }
 
-/// The frame without its id. `mean` is the mean rotation of each joint but the root.
+/// The frame without its id. `mean` is the mean rotation of each joint except the root.
 fn frame(parameters: &Parameters, mean: &[DVec3]) -> Frame {
     let given = parameters.pose.0.as_chunks::<3>().0.iter().map(|r| DVec3::from_array(*r));
     let added = std::iter::once(&DVec3::ZERO).chain(mean);
@@ -82,7 +82,7 @@ impl Keys for OfCapture<'_> {
 }
 
 struct Frames<'a> {
-    /// All where absent.
+    /// All if absent.
     wanted: Option<&'a HashSet<u64>>,
     side: Side,
     found: HashMap<u64, Parameters>,

@@ -1,4 +1,4 @@
-//! A capture written in the layout of InterHand2.6M, as its capture 0 of the subset `test`.
+//! Writes a capture in the layout of InterHand2.6M, as capture 0 of the subset `test`.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use crate::view::crop_box;
 /// same order (index, middle, little, ring, thumb).
 pub(crate) type Landmarks = [DVec3; JOINTS];
 
-/// The number of the first frame, and from one to the next: the data set has every third.
+/// The number of the first frame, and the step between frames: the data set has every third.
 const FIRST_NUMBER: usize = 20_000;
 const NUMBER_STEP: usize = 3;
 /// The hand that synthetic captures show.
@@ -30,8 +30,8 @@ fn location(root: &Path) -> Location {
     Location { root: root.into(), images: "images", subset: "test".into(), capture: "0".into() }
 }
 
-/// Gives cameras, frames and images the names that they have in the data set: frames of the split `test` are in the sequence
-/// that tests, the others in the one that trains.
+/// Gives cameras, frames and images names like those in the data set: frames of the split `test` are in the test
+/// sequence, the others in the training sequence.
 pub(crate) fn lay_out(capture: &mut Capture) {
     let sequences = Sequences::default().or_default(capture.side);
     let is_test = |i: usize| capture.splits.get("test").is_some_and(|split| split.frames.contains(&i));
@@ -48,7 +48,7 @@ pub(crate) fn lay_out(capture: &mut Capture) {
     capture.images.made_masks = None;
 }
 
-/// Writes the annotations of a capture whose names are those of [`lay_out`] and whose images and masks are there, and
+/// Writes the annotations of a capture whose names are those of [`lay_out`] and whose images and masks exist, and
 /// `truth.json` beside them. `landmarks` are those of its frames.
 pub(crate) fn write_annotations(capture: &Capture, landmarks: &[Landmarks]) -> Result<(), CaptureError> {
     let location = location(&capture.root);
@@ -70,7 +70,7 @@ pub(crate) fn write_annotations(capture: &Capture, landmarks: &[Landmarks]) -> R
     write_truth(capture)
 }
 
-/// Frame numbers and what belongs to each.
+/// Frame numbers and their values.
 fn by_number(capture: &Capture, value: impl Fn(&Frame, usize) -> Value) -> Value {
     let entries = capture.frames.iter().enumerate().map(|(i, f)| (number(f).to_owned(), value(f, i)));
     Value::Object(entries.collect())

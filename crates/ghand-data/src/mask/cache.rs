@@ -1,5 +1,5 @@
-//! Made masks on disk: PNG files that end with what they were made from and the facts of their image, so that a changed
-//! pose, camera, model or image makes them anew.
+//! Cache of made masks: PNG files that end with a key of their inputs and the facts of their image. A changed pose,
+//! camera, model or image invalidates them.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
@@ -15,19 +15,19 @@ use crate::capture::{Capture, fill_template};
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 
-/// What stands behind the PNG: this mark, the key, the facts. Changed when masks are made in another way.
+/// Data after the PNG: this tag, the key, the facts. Changes whenever masks are made in another way.
 const MARK: [u8; 8] = *b"ghandms1";
-/// Lengths: mark, key, pixels, two brightnesses.
+/// Lengths: tag, key, pixels, two brightnesses.
 const TRAILER: usize = 8 + 8 + 4 + 1 + 1;
 
-/// Where a mask is kept, and what it must have been made from.
+/// The file of a mask, and the inputs that it must have been made from.
 pub(super) struct Place {
     file: PathBuf,
     key: u64,
     size: (u32, u32),
 }
 
-/// What was found there.
+/// The content of that file.
 pub(super) struct Stored {
     pub facts: Facts,
     file: PathBuf,
@@ -62,7 +62,7 @@ impl Place {
         Ok(Place { file, key: hasher.finish(), size: (camera.width, camera.height) })
     }
 
-    /// What is there, if it was made from the same.
+    /// The cached content, if it was made from the same inputs.
     pub fn read(&self) -> Option<Stored> {
         let mut png = read_bytes(&self.file, Role::Mask, self.size).ok()?;
         let trailer = png.split_off(png.len().checked_sub(TRAILER)?);
@@ -77,7 +77,7 @@ impl Place {
         Some(Stored { facts, file: self.file.clone(), png, size: self.size })
     }
 
-    /// Keeps the facts, and the mask unless it has a file of its own. What cannot be kept is made anew next time.
+    /// Stores the facts, and the mask unless it has its own file. Data that cannot be stored are made again next time.
     pub fn write(&self, facts: &Facts, mask: Option<&[u8]>) {
         static WARNED: AtomicBool = AtomicBool::new(false);
         let mut bytes = Vec::new();
@@ -103,13 +103,13 @@ impl Place {
 }
 
 impl Stored {
-    /// The mask, if it was made and its file is whole.
+    /// The mask, if it was made and its file is intact.
     pub fn mask(&self) -> Option<Vec<u8>> {
         Some(decode(&self.file, Role::Mask, &self.png, self.size).ok()?.into_luma8().into_raw())
     }
 }
 
-/// A folder for the masks of a data set: beside it where that may be written, else in the user's cache.
+/// A folder for the masks of a data set: beside it if that is writable, else in the user's cache.
 pub(crate) fn mask_folder(root: &Path) -> PathBuf {
     let beside = root.join("ghand-masks");
     let may_write = std::fs::create_dir_all(&beside).is_ok() && tempfile::tempfile_in(&beside).is_ok();

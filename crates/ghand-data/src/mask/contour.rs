@@ -1,11 +1,11 @@
 //! The largest part of a mask.
 
-/// Keeps of a row-major mask what lies inside the contour that encloses most pixels; holes stay holes, but count as
-/// enclosed. Parts touch at corners, too.
+/// Keeps the part of a row-major mask inside the contour that encloses most pixels. Holes stay holes, but count as
+/// enclosed. Pixels that touch at corners are connected.
 pub(super) fn keep_largest(mask: &mut [bool], width: usize) {
     let width = width.max(1);
     let mut label: Vec<u32> = vec![0; mask.len()];
-    // What the border reaches without crossing the mask is outside of all contours.
+    // Pixels that can be reached from the border without crossing the mask are outside all contours.
     let on_border = |i: usize| i < width || i + width >= mask.len() || [0, width - 1].contains(&(i % width));
     let mut pending: Vec<usize> = (0..mask.len()).filter(|&i| on_border(i) && !mask[i]).collect();
     pending.iter().for_each(|&i| label[i] = OUTSIDE);

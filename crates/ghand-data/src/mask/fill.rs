@@ -3,11 +3,11 @@
 use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
-/// Triangles with a corner nearer than this are left out, metres: what is at or behind the camera has no image.
+/// Triangles with a corner nearer than this are skipped, metres: points at or behind the camera have no image.
 const NEAR: f64 = 1e-3;
 
-/// Whether each pixel's centre, row-major, lies in the image of a triangle, edges included. `faces` are indices into
-/// `points` (world, metres); a triangle with an index beyond them is left out.
+/// Whether each pixel's centre, row-major, is inside the image of a triangle, edges included. `faces` are indices into
+/// `points` (world, metres); a triangle with an index beyond them is skipped.
 pub(crate) fn fill(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut inside = vec![false; width * height];
@@ -27,7 +27,7 @@ pub(crate) fn fill(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec
             continue;
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // Pixels whose centres, at half numbers, lie between.
+        // Pixels whose centres, at half-integers, are between.
         let range = |low: f64, high: f64, size: usize| {
             let bound = |v: f64| v.clamp(0.0, size as f64) as usize;
             bound((low - 0.5).ceil())..bound((high - 0.5).floor() + 1.0)

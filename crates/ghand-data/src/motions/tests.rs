@@ -6,7 +6,7 @@ use ghand_core::hand_model::named_poses::named_pose;
 use super::*;
 use crate::test_hands::{generic, hands, larger, procedural};
 
-/// Greatest angle that a joint turns from one pose to the next, radians; NaN if there is one.
+/// Largest angle that a joint rotates from one pose to the next, radians; NaN if one is NaN.
 fn turn(a: &Pose, b: &Pose) -> f64 {
     let angle = |(a, b): (&DVec3, &DVec3)| {
         let [a, b] = [a, b].map(|r| rotation_from_axis_angle(*r));
@@ -69,7 +69,7 @@ fn names_that_are_none_and_rigs_that_say_nothing_have_no_motion() {
 #[test]
 fn between_takes_the_shorter_way_whatever_the_vectors() {
     let pose = |x: f64| Pose { rotations: vec![DVec3::X * x], translation: DVec3::ZERO };
-    // 350 degrees and 10: the way is 20 degrees long.
+    // 350 degrees and 10: the rotation between is 20 degrees.
     let middle = between(&pose(350f64.to_radians()), &pose(10f64.to_radians()), 0.5);
     assert!(turn(&middle, &pose(0.0)) < 1e-9);
     assert!(generic(Side::Right).is_none_or(|model| motion("wave", &model, 30.0).unwrap().is_ok()));

@@ -1,4 +1,4 @@
-//! The rig that the rows of a file of poses are for, as ghand's own files describe it.
+//! The rig of the rows in a file of poses, as described by ghand's own files.
 //!
 //! `hand_model` of the JSON (in an `.npz` the arrays themselves) may hold:
 //!
@@ -8,12 +8,12 @@
 //! | `side` | `"right"` or `"left"` |
 //! | `parents` | row of each joint's parent, which precedes it; -1 for the root |
 //! | `rest_joints` | rest positions `[n_b][3]`, metres, in the axes that the rotations are in |
-//! | `tips` | fingertips at rest `[5][3]`, thumb to little finger; without them a joint at the tip, else the last bone goes on |
-//! | `vertices`, `triangles` | how many the mesh has: rigs of the same mesh share its rest pose |
+//! | `tips` | fingertips at rest `[5][3]`, thumb to little finger; default: a joint at the tip, else beyond the last bone |
+//! | `vertices`, `triangles` | their numbers in the mesh: rigs of the same mesh share its rest pose |
 //! | `name` | for messages |
 //!
-//! Names alone are enough for a model that has these names. `side`, `parents` and `rest_joints` are what carrying poses over to
-//! another rig takes.
+//! Names alone are enough for a model that has these names. Transferring poses to another rig needs `side`, `parents`
+//! and `rest_joints`.
 
 use ghand_core::hand_model::joint_names::{Finger, JointRole};
 use ghand_core::rotation::axis_angle_from_rotation;
@@ -28,15 +28,15 @@ use crate::rig::Rig;
 
 /// Rest positions this near to each other are the same, metres.
 const SAME_PLACE: f64 = 1e-6;
-/// Bones of one mesh whose frames at rest differ by less than this are in the same rest pose, radians: far more than proportions
-/// do, half of what other axes would.
+/// Bones of one mesh whose rest frames differ by less than this have the same rest pose, radians: far more than the
+/// effect of proportions, half the effect of other axes.
 const SAME_REST_POSE: f64 = std::f64::consts::FRAC_PI_4;
 /// Larger coordinates at rest are not metres.
 const LARGEST_COORDINATE: f64 = 1000.0;
-/// How far a fingertip is beyond the last joint when nothing tells, in lengths of the bone before.
+/// Default distance of a fingertip from the last joint, in lengths of the preceding bone.
 const TIP_LENGTH: f64 = 0.9;
 
-/// A rig as a file describes it.
+/// A rig described by a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FileRig {
     pub name: String,
@@ -50,7 +50,8 @@ pub(crate) struct FileRig {
 }
 
 impl FileRig {
-    /// Reads the description in `map`, whose members are called `prefix` and the name in messages. `None` when it names no joints.
+    /// Reads the description in `map`, whose members have the names `prefix` plus their own in messages. `None` if it
+    /// does not name joints.
     pub fn read(source: &Source, map: &Value, prefix: &str) -> Result<Option<FileRig>, PoseError> {
         let field = |name: &str| format!("{prefix}{name}");
         let Some(names) = map.get("joints") else { return Ok(None) };
@@ -89,13 +90,13 @@ impl FileRig {
             side: Some(model.side),
             parents: Some(model.parents.clone()),
             rest_joints: Some(model.joints.clone()),
-            // Joints whose names say nothing have no fingers.
+            // Joints with unknown names have no fingers.
             tips: Rig::of(model).ok().map(|rig| rig.tips),
             mesh: Some([model.vertices.len(), model.faces.len()]),
         }
     }
 
-    /// As [`FileRig::read`] reads it.
+    /// In the form that [`FileRig::read`] reads.
     pub fn to_json(&self) -> serde_json::Value {
         let rows = |points: &[DVec3]| points.iter().map(DVec3::to_array).collect::<Vec<_>>();
         let mut map = json!({"name": self.name, "joints": self.joint_names});
@@ -118,7 +119,7 @@ impl FileRig {
         map
     }
 
-    /// What carrying poses over takes and the description lacks.
+    /// The data that a transfer needs and that the description lacks.
     pub fn missing(&self) -> Vec<&'static str> {
         let parts = [
             ("side", self.side.is_none()),
@@ -131,7 +132,7 @@ impl FileRig {
     /// The rig with its frames.
     ///
     /// # Errors
-    /// [`PoseError::Invalid`] when something is missing, or the joints' names do not tell what they stand for.
+    /// [`PoseError::Invalid`] when something is missing, or the joints' names do not identify their parts.
     pub fn rig(&self, source: &Source) -> Result<Rig, PoseError> {
         let (Some(side), Some(parents), Some(joints)) = (self.side, &self.parents, &self.rest_joints) else {
             return Err(source.invalid("hand_model", format!("lacks {}", self.missing().join(", "))));
@@ -140,9 +141,9 @@ impl FileRig {
         Rig::at_rest(&self.name, side, &self.joint_names, parents, joints, tips)
     }
 
-    /// Whether rotations of this rig are those of a model as they are: it has the model's joints, and either the same joints at rest,
-    /// or the same mesh at rest in about the same pose. The latter is a hand of other proportions, such as an avatar whose joints
-    /// were learned: what turns is the skin, so that copied rotations show the same.
+    /// Whether rotations of this rig apply to a model unchanged: it has the model's joints, and either the same joints
+    /// at rest, or the same mesh at rest in about the same pose. The latter is a hand of other proportions, such as an
+    /// avatar with learned joints: there, copied rotations move the skin in the same way.
     pub fn is_of(&self, model: &HandModel, source: &Source) -> bool {
         let Some(rows) = self.rows_of(&model.joint_names) else { return false };
         let same_mesh = || {
@@ -151,7 +152,7 @@ impl FileRig {
                     (Ok(own), Ok(other)) => rows.iter().zip(&other.frames).all(|(row, frame)| {
                         own.frames.get(*row).is_some_and(|own| angle_between(own, frame) <= SAME_REST_POSE)
                     }),
-                    // Joints whose names say nothing have no frames.
+                    // Joints with unknown names have no frames.
                     _ => true,
                 }
         };
@@ -163,7 +164,7 @@ impl FileRig {
         self.side == Some(model.side) && (same_joints || same_mesh())
     }
 
-    /// The row of each of these joints, if all are there.
+    /// The row of each of these joints, if all exist.
     pub fn rows_of(&self, names: &[String]) -> Option<Vec<usize>> {
         names.iter().map(|name| self.joint_names.iter().position(|own| own == name)).collect()
     }
@@ -173,7 +174,7 @@ fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
     axis_angle_from_rotation(&(a.transpose() * *b)).length()
 }
 
-/// Names in a row.
+/// An array of names.
 pub(super) fn texts(source: &Source, field: &str, value: &Value) -> Result<Vec<String>, PoseError> {
     let texts = match value {
         Value::List(items) => items.iter().map(|item| item.text().map(str::to_owned)).collect(),
@@ -209,7 +210,7 @@ fn points(value: &Value, count: usize) -> Result<Vec<DVec3>, String> {
     }
 }
 
-/// Fingertips of joints that a file gives without: a joint at the tip, else a point beyond the last bone.
+/// Fingertips for a file without them: a joint at the tip, else a point beyond the last bone.
 fn tips(names: &[String], joints: &[DVec3]) -> [DVec3; 5] {
     let roles = JointRole::of_joints(names);
     let at = |role: JointRole| joints.get(roles.iter().position(|known| *known == Some(role))?).copied();

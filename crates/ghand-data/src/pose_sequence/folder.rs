@@ -7,10 +7,10 @@ use ghand_core::value::{Value, ValueError};
 use super::{PoseError, ho3d};
 
 const CAPTURE_FILE: &str = "capture.json";
-/// Most files of a sequence; HO-3D's longest has some two thousand.
+/// Most files of a sequence; HO-3D's longest has about two thousand.
 const MOST_FILES: usize = 100_000;
 
-/// What a path names: the content of a file, or of the files of a folder, and the file's name for messages.
+/// The content of a path: of a file or of the files of a folder, with the file's name for messages.
 pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
     let read = |path: &Path| Value::read(path).map_err(|source| PoseError::File { path: path.into(), source });
     if !path.is_dir() {

@@ -1,14 +1,14 @@
 //! ghand's own poses, as JSON, JSON Lines and `.npz`.
 //!
-//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle rotations in
-//! radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing. The frames alone, as a list
-//! or one on each line, and one frame alone are read, too. `hand_model` describes the rig that the rows are for (`file_rig.rs`): they
-//! are matched to the model's joints by name, or carried over if the rig is another one. A capture's `capture.json` is such a file; its rig
-//! is that of its hand model. For a MANO model, rotations are measured from its mean pose, unless the file says
-//! `"flat_hand_mean":true` or is a capture.
+//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle
+//! rotations in radians in the order of the model's joints, metres; rate, ids, translations and shapes are optional.
+//! The frames alone, as a list or one per line, and one frame alone are also read. `hand_model` describes the rig of
+//! the rows (`file_rig.rs`): they are matched to the model's joints by name, or transferred if the rig is another one.
+//! A capture's `capture.json` is such a file; its rig is that of its hand model. For a MANO model, rotations are
+//! measured from its mean pose, unless the file says `"flat_hand_mean":true` or is a capture.
 //!
-//! `.npz`: `pose` (T, n_b, 3), and if you like `translation` (T, 3), `shape` (T, n_s), `fps`, `flat_hand_mean`, `ids` (T), and
-//! the members of `hand_model`.
+//! `.npz`: `pose` (T, n_b, 3), and optionally `translation` (T, 3), `shape` (T, n_s), `fps`, `flat_hand_mean`, `ids`
+//! (T), and the members of `hand_model`.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -23,7 +23,7 @@ use super::file_rig::{FileRig, texts};
 use super::recording::{Rows, fps_of_times, id_of, shown, side_of};
 use super::{Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
 
-/// Names of the format and its version that a capture has.
+/// Format name and version of a capture.
 const CAPTURE_FORMAT: &str = "ghand-capture";
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
@@ -103,7 +103,7 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 
-/// Which hand a file says that it is of, beside its hand model.
+/// The side that a file gives outside its hand model.
 fn side(source: &Source, value: &Value) -> Result<Option<Side>, PoseError> {
     let Some(side) = value.get("side") else { return Ok(None) };
     match side_of(side) {
@@ -117,7 +117,7 @@ fn from_mean(value: &Value, otherwise: bool) -> bool {
     value.get("flat_hand_mean").and_then(Value::number).map_or(otherwise, |flat| flat == 0.0)
 }
 
-/// Numbers in a row, all finite.
+/// A list of finite numbers.
 fn numbers(source: &Source, field: &str, value: &Value) -> Result<Vec<f64>, PoseError> {
     let values = match value {
         Value::Numbers(array) if array.shape.len() == 1 => array.values.clone(),
@@ -130,7 +130,7 @@ fn numbers(source: &Source, field: &str, value: &Value) -> Result<Vec<f64>, Pose
     }
 }
 
-/// Rows of three finite numbers; messages name the joint where the rig does.
+/// Rows of three finite numbers; messages name the joint if the rig does.
 fn rotations(source: &Source, field: &str, value: &Value, rig: Option<&FileRig>) -> Result<Vec<DVec3>, PoseError> {
     let joint = |row: usize| {
         let name = rig.and_then(|rig| rig.joint_names.get(row));
@@ -167,7 +167,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
             format!("has the shape {found:?}, must have (T, n_b, 3): rows of 3 numbers for each joint of each frame");
         return Err(source.invalid("pose", problem));
     };
-    // One row a frame, or one row for all of them.
+    // One row per frame, or one row for all of them.
     let per_frame = |name: &str, width: Option<usize>| -> Result<Vec<Vec<f64>>, PoseError> {
         let Some(found) = array(name) else { return Ok(vec![vec![]; count]) };
         let (rows, columns) = match found.shape[..] {
@@ -222,11 +222,11 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 
-/// Writes poses of a hand model as ghand's own JSON, whole or not at all. The file describes the model's rig, so that the poses can
-/// drive any other.
+/// Writes poses of a hand model as ghand's own JSON, atomically. The file describes the model's rig, so that the poses
+/// can drive any other rig.
 ///
 /// # Errors
-/// [`PoseError::Write`] when the file cannot be written; it is then as it was before.
+/// [`PoseError::Write`] when the file cannot be written; it is then unchanged.
 pub fn write_poses(path: &Path, sequence: &PoseSequence, model: &HandModel) -> Result<(), PoseError> {
     let frame = |frame: &PoseFrame| {
         let rows: Vec<[f64; 3]> = frame.pose.rotations.iter().map(DVec3::to_array).collect();

@@ -1,9 +1,10 @@
 //! HO-3D's annotations: `meta/0000.pkl` of a sequence, or the folder of them.
 //!
-//! A frame has `handPose` (48 axis-angle numbers of MANO's joints, the wrist first, from the flat hand), `handTrans` (3, metres),
-//! `handBeta` (10) and `handJoints3D` (21, 3; metres). The camera is OpenGL's: x right, y up, looking along -z; here it becomes
-//! ghand's. Hands are right ones, frames come 30 times a second. Frames without a `handPose` are skipped; when no frame has one,
-//! the joints are fitted as landmarks. Their order is MANO's with the tips of thumb, index, middle, ring and little finger after it.
+//! A frame has `handPose` (48 axis-angle numbers of MANO's joints, the wrist first, from the flat hand), `handTrans`
+//! (3, metres), `handBeta` (10) and `handJoints3D` (21, 3; metres). The camera is OpenGL's: x right, y up, looking
+//! along -z; it is converted to ghand's. All hands are right hands, at 30 frames per second. Frames without a
+//! `handPose` are skipped; if no frame has one, the joints are fitted as landmarks. Their order is MANO's with the tips
+//! of thumb, index, middle, ring and little finger after it.
 
 use ghand_core::Side;
 use ghand_core::value::Value;
@@ -16,7 +17,7 @@ use super::{Motion, PoseError, Recording, Skipped, Source, mano};
 const FPS: f64 = 30.0;
 const POSE: &str = "handPose";
 const JOINTS: &str = "handJoints3D";
-/// What is read of a frame.
+/// The parts of a frame that are read.
 pub(super) const FIELDS: [&str; 4] = [POSE, "handTrans", "handBeta", JOINTS];
 /// HO-3D's joint at each of MediaPipe's landmarks.
 const LANDMARKS: [usize; LANDMARK_COUNT] = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20];

@@ -1,13 +1,15 @@
 //! MediaPipe's 21 landmarks of a hand, in metres.
 //!
-//! Only *world* landmarks are read: image landmarks have no scale, and a depth that is a guess. MediaPipe defines no file; read is
-//! a list of frames (`{"fps":30,"frames":[...]}` or the list alone), each with `worldLandmarks`, `world_landmarks`, `hand_world_landmarks`
-//! or `multi_hand_world_landmarks`, as the JavaScript and Python interfaces call them: for each hand 21 points `{"x","y","z"}` or (x, y, z),
-//! or one hand alone. `handedness` (`handednesses`, `multi_handedness`) tells the sides; MediaPipe takes pictures for mirrored selfies, so
-//! that for others they may be the wrong way round: choose the side then. `.npz`: `world_landmarks` (T, 21, 3).
+//! Only *world* landmarks are read: image landmarks have no scale, and their depth is a guess. MediaPipe does not
+//! define a file format. This reads a list of frames (`{"fps":30,"frames":[...]}` or the list alone), each with
+//! `worldLandmarks`, `world_landmarks`, `hand_world_landmarks` or `multi_hand_world_landmarks`, as the JavaScript and
+//! Python interfaces call them: for each hand 21 points `{"x","y","z"}` or (x, y, z), or one hand alone. `handedness`
+//! (`handednesses`, `multi_handedness`) gives the sides. MediaPipe assumes mirrored selfies, so that the sides of other
+//! pictures may be swapped: then choose the side. `.npz`: `world_landmarks` (T, 21, 3).
 //!
-//! Axes are those of the picture: x right, y down, z away from the camera; the origin is in the middle of the hand, so that
-//! the hand's own motion through space is not known. Order: wrist, then thumb to little finger, four each from the palm to the tip.
+//! Axes are those of the picture: x right, y down, z away from the camera; the origin is in the middle of the hand, so
+//! that the hand's motion through space is not known. Order: wrist, then thumb to little finger, four each from the
+//! palm to the tip.
 
 use ghand_core::Side;
 use ghand_core::value::Value;
@@ -16,7 +18,7 @@ use glam::DVec3;
 use super::recording::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, Recording, Skipped, Source};
 
-/// How many landmarks a hand has.
+/// Number of landmarks of a hand.
 pub const LANDMARK_COUNT: usize = 21;
 
 const NAMES: [&str; 7] = [
@@ -28,7 +30,7 @@ const NAMES: [&str; 7] = [
     "multiHandWorldLandmarks",
     "landmarks_world",
 ];
-/// Landmarks in the picture, in parts of its width and height.
+/// Landmarks in the picture, as fractions of its width and height.
 pub(super) const IMAGE_NAMES: [&str; 5] =
     ["landmarks", "hand_landmarks", "handLandmarks", "multi_hand_landmarks", "multiHandLandmarks"];
 const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness", "multiHandedness", "side", "hand"];
@@ -41,7 +43,7 @@ const LARGEST_SPAN: f64 = 1.0;
 pub struct LandmarkFrame {
     /// Id of the frame.
     pub id: String,
-    /// Places, metres.
+    /// Positions, metres.
     pub points: [DVec3; LANDMARK_COUNT],
 }
 
@@ -84,7 +86,7 @@ fn hands(frame: &Value) -> Hands {
     hands.into_iter().enumerate().map(|(k, hand)| (sides.get(k).copied(), hand)).collect()
 }
 
-/// The sides that a value names, in order, wherever in it the names are.
+/// The sides that a value names at any depth, in order.
 fn all_sides(value: &Value) -> Vec<Side> {
     match value {
         Value::Text(_) => side_of(value).into_iter().collect(),
@@ -127,7 +129,7 @@ fn recording(
 }
 
 fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
-    // Messages of protocol buffers as JSON have one name around the points.
+    // Protocol buffer messages as JSON wrap the points in one field.
     let hand = find(hand, &["landmark", "landmarks"]).unwrap_or(hand);
     let items = hand.items().unwrap_or_default();
     if items.len() != LANDMARK_COUNT {
@@ -141,7 +143,7 @@ fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
     Ok(points)
 }
 
-/// Landmarks that are numbers alone, 3 each: nothing but their size tells that they are metres.
+/// Landmarks as plain numbers, 3 each: only their size shows that they are in metres.
 pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], String> {
     let mut points = [DVec3::ZERO; LANDMARK_COUNT];
     if numbers.len() != 3 * LANDMARK_COUNT {

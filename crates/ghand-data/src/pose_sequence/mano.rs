@@ -1,25 +1,28 @@
-//! MANO parameters, as data sets and trackers leave them.
+//! MANO parameters in the files of data sets and trackers.
 //!
-//! Rotations are about the axes of MANO's right or left model, in MANO's order (wrist, index, middle, little, ring, thumb, three
-//! each), metres. What is understood:
+//! Rotations are about the axes of MANO's right or left model, in MANO's order (wrist, index, middle, little, ring,
+//! thumb, three each), metres. These layouts are read:
 //!
-//! - **InterHand2.6M** (`..._MANO_NeuralAnnot.json`): `{capture: {frame: {"right": {"pose": 48, "shape": 10, "trans": 3}, "left": ..}}}`,
-//!   or one capture of it. 5 frames a second, measured from MANO's mean pose. Frames come in the order of their numbers.
-//! - **HaMeR, WiLoR** and their kin: dictionaries with `global_orient` and `hand_pose`, as matrices (1, 3, 3), (15, 3, 3) or
-//!   axis-angles 3, 45; the programs write none themselves, so that users dump what the network returns in JSON, `.npz` or a pickle:
-//!   plainly, or under `pred_mano_params`, `wilor_preds`, `mano_params` or the like, one dictionary with all frames in its arrays, or a
-//!   list or a map of frames with one or several hands each. `is_right` or `right` tells the side. The parameters are of a right
-//!   hand always: for a left one, of the mirrored picture, so that they are mirrored here. `cam_t`, `pred_cam_t_full` or `transl`
-//!   place the hand before the camera (x right, y down, z forward). Measured from the flat hand. Pickles with tensors of PyTorch are
-//!   refused: nothing in a file is run; write `.cpu().numpy()`.
-//! - **HaWoR** (`.npz`): `pred_rot` (2, T, 3), `pred_hand_pose` (2, T, 45), `pred_trans`, `pred_betas`, `pred_valid`; left hand first, each in
-//!   its own model's axes. Measured from the flat hand.
-//! - **ARCTIC** (`.mano.npy`, or as `.npz`): for each hand `rot` (T, 3), `pose` (T, 45), `trans` (T, 3), `shape` (10); in maps `right` and
-//!   `left`, with endings `_r` and `_l`, or plain. Measured from MANO's mean pose. 30 frames a second.
+//! - **InterHand2.6M** (`..._MANO_NeuralAnnot.json`):
+//!   `{capture: {frame: {"right": {"pose": 48, "shape": 10, "trans": 3}, "left": ..}}}`, or one capture of it. 5 frames
+//!   per second, measured from MANO's mean pose. Frames are in the order of their numbers.
+//! - **HaMeR, WiLoR** and similar: dictionaries with `global_orient` and `hand_pose`, as matrices (1, 3, 3), (15, 3, 3)
+//!   or axis-angles 3, 45; the programs do not write files themselves, so users dump the network's output to JSON,
+//!   `.npz` or a pickle: directly, or under `pred_mano_params`, `wilor_preds`, `mano_params` or the like, one
+//!   dictionary with all frames in its arrays, or a list or a map of frames with one or several hands each. `is_right`
+//!   or `right` gives the side. The parameters are always those of a right hand: for a left hand, those of the mirrored
+//!   picture, so they are mirrored here. `cam_t`, `pred_cam_t_full` or `transl` give the hand's position in camera axes
+//!   (x right, y down, z forward). Measured from the flat hand. Pickles with PyTorch tensors are rejected, because
+//!   nothing in a file is executed; write `.cpu().numpy()`.
+//! - **HaWoR** (`.npz`): `pred_rot` (2, T, 3), `pred_hand_pose` (2, T, 45), `pred_trans`, `pred_betas`, `pred_valid`;
+//!   left hand first, each in the axes of its own model. Measured from the flat hand.
+//! - **ARCTIC** (`.mano.npy`, or as `.npz`): for each hand `rot` (T, 3), `pose` (T, 45), `trans` (T, 3), `shape` (10);
+//!   in maps `right` and `left`, with suffixes `_r` and `_l`, or without. Measured from MANO's mean pose. 30 frames per
+//!   second.
 //! - **AMASS** (`.npz`): `poses` (T, 156) of SMPL-H or (T, 165) of SMPL-X, whose last 90 numbers are the left and the right hand, or
 //!   `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45). Only the fingers move. From the flat hand.
 //!
-//! A field `flat_hand_mean` in the file says otherwise where it is there.
+//! A field `flat_hand_mean` in the file overrides these.
 
 mod arrays;
 mod estimates;
@@ -40,7 +43,7 @@ use crate::rig::Rig;
 use arrays::{arctic, body, hawor, is_arctic, is_body};
 use estimates::{estimates, has_parameters};
 
-/// Matrices whose columns are this far from being units at right angles are no rotations: half precision stays below.
+/// Matrices whose columns are this far from orthonormal are not rotations: half precision stays below.
 const ROTATION_TOLERANCE: f64 = 2e-2;
 
 const SIDE_NAMES: [&str; 6] = ["is_right", "right", "side", "handedness", "hand_type", "hand_side"];
@@ -165,7 +168,7 @@ fn axis_angle(values: &[f64]) -> Result<DVec3, &'static str> {
     Ok(axis_angle_from_rotation(&rotation))
 }
 
-/// Captures by name, if the value is of InterHand's layout; one without a name if it is a capture alone.
+/// Captures by name, if the value has InterHand's layout; one without a name if it is a single capture.
 fn interhand_captures(value: &Value) -> Option<Vec<(&str, &Value)>> {
     let is_hand = |value: &Value| *value == Value::Nothing || value.get("pose").is_some();
     let is_frame = |value: &Value| {
@@ -215,7 +218,7 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     Ok(hands.collect())
 }
 
-/// The numbers of a value in one row; none if there are none.
+/// The numbers of a value as one row; empty if there are none.
 fn flat(value: Option<&Value>) -> Vec<f64> {
     value.and_then(Value::numbers).map(|array| array.values.clone()).unwrap_or_default()
 }
@@ -231,8 +234,8 @@ pub(super) fn is_mano(rig: &Rig) -> bool {
     same && rig.palm().is_some_and(|[forward, back, _]| forward.x * sign > 0.7 && back.y > 0.7)
 }
 
-/// A MANO-like rig from the built-in hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a left hand to
-/// +X), back of the hand from +X (-X) to +Y.
+/// A MANO-like rig from the built-in hand's, rotated into MANO's axes about the wrist: fingers from -Y to -X (of a left
+/// hand to +X), back of the hand from +X (-X) to +Y.
 pub(super) fn stand_in(side: Side) -> Result<Rig, PoseError> {
     // Building a hand takes longer than reading most files.
     static RIGS: [OnceLock<Rig>; 2] = [const { OnceLock::new() }; 2];

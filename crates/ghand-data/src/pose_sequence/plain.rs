@@ -1,11 +1,11 @@
-//! Arrays that say by their shape alone what they are.
+//! Arrays whose meaning follows from their shape.
 //!
-//! As an `.npy` file, as numbers in JSON, as the only such array of an `.npz` or a map, or one for each frame of a list. What a shape
-//! (with a leading T, or without for one frame) means:
+//! An array is an `.npy` file, numbers in JSON, the only such array of an `.npz` or a map, or one array for each frame
+//! of a list. Meaning of the shapes (with a leading T, or without for one frame):
 //!
 //! | shape | meaning |
 //! |---|---|
-//! | (T, 45), (T, 15, 3) | axis-angle rotations of MANO's joints but the wrist |
+//! | (T, 45), (T, 15, 3) | axis-angle rotations of MANO's joints except the wrist |
 //! | (T, 48), (T, 16, 3) | the same after the wrist's |
 //! | (T, 51) | 48 and a translation |
 //! | (T, 58) | 48 and 10 shape parameters |
@@ -15,9 +15,9 @@
 //! | (T, 25 or 26, 7 or 16 or 4, 4), (T, 400 or 416) | joints of WebXR or OpenXR (`xr.rs`) |
 //! | (T, n_b, 3) for a model of other `n_b` joints | rotations of the model's own joints |
 //!
-//! Axes of length 1 do not count. Beside the array, `global_orient`, `root_orient` or `rot` may turn the wrist, `trans`, `transl` or
-//! `translation` place it, `betas` or `shape` shape the hand. Rotations are measured from the flat hand, FreiHAND's from MANO's mean
-//! pose; `flat_hand_mean` says otherwise.
+//! Axes of length 1 are ignored. Next to the array, `global_orient`, `root_orient` or `rot` may give the wrist's
+//! rotation, `trans`, `transl` or `translation` its position, and `betas` or `shape` the hand's shape. Rotations are
+//! measured from the flat hand, FreiHAND's from MANO's mean pose; `flat_hand_mean` overrides this.
 
 use ghand_core::hand_model::npz::NumericArray;
 use ghand_core::value::Value;
@@ -28,7 +28,7 @@ use super::landmarks::{self, LandmarkFrame};
 use super::recording::{ManoRows, Rows, fps_of_times, frames_of, id_of, side_of};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, mano, xr};
 
-/// Names that the array itself is known by, before any other.
+/// Names of the array itself, which take precedence.
 const ARRAY_NAMES: [&str; 12] = [
     "pose",
     "poses",
@@ -46,12 +46,12 @@ const ARRAY_NAMES: [&str; 12] = [
 const ORIENT_NAMES: [&str; 6] = ["global_orient", "root_orient", "rot", "root_pose", "wrist_rotation", "orient"];
 const PLACE_NAMES: [&str; 5] = ["trans", "transl", "translation", "root_trans", "cam_t"];
 const SHAPE_NAMES: [&str; 3] = ["betas", "shape", "beta"];
-/// Arrays that are never the pose: what is beside it, landmarks of an image, and DexYCB's principal components.
+/// Arrays that are never the pose: accompanying data, landmarks of an image, and DexYCB's principal components.
 const NOT_THE_POSE: [&[&str]; 5] =
     [&ORIENT_NAMES, &PLACE_NAMES, &SHAPE_NAMES, &landmarks::IMAGE_NAMES, &super::refusal::COMPONENT_NAMES];
 const SIDE_NAMES: [&str; 5] = ["side", "handedness", "hand_side", "hand", "is_right"];
 
-/// What the numbers of a frame are.
+/// The meaning of a frame's numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meaning {
     /// MANO's joints: with the wrist or without, numbers of a rotation, numbers of translation and of shape after them.
@@ -67,11 +67,11 @@ enum Meaning {
     Own,
 }
 
-/// The array of the frames with what it means.
+/// The array of the frames with its meaning.
 struct Found<'a> {
     array: &'a NumericArray,
     meaning: Meaning,
-    /// Numbers of a frame.
+    /// Numbers per frame.
     size: usize,
     is_single: bool,
 }
@@ -91,12 +91,12 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     Some(recording_of_frames(source, value, &frames, meaning))
 }
 
-/// The array that a value is or holds.
+/// The array that a value is or contains.
 fn array_of<'a>(source: &Source, value: &'a Value) -> Option<&'a Value> {
     let is_one = |value: &Value| found(source, value).is_some() || xr::is_joints(value);
     match value {
         Value::Numbers(_) => is_one(value).then_some(value),
-        // ghand's own rows, whatever else is there.
+        // ghand's own rows, regardless of other arrays.
         Value::Map(_) if value.get("pose").is_some_and(|pose| is_own_rows(source, pose)) => None,
         Value::Map(entries) => {
             let is_pose = |(name, value): &(&str, &Value)| {
@@ -137,7 +137,7 @@ fn found<'a>(source: &Source, value: &'a Value) -> Option<Found<'a>> {
     Some(Found { array, meaning, size, is_single })
 }
 
-/// What a frame of that shape is.
+/// The meaning of a frame of that shape.
 fn meaning(source: &Source, shape: &[usize]) -> Option<Meaning> {
     let mano = |joints, width| Meaning::Mano { joints, width, translation: 0, shape: 0, from_mean: false };
     Some(match *shape {
@@ -205,7 +205,7 @@ fn recording_of_frames(
     Ok(recording)
 }
 
-/// What a frame says beside its arrays: small enough to be copied.
+/// Data of a frame besides its arrays: small enough to be copied.
 fn without_numbers(frame: &Value) -> Value {
     let is_small = |(_, value): &&(String, Value)| value.number().is_some();
     Value::Map(frame.entries().iter().filter(is_small).cloned().collect())
@@ -215,7 +215,7 @@ fn side_in(value: &Value) -> Option<Side> {
     SIDE_NAMES.iter().find_map(|name| value.get(name)).and_then(side_of)
 }
 
-/// Numbers beside the array: so many for each frame, or one row for all.
+/// Numbers beside the array: one row per frame, or one row for all.
 struct Beside<'a> {
     values: &'a [f64],
     width: usize,
@@ -229,7 +229,7 @@ impl Beside<'_> {
     }
 }
 
-/// The numbers of one of these names for so many frames, of one of these widths if some are given.
+/// The numbers with one of these names for this many frames, with one of these widths if any are given.
 fn beside<'a>(
     source: &Source,
     value: &'a Value,
@@ -258,7 +258,7 @@ fn beside<'a>(
     }
 }
 
-/// Frames as they come.
+/// Frames in their order.
 struct Reader {
     meaning: Meaning,
     posed: Vec<PoseFrame>,
@@ -326,7 +326,7 @@ impl Reader {
             Meaning::Mano { from_mean, .. } => {
                 let rows =
                     ManoRows { frames: self.posed, from_mean: flat.map_or(from_mean, |flat| !flat), opengl: false };
-                // FreiHAND has right hands alone.
+                // FreiHAND has only right hands.
                 (Motion::Mano(rows), side.or(from_mean.then_some(Side::Right)))
             }
         };

@@ -1,4 +1,4 @@
-//! What a reader found, before it is for a hand model.
+//! The result of a reader, before it is converted to a hand model.
 
 use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
 use ghand_core::value::Value;
@@ -9,25 +9,25 @@ use super::file_rig::FileRig;
 use super::landmarks::LandmarkFrame;
 use super::{DEFAULT_FPS, PoseError, PoseFrame};
 
-/// Most numbers that are copied to the frames that share them: as many as a file may hold.
+/// Most numbers that are copied to the frames that share them: as many as a file may have.
 const MOST_COPIES: usize = 1 << 25;
 
-/// Frames a second that a file may give: from one in a quarter of an hour to more than any camera takes.
+/// Allowed rates of a file, frames per second: from one frame in a quarter of an hour to more than any camera records.
 const FPS_RANGE: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 
 /// ghand's world (y down, looking along z) from OpenGL's, WebXR's and OpenXR's (y up, looking along -z).
 pub(crate) const OPENGL_AXES: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
 
-/// The file that is read, and what is wanted of it.
+/// The file being read, and what to take from it.
 #[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     /// Its name, for messages.
     pub origin: &'a str,
-    /// Which hand to take if there are both.
+    /// Which hand to take if there are two.
     pub wanted: Side,
     /// Which capture to take if there are several.
     pub take: Option<&'a str>,
-    /// How many joints the model has that the poses are for.
+    /// Number of joints of the model that the poses are for.
     pub joint_count: usize,
 }
 
@@ -45,9 +45,9 @@ pub(crate) enum Motion {
     Rows(Box<Rows>),
     /// Rotations of MANO's 16 joints.
     Mano(ManoRows),
-    /// Rotations of WebXR's 25 joints, each in the frame of its parent; the translation is the wrist's place.
+    /// Rotations of WebXR's 25 joints, each in the frame of its parent; the translation is the wrist's position.
     WebXr { frames: Vec<PoseFrame> },
-    /// Places of 21 landmarks.
+    /// Positions of 21 landmarks.
     Landmarks { frames: Vec<LandmarkFrame> },
 }
 
@@ -59,7 +59,7 @@ pub(crate) struct Rows {
     pub capture_kind: Option<String>,
     /// Whether they are measured from the model's mean pose, if it has one.
     pub from_mean: bool,
-    /// Which hand it is, if the file says beside the rig.
+    /// Which hand it is, if the file says so outside the rig.
     pub side: Option<Side>,
 }
 
@@ -77,7 +77,7 @@ impl Source<'_> {
         PoseError::Invalid { origin: self.origin.into(), field: field.into(), problem }
     }
 
-    /// Refuses numbers that all frames share when each frame's copy would take memory without bound.
+    /// Rejects numbers shared by all frames if the copies for each frame would take too much memory.
     pub fn copied(&self, field: &str, numbers: usize, frames: usize) -> Result<(), PoseError> {
         if numbers.checked_mul(frames).is_some_and(|copies| copies <= MOST_COPIES) {
             return Ok(());
@@ -87,7 +87,7 @@ impl Source<'_> {
         Err(self.invalid(field, problem))
     }
 
-    /// The rate that a file gives, if it does.
+    /// The rate that a file gives, if any.
     pub fn fps(&self, value: &Value, names: &[&str]) -> Result<Option<f64>, PoseError> {
         let Some((name, fps)) = names.iter().find_map(|name| Some((name, value.get(name)?))) else { return Ok(None) };
         match fps.number() {
@@ -106,7 +106,8 @@ impl Source<'_> {
     }
 }
 
-/// Whether a hand can have this pose and shape: else the field that is out of range and what is wrong with it.
+/// Checks whether a hand can have this pose and shape; otherwise returns the field that is out of range and its
+/// problem.
 pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
     pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
         let field = match error {
@@ -118,7 +119,7 @@ pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(
     })
 }
 
-/// Whether a point that a tracker saw is near enough; else what is wrong with it.
+/// Checks whether a tracked point is near enough; otherwise returns its problem.
 pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
     let distance = point.length();
     match distance.partial_cmp(&LARGEST_TRANSLATION) {
@@ -128,12 +129,12 @@ pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
     }
 }
 
-/// A value in a message: a number as it is, else what kind of value it is.
+/// A value in a message: a number itself, otherwise the kind of value.
 pub(crate) fn shown(value: &Value) -> String {
     value.number().map_or_else(|| value.kind(), |number| number.to_string())
 }
 
-/// Frames that cannot be used, counted.
+/// Counts unusable frames.
 #[derive(Debug, Default)]
 pub(crate) struct Skipped {
     count: usize,
@@ -146,7 +147,7 @@ impl Skipped {
         self.first.get_or_insert_with(|| (id.into(), problem.into()));
     }
 
-    /// One warning for all of them; an error when nothing is left.
+    /// One warning for all of them; an error if no frame is left.
     pub fn finish(self, source: &Source, total: usize) -> Result<Option<String>, PoseError> {
         let Some((id, problem)) = self.first else { return Ok(None) };
         if self.count >= total {
@@ -186,7 +187,7 @@ pub(crate) fn side_of(value: &Value) -> Option<Side> {
     }
 }
 
-/// The rate of frames whose times are known: the median step, in milliseconds if it is above 1.5, else in seconds.
+/// The rate of frames with known times, from the median step: in milliseconds if it is above 1.5, else in seconds.
 pub(crate) fn fps_of_times(frames: &[Value]) -> Option<f64> {
     const NAMES: [&str; 6] = ["time", "timestamp", "timestamp_ms", "timestampMs", "time_ms", "t"];
     let time = |frame: &Value| NAMES.iter().find_map(|name| frame.get(name)?.number());
@@ -206,7 +207,7 @@ pub(crate) fn frames_of(value: &Value) -> Option<&[Value]> {
     }
 }
 
-/// The id that a frame gives itself, else its number.
+/// The id of a frame, else its number.
 pub(crate) fn id_of(frame: &Value, number: usize) -> String {
     match ["id", "frame", "frame_id", "frame_index"].iter().find_map(|name| frame.get(name)) {
         Some(Value::Text(id)) => id.clone(),

@@ -1,16 +1,16 @@
-//! What a file holds that is not understood, and what would be.
+//! Describes a file that is not understood, and what would be.
 
 use ghand_core::value::Value;
 
-/// Poses by principal components, which are of no use without the model's components.
+/// Poses as principal components, which are useless without the model's components.
 pub(super) const COMPONENT_NAMES: [&str; 2] = ["pose_m", "pose_pca"];
 
-/// Names of a map that are told; more are counted.
+/// Most names of a map in a message; further ones are counted.
 const MOST_NAMES: usize = 8;
-/// Longest part of a name that is told, characters.
+/// Most characters of a name in a message.
 const LONGEST_NAME: usize = 40;
 
-/// Why nothing in a file is poses of any kind.
+/// Explains why a file contains no poses.
 pub(super) fn problem(value: &Value) -> String {
     let first = match value.get("frames").unwrap_or(value) {
         Value::List(items) => items.first(),

@@ -1,4 +1,4 @@
-//! Poses of one hand inside of `{"right": .., "left": ..}`, of all frames together or of each.
+//! Poses of one hand inside `{"right": .., "left": ..}`, for the whole file or in each frame.
 
 use ghand_core::Side;
 use ghand_core::hand_model::npz::NumericArray;
@@ -6,15 +6,15 @@ use ghand_core::value::Value;
 
 use super::recording::{fps_of_times, frames_of, id_of, side_of};
 
-/// One hand's poses out of a file that keeps hands apart.
+/// One hand's poses from a file that separates hands.
 pub(super) struct OneHand {
     pub side: Side,
     pub value: Value,
-    /// What the user should know.
+    /// Remark for the user.
     pub warning: Option<String>,
 }
 
-/// The wanted hand if the value has it, else the other one; `None` for a value that does not keep hands apart.
+/// The wanted hand if the value has it, else the other one; `None` for a value that does not separate hands.
 pub(super) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
     let other = crate::retarget::other_side(wanted);
     let of = |side: Side| hand(value, side).map(|hand| (side, hand));
@@ -53,7 +53,7 @@ pub(super) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
     Some(OneHand { side, value: with_small(Value::Map(outer), value), warning })
 }
 
-/// The hand of that side, if it is there.
+/// The hand of that side, if it exists.
 fn hand(value: &Value, side: Side) -> Option<&Value> {
     let is_it = |(name, hand): &&(String, Value)| {
         side_of(&Value::Text(name.clone())) == Some(side)
@@ -62,7 +62,7 @@ fn hand(value: &Value, side: Side) -> Option<&Value> {
     value.entries().iter().find(is_it).map(|(_, hand)| hand)
 }
 
-/// A map with what the one around it says in a word or a number, such as the rate.
+/// A map extended by the simple fields of the enclosing one, such as the rate.
 fn with_small(inner: Value, outer: &Value) -> Value {
     let Value::Map(mut entries) = inner else { return inner };
     for (name, value) in outer.entries() {

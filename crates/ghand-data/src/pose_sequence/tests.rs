@@ -35,7 +35,7 @@ fn rows(pose: &Pose) -> Vec<[f64; 3]> {
     pose.rotations.iter().map(DVec3::to_array).collect()
 }
 
-/// Greatest difference of the rotations, as matrices, and of the translations; NaN if there is one.
+/// Largest difference of the rotations, as matrices, and of the translations; NaN if one is NaN.
 fn difference(a: &Pose, b: &Pose) -> f64 {
     assert_eq!(a.rotations.len(), b.rotations.len());
     let entries = a
@@ -159,7 +159,7 @@ fn a_capture_of_another_rig_is_carried_over() {
     assert!(direct.is_ok_and(|direct| direct.frames[3].pose == own.frames[3].pose));
 }
 
-/// The joints of a pose as WebXR gives them, in its own world.
+/// The joints of a pose in WebXR's form, in its own world.
 fn xr_joints(model: &HandModel, pose: &Pose) -> Vec<(String, [f64; 3], [f64; 4])> {
     let rig = Rig::of(model).unwrap();
     let chain = pose_skeleton(&rig.parents, &rig.joints, &pose.rotations);
@@ -335,7 +335,7 @@ fn own_archives_are_read_with_names_and_rate() {
 
 #[test]
 fn archives_of_many_empty_rows_or_one_long_row_for_all_are_refused() {
-    // 10^18 frames without a joint take no byte of the file.
+    // 10^18 frames without joints take no bytes in the file.
     let empty = npz(&[("pose", npy("(1000000000000000000, 0, 3)", "<f8", &[]))]);
     let message =
         |bytes: &[u8]| read_poses_bytes("poses.npz", bytes, right(), &PoseOptions::default()).unwrap_err().to_string();

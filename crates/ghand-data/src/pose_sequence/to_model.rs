@@ -1,4 +1,4 @@
-//! From what a file holds to rotations of the model's joints.
+//! Converts the content of a file to rotations of the model's joints.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::ik::HandIk;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
 use crate::rig::Rig;
 
-/// ghand's own rows for the model, and the hand that they were of: as they are where their rig is the model's, else carried over.
+/// ghand's own rows for the model, and their original hand: unchanged if their rig is the model's, else transferred.
 pub(super) fn rows(
     source: &Source,
     rows: Rows,
@@ -28,14 +28,14 @@ pub(super) fn rows(
     let from_mean = from_mean && !options.flat_mean;
     let rig = rig.map(|rig| FileRig { side: rig.side.or(side).or(options.side), ..rig });
     let pose_model = options.pose_model.as_ref();
-    // What tells most of the rig: the file itself, the capture's hand model, or the model that the user says it is.
+    // The best description of the rig: the file itself, the capture's hand model, or the model given by the user.
     let is_complete = rig.as_ref().is_some_and(|rig| rig.missing().is_empty());
     let named = match (&rig, capture_kind.as_deref(), pose_model) {
         _ if is_complete => None,
         (_, Some(kind), _) => match (Capture::open(Path::new(source.origin)), pose_model) {
             (Ok(capture), _) => Some(capture.hand_model),
             (Err(_), Some(model)) => Some(model.clone()),
-            // MANO's own file is the user's; its joints are known without it.
+            // The user has MANO's file; its joints are known without it.
             (Err(_), None) if kind == "mano" => {
                 return mano_capture(source, rig, frames, side, model, options, warnings);
             }
@@ -61,7 +61,7 @@ pub(super) fn rows(
         (None, rig) => rig,
     };
     let Some(full) = full else {
-        // Rows without names are the model's.
+        // Rows without names belong to the model's joints.
         if from_mean {
             add_mean(&mut frames, model);
         }
@@ -120,7 +120,7 @@ pub(super) fn rows(
     Err(source.invalid("hand_model.joints", problem))
 }
 
-/// Numbers of rows and ranges of what they hold.
+/// Checks the number of rows and the range of their values.
 fn check(source: &Source, frames: &[PoseFrame], names: &[String]) -> Result<(), PoseError> {
     for PoseFrame { id, pose, shape } in frames {
         if pose.rotations.len() != names.len() {
@@ -163,7 +163,7 @@ fn of_side(mut frames: Vec<PoseFrame>, side: Option<Side>, model: &HandModel) ->
     (frames, side)
 }
 
-/// Poses of a capture with a MANO model that is not at hand.
+/// Poses of a capture with a MANO model that was not given.
 fn mano_capture(
     source: &Source,
     rig: Option<FileRig>,
@@ -183,7 +183,7 @@ fn mano_capture(
     Ok((mano_rows(rows, side, model, options, warnings)?, side))
 }
 
-/// Poses of MANO's joints. A model with MANO's joints in MANO's axes takes them as they are.
+/// Poses of MANO's joints. A model with MANO's joints in MANO's axes uses them unchanged.
 pub(super) fn mano_rows(
     rows: ManoRows,
     side: Side,
@@ -219,7 +219,7 @@ pub(super) fn mano_rows(
         Some(mano_model) => {
             let rig = Rig::of(mano_model)?;
             if from_mean {
-                // The mean is of the model's side; poses of the other hand are mirrored to it first.
+                // The mean is that of the model's side; poses of the other hand are mirrored to it first.
                 if side != rig.side {
                     frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
                 }
@@ -245,8 +245,8 @@ pub(super) fn mano_rows(
     Ok(carried_over(frames, &rig, &target))
 }
 
-/// From OpenGL's camera (y up, looking along -z) to ghand's world (y down, looking along z): the whole hand turns by half a turn
-/// about x. A pose turns about the wrist, which lies at `wrist` at rest.
+/// From OpenGL's camera (y up, looking along -z) to ghand's world (y down, looking along z): the whole hand rotates by
+/// half a turn about x. A pose rotates about the wrist, which is at `wrist` at rest.
 fn from_opengl(pose: &mut Pose, wrist: DVec3) {
     if let Some(root) = pose.rotations.first_mut() {
         *root = axis_angle_from_rotation(&(OPENGL_AXES * rotation_from_axis_angle(*root)));
@@ -268,14 +268,14 @@ fn add_mean(frames: &mut [PoseFrame], model: &HandModel) {
     }
 }
 
-/// Poses of one rig for another. Shape parameters are those of the other model and stay behind.
+/// Transfers poses of one rig to another. Shape parameters belong to the other model and are dropped.
 pub(super) fn carried_over(frames: Vec<PoseFrame>, from: &Rig, to: &Rig) -> Vec<PoseFrame> {
     let retarget = Retarget::new(from, to);
     let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
     frames.into_iter().map(frame).collect()
 }
 
-/// Poses of the model that put its joints at the landmarks, as far as a hand of its rig can.
+/// Poses of the model that place its joints at the landmarks, as far as its rig allows.
 pub(super) fn fitted(
     source: &Source,
     frames: &[landmarks::LandmarkFrame],

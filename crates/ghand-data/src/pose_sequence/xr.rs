@@ -1,18 +1,20 @@
 //! Joints of WebXR (25) and OpenXR (26: the palm first, then WebXR's), as positions and orientations in space.
 //!
-//! Neither defines a file. Read is JSON with a list of frames (`{"fps":72,"frames":[...]}`, the list alone, or JSON Lines), each with the
-//! joints in `joints` (or `jointTransforms`, `poses`, `matrices`): as a map by name, or a list in order. A joint is
-//! `{"position": .., "orientation": ..}`, also inside of `pose` or `transform`, as lists (x, y, z, w) or by the names of the components,
-//! or `matrix` / `offsetMatrix` of 16 numbers (`transform.matrix` of an `XRJointPose`), column by column; or a row of 7 numbers.
-//! What WebXR's `fillPoses` gives, 16 numbers for each joint in one row, is read as it is, also when `JSON.stringify` made a map of
-//! the `Float32Array`. A frame may hold both hands, in `left` and `right`, in `hands` as a map or as a list with `handedness`.
+//! Neither defines a file format. This reads JSON with a list of frames (`{"fps":72,"frames":[...]}`, the list alone,
+//! or JSON Lines), each with the joints in `joints` (or `jointTransforms`, `poses`, `matrices`): as a map by name, or a
+//! list in order. A joint is `{"position": .., "orientation": ..}`, also inside `pose` or `transform`, as lists (x, y,
+//! z, w) or by the names of the components, or `matrix` / `offsetMatrix` of 16 numbers (`transform.matrix` of an
+//! `XRJointPose`), column by column; or a row of 7 numbers. The output of WebXR's `fillPoses`, 16 numbers per joint in
+//! one row, is read directly, also if `JSON.stringify` converted the `Float32Array` to a map. A frame may have both
+//! hands, in `left` and `right`, in `hands` as a map or as a list with `handedness`.
 //!
-//! `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4). `.npy`, or numbers alone: (T, 25 or 26, 7),
-//! (T, 25 or 26, 16), (T, 25 or 26, 4, 4), (T, 400 or 416), or one frame without T. A matrix that has its translation in the last
-//! column of its rows, as NumPy's (4, 4) have, is taken row by row.
+//! `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4). `.npy`, or numbers alone: (T, 25 or 26,
+//! 7), (T, 25 or 26, 16), (T, 25 or 26, 4, 4), (T, 400 or 416), or one frame without T. A matrix that has its
+//! translation in the last column of its rows, as in NumPy's (4, 4), is read row by row.
 //!
-//! Metres; quaternions x, y, z, w; the frame of a joint has -Z along the bone and +Y out of the back of the hand. XR's world has y
-//! upwards and looks along -z; ghand's pictures have y downwards and look along z: the world is turned by half a turn about x.
+//! Metres; quaternions x, y, z, w; the frame of a joint has -Z along the bone and +Y out of the back of the hand. XR's
+//! world has y up and looks along -z; ghand's pictures have y down and look along z: the world is rotated by half a
+//! turn about x.
 
 use ghand_core::hand_model::joint_names::JointRole;
 use ghand_core::rotation::axis_angle_from_rotation;
@@ -31,10 +33,10 @@ const ORIENTATION_NAMES: [&str; 6] = ["orientation", "orientations", "rotation",
 const MATRIX_NAMES: [&str; 3] = ["matrix", "offsetMatrix", "transform"];
 const SIDE_NAMES: [&str; 4] = ["handedness", "side", "hand", "hand_side"];
 
-/// Entries of a matrix that is given row by row, and of the last row of a transform, may be off by this.
+/// Tolerance of the entries of a row-major matrix, and of the last row of a transform.
 const AFFINE_TOLERANCE: f64 = 1e-4;
 
-/// Where a joint is in space, in ghand's world.
+/// Position and orientation of a joint in ghand's world.
 type Placed = (DVec3, DMat3);
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
@@ -57,12 +59,12 @@ fn holds_joints(frame: &Value) -> bool {
     hands(frame).iter().any(|(_, hand)| joints(hand).is_some())
 }
 
-/// Whether a value is numbers that can only be the joints of one frame or of many.
+/// Whether a value consists of numbers that can only be the joints of one or more frames.
 pub(super) fn is_joints(value: &Value) -> bool {
     value.numbers().is_some_and(|array| is_frame(&array.shape) || is_sequence(&array.shape))
 }
 
-/// Joints as numbers alone, beside other fields of `value`.
+/// Joints as plain numbers, with the other fields of `value`.
 pub(super) fn numbers_of_joints(source: &Source, value: &Value, numbers: &Value) -> Result<Recording, PoseError> {
     match numbers {
         Value::Numbers(array) if is_frame(&array.shape) => {
@@ -86,7 +88,7 @@ fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
     names.iter().find_map(|name| value.get(name))
 }
 
-/// What holds the joints of a hand, if anything does.
+/// The value that contains the joints of a hand, if there is one.
 fn joints(value: &Value) -> Option<&Value> {
     let (holder, is_named) = match value {
         Value::Map(_) => (find(value, &JOINTS_NAMES)?, true),
@@ -101,7 +103,7 @@ fn joints(value: &Value) -> Option<&Value> {
     is_joints.then_some(holder)
 }
 
-/// The hands of a frame, with their sides where the file says.
+/// The hands of a frame, with their sides if the file gives them.
 fn hands(frame: &Value) -> Vec<(Option<Side>, &Value)> {
     let own = |hand: &Value| find(hand, &SIDE_NAMES).and_then(side_of);
     if joints(frame).is_some() {
@@ -233,7 +235,7 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
     rig.joint_names.iter().zip(found).map(joint).collect()
 }
 
-/// Whether the joints are matrices with their translations at the ends of rows, in numbers alone.
+/// Whether the joints are matrices with their translations at the ends of rows, as plain numbers.
 fn is_row_by_row(joints: &Value) -> bool {
     let Some(array) = joints.numbers().filter(|array| array.shape[..] != [25, 7] && array.shape[..] != [26, 7]) else {
         return false;
@@ -246,13 +248,13 @@ fn is_row_by_row(joints: &Value) -> bool {
     largest([12, 13, 14]) <= AFFINE_TOLERANCE && largest([3, 7, 11]) > AFFINE_TOLERANCE
 }
 
-/// What may hold the place of a joint, the most telling first.
+/// Fields that may contain the position of a joint, the most specific first.
 fn holders(joint: &Value) -> impl Iterator<Item = &Value> {
     let pose = joint.get("pose");
     [pose.and_then(|pose| pose.get("transform")), pose, joint.get("transform"), Some(joint)].into_iter().flatten()
 }
 
-/// Whether a value of a list looks like a joint.
+/// Whether a list's value looks like a joint.
 fn is_joint(value: &Value) -> bool {
     holders(value).any(|map| {
         find(map, &MATRIX_NAMES).is_some()
@@ -319,7 +321,7 @@ fn matrix(values: &[f64], by_rows: bool) -> Result<Placed, String> {
     placed(matrix.w_axis.truncate(), DQuat::from_mat3(&rotation))
 }
 
-/// From XR's world to ghand's.
+/// Converts from XR's world to ghand's.
 fn placed(position: DVec3, orientation: DQuat) -> Result<Placed, String> {
     point_in_range(position).map_err(|problem| format!("its position {problem}"))?;
     let length = orientation.length();

@@ -14,12 +14,12 @@ fn in_space(rig: &Rig, pose: &Pose) -> Vec<DMat3> {
     pose_skeleton(&rig.parents, &rig.joints, &pose.rotations).world.iter().map(|g| g.linear).collect()
 }
 
-/// Greatest entry of the differences; NaN if there is one.
+/// Largest entry of the differences; NaN if one is NaN.
 fn difference(a: &DMat3, b: &DMat3) -> f64 {
     (*a - *b).to_cols_array().iter().map(|e| e.abs()).fold(0.0, larger)
 }
 
-/// Whether two poses are the same to 1e-6 on all joints of a role that both rigs have.
+/// Whether two poses agree to 1e-6 for all roles that both rigs have.
 fn same(first: &Rig, second: &Rig, before: &Pose, after: &Pose) -> Result<(), String> {
     for (k, role) in first.roles.iter().enumerate() {
         if role.is_none_or(|role| second.joint(role).is_none()) {

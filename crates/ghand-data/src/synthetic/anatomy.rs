@@ -1,4 +1,4 @@
-//! Where the parts of a hand are: fingers, their tips, backs and sides, found from the hand model alone.
+//! Positions of the parts of a hand: fingers, their tips, backs and sides, computed from the hand model alone.
 
 use ghand_core::HandModel;
 use glam::DVec3;
@@ -56,7 +56,7 @@ impl Anatomy {
         Anatomy { fingers, scale: reach / 0.090 }
     }
 
-    /// 1 where the skin faces away from the palm, -1 where it faces the palm's way.
+    /// 1 where the skin faces away from the palm, -1 where it faces in the palm's direction.
     pub(super) fn facing(&self, place: &Place) -> f64 {
         let mut dorsal = DVec3::X;
         for (finger, &membership) in self.fingers.iter().zip(place.memberships) {
@@ -86,7 +86,7 @@ fn finger(model: &HandModel, joints: [usize; 3]) -> Finger {
         .collect();
     let radius = across.iter().sum::<f64>() / across.len().max(1) as f64;
     let is_thumb = model.joint_names[joints[0]].contains("thumb");
-    // The thumb is turned against the fingers: its nail faces away from the palm and to its own side.
+    // The thumb is rotated relative to the fingers: its nail faces away from the palm and to its own side.
     let facing = if is_thumb { DVec3::new(0.75, 0.0, -0.65) } else { DVec3::X };
     Finger {
         joints,

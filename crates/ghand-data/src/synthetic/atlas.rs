@@ -1,4 +1,4 @@
-//! The skin painted into the hand's UV atlas, anew for every pose where a pose changes it.
+//! Paints the skin into the hand's UV atlas; the parts that depend on the pose are repainted for each pose.
 
 use ghand_core::HandModel;
 use ghand_core::mesh::Texture;
@@ -9,9 +9,9 @@ use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::skin::{Look, Place, Skin};
 
-/// Texels of the atlas along each side: finer than the pixels of the images by far.
+/// Texels of the atlas along each side: much finer than the pixels of the images.
 const SIZE: usize = 1024;
-/// Texels that a chart's colour reaches beyond its edge, so that bilinear sampling sees no gap.
+/// Texels that a chart's colour reaches beyond its edge, so that bilinear sampling has no gaps.
 const MARGIN: usize = 3;
 
 /// The atlas of one hand.
@@ -20,7 +20,7 @@ pub(super) struct Atlas {
     rgb: Vec<[u8; 3]>,
     /// Texels that folds touch.
     folded: Vec<(u32, Look, Vec<Fold>)>,
-    /// Texels beyond the edges of charts, and those that they repeat.
+    /// Texels beyond the edges of charts, and the texels that they copy.
     margin: Vec<(u32, u32)>,
 }
 
@@ -70,7 +70,7 @@ fn bytes(color: DVec3) -> [u8; 3] {
     color.to_array().map(|v| (v * 255.0).round().clamp(0.0, 255.0) as u8)
 }
 
-/// The face of each texel whose centre lies on one, and its barycentric coordinates there.
+/// The face of each texel whose centre is on one, and its barycentric coordinates there.
 fn owners(model: &HandModel) -> Vec<Option<(u32, DVec3)>> {
     let mut owners = vec![None; SIZE * SIZE];
     for (face, uvs) in model.face_uvs.iter().enumerate() {
@@ -80,7 +80,7 @@ fn owners(model: &HandModel) -> Vec<Option<(u32, DVec3)>> {
     owners
 }
 
-/// Calls `own` with every texel whose centre lies in a triangle (corners in texels), and its barycentric coordinates.
+/// Calls `own` with every texel whose centre is in a triangle (corners in texels), and its barycentric coordinates.
 fn own_texels([a, b, c]: [DVec2; 3], mut own: impl FnMut(usize, DVec3)) {
     let area = (b - a).perp_dot(c - a);
     if area == 0.0 {
@@ -101,7 +101,7 @@ fn own_texels([a, b, c]: [DVec2; 3], mut own: impl FnMut(usize, DVec3)) {
     }
 }
 
-/// Texels around the filled ones, ring by ring, each with the filled one that it repeats.
+/// Texels around the filled ones, ring by ring, each with the filled texel that it copies.
 fn margin(mut filled: Vec<bool>) -> Vec<(u32, u32)> {
     let mut source: Vec<u32> = (0..filled.len() as u32).collect();
     let mut margin = vec![];

@@ -11,13 +11,13 @@ pub(super) struct Complexion {
     pub palm: DVec3,
     /// Where more blood shows.
     pub blood: DVec3,
-    /// Where bone or tendon press it away.
+    /// Where bones or tendons press it away.
     pub pale: DVec3,
     pub vein: DVec3,
     /// At the bottom of folds.
     pub crease: DVec3,
     pub freckle: DVec3,
-    /// The part of the places for a freckle that have one, on the back of the hand.
+    /// The fraction of possible places with a freckle, on the back of the hand.
     pub freckles: f64,
     pub nail: DVec3,
     /// The nail's free edge and lunula.

@@ -1,4 +1,4 @@
-//! The pictures of a synthetic capture.
+//! Draws the pictures of a synthetic capture.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use super::true_hand::{PosedHand, TrueHand};
 use super::{RenderScene, SceneLight, SceneLighting, SceneMesh};
 use crate::capture::{Capture, CaptureError, fill_template};
 
-/// Of 100.
+/// From 0 to 100.
 const JPEG_QUALITY: u8 = 95;
 
 /// A warm key light from above on the back's side, a weaker one from the palm's side, and a faint one from below.
@@ -91,7 +91,7 @@ fn draw_view(
     }
 }
 
-/// Writes a JPEG where the path says so, else a PNG.
+/// Writes a JPEG if the path says so, else a PNG.
 fn write_image(
     path: &Path,
     what: &'static str,

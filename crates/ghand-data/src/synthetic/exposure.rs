@@ -1,4 +1,4 @@
-//! How much light reaches the skin past the hand's other parts: balls along the bones stand in for the flesh.
+//! How much light reaches the skin past the hand's other parts: balls along the bones approximate the flesh.
 
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
@@ -45,7 +45,7 @@ impl Exposure {
         Exposure { balls }
     }
 
-    /// The part of the light that arrives at each vertex, `[0, 1]`.
+    /// The fraction of the light that reaches each vertex, `[0, 1]`.
     pub(super) fn of(&self, model: &HandModel, pose: &Pose, positions: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
         let motions = pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
         let centers: Vec<DVec3> =
@@ -57,7 +57,7 @@ impl Exposure {
                 for (ball, center) in self.balls.iter().zip(&centers) {
                     let towards = *center - *p;
                     let squared = towards.length_squared().max(ball.radius * ball.radius);
-                    // A ball covers cos x (r/d)^2 of the light from everywhere; its own flesh does not shade itself.
+                    // A ball covers cos x (r/d)^2 of the ambient light; flesh does not shade itself.
                     let cosine = n.dot(towards) / squared.sqrt();
                     if cosine > 0.0 {
                         let own = weights[ball.joint];

@@ -1,5 +1,5 @@
-//! What of the skin changes with the pose: creases deepen and darken in bent joints, with bulges beside them; the folds on
-//! the back of a joint stretch out; knuckles blanch and stand out in a fist, tendons in a stretched hand.
+//! Changes of the skin with the pose: creases deepen and darken in bent joints, with bulges beside them; the folds on
+//! the back of a joint stretch out; knuckles blanch and protrude in a fist, tendons in a stretched hand.
 
 use ghand_core::Pose;
 use glam::{DVec2, DVec3};
@@ -10,14 +10,14 @@ use super::curve::{cubic, distance};
 use super::noise::{bump, noise, smoothstep};
 use super::skin::{Look, Place};
 
-/// A joint that is bent so far is fully bent, radians.
+/// Angle at which a joint is fully bent, radians.
 const FULL_BEND: f64 = 1.4;
-/// What is less than this of a colour or a millimetre is not seen.
+/// Differences below this, in colour or millimetres, are not visible.
 const LEAST: f64 = 0.004;
 
-/// How far the hand is bent in one pose.
+/// Bend of the hand's joints in one pose.
 pub(super) struct Bend {
-    /// Of every finger's three joints in turn, then of the palm; `[0, 1]`.
+    /// For the three joints of each finger in turn, then for the palm; `[0, 1]`.
     slots: Vec<f64>,
 }
 
@@ -33,14 +33,14 @@ impl Bend {
     }
 }
 
-/// What one joint, or the palm, does to a place: each at rest and fully bent, linear between.
+/// Effect of one joint, or of the palm, on a place: values at rest and fully bent, linear between.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fold {
     /// Index into the slots of [`Bend`].
     slot: usize,
-    /// Part of the crease's colour.
+    /// Fraction of the crease's colour.
     crease: [f64; 2],
-    /// Part of the pale colour.
+    /// Fraction of the pale colour.
     pale: [f64; 2],
     /// Metres.
     height: [f64; 2],
@@ -61,7 +61,7 @@ impl Fold {
     }
 }
 
-/// How the skin looks in a pose, from how it looks in all of them.
+/// The skin in a pose, from its pose-independent appearance.
 pub(super) fn bent(still: &Look, folds: &[Fold], bend: &Bend, complexion: &Complexion) -> Look {
     let (mut crease, mut pale, mut height) = (0.0, 0.0, still.height);
     for fold in folds {
@@ -136,7 +136,7 @@ impl Folds<'_> {
         fold
     }
 
-    /// Knuckles stand out and blanch.
+    /// Knuckles protrude and blanch.
     fn knuckle(&self, finger: &Finger, k: usize, place: &Place, membership: f64, fold: &mut Fold) {
         let s = self.anatomy.scale;
         let size = [0.0062, 0.0048, 0.0038][k] * s;
@@ -180,7 +180,7 @@ impl Folds<'_> {
         Fold::add(&mut fold.height, [0.0, 0.0006], s * below * beside);
     }
 
-    /// Folds on the back of a joint, which bow away from its middle and stretch out when it bends.
+    /// Folds on the back of a joint, which curve away from its middle and stretch out when it bends.
     fn back_folds(&self, finger: &Finger, k: usize, place: &Place, fold: &mut Fold) {
         let s = self.anatomy.scale;
         let above = smoothstep(0.25, 0.7, place.normal.dot(finger.dorsal));

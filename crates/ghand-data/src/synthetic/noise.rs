@@ -1,4 +1,4 @@
-//! Smooth noise in space, the same on every machine.
+//! Smooth noise in space, identical on every machine.
 
 use glam::DVec3;
 

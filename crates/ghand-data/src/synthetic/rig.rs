@@ -5,9 +5,9 @@ use glam::{DVec2, DVec3};
 
 /// Distance of the cameras from the middle of the hand, metres.
 const RADIUS: f64 = 0.6;
-/// Cameras stay this far (cosine) from looking along the forearm, where a hand hides itself.
+/// Largest cosine between the viewing direction and the forearm, along which a hand hides itself.
 const LARGEST_COSINE: f64 = 0.72;
-/// Part of the image that the hand of all frames together fills along the tighter axis.
+/// Fraction of the image that the hand, in all frames together, fills along the tighter axis.
 const FILL: f64 = 0.94;
 
 /// `count` cameras, evenly spread around `points` (every vertex of every frame, world axes), each with the focal length that
@@ -32,7 +32,7 @@ fn aimed(eye: DVec3, middle: DVec3, width: u32, height: u32, border: f64, points
     // Fingers point up in the images.
     let look_at = |target| Camera::look_at(eye, target, DVec3::NEG_Y, 0.5, width, height);
     let mut camera = look_at(middle);
-    // Turning the camera changes the perspective a little; the third turn is below a pixel.
+    // Rotating the camera changes the perspective a little; the third rotation is below a pixel.
     for _ in 0..3 {
         let (low, high) = tangent_bounds(&camera, points);
         camera = look_at(eye + camera.rotation.transpose() * ((low + high) * 0.5).extend(1.0) * RADIUS);

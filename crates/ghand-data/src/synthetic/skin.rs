@@ -1,4 +1,4 @@
-//! Colour and relief of the true hand's skin that no pose changes, as functions of the place on the hand at rest.
+//! Pose-independent colour and relief of the true hand's skin, as functions of the place on the hand at rest.
 
 use glam::{DVec2, DVec3};
 
@@ -18,18 +18,19 @@ pub(super) struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// How much of it belongs to no finger, `[0, 1]`.
+    /// How much of it does not belong to any finger, `[0, 1]`.
     pub(super) fn palm_part(&self) -> f64 {
         1.0 - self.memberships.iter().sum::<f64>().clamp(0.0, 1.0)
     }
 
-    /// Where it is in the plane of the palm: from the wrist along the fingers, and across from the thumb's side; metres.
+    /// Its position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side;
+    /// metres.
     pub(super) fn on_palm(&self) -> DVec2 {
         DVec2::new(-self.position.y, self.position.z)
     }
 }
 
-/// What the skin is like at a place.
+/// The skin at a place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     /// Display colour, `[0, 1]`.
@@ -54,7 +55,7 @@ impl<'a> Skin<'a> {
         let knuckles: Vec<DVec3> = anatomy.fingers.iter().filter(|f| !f.is_thumb).map(|f| f.points[0]).collect();
         let mut veins = Vec::new();
         for (i, pair) in sorted_by_across(&knuckles).windows(2).enumerate() {
-            // Veins gather between the knuckles and run, wavering, towards the wrist.
+            // Veins start between the knuckles and run in waves towards the wrist.
             let top = (pair[0] + pair[1]) * 0.5;
             let top = DVec2::new(-top.y * 0.97, top.z);
             let waver = |k: u64| (lattice(i as i64, k as i64, 0, seed) - 0.5) * 0.016 * s;
@@ -81,7 +82,7 @@ impl<'a> Skin<'a> {
         let mut color = palm.lerp(of_back, back);
         let mut height = 0.00025 * s * fractal(p, 0.009 * s, self.seed);
 
-        // Blood below the skin comes and goes in patches; the palm is the more mottled side.
+        // Blood below the skin makes patches; the palm is more mottled.
         let patches = fractal(p, 0.008 * s, self.seed + 10);
         color = color.lerp(blood, (0.10 + 0.17 * patches * (1.2 - 0.5 * back)).max(0.0));
         color *= 1.0 + 0.06 * fractal(p, 0.0035 * s, self.seed + 20) + 0.04 * noise(p, 0.017 * s, self.seed + 30);

@@ -1,15 +1,16 @@
-//! How the true hand follows its bones: mostly by dual quaternions, which keep a joint's volume where linear blending
-//! loses it.
+//! Skinning of the true hand: mostly by dual quaternions, which preserve a joint's volume where linear blending loses
+//! it.
 
 use ghand_core::skeleton::{Affine, pose_skeleton};
 use ghand_core::{HandModel, Pose};
 use glam::{DQuat, DVec3, DVec4};
 use rayon::prelude::*;
 
-/// Part of the dual quaternion result; the rest is linear. Pure dual quaternions bulge at joints more than flesh does.
+/// Fraction of the dual quaternion result; the rest is linear. Pure dual quaternions bulge at joints more than flesh
+/// does.
 const DUAL_QUATERNION_PART: f64 = 0.75;
 
-/// A rigid motion as a unit dual quaternion: `real` turns, `dual` = 0.5 translation x real.
+/// A rigid motion as a unit dual quaternion: `real` rotates, `dual` = 0.5 translation x real.
 #[derive(Clone, Copy)]
 struct DualQuaternion {
     real: DVec4,

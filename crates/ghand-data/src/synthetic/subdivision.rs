@@ -1,4 +1,5 @@
-//! A finer mesh of the same hand: Loop's subdivision (C. Loop, Smooth Subdivision Surfaces Based on Triangles, 1987).
+//! Makes a finer mesh of the same hand by Loop subdivision (C. Loop, Smooth Subdivision Surfaces Based on Triangles,
+//! 1987).
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -13,14 +14,15 @@ struct Edge {
     vertex: u32,
 }
 
-/// The hand with four triangles for each, positions and skinning weights smoothed alike, UVs halved; fingers keep their girth.
-/// Blend shapes and the joint regressor, which are per vertex, are left out; the joints stay where they are.
+/// The hand with each triangle divided into four, with positions and skinning weights smoothed in the same way and UVs
+/// at edge midpoints; fingers keep their girth. Blend shapes and the joint regressor, which are per vertex, are
+/// dropped; the joints do not move.
 pub(super) fn subdivided(model: &HandModel) -> HandModel {
     let edges = edges(&model.faces, model.vertices.len());
     let edge_of: HashMap<[u32; 2], u32> = edges.iter().map(|e| (e.ends, e.vertex)).collect();
     let faces = split(&model.faces, |a, b| edge_of[&key(a, b)]);
 
-    // UVs are cut at seams, so that their edges are their own; what is linear on a triangle stays so.
+    // UVs are cut at seams and therefore have their own edges; functions that are linear on a triangle stay linear.
     let mut uvs = model.uvs.clone();
     let mut uv_of = HashMap::new();
     let face_uvs = split(&model.face_uvs, |a, b| {
@@ -35,7 +37,8 @@ pub(super) fn subdivided(model: &HandModel) -> HandModel {
         let sum = |stencil: &Vec<(u32, f64)>| stencil.iter().map(|&(v, part)| from[v as usize] * part).sum();
         stencils.iter().take(count).map(sum).collect()
     };
-    // Smoothing pulls what is round inwards; pushed out by as much first, the surface passes near the old vertices.
+    // Smoothing pulls round parts inwards; they are pushed outwards by the same amount first, so that the surface
+    // passes near the old vertices.
     let pulled = smoothed(&model.vertices, model.vertices.len());
     let pushed: Vec<DVec3> = model.vertices.iter().zip(&pulled).map(|(v, p)| *v * 2.0 - *p).collect();
     let vertices = smoothed(&pushed, stencils.len());
@@ -72,7 +75,7 @@ fn edges(faces: &[[u32; 3]], vertices: usize) -> Vec<Edge> {
     edges
 }
 
-/// Each triangle in four, by the vertices on its edges.
+/// Divides each triangle into four, using the vertices on its edges.
 fn split(faces: &[[u32; 3]], mut middle: impl FnMut(u32, u32) -> u32) -> Vec<[u32; 3]> {
     let mut fine = Vec::with_capacity(4 * faces.len());
     for &[a, b, c] in faces {
@@ -82,7 +85,7 @@ fn split(faces: &[[u32; 3]], mut middle: impl FnMut(u32, u32) -> u32) -> Vec<[u3
     fine
 }
 
-/// What each new vertex is made of: old vertices and their parts, which sum to one.
+/// Composition of each new vertex: old vertices and their weights, which sum to one.
 fn stencils(edges: &[Edge], vertices: usize) -> Vec<Vec<(u32, f64)>> {
     let mut neighbours = vec![vec![]; vertices];
     let mut along_border = vec![vec![]; vertices];
@@ -96,7 +99,7 @@ fn stencils(edges: &[Edge], vertices: usize) -> Vec<Vec<(u32, f64)>> {
         }
     }
     let even = neighbours.iter().zip(&along_border).zip(0..).map(|((around, border), v)| {
-        // On a border, and where surfaces meet, only the border counts.
+        // On a border, and where surfaces meet, only border vertices count.
         let (around, rest) = match border.len() {
             0 => {
                 let n = around.len() as f64;
@@ -150,8 +153,8 @@ mod tests {
         assert_eq!((fine.vertices.len(), fine.faces.len()), (19, 24));
         assert!(fine.vertices[0].distance(DVec3::Z * 2.0) < 1e-12);
         assert!(fine.vertices.iter().all(|p| (p.z - 2.0).abs() < 1e-12));
-        // A border vertex becomes 3/4 of its own and 1/8 of each neighbour on the border: (6 + 1/2 + 1/2) / 8 = 0.875 along its own
-        // direction, of a hexagon that was pushed out to 2 - 0.875 first.
+        // A border vertex becomes 3/4 of itself plus 1/8 of each neighbour on the border: (6 + 1/2 + 1/2) / 8 = 0.875
+        // along its own direction, of a hexagon that was pushed out to 2 - 0.875 first.
         assert!((fine.vertices[1].truncate().length() - 0.875 * 1.125).abs() < 1e-12);
         let spoke = fine.vertices[7].truncate();
         assert!(spoke.distance(ring(0).truncate() * 0.5 * 1.125) < 1e-12, "{spoke}");

@@ -15,7 +15,7 @@ fn options() -> SyntheticOptions {
     }
 }
 
-/// A renderer that shows the vertices as points: enough to see where the hand is.
+/// A renderer that draws the vertices as points: enough to show the hand's position.
 fn points(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String> {
     let mut pixels = vec![[0; 4]; camera.width as usize * camera.height as usize];
     for (position, exposure) in scene.positions.iter().zip(scene.exposure) {
@@ -118,7 +118,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
     let finger = &anatomy.fingers[0];
     let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));
     let (stretched, bent) = (relief(&index_finger(0.0)), relief(&index_finger(1.4)));
-    // Positive where the skin rises as the finger bends.
+    // Positive if the skin rises as the finger bends.
     let rise: Vec<f64> =
         (stretched.iter().zip(&bent).zip(&hand.normals)).map(|((a, b), n)| (*b - *a).dot(*n)).collect();
     let middle_crease = |v: usize| {
@@ -166,7 +166,7 @@ fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
     let [own, inter] = ["own", "inter"].map(|name| folder.path().join(name));
     let options = |format| SyntheticOptions { width: 176, height: 256, format, ..options() };
     let mut hand = |scene: &SceneMesh, camera: &Camera| {
-        // As large and as bright as a reader of the data set wants a hand to be.
+        // As large and as bright as readers of the data set require.
         let mut pixels = points(scene, camera)?;
         let on: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i][3] > 0).collect();
         on.into_iter().flat_map(|i| [i - 1, i + 1]).for_each(|i| pixels[i] = [180, 140, 120, 255]);
@@ -215,7 +215,7 @@ fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
         };
         let error = worst(&all(found), &all(expected));
         assert!(error <= 1e-6, "camera {}: {error}", found.id);
-        // Those of InterHand leave more room around the hand.
+        // Images in InterHand's layout leave more room around the hand.
         assert!(found.focal.x < expected.focal.x);
     }
     let (a, b) = (read.load_view(0, 0).unwrap(), own.load_view(0, 0).unwrap());

@@ -1,4 +1,4 @@
-//! How the hand moves: smooth trajectories through natural hand shapes, and noisy estimates of them.
+//! Motion of the hand: smooth trajectories through natural hand shapes, and noisy estimates of them.
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::anatomy::Anatomy;
 
-/// What a hand does, in numbers that may be interpolated.
+/// A gesture, in numbers that can be interpolated.
 #[derive(Debug, Clone)]
 struct Gesture {
     /// For each finger: bend of its three joints, radians (of the thumb: the base, then the two hinges).
@@ -47,7 +47,7 @@ impl Gesture {
         let mut gesture = Gesture { bends: vec![], spreads: vec![], root: DVec3::ZERO, translation: DVec3::ZERO };
         for (i, finger) in anatomy.fingers.iter().enumerate() {
             let closed = (closed[i % 5] + between(rng, -0.07, 0.07)).clamp(0.0, 1.0);
-            // The hinges of one finger share a tendon: they bend together, never exactly alike.
+            // The hinges of one finger share a tendon: they bend together, but not exactly equally.
             let vary = |rng: &mut ChaCha8Rng, angle: f64| angle * between(rng, 0.92, 1.08);
             gesture.bends.push(if finger.is_thumb {
                 [vary(rng, 0.45 * closed), vary(rng, 0.5 * closed), vary(rng, 0.05 + 0.75 * closed)]
@@ -124,7 +124,7 @@ pub(crate) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, se
         .collect()
 }
 
-/// `count` single poses, mixtures of two hand shapes each, that no trajectory of [`trajectory`] goes through.
+/// `count` single poses, mixtures of two hand shapes each, which are not on any trajectory of [`trajectory`].
 pub(super) fn single_poses(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7E57);
     (0..count)
@@ -139,13 +139,13 @@ pub(super) fn single_poses(anatomy: &Anatomy, joint_count: usize, count: usize, 
 
 /// Standard deviations of a tracker's errors.
 pub(super) struct PoseNoise {
-    /// Each component of a finger joint's axis-angle, radians; the root has half of it.
+    /// Each component of a finger joint's axis-angle, radians; the root has half of this.
     pub rotation: f64,
     /// Each component of the translation, metres.
     pub translation: f64,
 }
 
-/// What a tracker might have made of true poses, independently in every frame.
+/// A tracker's possible estimates of true poses, independent in every frame.
 pub(super) fn noisy(poses: &[Pose], noise: &PoseNoise, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x9015E);
     // Box-Muller.

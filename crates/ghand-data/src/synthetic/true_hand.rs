@@ -1,4 +1,4 @@
-//! The hand that is photographed: other lengths, finer, with skin.
+//! The hand in the images: with other lengths, a finer mesh and skin.
 
 use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::mesh::{RenderMesh, Texture};
@@ -21,17 +21,17 @@ use crate::interhand::Landmarks;
 
 /// Largest relative difference of the true hand's lengths from the template's.
 const LENGTH_VARIATION: f64 = 0.06;
-/// How often the template's mesh is subdivided: edges of less than a millimetre, as folds need.
+/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre.
 const SUBDIVISIONS: usize = 2;
 
 /// The true hand, ready to be posed.
 pub(super) struct TrueHand {
     /// At rest, without relief.
     pub(super) model: HandModel,
-    /// How many of its vertices are those of the mesh before its subdivision.
+    /// Number of its vertices that belong to the mesh before subdivision.
     coarse_vertices: usize,
     pub(super) normals: Vec<DVec3>,
-    /// How each vertex looks, but for its folds, and these.
+    /// Appearance of each vertex without its folds, and the folds.
     looks: Vec<(Look, Vec<Fold>)>,
     pub mesh: RenderMesh,
     atlas: Atlas,
@@ -52,7 +52,7 @@ impl TrueHand {
     /// Varies the template's lengths by the seed and grows skin on the result.
     pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
         let mut model = varied(template, seed).build()?;
-        // The skin counts on from its seed.
+        // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
         let coarse_vertices = model.vertices.len();
@@ -99,7 +99,7 @@ impl TrueHand {
         }
     }
 
-    /// Some of the posed hand's vertices, few millimetres apart; world, metres.
+    /// Some of the posed hand's vertices, a few millimetres apart; world, metres.
     pub(super) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
         // Subdivision puts the coarse mesh's vertices first.
         pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], pose)

@@ -1,4 +1,4 @@
-//! What is in an avatar.
+//! Describes an avatar.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::hand_model::{joint_tree, vector};
 use super::scene::file_size;
 
-/// What is in an avatar, a line each.
+/// The description of an avatar, as lines.
 pub fn describe(path: &Path, avatar: &Avatar) -> String {
     let (template, model, config) = (&avatar.template, &avatar.model, &avatar.config);
     let side = if template.side == Side::Left { "left" } else { "right" };
@@ -39,7 +39,7 @@ pub fn describe(path: &Path, avatar: &Avatar) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The fields of a value as they are in the file.
+/// The fields of a value as stored in the file.
 fn fields(value: &impl Serialize) -> Vec<String> {
     let value = serde_json::to_value(value).unwrap_or_default();
     let line = |(name, value): (&String, &serde_json::Value)| {

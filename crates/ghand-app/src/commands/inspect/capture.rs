@@ -1,4 +1,4 @@
-//! What is in a capture.
+//! Describes a capture.
 
 use std::path::Path;
 
@@ -8,12 +8,12 @@ use ghand_data::inspection::{CaptureInspection, Severity, SplitFacts, Spread, Vi
 use ghand_data::{Opened, capture};
 use ghand_train::contact_sheet::SheetView;
 
-/// Cameras that have a line each; of more there is a summary.
+/// Most cameras with a line each; more are summarised.
 const MOST_CAMERAS: usize = 32;
-/// Broken files that are named; more are counted.
+/// Most broken files that are named; further ones are counted.
 const MOST_FILES: usize = 5;
 
-/// What is in a capture and what is odd about it, and a numbered list of the views of its sheet.
+/// The description of a capture with its oddities, and a numbered list of the views on its sheet.
 pub fn describe(path: &Path, opened: &Opened, found: &CaptureInspection, views: &[SheetView]) -> String {
     let capture = &opened.capture;
     let mut lines = vec![format!("{}: {}, {} hand", path.display(), opened.kind, side(capture))];

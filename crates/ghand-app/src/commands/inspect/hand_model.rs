@@ -1,11 +1,11 @@
-//! What is in a hand model.
+//! Describes a hand model.
 
 use ghand_core::hand_model::inspection::inspect;
 use ghand_core::hand_model::read::HandModelFile;
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
-/// What is in a hand model and what is odd about it, a line each.
+/// The description of a hand model with its oddities, as lines.
 pub fn describe(file: &HandModelFile) -> String {
     let found = inspect(&file.model);
     let model = &file.model;

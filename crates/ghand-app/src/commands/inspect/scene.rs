@@ -1,4 +1,4 @@
-//! What is in a scene of Gaussians.
+//! Describes a scene of Gaussians.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ const ROWS: [&str; 14] = [
     "f_dc_2",
 ];
 
-/// What is in a scene and what is odd about it, a line each.
+/// The description of a scene with its oddities, as lines.
 pub fn describe(path: &Path, scene: &SplatScene) -> String {
     let mut lines = vec![format!("{}: scene of Gaussians", path.display())];
     let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}"));
@@ -68,7 +68,7 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Size of a file in words.
+/// Size of a file as text.
 pub(super) fn file_size(path: &Path) -> String {
     match std::fs::metadata(path) {
         Ok(data) => format!("{} bytes ({:.1} MiB)", data.len(), data.len() as f64 / f64::from(1 << 20)),
@@ -84,7 +84,7 @@ struct Spread {
 }
 
 impl Spread {
-    /// Of those that are finite; `None` if there are none.
+    /// For the finite ones; `None` if there are none.
     fn of(values: impl Iterator<Item = f32>) -> Option<Spread> {
         let mut values: Vec<f32> = values.filter(|value| value.is_finite()).collect();
         values.sort_by(f32::total_cmp);

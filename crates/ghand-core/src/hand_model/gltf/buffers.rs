@@ -1,4 +1,4 @@
-//! Bytes of a glTF file and the typed values in them, with every range checked.
+//! The bytes of a glTF file and their typed values. Every range is checked.
 
 use std::cell::OnceCell;
 use std::io::Read;
@@ -19,11 +19,11 @@ use crate::input_file;
 
 /// Largest file or buffer that is read.
 pub(super) const MAX_BYTES: u64 = 1 << 30;
-/// Most numbers of an accessor, a quarter of a gigabyte: a sparse one may ask for any number of them without having any
-/// bytes.
+/// Most numbers of an accessor, a quarter of a gigabyte: a sparse accessor may declare any number of them without
+/// storing any bytes.
 const MAX_NUMBERS: usize = 1 << 26;
 
-/// Some exporters leave out the padding at the end.
+/// Some exporters omit the padding at the end.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
@@ -38,12 +38,12 @@ pub(super) struct Buffers<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    /// The buffers of a file in that folder; without one, it may name no other files.
+    /// The buffers of a file in that folder; without a folder, the file must not name other files.
     pub(super) fn new(file: &'a Gltf, folder: Option<&'a Path>, source: &'a Source) -> Buffers<'a> {
         Buffers { file, folder, data: file.buffers().map(|_| OnceCell::new()).collect(), source }
     }
 
-    /// The bytes of a buffer, at least as many as it promises.
+    /// The bytes of a buffer, at least as many as it declares.
     fn bytes(&self, buffer: &Buffer) -> Result<&[u8], HandModelError> {
         let field = format!("buffer {}", buffer.index());
         let fail = |problem: String| self.source.invalid(&field, problem);
@@ -75,7 +75,7 @@ impl<'a> Buffers<'a> {
         Ok(bytes)
     }
 
-    /// The first `length` bytes at a URI: in itself, or in a file beside the glTF file.
+    /// The first `length` bytes at a URI: data in the URI itself, or a file beside the glTF file.
     fn load(&self, uri: &str, length: usize) -> Result<Vec<u8>, String> {
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(',').and_then(|(kind, data)| kind.ends_with(";base64").then_some(data));
@@ -200,8 +200,8 @@ impl<'a> Buffers<'a> {
         let view_end = view.offset().checked_add(view.length()).ok_or_else(truncated)?;
         let bytes = bytes.get(..view_end).ok_or_else(truncated)?;
         let Some(last) = count.checked_sub(1) else { return Ok(vec![]) };
-        // Checked before anything is allocated: a damaged count must not ask for all memory. Elements do not overlap, so
-        // that there are no more of them than bytes.
+        // Checked before anything is allocated: a damaged count must not exhaust memory. Elements do not overlap, so
+        // there are at most as many as bytes.
         let end = stride.checked_mul(last).and_then(|v| v.checked_add(begin)?.checked_add(size));
         if stride < size || end.is_none_or(|end| end > bytes.len()) {
             return Err(truncated());
@@ -229,13 +229,13 @@ fn integer(kind: DataType, bytes: &[u8]) -> Option<u32> {
     }
 }
 
-/// The path of a URI below the folder of its file. A hand from elsewhere must not make other files be read.
+/// The path of a URI below the folder of its file. A downloaded hand must not cause other files to be read.
 fn relative_path(uri: &str) -> Result<PathBuf, String> {
     let decoded = percent_decode_str(uri)
         .decode_utf8()
         .map_err(|_| format!("lies at '{uri}', which is no UTF-8; rename the file"))?;
     let outside = || format!("lies at '{uri}', outside of the .gltf file's folder; put it beside the .gltf file");
-    // A colon is part of a scheme or of a Windows drive, a backslash separates folders there.
+    // A colon is part of a scheme or of a Windows drive; a backslash separates folders on Windows.
     if decoded.is_empty() || decoded.contains([':', '\\', '\0']) {
         return Err(outside());
     }

@@ -38,7 +38,7 @@ pub(super) const WEBXR_JOINTS: [&str; 25] = [
     "pinky-finger-tip",
 ];
 
-/// Most joints of a skin: ten hands of WebXR's in one armature.
+/// Most joints of a skin: ten WebXR hands in one armature.
 const MAX_JOINTS: usize = 256;
 
 /// Joints in the model's order.
@@ -47,7 +47,7 @@ pub(super) struct Rig {
     pub parents: Vec<Option<usize>>,
     /// Rest positions, metres, in the mesh's axes.
     pub positions: Vec<DVec3>,
-    /// Where each joint of the skin went; `None` for one that is left out.
+    /// Index of each joint of the skin in the model; `None` for a joint that is omitted.
     pub model_from_skin: Vec<Option<usize>>,
 }
 
@@ -58,7 +58,7 @@ impl Rig {
             let problem = format!("has more than {MAX_JOINTS} joints; export the hand's armature alone");
             return Err(source.invalid("skin", problem));
         }
-        // Without them each joint has its part of the mesh in axes of its own: there is no rest surface.
+        // Without them, each part of the mesh is in the axes of its joint, and there is no common rest surface.
         let accessor = skin.inverse_bind_matrices().ok_or_else(|| {
             source.invalid("inverseBindMatrices", "are missing; export the armature in its bind pose".into())
         })?;
@@ -106,7 +106,7 @@ fn webxr_parent(joint: usize) -> Option<usize> {
 fn webxr_order(nodes: &[Node], source: &Source) -> Result<Option<Vec<usize>>, HandModelError> {
     let find = |name: &str| nodes.iter().position(|node| node.name() == Some(name));
     let found: Vec<Option<usize>> = WEBXR_JOINTS.iter().map(|name| find(name)).collect();
-    // A rig of another kind may well have a joint called "wrist".
+    // Rigs of other kinds may also have a joint called "wrist".
     if found.iter().flatten().count() <= 1 {
         return Ok(None);
     }
@@ -131,7 +131,7 @@ fn tree_order(file: &Gltf, nodes: &[Node], source: &Source) -> Result<Order, Han
         }
     }
     let parent = |node: &Node| {
-        // A damaged tree may bite its tail; no path is longer than the number of nodes.
+        // A damaged tree may have a cycle; no valid path is longer than the number of nodes.
         let mut ancestors = std::iter::successors(node_parents[node.index()], |&n| node_parents[n]);
         ancestors.by_ref().take(node_parents.len()).find_map(|n| joint_of_node.get(&n).copied())
     };

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::joints::WEBXR_JOINTS;
 use super::*;
 
-/// The generic hand, when it is beside the checkout.
+/// The generic hand, if it is beside the checkout.
 fn generic_hand(file: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand").join(file);
     if !path.exists() {
@@ -17,7 +17,7 @@ fn generic_hand(file: &str) -> Option<PathBuf> {
 }
 
 /// A chain of three joints (stored child first, with a plain node between) that moves one square, split into two
-/// triangles with UV vertices of their own.
+/// triangles each with its own UV vertices.
 struct SmallHand {
     json: String,
     bytes: Vec<u8>,
@@ -32,7 +32,7 @@ impl SmallHand {
         let uvs = [[0., 0.], [0.4, 0.], [0.4, 0.4], [0.5, 0.5], [0.9, 0.9], [0.5, 0.9]];
         floats(&mut bytes, &uvs.concat());
         for k in 0..6 {
-            // Corners 0 and 3 are one point with different weights.
+            // Corners 0 and 3 are the same point with different weights.
             bytes.extend(if k == 3 { [1u8, 2, 0, 0] } else { [2u8, 0, 0, 0] });
         }
         for k in 0..6 {

@@ -9,7 +9,7 @@ use super::{RawMesh, Source, dvec3};
 use crate::hand_model::{HandModel, HandModelError, Side};
 
 /// Welds vertices with exactly the same position. Their weights are averaged where they differ; every file vertex keeps
-/// its UV point. Triangles that have lost their area are dropped.
+/// its UV point. Triangles that lose their area are dropped.
 pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Result<HandModel, HandModelError> {
     let n_b = rig.names.len();
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
@@ -18,7 +18,7 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
     let mut weights: Vec<f64> = Vec::new();
     let mut welded_from_raw = Vec::with_capacity(raw.positions.len());
     for (position, row) in raw.positions.iter().zip(raw.weights.chunks_exact(n_b)) {
-        // Adding 0 turns -0 into 0, which is the same place.
+        // Adding 0 turns -0 into 0, which is the same position.
         let key = position.map(|v| (v + 0.0).to_bits());
         let welded = *index.entry(key).or_insert_with(|| {
             vertices.push(dvec3(*position));

@@ -1,4 +1,4 @@
-//! From the arrays of a MANO file to a hand model.
+//! Builds a hand model from the arrays of a MANO file.
 
 use glam::DVec3;
 
@@ -8,16 +8,16 @@ use crate::hand_model::npz::NumericArray;
 use crate::hand_model::{HandModel, HandModelError, PoseSpace, Side};
 use crate::posing::regress_joints;
 
-/// How far a vertex's weights may be from a sum of 1 and still be weights: single precision and a few decimals of text.
+/// How far the sum of a vertex's weights may be from 1: single precision, or text with a few decimals.
 const WEIGHT_SUM_TOLERANCE: f64 = 1e-3;
 
-/// Sums this close to 1 are rounding: 16 numbers of at most 1 add up with an error of at most 16 x 2^-53.
+/// Sums this close to 1 differ by rounding: 16 numbers of at most 1 add up with an error of at most 16 x 2^-53.
 const WEIGHT_SUM_ROUNDING: f64 = 1e-12;
 
-/// Negative weights down to this are rounding, and become 0.
+/// Negative weights down to this are rounding errors and become 0.
 const NEGATIVE_WEIGHT: f64 = -1e-9;
 
-/// Stored joints may differ from regressed ones by this, metres, before it is worth a word.
+/// Stored joints that differ from regressed ones by more than this, metres, get a warning.
 const JOINT_TOLERANCE: f64 = 1e-5;
 
 /// The model without texture coordinates; the side is not known yet.
@@ -32,7 +32,7 @@ pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<H
     let shape_directions = directions(fields, "shapedirs", v, None)?;
     let pose_directions = directions(fields, "posedirs", v, Some(9 * (n - 1)))?;
     let pose_space = pose_space(fields, n)?;
-    // The same sum as that of posing, so that shape 0 changes no bit.
+    // The same sum as in posing, so that shape 0 changes no bit.
     let joints = regress_joints(&joint_regressor, &vertices);
     check_joints(fields, &joints, warnings);
     for (key, usual) in [("bs_type", "lrotmin"), ("bs_style", "lbs")] {
@@ -162,7 +162,7 @@ fn joint_regressor(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<Vec<(u
             for (joint, vertex, value) in sparse.entries {
                 rows[joint].push((vertex as u32, value));
             }
-            // Sums are taken in the order of the vertices, however they are stored.
+            // Terms are added in the order of the vertices, whatever their order in the file.
             rows.iter_mut().for_each(|row| row.sort_by_key(|(vertex, _)| *vertex));
         }
     }
@@ -189,14 +189,14 @@ fn directions(fields: &mut Fields, key: &str, v: usize, count: Option<usize>) ->
     }
 }
 
-/// Mean and components of poses; none for a rig without them.
+/// Mean and components of poses; `None` for a rig without them.
 fn pose_space(fields: &mut Fields, n: usize) -> Result<Option<PoseSpace>, HandModelError> {
     let width = 3 * (n - 1);
     let vectors = |values: &[f64]| values.as_chunks().0.iter().map(dvec3).collect::<Vec<DVec3>>();
     let mut mean = None;
     if fields.contains("hands_mean") {
         let array = fields.numbers("hands_mean")?;
-        // Either flat or a single row.
+        // Either one axis or a single row.
         if !matches!(array.shape.as_slice(), &[w] | &[1, w] if w == width) {
             return Err(wrong_shape(fields, "hands_mean", &array, &format!("({width})")));
         }
@@ -219,7 +219,7 @@ fn pose_space(fields: &mut Fields, n: usize) -> Result<Option<PoseSpace>, HandMo
     }))
 }
 
-/// The joints that are stored beside the regressor are not used, but tell whether the file is of one piece.
+/// The joints stored beside the regressor are not used, but show whether the file is consistent.
 fn check_joints(fields: &mut Fields, joints: &[DVec3], warnings: &mut Vec<String>) {
     if !fields.contains("J") {
         return;

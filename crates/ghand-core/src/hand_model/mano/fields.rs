@@ -18,7 +18,7 @@ enum Store<'a> {
     Npz(Box<Npz<'a>>),
 }
 
-/// A matrix either way.
+/// A matrix, dense or sparse.
 pub(super) enum Matrix {
     Dense(NumericArray),
     Sparse(SparseMatrix),
@@ -60,14 +60,14 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// The array of a key, all numbers finite.
+    /// The array of a key, with only finite numbers.
     pub(super) fn numbers(&mut self, key: &str) -> Result<NumericArray, HandModelError> {
         match self.read(key, |graph, id| graph.numbers(id))? {
             Stored::Plain(array) | Stored::Pickled(array) => self.finite(key, array),
         }
     }
 
-    /// The matrix of a key, all numbers finite.
+    /// The matrix of a key, with only finite numbers.
     pub(super) fn matrix(&mut self, key: &str) -> Result<Matrix, HandModelError> {
         let matrix = self.read(key, |graph, id| match graph.sparse(id)? {
             Some(sparse) => Ok(Matrix::Sparse(sparse)),
@@ -82,7 +82,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// The text of a key, if it is there and is one.
+    /// The text of a key, if it exists and is text.
     pub(super) fn text(&mut self, key: &str) -> Option<String> {
         match &mut self.store {
             Store::Pickle(graph) => graph.text(graph.entry(key)?),
@@ -93,7 +93,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// What is stored under a key; `pickled` reads it where it is a value of a pickle.
+    /// The value of a key; `pickled` reads it if it is in a pickle.
     fn read<T>(
         &mut self,
         key: &str,
@@ -108,7 +108,7 @@ impl<'a> Fields<'a> {
                     .map(Stored::Pickled)
             }
             Store::Npz(npz) => npz.stored(key).and_then(|stored| match stored.elements.kind {
-                // An object in an archive is a pickle of the array that holds it.
+                // An object in an archive is stored as a pickle of the array that holds it.
                 ElementKind::Object => {
                     let graph = Graph::read(&stored.data).map_err(|error| ArrayError(error.to_string()))?;
                     pickled(&graph, graph.root()).map(Stored::Pickled)
@@ -127,7 +127,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A value of an archive as NumPy stores arrays, or one of a pickle.
+/// A value of an archive, stored as a NumPy array, or a value of a pickle.
 enum Stored<T> {
     Plain(NumericArray),
     Pickled(T),

@@ -4,15 +4,15 @@ use super::fields::Fields;
 use crate::hand_model::HandModelError;
 use crate::hand_model::npz::NumericArray;
 
-/// Arrays by name, from a pickled dictionary or an `.npz` archive. Nothing that a file names is run.
+/// Arrays by name, from a pickled dictionary or an `.npz` archive. Nothing that a file names is executed.
 pub struct NamedArrays<'a>(Fields<'a>);
 
 impl<'a> NamedArrays<'a> {
-    /// Opens the bytes of a file. `origin` is the file's name and `remedy` what to do if it is not the right one, both for
-    /// messages.
+    /// Opens the bytes of a file. `origin` is the file's name and `remedy` says what to do if the file is wrong, both
+    /// for messages.
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] when it is neither, damaged, or names a class or function that no array needs.
+    /// [`HandModelError::Invalid`] when it is neither, is damaged, or names a class or function that no array needs.
     pub fn open(origin: &'a str, bytes: &'a [u8], remedy: &'a str) -> Result<NamedArrays<'a>, HandModelError> {
         Fields::open(origin, bytes, remedy).map(NamedArrays)
     }
@@ -25,7 +25,7 @@ impl<'a> NamedArrays<'a> {
     /// The array of that name.
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] when there is none, or it is damaged, too large, not of numbers or not finite.
+    /// [`HandModelError::Invalid`] when it is missing, damaged, too large, not numeric or not finite.
     pub fn numbers(&mut self, name: &str) -> Result<NumericArray, HandModelError> {
         self.0.numbers(name)
     }

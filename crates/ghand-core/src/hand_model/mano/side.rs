@@ -8,7 +8,7 @@ use super::fields::Fields;
 use super::{PARENTS, REMEDY, build};
 use crate::hand_model::{HandModel, Side};
 
-/// The side: as asked for, else by the file's name, else by the geometry.
+/// The side: the requested one, else from the file's name, else from the geometry.
 pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warnings: &mut Vec<String>) -> Side {
     let by_shape = side_of_shape(model);
     let Some(known) = asked.or_else(|| side_of_name(Path::new(name))) else {
@@ -34,10 +34,10 @@ fn side_of_name(path: &Path) -> Option<Side> {
     }
 }
 
-/// The side by the joints, where they are MANO's.
+/// The side from the joints, if they are MANO's.
 ///
-/// From the wrist to the middle finger, crossed with from the index to the little finger, points out of the palm of a
-/// right hand and out of the back of a left one; and at rest the joints of the thumb are nearer to the side of the palm
+/// The vector from wrist to middle finger, crossed with the vector from index to little finger, points out of the palm
+/// of a right hand and out of the back of a left one. At rest, the joints of the thumb are nearer to the palm's side
 /// than those of the fingers.
 fn side_of_shape(model: &HandModel) -> Option<Side> {
     if model.parents != PARENTS {
@@ -48,7 +48,7 @@ fn side_of_shape(model: &HandModel) -> Option<Side> {
     let normal = along.cross(pinky - index);
     let thumb = model.joints[13..].iter().map(|joint| (*joint - wrist).dot(normal)).sum::<f64>() / 3.0;
     let knuckles = [1, 4, 7, 10].map(|k| (model.joints[k] - wrist).dot(normal)).iter().sum::<f64>() / 4.0;
-    // Against the palm's area times its length: 1 % of the length is more than a flat drawing has by rounding.
+    // Relative to the palm's area times its length: 1 % of the length is more than the rounding of a flat hand.
     let height = (thumb - knuckles) / (normal.length() * along.length());
     if height > 0.01 {
         Some(Side::Right)
@@ -67,7 +67,7 @@ pub(super) fn right_beside(path: &Path) -> Option<PathBuf> {
     Some(path.with_file_name(name.replace(left, right)))
 }
 
-/// Whether a left model's shape directions are those of the right hand in x, as they are in the published file.
+/// Whether a left model's shape directions have the x components of the right hand, as in the published file.
 pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnings: &mut Vec<String>) -> bool {
     if model.shape_directions.is_empty() {
         return false;
@@ -76,7 +76,7 @@ pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnin
         return bug;
     }
     match length_breadth_correlation(model) {
-        // The correlation changes its sign with the bug. Measured hands have about 0.5, so that a fifth is clear.
+        // The bug changes the sign of the correlation. Measured hands have about 0.5, so that 0.2 is a clear threshold.
         Some(correlation) if correlation < -0.2 => true,
         Some(correlation) if correlation > 0.2 => false,
         _ => {
@@ -102,9 +102,9 @@ fn compare_with_right(left: &HandModel, right: &[u8]) -> Option<bool> {
     (same != mirrored).then_some(same < 1.0 && same < mirrored)
 }
 
-/// How the extent along x goes together with that along y and z, over all shapes: the correlation of the two growths when
-/// shape parameters are independent with unit variance, which is what they are in a model of people. Long hands are
-/// broad hands, so that it is positive; turning round the x of all shape directions changes its sign.
+/// How the extent along x correlates with that along y and z over all shapes, for independent shape parameters with
+/// unit variance, as in a model of people. Long hands are broad, so that it is positive; negating the x of all shape
+/// directions changes its sign.
 fn length_breadth_correlation(model: &HandModel) -> Option<f64> {
     let count = model.vertices.len();
     let center = model.vertices.iter().sum::<DVec3>() / count as f64;

@@ -1,4 +1,4 @@
-//! Hand models written with MANO's keys.
+//! Writes hand models with MANO's keys.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use glam::DVec3;
 use crate::hand_model::npz::{NamedNumbers, npz_bytes};
 use crate::hand_model::{HandModel, HandModelError, export};
 
-/// Writes a hand model as an `.npz` archive of MANO's keys, which [`super::read_mano`] and other programs for MANO read: all but
-/// its name, its texture coordinates and its side. A reader takes the side from the file's name, so let that say `right` or
-/// `left`.
+/// Writes a hand model as an `.npz` archive with MANO's keys, which [`super::read_mano`] and other programs for MANO
+/// read: everything except its name, its texture coordinates and its side. Readers take the side from the file's name,
+/// which should therefore contain `right` or `left`.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the joints do not follow the skin, for which MANO's files have no place;
-/// [`HandModelError::Write`] when the file cannot be written, which is then as it was before.
+/// [`HandModelError::Invalid`] when the joints do not follow the skin, which MANO's files cannot express;
+/// [`HandModelError::Write`] when the file cannot be written; it is then unchanged.
 pub fn write_mano(path: &Path, model: &HandModel) -> Result<(), HandModelError> {
     model.validate()?;
     if model.joint_regressor.is_empty() {
@@ -30,7 +30,7 @@ pub fn write_mano(path: &Path, model: &HandModel) -> Result<(), HandModelError> 
     for (row, entries) in regressor.chunks_exact_mut(v).zip(&model.joint_regressor) {
         entries.iter().for_each(|&(vertex, weight)| row[vertex as usize] += weight);
     }
-    // The root's parent is stored as the largest of an unsigned integer's values.
+    // The root's parent is stored as the largest value of an unsigned integer.
     let parents = model.parents.iter().map(|p| p.map_or(f64::from(u32::MAX), |p| p as f64));
     let tree: Vec<f64> = parents.chain((0..n).map(|k| k as f64)).collect();
     let faces: Vec<f64> = model.faces.iter().flatten().map(|&i| f64::from(i)).collect();

@@ -1,11 +1,11 @@
 //! Arrays of numbers as NumPy stores them: a type code, a shape, and the bytes.
 
-/// What is wrong with a stored array, and what to do about it.
+/// The problem with a stored array, and its remedy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct ArrayError(pub(crate) String);
 
-/// An array of numbers, row-major (the last index runs fastest), whatever the order in the file.
+/// An array of numbers, row-major (the last index runs fastest), independent of the order in the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NumericArray {
     /// Length of each axis; empty for a single number.
@@ -17,10 +17,10 @@ pub struct NumericArray {
 /// Most numbers in one array: twice the pose blend shapes of a whole body (10475 x 3 x 486), 256 MiB as f64.
 const MAX_ELEMENTS: usize = 1 << 25;
 
-/// Most axes of an array; those of hands have at most three.
+/// Most axes of an array; arrays of hand models have at most three.
 const MAX_AXES: usize = 8;
 
-/// What the elements of an array are.
+/// Type of the elements of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ElementKind {
     Float,
@@ -29,13 +29,13 @@ pub(crate) enum ElementKind {
     Bool,
     /// Python objects: their bytes are a pickle.
     Object,
-    /// Text, one byte a character.
+    /// Text, one byte per character.
     Bytes,
-    /// Text, four bytes a character.
+    /// Text, four bytes per character.
     Unicode,
 }
 
-/// What the elements of an array are, and how their bytes are to be read.
+/// Type of the elements of an array, and how to read their bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ElementType {
     pub kind: ElementKind,
@@ -123,8 +123,8 @@ impl ElementType {
     }
 }
 
-/// Product of the axes, within the limits. These hold for the other axes where one has no length, too: who reads such an
-/// array may count its rows.
+/// Product of the axes, within the limits. The limits also apply to the other axes if one has length 0, because a
+/// reader of such an array may count its rows.
 pub(crate) fn element_count(shape: &[usize]) -> Result<usize, ArrayError> {
     let most = shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n.max(1)));
     match most {
@@ -135,7 +135,7 @@ pub(crate) fn element_count(shape: &[usize]) -> Result<usize, ArrayError> {
     }
 }
 
-/// The number of a float of two bytes: a sign, five bits of exponent, ten of fraction.
+/// Converts a two-byte float: a sign, five bits of exponent, ten of fraction.
 fn half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
     let size = match exponent {
@@ -159,8 +159,8 @@ fn decode<const N: usize>(bytes: &[u8], big_endian: bool, number: impl Fn([u8; N
     bytes.chunks_exact(N).map(element).collect()
 }
 
-/// From the order in which the first index runs fastest to that in which the last one does. `values` are as many as the
-/// product of `shape`.
+/// Converts from the order in which the first index runs fastest to that in which the last does. `values` has as many
+/// numbers as the product of `shape`.
 fn rows_first(values: &[f64], shape: &[usize]) -> Vec<f64> {
     let mut strides = Vec::with_capacity(shape.len());
     let mut stride = 1;

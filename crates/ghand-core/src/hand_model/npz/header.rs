@@ -1,4 +1,4 @@
-//! The header of an `.npy` file: what the elements are, their order, and the shape.
+//! The header of an `.npy` file: type of the elements, their order, and the shape.
 
 use super::array::{ArrayError, ElementType};
 
@@ -10,7 +10,7 @@ pub(super) struct Header {
     pub shape: Vec<usize>,
 }
 
-/// Most bytes of a header. NumPy itself refuses longer ones.
+/// Most bytes of a header. NumPy itself rejects longer ones.
 const MAX_HEADER: usize = 10_000;
 
 /// Splits an `.npy` file (format versions 1 to 3) into its header and the bytes after it.

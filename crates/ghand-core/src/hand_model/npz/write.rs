@@ -1,4 +1,4 @@
-//! Writing of `.npz` archives.
+//! Writes `.npz` archives.
 
 use std::io::{self, Cursor, Write};
 
@@ -12,10 +12,11 @@ pub(crate) struct NamedNumbers<'a> {
 /// The bytes of an archive of arrays of 8-byte floats.
 ///
 /// # Errors
-/// An error of the compressor. That of kind [`io::ErrorKind::InvalidInput`] names an array whose numbers do not fit its shape.
+/// An error of the compressor. An error of kind [`io::ErrorKind::InvalidInput`] names an array whose numbers do not
+/// match its shape.
 pub(crate) fn npz_bytes(arrays: &[NamedNumbers]) -> io::Result<Vec<u8>> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    // The same arrays give the same bytes: no time of day.
+    // No timestamps, so that the same arrays give the same bytes.
     let options = zip::write::SimpleFileOptions::default()
         .compression_method(zip::CompressionMethod::Deflated)
         .last_modified_time(zip::DateTime::default());
@@ -38,7 +39,7 @@ fn npy_header(shape: &[usize]) -> Vec<u8> {
     let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
     let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
     let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    // A shape of a few axes is far below the 65,535 bytes that the format can say.
+    // A shape of a few axes needs far fewer than the 65,535 bytes that the format allows.
     header.extend((length as u16).to_le_bytes());
     header.extend(format!("{text:<width$}\n", width = length - 1).bytes());
     header

@@ -10,7 +10,7 @@ use crate::input_file;
 
 /// Largest file that is read: room for about a million vertices.
 const MAX_BYTES: u64 = 64 << 20;
-/// How far UV points may lie outside of the unit square and still be taken to its border: what exporters round off.
+/// UV points this far outside the unit square are moved to its border: rounding by exporters.
 const BORDER: f64 = 1e-4;
 
 /// A UV atlas, with the faces that it belongs to.
@@ -26,14 +26,14 @@ pub struct UvLayout {
 
 /// Reads UV points and triangles of an OBJ file made for a model of `vertex_count` vertices and the triangles `faces`.
 ///
-/// The file's vertices must be the model's, in the model's order (their positions do not matter). Its triangles take
-/// the place of the model's; they may close the wrist or leave it open. Polygons are cut into triangles from their first
-/// corner on. The file's v counts from the bottom of a texture and is turned into one from the top.
+/// The file's vertices must be the model's, in the model's order (their positions do not matter). Its triangles replace
+/// the model's; they may close the wrist or leave it open. Polygons are split into triangles around their first corner.
+/// The file's v is measured from the bottom of a texture and is converted to one measured from the top.
 ///
 /// # Errors
-/// [`HandModelError::Io`] when the file cannot be read; [`HandModelError::Invalid`] names file, line and a remedy when it
-/// is no OBJ with UVs, is larger than 64 MiB, or belongs to another mesh: one of another number of vertices, with most
-/// edges elsewhere, or wound the other way round.
+/// [`HandModelError::Io`] when the file cannot be read; [`HandModelError::Invalid`] names file, line and a remedy when
+/// it is not an OBJ file with UVs, is larger than 64 MiB, or belongs to another mesh: one with another number of
+/// vertices, with mostly different edges, or with the opposite winding.
 pub fn read_obj_uvs(path: &Path, vertex_count: usize, faces: &[[u32; 3]]) -> Result<UvLayout, HandModelError> {
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
     let origin = path.display().to_string();
@@ -110,7 +110,7 @@ fn parse(text: &str, vertex_count: usize, model_faces: &[[u32; 3]]) -> Result<Uv
     Ok(layout)
 }
 
-/// Lines with the number of the first of those that a backslash joins.
+/// Logical lines, joined at backslashes, each with the number of its first line.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     let mut lines = text.lines().enumerate();
     std::iter::from_fn(move || {
@@ -152,7 +152,7 @@ fn corner(word: &str, vertices: usize, uvs: usize) -> Result<(u32, u32), String>
             return Err(format!("corner '{}' has no UV point; export the mesh with UVs", short(word)));
         }
         let number: i64 = part.parse().map_err(|_| format!("'{}' is no index; export the mesh again", short(part)))?;
-        // Negative indices count back from the last point so far.
+        // Negative indices count back from the latest point.
         let index = if number < 0 { so_far as i64 + number } else { number - 1 };
         u32::try_from(index).map_err(|_| format!("'{}' names no point; indices start at 1", short(part)))
     };
@@ -164,12 +164,13 @@ fn short(word: &str) -> String {
     word.chars().take(40).collect()
 }
 
-/// A mesh of as many vertices in another order would give a torn atlas, a mirrored one a hand inside out.
+/// A mesh with the same number of vertices in another order would give a torn atlas; a mirrored one would give an
+/// inside-out hand.
 fn check_same_mesh(faces: &[[u32; 3]], model_faces: &[[u32; 3]]) -> Result<(), Flaw> {
     let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)));
     let model_edges: HashSet<(u32, u32)> = model_faces.iter().flat_map(edges).collect();
     let shared = faces.iter().flat_map(edges).filter(|edge| model_edges.contains(edge)).count();
-    // Polygons may be cut along other diagonals, and a wrist be closed.
+    // Polygons may be split along other diagonals, and the wrist may be closed.
     if shared * 2 < 3 * faces.len() {
         let problem = format!(
             "only {shared} of {} edges are the hand model's; export its mesh without sorting or joining vertices",

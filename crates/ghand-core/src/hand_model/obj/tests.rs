@@ -37,7 +37,7 @@ fn all_ways_to_write_faces_are_read_alike_with_v_from_the_top() {
         assert_eq!(read_text(text.replace('\n', "\r\n").replace("\\\r\n", "\\\n")).unwrap(), square());
         assert_eq!(read_text(text.replace("\\\n", "\\\r\n")).unwrap(), square());
     }
-    // A name in another encoding than UTF-8.
+    // A name in an encoding other than UTF-8.
     let mut latin = b"o H\xe4nd\n".to_vec();
     latin.extend(format!("{SQUARE}f 1/1 2/2 3/3 4/4\n").bytes());
     assert_eq!(read_text(latin).unwrap(), square());
@@ -82,7 +82,7 @@ fn what_cannot_be_used_is_refused_with_line_and_remedy() {
 fn a_file_of_many_gigabytes_is_refused_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.obj");
-    // No space is taken: it is one hole.
+    // Takes no disk space: the file is sparse.
     std::fs::File::create(&path).unwrap().set_len(10 << 30).unwrap();
     let message = read_obj_uvs(&path, 4, &MODEL).unwrap_err().to_string();
     assert!(message.contains("huge.obj: size: is larger than 64 MiB"), "{message}");
@@ -100,7 +100,7 @@ fn a_file_with_any_byte_changed_never_panics() {
     }
 }
 
-/// The nearest number of nine digits.
+/// The nearest number with nine digits.
 fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 5e-9 * a.abs().max(1e-12) * 1.000_001
 }
@@ -131,7 +131,7 @@ fn what_is_written_is_read_back_with_the_same_seams() {
     assert!(!text.contains("e-"), "an exponent, which not all readers know");
 }
 
-/// The generic hand, when it is beside the checkout.
+/// The generic hand, if it is beside the checkout.
 fn generic_hand() -> Option<HandModel> {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand/right.glb");
     if !path.exists() {

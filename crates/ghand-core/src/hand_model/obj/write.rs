@@ -12,12 +12,13 @@ const MAX_DECIMALS: i32 = 20;
 
 /// The text of an OBJ file of the model with its vertices at `positions` (`V`, metres).
 ///
-/// Vertices are those of the file that the model came from, in that file's order, so that the mesh can be matched to it;
-/// a model of no file has its own order. Nine significant digits are more than an f32 holds. UVs count from the bottom,
-/// as is the custom of OBJ.
+/// Vertices are those of the file that the model came from, in that file's order, so that the mesh can be matched to
+/// it; a model without a file has its own order. Nine significant digits are more than an f32 has. UVs are measured
+/// from the bottom, as usual in OBJ.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the model breaks its invariants, or `positions` are not finite or not one a vertex.
+/// [`HandModelError::Invalid`] when the model breaks its invariants, or `positions` are not finite or not one per
+/// vertex.
 pub fn obj_text(model: &HandModel, positions: &[DVec3]) -> Result<String, HandModelError> {
     export::check(model, positions)?;
     let order = file_order(model);
@@ -37,7 +38,7 @@ pub fn obj_text(model: &HandModel, positions: &[DVec3]) -> Result<String, HandMo
     for (face, face_uv) in model.faces.iter().zip(&model.face_uvs) {
         text.push('f');
         for (&vertex, &uv) in face.iter().zip(face_uv) {
-            // The UV points of a glTF file are its vertices, so that the corner's own copy of a split vertex is known.
+            // The UV points of a glTF file are its vertices, so that each corner's copy of a split vertex is known.
             let own = order.get(uv as usize) == Some(&vertex);
             let file_vertex = if own { uv } else { first_of_vertex[vertex as usize] };
             push(&mut text, format_args!(" {}/{}", file_vertex + 1, uv + 1));
@@ -47,7 +48,7 @@ pub fn obj_text(model: &HandModel, positions: &[DVec3]) -> Result<String, HandMo
     Ok(text)
 }
 
-/// Writes [`obj_text`] to a file, whole or not at all.
+/// Writes [`obj_text`] to a file atomically.
 ///
 /// # Errors
 /// As [`obj_text`]; [`HandModelError::Write`] when the file cannot be written.

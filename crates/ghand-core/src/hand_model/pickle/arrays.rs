@@ -3,12 +3,12 @@
 use super::{Class, Graph, Id, Node, Object, Plain};
 use crate::hand_model::npz::{ArrayError, ElementKind, ElementType, NumericArray, element_count};
 
-/// A matrix of which only some entries are stored.
+/// A sparse matrix.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SparseMatrix {
     pub rows: usize,
     pub columns: usize,
-    /// Row, column and value, in the order of the file; several of one place add up. All are in range.
+    /// Row, column and value, in the order of the file; duplicates add up. All indices are in range.
     pub entries: Vec<(usize, usize, f64)>,
 }
 
@@ -16,19 +16,19 @@ pub(crate) struct SparseMatrix {
 /// chumpy, NumPy), and each selection may double the work.
 const MAX_DEPTH: usize = 4;
 
-/// Most axes that a shape is read with.
+/// Most axes of a shape.
 const MAX_AXES: usize = 32;
 
-/// Largest integer such that f64 tells it from its neighbours.
+/// Largest integer that f64 distinguishes from its neighbours.
 const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
 impl Graph<'_> {
-    /// The numbers of an array of any kind but a sparse one, or a single number.
+    /// The numbers of an array of any kind except sparse, or a single number.
     pub(crate) fn numbers(&self, id: Id) -> Result<NumericArray, ArrayError> {
         self.numbers_at(id, 0)
     }
 
-    /// The sparse matrix, when it is one.
+    /// The sparse matrix, if it is one.
     pub(crate) fn sparse(&self, id: Id) -> Result<Option<SparseMatrix>, ArrayError> {
         let id = self.unwrap_objects(id)?;
         let (Class::SparseColumns | Class::SparseRows, Some(state)) = self.object(id) else { return Ok(None) };
@@ -63,7 +63,7 @@ impl Graph<'_> {
         for (major, ends) in starts.windows(2).enumerate() {
             let from_to = ends.iter().map(|end| index(*end, data.len() + 1)).collect::<Option<Vec<usize>>>();
             let run = match from_to.as_deref() {
-                // Each run begins where the one before it ended, so that together they are no longer than the data.
+                // Each run begins at the end of the previous one, so that together they are no longer than the data.
                 Some(&[from, to]) if from == entries.len() && from <= to => from..to,
                 _ => return Err(ArrayError(format!("is a sparse matrix whose starts are not in order; {SAVE_AGAIN}"))),
             };
@@ -115,7 +115,7 @@ impl Graph<'_> {
         }
     }
 
-    /// `a.ravel()[idxs].reshape(preferred_shape)`, which is what chumpy's selections stand for.
+    /// `a.ravel()[idxs].reshape(preferred_shape)`, the meaning of chumpy's selections.
     fn selection(&self, object: &Object, depth: usize) -> Result<NumericArray, ArrayError> {
         let part = |name: &str| {
             let id = object.state.and_then(|state| self.lookup(state, name));
@@ -142,7 +142,7 @@ impl Graph<'_> {
         Ok(NumericArray { shape, values: picks.iter().map(pick).collect::<Result<_, _>>()? })
     }
 
-    /// What an array of objects with a single element holds; anything else is returned as it is.
+    /// The element of an array of objects with a single element; anything else is returned unchanged.
     fn unwrap_objects(&self, id: Id) -> Result<Id, ArrayError> {
         let mut id = id;
         for _ in 0..MAX_DEPTH {
@@ -166,7 +166,7 @@ impl Graph<'_> {
         }
     }
 
-    /// What a value is, one step deep.
+    /// A value, without its nested values.
     pub(crate) fn plain(&self, id: Id) -> Result<Plain, ArrayError> {
         Ok(match self.node(id) {
             Node::None => Plain::Nothing,
@@ -198,7 +198,7 @@ impl Graph<'_> {
         })
     }
 
-    /// How many numbers [`Graph::numbers`] gives at most, for arrays that hold them plainly.
+    /// Most numbers that [`Graph::numbers`] returns, for arrays that store them directly.
     pub(crate) fn count(&self, id: Id) -> Result<usize, ArrayError> {
         match self.node(id) {
             Node::Object(object)
@@ -212,7 +212,7 @@ impl Graph<'_> {
         }
     }
 
-    /// An array of NumPy's, whichever way it is written.
+    /// A NumPy array, in any of its stored forms.
     fn stored(&self, object: &Object) -> Result<Stored, ArrayError> {
         let damaged = || ArrayError(format!("is an array that cannot be made sense of; {SAVE_AGAIN}"));
         let stored = |shape: Vec<usize>, elements: Id, fortran: bool, data: Id| {
@@ -232,7 +232,7 @@ impl Graph<'_> {
                 let Some(Node::Tuple(state)) = object.state.map(|state| self.node(state)) else {
                     return Err(damaged());
                 };
-                // The oldest files lack the version.
+                // The oldest files do not have a version.
                 let &[shape, elements, fortran, data] = state.last_chunk::<4>().ok_or_else(damaged)?;
                 let fortran = match self.node(fortran) {
                     Node::Bool(fortran) => *fortran,
@@ -292,7 +292,7 @@ impl Graph<'_> {
     }
 }
 
-/// An array as it is stored.
+/// A stored array.
 struct Stored {
     shape: Vec<usize>,
     elements: ElementType,

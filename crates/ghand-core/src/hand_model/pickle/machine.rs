@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use super::{Class, Id, MAX_INSTRUCTIONS, Node, Object, PickleError, text};
 
-/// Runs a pickle; gives its values and which of them is the result.
+/// Runs a pickle; returns its values and the index of the result.
 pub(super) fn run(input: &[u8]) -> Result<(Vec<Node<'_>>, Id), PickleError> {
     let mut machine = Machine {
         input,
@@ -32,17 +32,17 @@ struct Machine<'a> {
     input: &'a [u8],
     /// The next byte.
     at: usize,
-    /// Where the instruction that runs begins, for messages.
+    /// Start of the current instruction, for messages.
     instruction: usize,
     nodes: Vec<Node<'a>>,
     stack: Vec<Id>,
-    /// Heights of the stack at which marks were set; nothing below the last one may be taken off.
+    /// Heights of the stack at which marks were set; nothing below the last one may be popped.
     marks: Vec<usize>,
     memo: HashMap<u32, Id>,
 }
 
 impl<'a> Machine<'a> {
-    /// Everything but the end of the program. Codes are named as Python's `pickletools` names them.
+    /// Executes every instruction except the end of the program. Codes have the names of Python's `pickletools`.
     fn step(&mut self, code: u8) -> Result<(), PickleError> {
         match code {
             0x80 => {
@@ -217,7 +217,7 @@ impl<'a> Machine<'a> {
             // FLOAT, BINFLOAT
             b'F' => Node::Float(self.parse()?),
             b'G' => Node::Float(f64::from_be_bytes(self.array()?)),
-            // INT, which also is how protocol 0 writes truth values
+            // INT, which protocol 0 also uses for booleans
             b'I' => match self.line()? {
                 b"00" => Node::Bool(false),
                 b"01" => Node::Bool(true),
@@ -296,13 +296,13 @@ impl<'a> Machine<'a> {
         Ok(std::str::from_utf8(bytes).map_err(|_| self.damaged("a text is no UTF-8"))?.into())
     }
 
-    /// What an instruction names in two lines.
+    /// The name that an instruction gives in two lines.
     fn global(&mut self) -> Result<Class, PickleError> {
         let (module, name) = (self.line()?, self.line()?);
         find(&String::from_utf8_lossy(module), &String::from_utf8_lossy(name))
     }
 
-    /// Pushes an instance of `class`, or the result of it as a function, without making either.
+    /// Pushes an instance of `class`, or its result as a function, without creating or calling it.
     fn make(&mut self, class: Class, args: Vec<Id>) -> Result<(), PickleError> {
         let class = match (class, args.first()) {
             (Class::Reconstructor, Some(made)) => self.class(*made)?,
@@ -322,7 +322,7 @@ impl<'a> Machine<'a> {
 
     fn arguments(&self, id: Id) -> Result<Vec<Id>, PickleError> {
         match self.node(id)? {
-            // A call takes few; without a limit one long tuple could be copied again and again.
+            // Calls have few arguments; without a limit, one long tuple could be copied many times.
             Node::Tuple(items) if items.len() <= 8 => Ok(items.clone()),
             _ => Err(self.damaged("arguments are no short tuple")),
         }
@@ -414,7 +414,7 @@ impl<'a> Machine<'a> {
         self.take(length)
     }
 
-    /// The next bytes. Nothing is allocated for them, so that their number need not be believed.
+    /// The next bytes. Nothing is allocated for them, so that their declared number need not be trusted.
     fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
         let end = self.at.checked_add(length).ok_or_else(|| self.cut_short())?;
         let bytes = self.input.get(self.at..end).ok_or_else(|| self.cut_short())?;
@@ -456,7 +456,7 @@ impl<'a> Machine<'a> {
 
 fn find(module: &str, name: &str) -> Result<Class, PickleError> {
     Class::find(module, name).ok_or_else(|| {
-        // A damaged file may have anything here.
+        // A damaged file may contain anything here.
         let shown: String = format!("{module}.{name}").chars().take(80).flat_map(char::escape_debug).collect();
         PickleError::UnknownGlobal(shown)
     })

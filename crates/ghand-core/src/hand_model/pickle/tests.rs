@@ -1,6 +1,6 @@
 use super::*;
 
-/// The value of a pickle, written as Python would.
+/// The value of a pickle, written as in Python.
 fn shown(bytes: &[u8]) -> String {
     let graph = Graph::read(bytes).unwrap();
     show(&graph, graph.root())

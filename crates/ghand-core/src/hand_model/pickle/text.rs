@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// One byte a character; none when a character is beyond Latin-1.
+/// One byte per character; `None` if a character is beyond Latin-1.
 pub(super) fn latin1(text: &str) -> Option<Vec<u8>> {
     text.chars().map(|c| u8::try_from(c).ok()).collect()
 }
@@ -50,7 +50,7 @@ pub(super) fn quoted(line: &[u8]) -> Option<Cow<'_, [u8]>> {
     Some(Cow::Owned(bytes))
 }
 
-/// Text as protocol 0 has it: Latin-1, and `\u` or `\U` with 4 or 8 hexadecimal digits for what is beyond.
+/// Text in protocol 0: Latin-1, and `\u` or `\U` with 4 or 8 hexadecimal digits for other characters.
 pub(super) fn raw_unicode(line: &[u8]) -> Option<String> {
     let mut text = String::with_capacity(line.len());
     let mut rest = line;
@@ -67,7 +67,7 @@ pub(super) fn raw_unicode(line: &[u8]) -> Option<String> {
         };
         rest = rest.get(1..)?;
         let code = hexadecimal(&mut rest, digits)?;
-        // Python 2 may split a character beyond 16 bits in two.
+        // Python 2 may split a character beyond 16 bits into two.
         match (high_surrogate.take(), code) {
             (None, 0xd800..0xdc00) => high_surrogate = Some(code),
             (None, _) => text.push(char::from_u32(code)?),

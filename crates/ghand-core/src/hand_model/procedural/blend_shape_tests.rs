@@ -73,7 +73,7 @@ fn a_unit_of_a_fingers_length_lengthens_it_by_3_6_percent_and_moves_no_other_tip
             for (other, &tip) in tips.iter().enumerate() {
                 let moved = shaped.vertices[tip] - model.vertices[tip];
                 if other == finger {
-                    // Along the bones, which are not quite straight.
+                    // Measured along the bones, which are not quite straight.
                     let grown = sign * moved.length();
                     println!("{} {sign:+}: {:.2} mm", FINGERS[finger], grown * 1e3);
                     assert!((grown - sign * documented).abs() < 0.05 * documented);
@@ -99,7 +99,7 @@ fn the_other_shape_directions_change_what_their_names_say_by_the_documented_amou
         let (a, b) = (joint(a), joint(b));
         move |hand: &crate::posing::ShapedHand| hand.joints[a].distance(hand.joints[b])
     };
-    // How wide a finger is at mid-bone across an axis.
+    // Width of a finger at mid-bone across an axis.
     let wide = |finger: &str, axis: DVec3| {
         let (from, to) = (model.joints[joint(&format!("{finger}2"))], model.joints[joint(&format!("{finger}3"))]);
         let band: Vec<usize> = (0..model.vertices.len())

@@ -2,10 +2,10 @@
 
 /// Solves `A x = b` for a symmetric positive definite `A` (row-major, `n` x `n`), by Cholesky's factorisation.
 ///
-/// A pivot that rounding has made not positive counts as infinite: its unknown becomes 0.
+/// A pivot that is not positive because of rounding counts as infinite: its unknown becomes 0.
 pub(super) fn solve(mut a: Vec<f64>, b: &[f64]) -> Vec<f64> {
     let n = b.len();
-    // The lower triangle becomes the factor L of A = L L^T.
+    // The factor L of A = L L^T replaces the lower triangle.
     for i in 0..n {
         for j in 0..=i {
             let dot: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();

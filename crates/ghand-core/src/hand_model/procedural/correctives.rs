@@ -1,4 +1,4 @@
-//! What linear blend skinning spoils at a bent joint, mended linearly in the joint's rotation.
+//! Corrects the artefacts of linear blend skinning at bent joints, linearly in the joint's rotation.
 //!
 //! For each joint, sampled rotations give the skin as it should be ([`Bend::flesh`]); mapped back to rest through the
 //! blended bones, its difference from the rest pose is fitted by the nine entries of `R - I` (ridge regression).
@@ -18,27 +18,27 @@ const FEATURES: usize = 9;
 /// Weight of the smallest solution against the fit, as a part of a feature's mean square over the samples.
 const RIDGE: f64 = 0.01;
 
-/// How much of the flesh on the back stays blended: turned all, it would make a ball of each joint.
+/// Part of the flesh on the back that stays blended: if all of it were rotated, each joint would become a ball.
 const BLENDED: f64 = 0.3;
-/// How far along, in half widths, the inner side of a bent finger joint takes part in the turn.
+/// How far along the finger, in half widths, the inner side of a bent joint takes part in the rotation.
 const INNER_REACH: f64 = 1.3;
-/// How far a joint bent by a right angle stands out on the back, bulges inside and at its sides, in half widths.
+/// How far a joint bent by a right angle protrudes on the back and bulges inside and at its sides, in half widths.
 const KNUCKLE: f64 = 0.03;
 const FOLD: f64 = 0.12;
 const SIDE: f64 = 0.02;
-/// How far joints are twisted among the samples, degrees.
+/// Largest twist of joints in the samples, degrees.
 const TWIST: f64 = 10.0;
-/// A share so small that no eye sees what it would move.
+/// A share too small for a visible effect.
 const NO_SHARE: f64 = 0.005;
-/// Beyond so many half widths nothing bulges.
+/// Beyond this many half widths nothing bulges.
 const FAR: f64 = 2.5;
 
-/// The place of a vertex relative to a joint.
+/// The position of a vertex relative to a joint.
 struct Flesh {
     /// From the joint to the vertex, metres.
     offset: DVec3,
-    /// The part of the vertex that moves with the joint: its weights for the joint and all beyond, of all but those for
-    /// other fingers. A web between two fingers is no bend of either.
+    /// The part of the vertex that moves with the joint: its weights for the joint and all joints beyond, as a part of
+    /// all weights except those of other fingers. The web between two fingers does not bend with either.
     moving: f64,
     /// How much of the vertex belongs to the joint's chain.
     share: f64,
@@ -46,11 +46,11 @@ struct Flesh {
 
 /// A joint that bends.
 struct Bend {
-    /// Along the bones before and after it, on average.
+    /// Mean direction of the bones before and after it.
     along: DVec3,
-    /// A turn about this axis flexes.
+    /// A rotation about this axis flexes.
     hinge: DVec3,
-    /// The side that flexion closes.
+    /// The side towards which the joint flexes.
     inner: DVec3,
     /// Half the finger's width, metres.
     radius: f64,
@@ -110,7 +110,7 @@ impl Bend {
         Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[at], root: k == 0 }
     }
 
-    /// Flexion with a little of the other turns; as much of these as the joint has.
+    /// Flexion with a little of the other rotations, as far as the joint allows them.
     fn samples(&self, thumb: bool) -> Vec<Sample> {
         let flexions: &[f64] = match (self.root, thumb) {
             (true, true) => &[-40.0, -20.0, 0.0, 20.0, 40.0],
@@ -136,21 +136,21 @@ impl Bend {
             .collect()
     }
 
-    /// Where the flesh should be, relative to the joint.
+    /// Correct position of the flesh, relative to the joint.
     fn flesh(&self, flesh: &Flesh, sample: &Sample) -> DVec3 {
         let inner = flesh.offset.dot(self.inner) / self.radius;
         let along = flesh.offset.dot(self.along) / self.radius;
         let sideways = flesh.offset.dot(self.hinge) / self.radius;
-        // Turned by a part of the angle instead of blended, so that it keeps its distance from the joint. On the inner
-        // side of a finger the turn spreads farther along than the weights do: there the flesh of both bones must
-        // find place between them.
+        // Rotated by a part of the angle instead of blended, so that it keeps its distance from the joint. On the inner
+        // side of a finger the rotation spreads farther along the finger than the weights do, because the flesh of both
+        // bones needs room between them.
         let spread = if self.root { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
         let part = flesh.moving + spread * (smooth_step(0.5 * (along / INNER_REACH + 1.0)) - flesh.moving);
         let turned = rotation_from_axis_angle(sample.axis_angle * part);
         let blended = DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
         let stays_blended = if self.root { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
         let posed = turned * (1.0 - stays_blended) + blended * stays_blended;
-        // What flexion squeezes out: the knuckle on the back, the folds inside and the sides between.
+        // Bulges caused by flexion: the knuckle on the back, the folds inside and the sides between.
         let squeeze = (1.0 - sample.flexion.max(0.0).cos()) * self.radius;
         let knuckle = -KNUCKLE * bump(along / 1.1) * smooth_step(-1.2 * inner);
         let fold = FOLD * bump(along / 1.6) * smooth_step(1.2 * inner);
@@ -162,7 +162,7 @@ impl Bend {
 /// The regression of a joint's samples.
 struct Fit {
     samples: Vec<Sample>,
-    /// What each sample's correction adds to each direction.
+    /// Contribution of each sample's correction to each direction.
     solutions: Vec<[f64; FEATURES]>,
 }
 
@@ -197,7 +197,7 @@ impl Fit {
     }
 }
 
-/// 1 at 0, 0 from -1 and 1 on, smooth.
+/// 1 at 0, 0 at and beyond -1 and 1, smooth.
 fn bump(x: f64) -> f64 {
     let rest = (1.0 - x * x).max(0.0);
     rest * rest

@@ -44,11 +44,11 @@ impl Capsule {
     }
 }
 
-/// The field of nothing: infinitely far away.
+/// The field of an empty solid: infinitely far away.
 const NOWHERE: Field = Field { value: f64::INFINITY, gradient: DVec3::ZERO };
 
 impl Field {
-    /// Union with a fillet; `reach` (metres) is how different the two values may be and still blend.
+    /// Union with a fillet; `reach` (metres) is the largest difference of the two values that still blends.
     fn smooth_union(self, other: Field, reach: f64) -> Field {
         if self.value == f64::INFINITY {
             return other;

@@ -1,4 +1,4 @@
-//! Sews the two pieces of cloth together, pulls them over the solid hand and evens them out.
+//! Sews the two pieces of cloth together, pulls them over the solid hand and relaxes them.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ pub(super) struct Glove {
     pub faces: Vec<[u32; 3]>,
     pub uvs: Vec<DVec2>,
     pub face_uvs: Vec<[u32; 3]>,
-    /// Where each vertex lies on the cloth, metres.
+    /// Position of each vertex on the cloth, metres.
     cloth: Vec<DVec2>,
     scale: f64,
 }
@@ -26,7 +26,7 @@ const EDGE: f64 = 0.0074;
 const WEB_HOLD: f64 = 0.6;
 
 impl Glove {
-    /// `None` when the outline of the cloth is not a disc.
+    /// `None` if the cloth is not a disc.
     pub(super) fn sew(skeleton: &Skeleton, scale: f64, detail: u32) -> Option<Glove> {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for chain in &skeleton.chains {
@@ -46,7 +46,7 @@ impl Glove {
     fn from_pattern(pattern: &Pattern, scale: f64) -> Glove {
         let count = pattern.points.len() as u32;
         let mut cloth = pattern.points.clone();
-        // The second piece shares the points of the outline, but has UV points of its own.
+        // The second piece shares the points of the outline but has its own UV points.
         let other: Vec<u32> = (0..count as usize)
             .map(|i| {
                 if pattern.on_outline[i] {
@@ -57,7 +57,8 @@ impl Glove {
             })
             .collect();
         let [back, palm] = pack(pattern);
-        // The cloth's axes (along -Y, across +Z) turn about -X: the back of the hand takes the triangles turned round.
+        // The cloth's axes (along -Y, across +Z) form a rotation about -X: the back of the hand needs the triangles
+        // with reversed winding.
         let turned = pattern.triangles.iter().map(|&[a, b, c]| [a, c, b]);
         Glove {
             vertices: vec![DVec3::ZERO; cloth.len()],
@@ -84,8 +85,8 @@ impl Glove {
             })
             .collect();
         let neighbours = neighbours(self.vertices.len(), &self.faces);
-        // The first guess is even already, except at the webs. A finer cloth needs more rounds to carry it over the same
-        // way; the square of the detail would be needed for the very same effect, which no eye can tell.
+        // The first guess is already even, except at the webs. A finer cloth needs more rounds to move it over the same
+        // distance. Exactly the same effect would need the square of the detail, but the difference is not visible.
         let rounds = 80 * detail;
         for _ in 0..rounds {
             let before = &self.vertices;
@@ -113,15 +114,15 @@ impl Glove {
 
     /// Skinning weights `[V][16]`, rows sum to 1.
     ///
-    /// Which finger a vertex belongs to is decided on the cloth, where fingers are far apart; how far along the finger
-    /// it is, in space.
+    /// The finger of a vertex is determined on the cloth, where fingers are far apart; its position along the finger,
+    /// in space.
     pub(super) fn skinning_weights(&self, skeleton: &Skeleton, detail: u32) -> Vec<f64> {
         let n = JOINT_NAMES.len();
         let mut weights = vec![0.0; self.vertices.len() * n];
         for (i, row) in weights.chunks_exact_mut(n).enumerate() {
             let shares = memberships(skeleton, self.cloth[i], 0.0035 * self.scale);
-            // A web hangs on the palm more than on either finger: pulled along by a finger that bends alone, it would
-            // turn inside out.
+            // A web follows the palm more than either finger: if it followed a finger that bends alone, it would turn
+            // inside out.
             let belonging = shares.iter().copied().fold(0.0, f64::max);
             let free = 1.0 - WEB_HOLD * (1.0 - smooth_step(2.0 * belonging - 1.0));
             for (chain, share) in skeleton.chains.iter().zip(shares) {
@@ -149,7 +150,8 @@ impl Glove {
         for row in weights.chunks_exact_mut(n) {
             let mut largest = row.to_vec();
             largest.sort_by(|a, b| b.total_cmp(a));
-            // The fifth largest weight, or a trace, is taken off all: at most four joints stay, and no weight jumps.
+            // The fifth largest weight, or a small minimum, is subtracted from all: at most four joints remain, and no
+            // weight jumps.
             let floor = largest[4].max(0.02);
             row.iter_mut().for_each(|w| *w = (*w - floor).max(0.0));
             let sum: f64 = row.iter().sum();
@@ -186,7 +188,7 @@ impl Chain {
             let to = (self.points[at + 1] - joint).normalize();
             let from = (joint - self.points[at - 1]).normalize();
             let along = (p - joint).dot((to + from).normalize());
-            // The root joints move a wide area of the palm, the others, once the weights are evened out, about a
+            // The root joints move a wide area of the palm; the others, after the weights are smoothed, about a
             // finger's width.
             let reach = if k == 0 { 1.4 } else { 0.55 } * radius;
             smooth_step((along + reach) / (2.0 * reach))
@@ -216,7 +218,7 @@ fn memberships(skeleton: &Skeleton, p: DVec2, softness: f64) -> Vec<f64> {
     raw.iter().map(|w| w / sum).collect()
 }
 
-/// A first guess of where a point of the cloth comes to lie: wound half round its bones. `side` is 1 on the back, -1
+/// A first guess of the position of a point of the cloth: wound halfway around its bones. `side` is 1 on the back, -1
 /// on the palm, 0 on the seam.
 fn wrap(skeleton: &Skeleton, p: DVec2, side: f64, scale: f64) -> DVec3 {
     let mut position = DVec3::ZERO;

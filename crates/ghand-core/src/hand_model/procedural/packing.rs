@@ -6,28 +6,28 @@ use super::pattern::Pattern;
 
 /// Cells of the collision bitmaps across a piece; a row is one `u128`.
 const CELLS: usize = 96;
-/// Turns of the second piece that are tried.
+/// Number of rotations of the second piece that are tried.
 const TURNS: usize = 24;
-/// Directions in which extents are measured, a multiple of four.
+/// Number of directions in which extents are measured, a multiple of four.
 const DIRECTIONS: usize = 72;
 /// Free border of the atlas, as a part of its size: three texels at 512.
 const GUTTER: f64 = 3.0 / 512.0;
 
 /// UV points of the first piece and of its mirror image.
 ///
-/// The second piece is mirrored, so that both are seen from outside. Among all places of it that keep the pieces
-/// apart, on a grid of turns and shifts, the one with the smallest square around both is taken.
+/// The second piece is mirrored, so that both are seen from outside. Of all its positions on a grid of rotations and
+/// shifts that keep the pieces apart, the one with the smallest square around both is used.
 pub(super) fn pack(pattern: &Pattern) -> [Vec<DVec2>; 2] {
     let first = pattern.points.clone();
     let mirrored: Vec<DVec2> = first.iter().map(|p| DVec2::new(p.x, -p.y)).collect();
     let corner = |f: fn(DVec2, DVec2) -> DVec2, start: DVec2| first.iter().fold(start, |a, p| f(a, *p));
     let diagonal = (corner(DVec2::max, DVec2::NEG_INFINITY) - corner(DVec2::min, DVec2::INFINITY)).length();
-    // A piece fits into CELLS cells however it is turned; the cells around it are the gap.
+    // A piece fits into CELLS cells at any rotation; the cells around it are the gap.
     let cell = diagonal / CELLS as f64;
     let bitmap = Bitmap::draw(&first, &pattern.triangles, cell, 1);
     let directions = directions();
     let extents = extents(&first, &directions);
-    // (side of the square, turn of the second piece, its shift, turn of both)
+    // (side of the square, rotation of the second piece, its shift, rotation of both)
     let mut best = (f64::INFINITY, 0.0, DVec2::ZERO, 0);
     for turn in 0..TURNS {
         let angle = std::f64::consts::TAU * turn as f64 / TURNS as f64;
@@ -64,12 +64,12 @@ fn directions() -> Vec<DVec2> {
     (0..DIRECTIONS).map(|k| DVec2::from_angle(std::f64::consts::TAU * k as f64 / DIRECTIONS as f64)).collect()
 }
 
-/// How far the points reach in each direction.
+/// Extent of the points in each direction.
 fn extents(points: &[DVec2], directions: &[DVec2]) -> Vec<f64> {
     directions.iter().map(|d| points.iter().map(|p| p.dot(*d)).fold(f64::NEG_INFINITY, f64::max)).collect()
 }
 
-/// Side and turn (as a direction's number) of the smallest square around two pieces.
+/// Side and rotation (as the index of a direction) of the smallest square around two pieces.
 fn smallest_square(first: &[f64], second: &[f64], shift: DVec2, directions: &[DVec2]) -> (f64, usize) {
     let reach = |k: usize| first[k].max(second[k] + shift.dot(directions[k]));
     let quarter = DIRECTIONS / 4;

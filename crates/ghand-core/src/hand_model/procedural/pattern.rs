@@ -1,7 +1,7 @@
 //! The flat cloth pattern of the glove: the outline of one side, triangulated.
 //!
-//! An equilateral lattice is cut at the outline. Lattice points near the outline move onto it first, so that no
-//! sliver is left ("isosurface stuffing" in the plane).
+//! An equilateral lattice is cut at the outline. Lattice points near the outline move onto it first, so that no slivers
+//! remain ("isosurface stuffing" in the plane).
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -21,8 +21,8 @@ pub(super) struct Pattern {
 const SNAP: f64 = 0.3;
 
 impl Pattern {
-    /// Triangulates `{p: inside(p) < 0}` between `low` and `high` with edges of about `edge` metres.
-    /// `None` when the region is not one piece without holes at that resolution.
+    /// Triangulates `{p: inside(p) < 0}` between `low` and `high` with edges of about `edge` metres. `None` if the
+    /// region is not one piece without holes at that resolution.
     pub(super) fn triangulate(low: DVec2, high: DVec2, edge: f64, inside: impl Fn(DVec2) -> f64) -> Option<Pattern> {
         let row_height = edge * 0.75f64.sqrt();
         let columns = ((high.x - low.x) / edge).ceil() as usize + 3;
@@ -40,7 +40,7 @@ impl Pattern {
             for c in 0..columns - 1 {
                 let (a, b) = (row * columns + c, row * columns + c + 1);
                 let (d, e) = (a + columns, b + columns);
-                // Odd rows are shifted by half an edge, which turns the diagonal round.
+                // Odd rows are shifted by half an edge, which flips the diagonal.
                 if row % 2 == 0 {
                     triangles.extend([[a, b, d], [b, e, d]]);
                 } else {
@@ -149,7 +149,7 @@ pub(super) fn neighbours(count: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> 
     lists
 }
 
-/// Part of the way from `a` (inside) to `b` (outside) at which the outline is crossed.
+/// Where the outline crosses the edge from `a` (inside) to `b` (outside), as a fraction of the edge.
 fn crossing(a: DVec2, b: DVec2, inside: &impl Fn(DVec2) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..24 {
@@ -228,7 +228,7 @@ fn clip(
     clipped
 }
 
-/// Numbers the used points anew and marks the outline.
+/// Renumbers the used points and marks the outline.
 fn compact(points: &[DVec2], triangles: &[[usize; 3]]) -> Option<Pattern> {
     let mut index: HashMap<usize, u32> = HashMap::new();
     let mut pattern = Pattern { points: vec![], triangles: vec![], on_outline: vec![] };

@@ -12,7 +12,7 @@ pub(super) fn joint_regressor(skeleton: &Skeleton, vertices: &[DVec3], shapes: &
     let joints = skeleton.joints();
     let mut reaches = vec![0.0; joints.len()];
     for chain in &skeleton.chains {
-        // As far along the finger as it is wide, on both sides.
+        // As far along the finger as it is wide, in both directions.
         reaches[0] = 1.8 * chain.radii[0];
         (0..3).for_each(|k| reaches[chain.first_joint + k] = 2.2 * chain.radii[chain.first_point + k]);
     }
@@ -39,8 +39,9 @@ fn row(j: usize, joint: DVec3, reach: f64, vertices: &[DVec3], shapes: &Shapes) 
         })
         .collect();
     let mut weights = vec![0.0; near.len()];
-    // Directions that leave the place alone, or move it like another direction, give dependent conditions: the smallest
-    // weights that nearly satisfy all are sought first, and corrected for sum and position, which must hold exactly.
+    // Directions that do not move the joint, or move it like another direction, give dependent conditions. So the
+    // smallest weights that nearly satisfy all conditions are found first, and then corrected for sum and position,
+    // which must hold exactly.
     let conditions = 4 + 3 * shapes.joints.len();
     for (count, ridge) in [(conditions, 1e-6), (4, 0.0), (4, 0.0)] {
         let mut gram = vec![0.0; count * count];

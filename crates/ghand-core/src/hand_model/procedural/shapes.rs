@@ -1,7 +1,7 @@
 //! Ten ways in which hands differ, as linear displacements of skin and joints.
 //!
-//! A displacement follows the bones: each bone that a direction stretches carries all that lies beyond it. Shares of
-//! the fingers, smooth across the webs, join the fingers' displacements.
+//! A displacement follows the bones: each bone that a direction stretches moves everything beyond it. The displacements
+//! of the fingers are blended with weights that are smooth across the webs.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -25,13 +25,13 @@ const FINGER_LENGTH: f64 = 0.036;
 /// Chains in the order of the length directions: thumb, index, middle, ring, little finger.
 const LENGTH_ORDER: [usize; 5] = [4, 0, 1, 2, 3];
 
-/// A point of the hand and how much of it belongs to each chain (sums to 1).
+/// A point of the hand and its share of each chain (shares sum to 1).
 struct Place<'a> {
     position: DVec3,
     shares: &'a [f64],
 }
 
-/// Displacements a unit of the skin `[SHAPE_COUNT][V]` and of the joints `[SHAPE_COUNT][16]`, metres.
+/// Displacements per unit of the skin `[SHAPE_COUNT][V]` and of the joints `[SHAPE_COUNT][16]`, metres.
 pub(super) struct Shapes {
     pub skin: Vec<DVec3>,
     pub joints: Vec<Vec<DVec3>>,
@@ -70,17 +70,17 @@ fn displacements(hand: &ProceduralHand, skeleton: &Skeleton, place: &Place) -> [
         let ways = ways_along(chain, p);
         let on_bone = chain.points[0]
             + chain.points.windows(2).zip(&ways).map(|(bone, way)| (bone[1] - bone[0]) * *way).sum::<DVec3>();
-        // A finger is carried along by its knuckle; the thumb, whose metacarpal is free, by the joint at its base.
+        // A finger moves with its knuckle; the thumb, whose metacarpal is free, with the joint at its base.
         let thumb = c == 4;
         let carried = if thumb { along_palm(chain.points[1]) } else { along_palm(p) };
         moved[1].y -= share * carried * PALM_LENGTH * hand.palm_length;
-        // From the knuckle on (point 2 of fingers and thumb) all moves sideways as one.
+        // From the knuckle on (point 2 of fingers and thumb) everything moves sideways together.
         let (knuckle, radius) = (chain.points[2], chain.radii[2]);
         let beyond = (p - knuckle).dot((chain.points[3] - knuckle).normalize()) / radius;
         let free = soft_clamp(0.5 * beyond + 0.5, 0.5);
         moved[2].z += share * widening * (p.z + free * (knuckle.z - p.z));
         moved[3].x += share * THICKNESS * (p.x - on_bone.x);
-        // Knuckles keep their girth; it grows to all of its change at the webs.
+        // Knuckles keep their girth; the change reaches its full size at the webs.
         moved[4] += share * GIRTH * soft_clamp(0.6 * beyond, 0.4) * (p - on_bone);
         let stretch: DVec3 = (chain.first_point..chain.points.len() - 1)
             .map(|k| (chain.points[k + 1] - chain.points[k]) * ways[k])
@@ -91,13 +91,13 @@ fn displacements(hand: &ProceduralHand, skeleton: &Skeleton, place: &Place) -> [
     moved
 }
 
-/// The tips stay as they are: the bones take what the whole finger grows by.
+/// The tips do not change: the bones take up the growth of the whole finger.
 fn finger_stretch(hand: &ProceduralHand, chain: &Chain, c: usize) -> f64 {
     let bones: f64 = chain.points[chain.first_point..].windows(2).map(|bone| bone[0].distance(bone[1])).sum();
     hand.finger_lengths.get(c).copied().unwrap_or(hand.thumb_length) / bones
 }
 
-/// The part of each bone's way that lies before a point, 0 to 1, smooth.
+/// The fraction of each bone that lies before a point, 0 to 1, smooth.
 fn ways_along(chain: &Chain, p: DVec3) -> Vec<f64> {
     let way = |bone: &[DVec3]| {
         let axis = bone[1] - bone[0];

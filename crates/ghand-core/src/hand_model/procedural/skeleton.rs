@@ -15,7 +15,7 @@ pub(super) struct Chain {
     pub points: Vec<DVec3>,
     /// Their radii, metres.
     pub radii: Vec<f64>,
-    /// Where the points lie on the cloth: x along the hand, y across it (thumb side negative), metres.
+    /// Positions of the points on the cloth: x along the hand, y across it (thumb side negative), metres.
     pub flat: Vec<DVec2>,
     /// Which of `points` is the chain's first joint.
     pub first_point: usize,
@@ -32,7 +32,7 @@ pub(super) struct Skeleton {
     pub outline: Flesh,
 }
 
-/// Cloth reaches round half a finger: its half width is a quarter of the circumference.
+/// The cloth covers half a finger: its half width is a quarter of the circumference.
 pub(super) const CLOTH_PER_RADIUS: f64 = std::f64::consts::FRAC_PI_2;
 
 /// A point of the hand: `along` from the wrist to the fingers, `across` away from the thumb, `height` towards the back.
@@ -40,7 +40,7 @@ fn at(along: f64, across: f64, height: f64) -> DVec3 {
     DVec3::new(height, -along, across)
 }
 
-/// A point of the cloth as [`Flesh`] takes it.
+/// A point of the cloth in the form that [`Flesh`] expects.
 pub(super) fn on_cloth(p: DVec2) -> DVec3 {
     DVec3::new(0.0, p.x, p.y)
 }
@@ -80,7 +80,7 @@ const KNUCKLE_ALONG: [f64; 4] = [0.975, 1.0, 0.945, 0.835];
 const SPREAD: [f64; 4] = [-10.0, -2.0, 6.5, 16.0];
 /// Directions of the fingers on the cloth, degrees: wide enough that the cloth of two fingers never meets.
 const CLOTH_SPREAD: [f64; 4] = [-24.0, -6.0, 12.0, 31.0];
-/// The cloth of the palm is wider than the palm, because it reaches round the edges.
+/// The cloth of the palm is wider than the palm, because it wraps around the edges.
 const CLOTH_ACROSS: f64 = 1.28;
 
 fn finger_chain(hand: &ProceduralHand, finger: usize) -> Chain {
@@ -97,7 +97,7 @@ fn finger_chain(hand: &ProceduralHand, finger: usize) -> Chain {
     let carpal = at(0.012 * hand.scale(), 0.42 * across - 0.001 * hand.scale(), 0.0);
     let tip_radius = base * 0.75;
     let way = [0.0, bones[0], bones[0] + bones[1], 1.0 - tip_radius / length].map(|part| part * length);
-    // Fingers sink a little towards the palm, as relaxed fingers do.
+    // Fingers bend slightly towards the palm, like relaxed fingers.
     let spread = heading(SPREAD[finger]);
     let bend = [0.0, 0.0, 0.0010, 0.0026].map(|v| v * hand.scale());
     let flat_knuckle = DVec2::new(-knuckle.y, CLOTH_ACROSS * across);
@@ -149,10 +149,10 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
         let (stub, carpal, knuckle) = (chain.points[0], chain.points[1], chain.points[2]);
         palm.push(curved_row([(stub, chain.radii[0]), (carpal, chain.radii[1]), (knuckle, head)]));
         let base = chain.radii[2];
-        // The finger's root runs out in the palm, so that the knuckle does not stand on a step.
+        // The finger's root fades out in the palm, so that there is no step at the knuckle.
         let root = Capsule::new(carpal.lerp(knuckle, 0.40), 0.55 * base, knuckle, chain.radii[2]);
         let mut rows = vec![std::iter::once(root).chain((2..5).map(|k| bone(chain, k))).collect()];
-        // The knuckle, the soft undersides and the pad of the tip: balls that show through the fillet by a millimetre.
+        // The knuckle, the soft undersides and the pad of the tip: balls that protrude from the fillet by a millimetre.
         let mut pad = |from: usize, way: f64, height: f64, radius: f64| {
             let center = chain.points[from].lerp(chain.points[from + 1], way) + at(0.0, 0.0, height * base);
             rows.push(vec![Capsule::ball(center, radius * base)]);
@@ -167,7 +167,7 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     let thumb = &chains[4];
     let knuckle_of = |finger: usize| chains[finger].points[2];
     let in_forearm = |across: f64, height: f64| at(-0.010, across, height) * scale;
-    // Pads come out of the forearm gradually, or their ends would stand on the wrist like steps.
+    // Pads rise gradually from the forearm; otherwise their ends would form steps at the wrist.
     let mut pad = |root: DVec3, from: DVec3, from_radius: f64, to: DVec3, to_radius: f64| {
         let (from_radius, to_radius) = (from_radius * scale, to_radius * scale);
         let rise = Capsule::new(root, 0.0125 * scale, from, from_radius);
@@ -196,7 +196,8 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     Flesh { groups, web: 0.005 * scale }
 }
 
-/// Capsules along a curve from the first ball to the last, drawn towards the one between: no crease is left at it.
+/// Capsules along a curve from the first ball to the last, bent towards the one between, so that there is no crease at
+/// it.
 fn curved_row([(from, from_radius), (middle, middle_radius), (to, to_radius)]: [(DVec3, f64); 3]) -> Row {
     const PARTS: usize = 4;
     // The parabola of these three control points touches both bones; it starts half way along each.

@@ -71,7 +71,7 @@ fn the_skin_encloses_the_volume_of_a_hand() {
         let p = |i: u32| model.vertices[i as usize];
         model.faces.iter().map(|&[a, b, c]| p(a).dot(p(b).cross(p(c))) / 6.0).sum()
     };
-    // An adult hand with 5 cm of forearm: about half a litre.
+    // An adult hand with 5 cm of forearm has about half a litre.
     let default = volume(&ProceduralHand::default().build().unwrap());
     assert!((4e-4..6e-4).contains(&default), "{default}");
     let left = volume(&ProceduralHand { left: true, ..Default::default() }.build().unwrap());
@@ -139,7 +139,7 @@ fn at_most_four_joints_move_a_vertex_and_neighbouring_fingers_do_not() {
         for (second, third) in [(2, 3), (5, 6), (8, 9), (11, 12), (14, 15)] {
             if row[second] + row[third] > 0.9 {
                 let others: f64 = (1..16).filter(|k| !(second - 1..=third).contains(k)).map(|k| row[k]).sum();
-                // A trace is left just beyond the webs.
+                // A small remainder is allowed just beyond the webs.
                 assert!(others < 0.005, "vertex {i} at {v} of joint {second}: {row:?}");
             }
         }

@@ -1,4 +1,4 @@
-//! Cuts a surface into charts that a projection along one direction shows whole.
+//! Cuts a surface into charts that are completely visible along one direction.
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap, VecDeque};
@@ -23,7 +23,7 @@ pub(super) struct Chart {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// The mesh on its way to being cut.
+/// A mesh that is being cut.
 struct Mesh<'a> {
     vertices: &'a [DVec3],
     faces: &'a [[u32; 3]],
@@ -31,23 +31,23 @@ struct Mesh<'a> {
     normals: Vec<DVec3>,
     areas: Vec<f64>,
     neighbours: Vec<[Option<u32>; 3]>,
-    /// Faces that belong to no chart yet.
+    /// Faces that do not belong to a chart yet.
     free: Vec<bool>,
-    /// For [`Mesh::flood`]: the number of the flood that each face is marked for.
+    /// For [`Mesh::flood`]: the index of the flood that each face is marked for.
     marks: Vec<u32>,
     floods: u32,
 }
 
-/// A connected set of faces that are well seen from one direction.
+/// A connected set of faces that are well visible from one direction.
 struct Candidate {
-    /// The area that is seen.
+    /// The visible area.
     seen: f64,
     direction: usize,
     faces: Vec<u32>,
 }
 
-/// Cuts a mesh whose longest side is 1: again and again the largest piece that one direction sees well. Faces without
-/// area get into no chart.
+/// Cuts a mesh whose longest side is 1: repeatedly takes the largest piece that is well visible from one direction.
+/// Faces without area do not become part of a chart.
 pub(super) fn cut(vertices: &[DVec3], faces: &[[u32; 3]]) -> Vec<Chart> {
     let doubled = |f: &[u32; 3]| {
         let [a, b, c] = f.map(|i| vertices[i as usize]);
@@ -75,7 +75,7 @@ pub(super) fn cut(vertices: &[DVec3], faces: &[[u32; 3]]) -> Vec<Chart> {
     }
     while let Some(Candidate { direction: k, faces, .. }) = heap.pop() {
         let direction = directions[k];
-        // Charts taken since may have eaten into this piece; what is left of it then has to queue again.
+        // Charts taken since then may have removed parts of this piece; the rest is queued again.
         let whole = faces.len();
         let faces: Vec<u32> = faces.into_iter().filter(|&f| mesh.free[f as usize]).collect();
         if faces.len() < whole {
@@ -119,8 +119,8 @@ impl Mesh<'_> {
         }
     }
 
-    /// Visits the marked faces that are connected to `start`, taking their marks, and goes on from those that `visit`
-    /// accepts.
+    /// Visits the marked faces that are connected to `start`, removes their marks, and continues from those that
+    /// `visit` accepts.
     fn flood(&mut self, start: u32, mut visit: impl FnMut(&Mesh, u32) -> bool) {
         let mut queue = VecDeque::from([start]);
         while let Some(face) = queue.pop_front() {
@@ -134,7 +134,7 @@ impl Mesh<'_> {
         }
     }
 
-    /// Projects a connected piece; faces that would cover others of it stay out.
+    /// Projects a connected piece; faces that would cover others of the piece are excluded.
     fn project(&mut self, piece: &[u32], direction: DVec3) -> Chart {
         let right = direction.any_orthonormal_vector();
         let up = direction.cross(right);
@@ -144,7 +144,7 @@ impl Mesh<'_> {
         };
         let mut kept = Disjoint::new(piece.iter().flat_map(|&face| project(face)), piece.len());
         let seen = |k: &usize| self.areas[piece[*k] as usize] * self.normals[piece[*k] as usize].dot(direction);
-        // The piece grows from its largest face, so that what stays out lies at its ends.
+        // The piece grows from its largest face, so that excluded faces are at its ends.
         let start = (0..piece.len()).max_by(|a, b| seen(a).total_cmp(&seen(b)).then(b.cmp(a))).unwrap_or(0);
         self.mark(piece);
         let mut chart = Chart { faces: vec![], vertices: vec![], points: vec![], triangles: vec![] };
@@ -168,10 +168,10 @@ impl Mesh<'_> {
     }
 }
 
-/// Triangles that do not overlap, counter-clockwise, found by the cells of a grid.
+/// Counter-clockwise triangles that do not overlap, indexed by the cells of a grid.
 struct Disjoint {
     low: DVec2,
-    /// Cells a unit of length.
+    /// Cells per unit of length.
     fineness: f64,
     columns: usize,
     /// The triangles that touch each cell, row by row.
@@ -180,7 +180,7 @@ struct Disjoint {
 }
 
 impl Disjoint {
-    /// No triangle yet, with a grid for `count` of them with those corners: about as many cells as triangles.
+    /// An empty set, with a grid for `count` triangles with those corners: about as many cells as triangles.
     fn new(corners: impl Iterator<Item = DVec2>, count: usize) -> Disjoint {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for p in corners {
@@ -194,7 +194,7 @@ impl Disjoint {
         Disjoint { low, fineness, columns, cells: vec![vec![]; columns * columns], triangles: vec![] }
     }
 
-    /// Adds a triangle, unless it overlaps one that is there.
+    /// Adds a triangle, unless it overlaps an existing one.
     fn insert(&mut self, corners: [DVec2; 3]) -> bool {
         let in_cells = corners.map(|p| (p - self.low) * self.fineness);
         let cells: Vec<usize> = touched_cells(in_cells)
@@ -242,7 +242,7 @@ fn neighbours(faces: &[[u32; 3]]) -> Vec<[Option<u32>; 3]> {
     neighbours
 }
 
-/// Unit vectors spread evenly: on a spiral from pole to pole, each a golden angle further.
+/// Unit vectors spread evenly: on a spiral from pole to pole, in steps of the golden angle.
 fn directions() -> Vec<DVec3> {
     let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let place = |k: usize| {

@@ -13,12 +13,12 @@ const GRIDS: [usize; 5] = [256, 512, 1024, 2048, 4096];
 const GUTTER: usize = 1;
 /// Halvings of the interval of scales: about 2% of the size at the end.
 const HALVINGS: usize = 5;
-/// Turns within a quarter that are tried to stand a chart upright.
+/// Number of rotations within a quarter turn that are tried to align a chart.
 const TURNS: usize = 16;
-/// Charts beyond this number, the smallest ones, start looking for a place where the one before has found its own.
+/// Charts beyond this number, the smallest ones, start their search at the place of the previous one.
 const THOROUGH: usize = 100;
 
-/// UV points of the charts, one for each of their points; `None` if there are more charts than fit.
+/// UV points of the charts, one for each of their points; `None` if the charts do not all fit.
 pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
     let mut upright: Vec<(usize, Vec<DVec2>)> =
         charts.iter().map(|chart| stand_up(&chart.points)).enumerate().collect();
@@ -34,8 +34,8 @@ pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
     let total: f64 = areas.iter().sum();
     let longest = upright.iter().map(|(_, points)| longest_side(points)).fold(0.0, f64::max);
     for grid in GRIDS {
-        // Cells a unit: the scale at which the charts' areas alone would fill the grid is too large, and so is that at
-        // which the longest of them reaches from end to end. Slivers have a length, but hardly an area.
+        // Cells per unit: the scale at which the charts' areas alone would fill the grid is too large, and so is that
+        // at which the longest of them reaches from end to end. Slivers have length but almost no area.
         let (mut fits, mut high) = (0.0, grid as f64 / total.sqrt().max(longest));
         let mut best = None;
         for _ in 0..HALVINGS {
@@ -55,7 +55,7 @@ pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
     None
 }
 
-/// The points turned so that the box around them is smallest.
+/// The points, rotated so that the box around them is smallest.
 fn stand_up(points: &[DVec2]) -> Vec<DVec2> {
     let turned = |turn: usize| {
         let rotation = DVec2::from_angle(std::f64::consts::FRAC_PI_2 * turn as f64 / TURNS as f64);
@@ -78,7 +78,7 @@ fn bounds(points: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
     points.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
-/// Places the charts one after the other, each where it rises least; `None` when one does not fit.
+/// Places the charts one after the other, each where it raises the top least; `None` if one does not fit.
 fn place_all(charts: &[Chart], upright: &[(usize, Vec<DVec2>)], scale: f64, grid: usize) -> Option<Vec<Vec<DVec2>>> {
     let mut taken = Bitmap::new(grid, grid);
     let mut places = vec![vec![]; charts.len()];
@@ -111,7 +111,7 @@ fn place_all(charts: &[Chart], upright: &[(usize, Vec<DVec2>)], scale: f64, grid
     Some(places)
 }
 
-/// A chart in cells from its own corner, turned by quarters and with y down, and the cells that it touches.
+/// A chart in cells from its own corner, rotated by quarter turns and with y down, and the cells that it touches.
 fn draw(points: &[DVec2], triangles: &[[u32; 3]], scale: f64, turn: usize) -> (Vec<DVec2>, Bitmap) {
     let turned = points.iter().map(|p| {
         let p = (0..turn).fold(*p, |p, _| p.perp());
@@ -129,18 +129,18 @@ fn draw(points: &[DVec2], triangles: &[[u32; 3]], scale: f64, turn: usize) -> (V
     (points, bitmap)
 }
 
-/// Cells of a grid, 64 to a word.
+/// Cells of a grid, 64 per word.
 struct Bitmap {
     rows: usize,
     columns: usize,
-    /// Words a row.
+    /// Words per row.
     width: usize,
     words: Vec<u64>,
 }
 
 impl Bitmap {
     fn new(rows: usize, columns: usize) -> Bitmap {
-        // One word more, so that a shifted row never ends beyond it.
+        // One extra word, so that a shifted row never ends beyond it.
         let width = columns / 64 + 2;
         Bitmap { rows, columns, width, words: vec![0; rows * width] }
     }
@@ -155,7 +155,7 @@ impl Bitmap {
         }
     }
 
-    /// The words of one row, shifted by columns, with their numbers.
+    /// The words of one row, shifted by columns, with their indices.
     fn shifted(&self, row: usize, column: usize) -> impl Iterator<Item = (usize, u64)> {
         let (skip, shift) = (column / 64, column % 64);
         let words = self.row(row);
@@ -168,7 +168,7 @@ impl Bitmap {
 
     /// Whether `other`, with its corner at that row and column, shares a cell with this one.
     fn collides(&self, other: &Bitmap, row: usize, column: usize) -> bool {
-        // Wide parts collide first; they tend to lie in the middle.
+        // Wide parts collide first; they tend to be in the middle.
         let middle = other.rows / 2;
         (middle..other.rows).chain(0..middle).any(|k| {
             let taken = self.row(row + k);
@@ -176,7 +176,7 @@ impl Bitmap {
         })
     }
 
-    /// Takes the cells of `other`, with its corner at that row and column, and those within the gutter around them.
+    /// Occupies the cells of `other`, with its corner at that row and column, and those within the gutter around them.
     fn add_widened(&mut self, other: &Bitmap, row: usize, column: usize) {
         for k in 0..other.rows {
             for to in row + k - GUTTER..=row + k + GUTTER {

@@ -4,11 +4,11 @@ use std::ops::RangeInclusive;
 
 use glam::DVec2;
 
-/// A cell that a triangle misses by less than this part of a cell counts as touched: far more than rounding.
+/// A cell that a triangle misses by less than this fraction of a cell counts as touched: far more than rounding errors.
 const SLACK: f64 = 1e-9;
 
-/// The cells (of size 1, the first from 0 to 1 in both axes) that a triangle of positive coordinates touches: for each
-/// row, the columns from the first to the last one.
+/// The cells (of size 1, the first from 0 to 1 in both axes) that a triangle with positive coordinates touches: for
+/// each row, the columns from the first to the last one.
 pub(super) fn touched_cells(corners: [DVec2; 3]) -> impl Iterator<Item = (usize, RangeInclusive<usize>)> {
     let low = corners.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
     let high = corners.iter().map(|p| p.y).fold(f64::NEG_INFINITY, f64::max);

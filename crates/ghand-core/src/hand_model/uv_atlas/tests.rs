@@ -39,7 +39,7 @@ fn area(mesh: &Mesh, face: usize) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// The number of the connected piece of the atlas in which each face lies.
+/// The index of the connected piece of the atlas that contains each face.
 fn chart_of_face(atlas: &Atlas) -> Vec<usize> {
     let mut group: Vec<usize> = (0..atlas.uvs.len()).collect();
     fn root(group: &mut [usize], mut k: usize) -> usize {
@@ -58,7 +58,7 @@ fn chart_of_face(atlas: &Atlas) -> Vec<usize> {
     atlas.face_uvs.iter().map(|t| root(&mut group, t[0] as usize)).collect()
 }
 
-/// Whether two triangles overlap by more than a millionth of their size, whatever way they are wound.
+/// Whether two triangles overlap by more than a millionth of their size, whatever their winding.
 fn overlap(first: [DVec2; 3], second: [DVec2; 3]) -> bool {
     let shrunk = |t: [DVec2; 3]| {
         let centre = (t[0] + t[1] + t[2]) / 3.0;
@@ -91,7 +91,7 @@ fn overlapping_pairs(triangles: &[[DVec2; 3]]) -> usize {
     (0..sorted.len()).map(|k| near(k).filter(|other| overlap(sorted[k], **other)).count()).sum()
 }
 
-/// Builds the atlas of a mesh and checks all that is promised of it but evenness; samples of it at 512.
+/// Builds the atlas of a mesh and checks everything promised about it except evenness; returns its samples at 512.
 fn check(name: &str, mesh: &Mesh) -> (Atlas, SurfaceSamples) {
     let start = std::time::Instant::now();
     let atlas = build_atlas(&mesh.0, &mesh.1).unwrap();
@@ -154,7 +154,7 @@ fn procedural(detail: u32) -> HandModel {
     ProceduralHand { detail, ..Default::default() }.build().unwrap()
 }
 
-/// A hand of MANO's fineness whose wrist is open, like MANO's.
+/// A hand as fine as MANO's, with an open wrist like MANO's.
 fn open_hand() -> Mesh {
     let hand = procedural(1);
     let wrist = hand.vertices.iter().map(|p| p.y).fold(f64::NEG_INFINITY, f64::max) - 0.02;
@@ -200,7 +200,7 @@ fn hands_without_uvs_get_an_atlas_that_is_one_to_one_even_and_full() {
         let name = format!("procedural hand of detail {detail}");
         let (_, samples) = check(&name, &(hand.vertices, hand.faces));
         assert_even(&name, &samples);
-        // Half as much again as MANO's own atlas has, 87,780.
+        // One and a half times as many as MANO's own atlas has, 87,780.
         assert!(samples.len() > 130_000, "{name}: {} texels", samples.len());
     }
 }
@@ -238,7 +238,7 @@ fn a_rig_gets_an_atlas_as_good_as_its_own() {
         return;
     }
     let hand = read_gltf(&path).unwrap();
-    // An artist's atlas is turned the same way.
+    // An artist's atlas has the same orientation.
     let turned = |t: &&[u32; 3]| {
         let [a, b, c] = t.map(|i| hand.uvs[i as usize]);
         (b - a).perp_dot(c - a) < 0.0
@@ -253,7 +253,8 @@ fn a_rig_gets_an_atlas_as_good_as_its_own() {
 #[test]
 fn simple_solids_fill_the_square() {
     let (atlas, samples) = check("cube", &cube());
-    // No direction sees more than three sides, and none sees three without tilting one of them by more than 54.7 degrees.
+    // No more than three sides are visible from one direction, and three only if one of them is tilted by at least 54.7
+    // degrees.
     assert!(atlas.charts <= 6, "{}", atlas.charts);
     assert!(samples.len() > 150_000, "{}", samples.len());
     let (atlas, samples) = check("sphere", &sphere(24));
@@ -278,7 +279,7 @@ fn place_and_size_do_not_matter() {
 
 #[test]
 fn tangled_surfaces_get_an_atlas_too() {
-    // A strip with half a turn has one side only.
+    // A Moebius strip has only one side.
     let mut strip: Mesh = (vec![], vec![]);
     for k in 0..40 {
         let angle = std::f64::consts::TAU * f64::from(k) / 40.0;
@@ -290,7 +291,7 @@ fn tangled_surfaces_get_an_atlas_too() {
         strip.1.extend([[a, c, d], [a, d, b]]);
     }
     check("strip with half a turn", &strip);
-    // A book: many pages on one edge, one of them twice, one from both sides.
+    // A book: many pages at one edge, one of them twice, one from both sides.
     let mut book: Mesh = (vec![DVec3::ZERO, DVec3::Z], vec![]);
     for k in 0..7 {
         let angle = 0.4 * f64::from(k);
@@ -317,7 +318,7 @@ fn tangled_surfaces_get_an_atlas_too() {
 fn faces_without_area_lie_at_a_point_of_the_atlas() {
     let (mut vertices, mut faces) = cube();
     vertices.push(DVec3::new(0.5, 0.0, 0.0));
-    // Twice the same corner, all the same, and three corners on a line.
+    // Two equal corners, three equal corners, and three corners on a line.
     faces.extend([[0, 0, 3], [5, 5, 5], [0, 8, 1]]);
     let (atlas, _) = check("cube with faces without area", &(vertices, faces));
     for t in &atlas.face_uvs[12..] {

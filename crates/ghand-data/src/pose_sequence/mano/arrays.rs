@@ -1,4 +1,4 @@
-//! Data sets and trackers that keep all frames in arrays: HaWoR, ARCTIC, and the hands of AMASS's bodies.
+//! Data sets and trackers that store all frames in arrays: HaWoR, ARCTIC, and the hands of AMASS's bodies.
 
 use ghand_core::Side;
 use ghand_core::value::Value;
@@ -91,7 +91,7 @@ fn rows_of_hand(
             return Err(source.invalid(name, problem));
         }
     }
-    // One shape for all frames, or one each.
+    // One shape for all frames, or one per frame.
     let one_each = shape.len().is_multiple_of(count.max(1)) && shape.len() >= 10 * count;
     let width_of_shape = if one_each { shape.len() / count.max(1) } else { shape.len() };
     source.copied("shape", width_of_shape, count)?;

@@ -1,4 +1,4 @@
-//! What networks estimate: dictionaries of parameters, wherever in a file they lie.
+//! Estimates of networks: dictionaries of parameters at any place in a file.
 
 use ghand_core::Side;
 use ghand_core::value::Value;
@@ -8,10 +8,10 @@ use super::super::{PoseError, Source};
 use super::{Hand, SIDE_NAMES, first, flat, frame};
 use crate::retarget::mirrored;
 
-/// How deep parameters may lie in lists and maps.
+/// Largest depth of parameters in lists and maps.
 const MAX_DEPTH: usize = 5;
 
-/// Longest id of a frame, bytes: every hand in it has a copy.
+/// Longest id of a frame, bytes: each of its hands has a copy.
 const LONGEST_ID: usize = 256;
 /// Most shape parameters of a hand; MANO has 10.
 const MOST_SHAPES: usize = 300;
@@ -30,7 +30,7 @@ pub(super) fn has_parameters(value: &Value, depth: usize) -> bool {
     here || (depth < MAX_DEPTH && children(value))
 }
 
-/// All dictionaries of parameters below a value, with the frame that they lie in.
+/// All dictionaries of parameters below a value, with the frame that contains them.
 pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let mut hands = Vec::new();
     let top = value.get("frames").unwrap_or(value);
@@ -133,7 +133,7 @@ fn parameters(
     };
     let count = pose.values.len() / width;
     let [shapes, places] = [first(maps, &SHAPE_NAMES), first(maps, &PLACE_NAMES)];
-    // Every dictionary of a file may share those of one above it, and would have its own copy.
+    // All dictionaries of a file may share parameters of one above them, and each would have a copy.
     for (name, value, most) in
         [("global_orient", Some(orient), 9), ("betas", shapes, MOST_SHAPES), ("the place", places, 3)]
     {
@@ -153,7 +153,7 @@ fn parameters(
         let width = values.len() / count.max(1);
         values.iter().skip(k * width).take(width).copied().collect()
     };
-    // One shape, place or side may stand for all.
+    // One shape, position or side may be given for all.
     let shared = |values: &[f64], k: usize, widths: &[usize]| {
         if widths.contains(&values.len()) && count != 1 { values.to_vec() } else { per_hand(values, k) }
     };
@@ -174,7 +174,7 @@ fn parameters(
         let shape = shared(&shapes, k, &[10]);
         let mut found = frame(&id, &per_hand(&orient, k), &fingers, &shape, &shared(&places, k, &[3]));
         if let (Ok(found), Some(Side::Left)) = (&mut found, own_side) {
-            // The place is that in the picture, which was never mirrored.
+            // The position is that in the picture, which was never mirrored.
             found.pose.rotations = mirrored(&found.pose).rotations;
         }
         hands.push(Hand { id, side: own_side.or(Some(Side::Right)), frame: found });

@@ -1,4 +1,4 @@
-//! Arrays that say by their shape what they are, and data sets that are such arrays.
+//! Arrays whose meaning follows from their shape, and data sets that are such arrays.
 
 use ghand_core::skeleton::pose_skeleton;
 
@@ -20,7 +20,7 @@ fn place(pose: &Pose) -> [f64; 3] {
     pose.translation.to_array()
 }
 
-/// The pose without what an array of that kind does not hold.
+/// The pose without the parts that an array of that kind lacks.
 fn without(pose: &Pose, root: bool, translation: bool) -> Pose {
     let mut pose = pose.clone();
     if root {
@@ -69,7 +69,7 @@ fn arrays_of_manos_rotations_are_read_in_every_shape_and_wrapping() {
         }
         let one = read(&listed[1], &model).unwrap();
         assert_same(&one, &expected[1..2], 1e-9);
-        // Another rig gets them, too: the bones point the same way.
+        // They also transfer to another rig: the bones point the same way.
         assert_eq!(read(array, &webxr(Side::Right)).unwrap().frames.len(), 3);
     }
     let sequence = read(&arrays[3].0, &model).unwrap();
@@ -112,11 +112,11 @@ fn arrays_of_numpy_are_read_with_and_without_a_name() {
         let sequence = read_poses_bytes("poses.npz", &file, &model, &PoseOptions::default()).unwrap();
         assert_same(&sequence, &expected, 0.0);
     }
-    // Two that could be the pose, and neither has a name that tells.
+    // Two arrays could be the pose, and the name of neither decides.
     let error =
         read_poses_bytes("poses.npz", &npz(&[("a", array.clone()), ("b", array)]), &model, &PoseOptions::default());
     assert!(error.unwrap_err().to_string().contains("\"a\" (numbers of the shape [2, 48])"));
-    // Of a model with other joints, rows are its own.
+    // For a model with other joints, rows are its own.
     let own = webxr(Side::Right);
     let turned = super::poses(&own, 2);
     let file = npy("(2, 25, 3)", "<f8", &bytes(turned.iter().flat_map(row).collect()));
@@ -172,7 +172,7 @@ fn landmarks_as_numbers_alone_are_fitted_where_they_are() {
     assert!(error.contains("frame \"0000\"") && error.contains("millimetres / 1000"), "{error}");
 }
 
-/// Places of a hand's joints in a pose.
+/// Positions of a hand's joints in a pose.
 fn joints(model: &HandModel, pose: &Pose) -> Vec<DVec3> {
     let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
     chain.world.iter().map(|world| world.translation + pose.translation).collect()

@@ -8,8 +8,8 @@ use ghand_core::skeleton::pose_skeleton;
 use super::super::*;
 use crate::test_hands::procedural;
 
-/// A hand of 25 joints with WebXR's names whose rest pose is the built-in hand's relaxed one, in turned axes: a rig that has as little
-/// in common with the built-in hand's as real ones have.
+/// A hand of 25 joints with WebXR's names whose rest pose is the built-in hand's relaxed one, in rotated axes: a rig as
+/// different from the built-in hand's as real ones are.
 pub(super) fn webxr(side: Side) -> HandModel {
     let hand = procedural(side);
     let rig = Rig::of(hand).unwrap();
@@ -33,7 +33,7 @@ pub(super) fn webxr(side: Side) -> HandModel {
     let joints: Vec<DVec3> = names.roles.iter().map(joint).collect();
     let posed = pose_hand(hand, &[], &pose).unwrap().vertices;
     let vertices: Vec<DVec3> = posed.iter().map(|point| turn * *point).collect();
-    // Weights of the built-in hand's joints go to those of the same roles.
+    // Weights of the built-in hand's joints go to the joints with the same roles.
     let mut weights = vec![0.0; vertices.len() * joints.len()];
     for (vertex, row) in weights.chunks_exact_mut(joints.len()).enumerate() {
         for (role, weight) in rig.roles.iter().zip(hand.vertex_weights(vertex)) {

@@ -1,4 +1,4 @@
-//! MANO parameters from everywhere.
+//! MANO parameters from all sources.
 
 use ghand_core::hand_model::PoseSpace;
 use serde_json::json;
@@ -8,7 +8,7 @@ use super::{assert_same, difference, poses, read, read_with, rows};
 use crate::retarget::{Retarget, mirrored};
 use crate::test_hands::{hands, procedural};
 
-/// A model of MANO's joints in MANO's axes with a mean pose, from made-up numbers: the built-in hand, turned.
+/// A model of MANO's joints in MANO's axes with a mean pose, from invented numbers: the built-in hand, rotated.
 pub(super) fn mano(side: Side) -> HandModel {
     let mut model = procedural(side).clone();
     let sign = if side == Side::Right { 1.0 } else { -1.0 };
@@ -52,7 +52,7 @@ fn interhand_poses_get_the_mean_and_skip_what_is_missing() {
     assert!(sequence.warnings[0].contains("45 numbers"));
     let flat = read_with(&file, &model, &PoseOptions { flat_mean: true, ..Default::default() }).unwrap();
     assert_same(&flat, &poses[..2], 0.0);
-    // Left hands only when asked for; they are believed to be those of this model then.
+    // Left hands only on request; then they are read as those of this model.
     let left = read_with(&file, &mano(Side::Left), &PoseOptions { flat_mean: true, ..Default::default() }).unwrap();
     assert_eq!(left.frames.len(), 2);
     assert_same(&left, &[poses[3].clone(), poses[3].clone()], 0.0);
@@ -72,7 +72,7 @@ fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored()
     let as_matrices = |pose: &Pose| json!({"global_orient": matrices(&pose.rotations[..1]), "hand_pose": matrices(&pose.rotations[1..])});
     let angles = |pose: &Pose| json!({"global_orient": rows(pose)[0], "hand_pose": rows(pose)[1..].concat(), "betas": vec![0.2; 10]});
     let place = |pose: &Pose| pose.translation.to_array();
-    // Frames with hands, in the ways that users dump them.
+    // Frames with hands, in the forms that users dump.
     let list = json!([
         {"is_right": 1, "pred_mano_params": as_matrices(&poses[0]), "pred_cam_t_full": place(&poses[0])},
         {"is_right": 1, "pred_mano_params": as_matrices(&poses[1]), "pred_cam_t_full": place(&poses[1])},
@@ -90,7 +90,7 @@ fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored()
     for file in [&list, &map, &json!({"frames": list}), &batch] {
         assert_same(&read(file, &model).unwrap(), &poses, 1e-9);
     }
-    // A left hand: parameters of the mirrored picture, the place as it is.
+    // A left hand: parameters of the mirrored picture, with the actual position.
     let mut left = list.clone();
     for k in 0..2 {
         left[k]["is_right"] = json!(0);
@@ -99,12 +99,12 @@ fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored()
         poses.iter().map(|p| Pose { rotations: mirrored(p).rotations, translation: p.translation }).collect();
     let sequence = read(&left, &mano(Side::Left)).unwrap();
     assert_same(&sequence, &expected, 1e-9);
-    // On a right hand it is mirrored once more, with a word.
+    // On a right hand it is mirrored once more, with a warning.
     let sequence = read(&left, &model).unwrap();
     let expected: Vec<Pose> = expected.iter().map(mirrored).collect();
     assert_same(&sequence, &expected, 1e-9);
     assert!(sequence.warnings.iter().any(|w| w.contains("left hand, mirrored")), "{:?}", sequence.warnings);
-    // Matrices that are none, and numbers that are none, are left out.
+    // Frames with invalid matrices or numbers are skipped.
     let mut bad = list.clone();
     bad[1]["pred_mano_params"]["hand_pose"][3][0][0] = json!(3.0);
     let sequence = read(&bad, &model).unwrap();
@@ -182,7 +182,7 @@ fn mano_poses_drive_other_rigs_exactly_with_the_model_and_nearly_without() {
             let way = Retarget::new(&Rig::of(&model).unwrap(), &Rig::of(to).unwrap());
             let expected: Vec<Pose> = poses.iter().map(|pose| way.pose(pose)).collect();
             assert_same(&exact, &expected, 1e-12);
-            // The stand-in is the same hand here, but for where its wrist is.
+            // The built-in replacement is the same hand here, except for the position of its wrist.
             let near = read(&file, to).unwrap();
             for (near, exact) in near.frames.iter().zip(&exact.frames) {
                 let mut exact = exact.pose.clone();

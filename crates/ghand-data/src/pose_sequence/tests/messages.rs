@@ -1,4 +1,4 @@
-//! What is wrong with a file is said with its name, the frame, the joint, and what to do.
+//! Messages about a file have its name, the frame, the joint, and a remedy.
 
 use super::hands::webxr;
 use super::mano::mano;

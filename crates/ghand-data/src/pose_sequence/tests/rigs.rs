@@ -1,10 +1,10 @@
-//! Poses that ghand wrote for one rig, on another one.
+//! Poses that ghand wrote for one rig, transferred to another.
 
 use super::hands::{directions, webxr};
 use super::mano::mano;
 use super::*;
 
-/// What `ghand pose --out` writes of some poses of a model.
+/// The output of `ghand pose --out` for some poses of a model.
 fn written(model: &HandModel, poses: &[Pose]) -> Json {
     let frame = |(k, pose): (usize, &Pose)| PoseFrame { id: format!("f{k}"), pose: pose.clone(), shape: vec![] };
     let frames = poses.iter().enumerate().map(frame).collect();
@@ -15,7 +15,7 @@ fn written(model: &HandModel, poses: &[Pose]) -> Json {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// Greatest angle between the bones of two hands, degrees.
+/// Largest angle between the bones of two hands, degrees.
 fn worst_angle(a: &[DVec3], b: &[DVec3]) -> f64 {
     assert_eq!((a.len(), b.len()), (15, 15));
     a.iter().zip(b).map(|(a, b)| a.angle_between(*b).to_degrees()).fold(0.0, larger)
@@ -44,7 +44,7 @@ fn poses_written_for_one_rig_make_the_fingers_of_another_point_the_same_way() {
             directions(from, &poses[0]).iter().map(|p| crate::retarget::mirrored_point(*p)).collect();
         assert!(worst_angle(&image, &directions(&left, &sequence.frames[0].pose)) < 1e-4);
     }
-    // The comparison sees a finger that is off by a degree.
+    // The comparison detects a finger that is off by a degree.
     let mut bent = Pose::rest(16);
     bent.rotations[2].z = 1f64.to_radians();
     assert!(worst_angle(&directions(right(), &Pose::rest(16)), &directions(right(), &bent)) > 0.9);
@@ -90,13 +90,13 @@ fn files_that_name_joints_alone_are_taken_for_the_built_in_hands_or_say_what_is_
         for expected in missing.iter().chain(&["poses.json: hand_model.joints", "\"index1\"", "--pose-model"]) {
             assert!(error.contains(expected), "{expected} is not in {error}");
         }
-        // The model that they are for tells the rest.
+        // The model of the poses supplies the rest.
         let options = PoseOptions { pose_model: Some(other.clone()), ..Default::default() };
         assert_same(&read_with(&part, right(), &options).unwrap(), &poses, 1e-9);
         // On that model itself nothing is missing.
         assert_same(&read(&part, &other).unwrap(), &expected, 0.0);
     }
-    // Not even names: as many rows as the model has joints, or its model.
+    // Without names, the file needs as many rows as the model has joints, or its own model.
     let bare = json!({"frames": poses.iter().map(|pose| json!({"pose": rows(pose)})).collect::<Vec<_>>()});
     let error = read(&bare, &other).unwrap_err().to_string();
     assert!(error.contains("16 rows, expected 25") && error.contains("\"rest_joints\""), "{error}");
@@ -126,7 +126,7 @@ fn a_description_that_cannot_be_is_refused_with_its_field() {
         let error = with(name, value);
         assert!(error.starts_with(&format!("poses.json: hand_model.{name}: ")) && error.contains(expected), "{error}");
     }
-    // Joints in one place have no directions.
+    // Joints at the same position have no direction.
     assert!(with("rest_joints", json!(vec![[0.0; 3]; 16])).contains("lie in one place"));
     let options = PoseOptions { side: Some(Side::Left), ..Default::default() };
     let error = read_with(&file, right(), &options).unwrap_err().to_string();
@@ -140,7 +140,7 @@ fn a_file_without_fingertips_lets_the_last_bones_go_on() {
     let mut file = written(right(), &poses);
     file["hand_model"].as_object_mut().unwrap().remove("tips");
     let sequence = read(&file, &other).unwrap();
-    // The built-in hand's fingers are straight at rest, but for where the skin ends.
+    // The built-in hand's fingers are straight at rest, except for the end of the skin.
     assert!(worst_angle(&directions(right(), &poses[0]), &directions(&other, &sequence.frames[0].pose)) < 20.0);
 }
 

@@ -1,9 +1,9 @@
-//! A rig of any node tree poses as the glTF standard says.
+//! A rig with any node tree poses as the glTF standard says.
 //!
-//! The standard moves a vertex by the sum of `weight * world_from_joint * inverse_bind_matrix`, with the node tree's world
-//! transforms; the mesh node's own transform has no effect. With the rest frame `A_k` of a joint in the mesh's axes (the
-//! inverse of its inverse bind matrix), a rotation `R_k` in the model's axes is the node's rotation followed, on its own
-//! side, by `A_k^-1 R_k A_k`.
+//! The standard moves a vertex by the sum of `weight * world_from_joint * inverse_bind_matrix`, with the node tree's
+//! world transforms; the mesh node's own transform has no effect. With the rest frame `A_k` of a joint in the mesh's
+//! axes (the inverse of its inverse bind matrix), a rotation `R_k` in the model's axes is the node's rotation
+//! multiplied from the right by `A_k^-1 R_k A_k`.
 
 use glam::{DMat4, DQuat};
 use rand::{RngExt, SeedableRng};
@@ -26,7 +26,7 @@ struct Transform {
 impl Transform {
     fn random(random: &mut ChaCha8Rng, scale: f64) -> Transform {
         let axis_angle = vector(random) * 2.0;
-        // As precise as the file: the rest pose of the tree and the bind matrices must agree.
+        // With the precision of the file: the rest pose of the tree and the bind matrices must agree.
         Transform {
             translation: vector(random).as_vec3().as_dvec3(),
             rotation: DQuat::from_scaled_axis(axis_angle).as_quat().as_dquat(),
@@ -49,7 +49,7 @@ fn vector(random: &mut ChaCha8Rng) -> DVec3 {
     DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)))
 }
 
-/// Node 0 is the mesh's, 1 the armature's, 3 stands between two joints.
+/// Node 0 is the mesh's, 1 the armature's, 3 is between two joints.
 const PARENTS: [Option<usize>; 7] = [None, None, Some(1), Some(2), Some(3), Some(4), Some(2)];
 const NAMES: [&str; 7] = ["mesh", "armature", "wrist", "twist", "finger", "fingertip", "thumb"];
 /// The nodes of the skin's joints, not in the order of the tree.
@@ -67,10 +67,10 @@ fn world(locals: &[DMat4]) -> Vec<DMat4> {
 struct TreeRig {
     locals: Vec<Transform>,
     positions: Vec<DVec3>,
-    /// Joint of the skin and weight, eight a vertex; they sum to 1.
+    /// Joint of the skin and weight, eight per vertex; the weights sum to 1.
     bindings: Vec<[(usize, f64); 8]>,
     inverse_binds: Vec<DMat4>,
-    /// Where the mesh stood when it was bound.
+    /// Transform of the mesh when it was bound.
     world_from_mesh: DMat4,
     glb: Vec<u8>,
 }
@@ -85,7 +85,7 @@ impl TreeRig {
         let inverse_binds: Vec<DMat4> =
             JOINTS.iter().map(|&n| (rest[n].inverse() * world_from_mesh).as_mat4().as_dmat4()).collect();
         let positions: Vec<DVec3> = (0..VERTICES).map(|_| vector(random).as_vec3().as_dvec3()).collect();
-        // Bytes in the first set, two bytes a number in the second one.
+        // One byte per number in the first set, two in the second.
         let joints: Vec<[u8; 8]> =
             (0..VERTICES).map(|_| std::array::from_fn(|_| random.random_range(0..JOINTS.len() as u8))).collect();
         let first: Vec<[u8; 4]> = (0..VERTICES).map(|_| std::array::from_fn(|_| random.random())).collect();
@@ -154,7 +154,7 @@ impl TreeRig {
         }
     }
 
-    /// The vertices in the world as the standard has them, from rotations of the skin's joints in the mesh's axes.
+    /// The vertices in the world as the standard defines them, from rotations of the skin's joints in the mesh's axes.
     fn skinned(&self, rotations: &[DVec3]) -> Vec<DVec3> {
         let mut locals: Vec<DMat4> = self.locals.iter().map(Transform::matrix).collect();
         for ((&node, bind), rotation) in JOINTS.iter().zip(&self.inverse_binds).zip(rotations) {
@@ -173,7 +173,7 @@ impl TreeRig {
     }
 }
 
-/// Accessors with a buffer view each.
+/// Accessors with one buffer view each.
 #[derive(Default)]
 struct Parts {
     bytes: Vec<u8>,
@@ -221,7 +221,7 @@ fn a_tree_of_turned_and_scaled_nodes_poses_as_the_standard_says() {
 
 #[test]
 fn rotations_are_about_the_axes_of_the_mesh() {
-    // The wrist's own turn moves all as one: about its rest position, in the mesh's axes.
+    // The wrist's rotation moves everything rigidly: about its rest position, in the mesh's axes.
     let rig = TreeRig::new(9);
     let model = read_bytes(&rig.glb).unwrap();
     let turn = DVec3::new(0.3, -1.1, 0.4);

@@ -1,4 +1,4 @@
-//! All the ways in which a file may store its numbers, and the harm that they could do.
+//! All the ways in which a file may store its numbers, including harmful ones.
 
 use std::fs::File;
 
@@ -62,11 +62,11 @@ fn names_of_buffers_may_be_percent_encoded_and_in_folders_below() {
 #[test]
 fn of_a_huge_buffer_only_what_the_file_names_is_read() {
     let hand = LooseHand::new("huge.bin");
-    // No space is taken: all but the beginning is one hole.
+    // Takes no disk space: the file is sparse except for its beginning.
     hand.put("huge.bin").set_len(10 << 30).unwrap();
     let start = std::time::Instant::now();
     hand.read().unwrap();
-    // Ten gigabytes take longer from anywhere but a very fast memory.
+    // Reading ten gigabytes would take longer.
     assert!(start.elapsed().as_secs_f64() < 1.0);
 }
 
@@ -74,7 +74,7 @@ fn of_a_huge_buffer_only_what_the_file_names_is_read() {
 fn buffers_that_no_accessor_needs_need_not_be_there() {
     let hand = SmallHand::new().replace(r#""byteLength":432}"#, r#""byteLength":432},{"byteLength":9,"uri":"no.bin"}"#);
     hand.read().unwrap();
-    // Nor can a second one be the GLB's.
+    // Nor can a second buffer be the GLB's.
     let message = SmallHand::new()
         .replace(r#""byteLength":432}"#, r#""byteLength":432},{"byteLength":432}"#)
         .replace(r#"{"buffer":0,"byteOffset":240"#, r#"{"buffer":1,"byteOffset":240"#)
@@ -145,7 +145,7 @@ fn damaged_and_endless_storage_is_refused() {
         let message = hand.read().map(|_| ()).unwrap_err().to_string();
         assert!(message.contains(expected) && message.contains("small.glb"), "wanted '{expected}', got '{message}'");
     }
-    // A stated length below that of the header itself.
+    // A declared length below that of the header itself.
     let mut glb = small().glb();
     glb[8..12].copy_from_slice(&11u32.to_le_bytes());
     assert!(read_bytes(&glb).unwrap_err().to_string().contains("header is damaged"));
@@ -156,7 +156,7 @@ fn joints_in_a_circle_are_refused() {
     let circle = SmallHand::new().replace(r#"{"name":"tip"}"#, r#"{"name":"tip","children":[4]}"#);
     let message = circle.read().unwrap_err().to_string();
     assert!(message.contains("small.glb: "), "{message}");
-    // Above the root, of nodes that are no joints.
+    // Above the root, among nodes that are not joints.
     let above = SmallHand::new().replace(
         r#"{"name":"root","children":[3]}"#,
         r#"{"name":"root","children":[3]},
