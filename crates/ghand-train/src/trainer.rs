@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use ghand_avatar::direct::table_lengths;
 use ghand_avatar::{Avatar, Provenance, Template};
-use ghand_core::{Pose, surface};
-use ghand_data::{Capture, Split};
+use ghand_capture::{Capture, Split};
+use ghand_core::Pose;
+use ghand_hand_model::surface;
 use ghand_render::pose::pose_stride;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;

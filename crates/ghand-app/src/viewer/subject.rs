@@ -7,8 +7,9 @@ use bytemuck::cast_slice;
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarRenderer};
-use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
-use ghand_core::{Camera, Pose, input_file};
+use ghand_core::{Camera, Pose};
+use ghand_files::input_file;
+use ghand_hand_model::read::{ReadOptions, read_hand_model};
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError};
 
