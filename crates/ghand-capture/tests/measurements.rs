@@ -9,16 +9,13 @@ use std::time::Instant;
 use ghand_capture::{Capture, OpenOptions, ViewStore, ViewStoreOptions};
 use ghand_core::PoseSpace;
 use ghand_hand_model::procedural::ProceduralHand;
+use ghand_test_support::shared;
 use glam::DVec3;
 
 #[test]
 #[ignore = "a measurement"]
 fn decoding_of_blender_a() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/captures/blender-a");
-    if !folder.join("capture.json").exists() {
-        println!("left out: {} is not there", folder.display());
-        return;
-    }
+    let Some(folder) = shared("captures/blender-a") else { return };
     let start = Instant::now();
     let capture = Capture::open(&folder).unwrap();
     println!("opened in {:.3} s", start.elapsed().as_secs_f64());

@@ -138,6 +138,7 @@ mod tests {
     use super::*;
     use crate::gltf::read_gltf;
     use crate::procedural::ProceduralHand;
+    use ghand_test_support::shared;
 
     /// Where the points fixed to each joint at rest go: an independent, plain walk along the chain.
     fn posed(model: &HandModel, pose: &Pose, points: &[(usize, DVec3)]) -> Vec<DVec3> {
@@ -207,12 +208,8 @@ mod tests {
     #[test]
     fn poses_bend_webxr_fingers_towards_the_palm() {
         for file in ["right.glb", "left.glb"] {
-            let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand");
-            if !folder.join(file).exists() {
-                println!("left out: {} is not there", folder.join(file).display());
-                return;
-            }
-            check(&read_gltf(&folder.join(file)).unwrap());
+            let Some(path) = shared(&format!("assets/generic-hand/{file}")) else { return };
+            check(&read_gltf(&path).unwrap());
         }
     }
 

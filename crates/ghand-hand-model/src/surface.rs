@@ -196,6 +196,7 @@ mod tests {
     use crate::gltf::read_gltf;
     use crate::procedural::ProceduralHand;
     use ghand_core::Side;
+    use ghand_test_support::shared;
 
     /// A unit square of two triangles, one joint, its atlas filling [0, 1]^2.
     fn square() -> HandModel {
@@ -328,12 +329,7 @@ mod tests {
 
     #[test]
     fn the_generic_hands_atlas_is_one_to_one() {
-        let path =
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand/right.glb");
-        if !path.exists() {
-            println!("left out: {} is not there", path.display());
-            return;
-        }
+        let Some(path) = shared("assets/generic-hand/right.glb") else { return };
         check_hand(&read_gltf(&path).unwrap());
     }
 }

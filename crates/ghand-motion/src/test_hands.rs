@@ -1,6 +1,5 @@
 //! Hands and poses for tests.
 
-use std::path::Path;
 use std::sync::LazyLock;
 
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
@@ -9,6 +8,7 @@ use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_synthetic::trajectory::natural_motion as motion_of;
+use ghand_test_support::shared;
 use glam::DVec3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -26,12 +26,7 @@ pub(crate) fn procedural(side: Side) -> &'static HandModel {
 /// The generic hand of WebXR's joints, where it is.
 pub(crate) fn generic(side: Side) -> Option<HandModel> {
     let file = if side == Side::Left { "left.glb" } else { "right.glb" };
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand");
-    if !folder.join(file).exists() {
-        println!("left out: {} is not there", folder.join(file).display());
-        return None;
-    }
-    Some(read_gltf(&folder.join(file)).unwrap())
+    shared(&format!("assets/generic-hand/{file}")).map(|path| read_gltf(&path).unwrap())
 }
 
 /// All of them.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_capture::Capture;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE, SplitFacts};
+use ghand_test_support::shared;
 use image::{GrayImage, RgbImage};
 use tempfile::TempDir;
 
@@ -222,11 +223,7 @@ fn a_pose_that_does_not_fit_the_hand_model_is_an_error() {
 
 #[test]
 fn the_path_traced_captures_template_fits_as_its_makers_measured() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures/blender-a");
-    if !folder.join("capture.json").exists() {
-        println!("left out: {} is not there", folder.display());
-        return;
-    }
+    let Some(folder) = shared("captures/blender-a") else { return };
     let found = CaptureInspection::of(&Capture::open(&folder).unwrap(), 40).unwrap();
     assert_eq!((found.files.files, found.files.missing, found.files.broken), (1840, 0, 0));
     assert!(found.findings.is_empty(), "{:?}", found.findings);

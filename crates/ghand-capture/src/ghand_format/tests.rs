@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_hand_model::procedural::ProceduralHand;
+use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
@@ -328,11 +329,7 @@ fn images_that_are_missing_broken_or_of_another_size_are_named() {
 
 #[test]
 fn the_path_traced_capture_is_read_whole() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/captures/blender-a");
-    if !folder.join("capture.json").exists() {
-        println!("left out: {} is not there", folder.display());
-        return;
-    }
+    let Some(folder) = shared("captures/blender-a") else { return };
     let capture = Capture::open(&folder).unwrap();
     assert_eq!((capture.cameras.len(), capture.frames.len()), (30, 52));
     assert_eq!(capture.hand_model.joint_count(), 25);

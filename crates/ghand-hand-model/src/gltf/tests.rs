@@ -3,17 +3,14 @@ mod storage;
 
 use std::path::PathBuf;
 
+use ghand_test_support::shared;
+
 use super::joints::WEBXR_JOINTS;
 use super::*;
 
 /// The generic hand, when it is beside the checkout.
 fn generic_hand(file: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand").join(file);
-    if !path.exists() {
-        println!("left out: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
+    shared(&format!("assets/generic-hand/{file}"))
 }
 
 /// A chain of three joints (stored child first, with a plain node between) that moves one square, split into two

@@ -1,6 +1,7 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ghand_core::HandModel;
+use ghand_test_support::shared;
 use glam::{DVec2, DVec3};
 
 use super::*;
@@ -134,12 +135,7 @@ fn what_is_written_is_read_back_with_the_same_seams() {
 
 /// The generic hand, when it is beside the checkout.
 fn generic_hand() -> Option<HandModel> {
-    let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand/right.glb");
-    if !path.exists() {
-        println!("left out: {} is not there", path.display());
-        return None;
-    }
-    Some(read_gltf(&path).unwrap())
+    shared("assets/generic-hand/right.glb").map(|path| read_gltf(&path).unwrap())
 }
 
 /// Vertex, UV point of each corner of the faces, counted from 0.

@@ -1,8 +1,7 @@
-use std::path::Path;
-
 use ghand_core::pose::Pose;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Side};
+use ghand_test_support::shared;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -232,11 +231,7 @@ fn a_fist_hides_nothing() {
 
 #[test]
 fn a_rig_gets_an_atlas_as_good_as_its_own() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets/generic-hand/right.glb");
-    if !path.exists() {
-        println!("left out: {} is not there", path.display());
-        return;
-    }
+    let Some(path) = shared("assets/generic-hand/right.glb") else { return };
     let hand = read_gltf(&path).unwrap();
     // An artist's atlas is turned the same way.
     let turned = |t: &&[u32; 3]| {

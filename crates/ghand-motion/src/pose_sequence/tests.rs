@@ -9,6 +9,7 @@ mod rigs;
 use ghand_capture::capture::Capture;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_hand_model::named_poses::named_pose;
+use ghand_test_support::shared;
 use glam::DMat3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -149,7 +150,7 @@ fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
 #[test]
 fn a_capture_of_another_rig_is_carried_over() {
     let Some(model) = generic(Side::Right) else { return };
-    let capture = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/captures/blender-a");
+    let Some(capture) = shared("captures/blender-a") else { return };
     let own = Capture::open(&capture).unwrap();
     let sequence = read_poses(&capture, right(), &PoseOptions::default()).unwrap();
     let way = Retarget::new(&RestSkeleton::of(&own.hand_model).unwrap(), &RestSkeleton::of(right()).unwrap());
