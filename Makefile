@@ -23,7 +23,14 @@ demo: setup ## Train an avatar on a synthetic capture and print how good it is
 	@$(with_runtime_dir) cargo run --bin train --
 
 test: setup ## Run all tests
-	@$(with_runtime_dir) cargo test --workspace
+	@$(with_runtime_dir) \
+	export GHAND_SKIPPED_TESTS="$$(realpath -m "$${CARGO_TARGET_DIR:-target}")/skipped-tests.txt"; \
+	mkdir -p "$$(dirname "$$GHAND_SKIPPED_TESTS")"; \
+	: >"$$GHAND_SKIPPED_TESTS"; \
+	status=0; \
+	cargo test --workspace || status=$$?; \
+	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
+	exit $$status
 
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")

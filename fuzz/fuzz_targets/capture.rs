@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_data::untrusted::read_capture_text;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_capture::ghand_format::read_capture_text;
 use libfuzzer_sys::fuzz_target;
 
 /// Has MANO's joints, and so stands for the user's MANO model.

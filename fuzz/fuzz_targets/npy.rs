@@ -3,8 +3,8 @@
 
 use std::io::{Cursor, Write};
 
-use ghand_core::hand_model::mano::{ManoOptions, read_mano_bytes};
-use ghand_core::hand_model::npz::Npz;
+use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_files::npz::Npz;
 use libfuzzer_sys::fuzz_target;
 use zip::write::SimpleFileOptions;
 

@@ -4,8 +4,8 @@
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_data::untrusted::read_pose_arrays;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_fuzz::read_pose_arrays;
 use libfuzzer_sys::fuzz_target;
 
 static HAND: LazyLock<HandModel> = LazyLock::new(|| {

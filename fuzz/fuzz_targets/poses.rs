@@ -4,9 +4,9 @@
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_data::PoseOptions;
-use ghand_data::pose_sequence::read_poses_bytes;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_motion::PoseOptions;
+use ghand_motion::pose_sequence::read_poses_bytes;
 use libfuzzer_sys::fuzz_target;
 
 static HAND: LazyLock<HandModel> = LazyLock::new(|| {

@@ -1,7 +1,7 @@
 //! Any bytes, read as a data file, give a value whose arrays are of their shapes, or an error.
 #![no_main]
 
-use ghand_core::Value;
+use ghand_files::Value;
 use libfuzzer_sys::fuzz_target;
 
 fn check(value: &Value) {

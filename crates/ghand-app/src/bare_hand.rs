@@ -1,8 +1,9 @@
 //! The hand that is shown before anything has been trained.
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::{HandModel, HandModelError, surface};
+use ghand_core::HandModel;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::{HandModelError, surface};
 use glam::DVec3;
 
 use crate::framing::Upright;

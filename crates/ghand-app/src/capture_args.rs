@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Args;
-use ghand_data::{Capture, OpenOptions, Opened};
+use ghand_capture::{Capture, OpenOptions, Opened};
 use glam::DVec2;
 
 use crate::hand_model_file::HandModelArgs;
@@ -58,8 +58,8 @@ impl CaptureArgs {
         if capture.images.made_masks.is_some() {
             say!("looking at the images of {}; masks that are not there are made, once", splits.join(" and "));
         }
-        let dropped = capture.drop_unusable(&splits)?;
-        for counts in [opened.left_out, dropped] {
+        let dropped = capture.skip_unusable_images(&splits)?;
+        for counts in [opened.skipped_images, dropped] {
             if counts.total() > 0 {
                 log::warn!("{}: {counts}", path.display());
             }

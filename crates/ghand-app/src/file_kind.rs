@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use ghand_core::input_file;
+use ghand_files::input_file;
 
 /// Kinds of files that commands distinguish before reading them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

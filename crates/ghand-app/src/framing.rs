@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use ghand_core::hand_model::named_poses::hand_directions;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{Camera, HandModel, Pose, Side};
+use ghand_hand_model::named_poses::hand_directions;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Distance of a turntable's cameras from the middle of the hand, metres.
@@ -127,8 +127,8 @@ pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::named_poses::named_pose;
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::named_poses::named_pose;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 use ghand_avatar::Avatar;
-use ghand_core::hand_model::mano::LeftShapes;
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
+use ghand_hand_model::mano::LeftShapes;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
 
 use crate::file_kind::{FileKind, file_kind};
 

@@ -2,7 +2,7 @@
 
 pub mod bare_hand;
 pub mod capture_args;
-pub mod capture_checks;
+pub mod capture_preflight;
 pub mod cli;
 pub mod commands;
 pub mod crash;

@@ -130,7 +130,7 @@ fn joint_number(model: &HandModel, text: &str) -> anyhow::Result<usize> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

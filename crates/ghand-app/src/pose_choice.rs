@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
-use ghand_core::hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_core::hand_model::read::ReadOptions;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_data::motions::{MOTION_NAMES, motion};
-use ghand_data::pose_sequence::DEFAULT_FPS;
-use ghand_data::{PoseFrame, PoseOptions, PoseSequence, read_poses};
+use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_hand_model::read::ReadOptions;
+use ghand_motion::motions::{MOTION_NAMES, motion};
+use ghand_motion::pose_sequence::DEFAULT_FPS;
+use ghand_motion::{PoseFrame, PoseOptions, PoseSequence, read_poses};
 
 use crate::hand_model_file::load_hand_model;
 
@@ -51,8 +51,8 @@ pub(crate) fn parse_fps(text: &str) -> Result<f64, String> {
 }
 
 impl PoseReadingArgs {
-    /// The poses that `text` names: one of [`POSE_NAMES`], one of [`MOTION_NAMES`], or a file of any kind that
-    /// [`ghand_data::pose_sequence`] reads, or a capture's folder. Remarks for the user are logged.
+    /// The poses that `text` stands for: one of [`POSE_NAMES`], one of [`MOTION_NAMES`], or a file of any kind that
+    /// [`ghand_motion::pose_sequence`] reads, or a capture's folder. What the user should know is logged.
     ///
     /// # Errors
     /// One sentence that names the file and the field, or lists the existing names.
@@ -144,7 +144,7 @@ fn unknown_name(name: &str) -> anyhow::Error {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

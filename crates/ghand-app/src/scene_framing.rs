@@ -110,7 +110,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use ghand_avatar::{Avatar, AvatarConfig};
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

@@ -1,25 +1,27 @@
 //! `train` starts from every kind of capture in one command.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
-#![allow(dead_code, reason = "the fixtures are those of ghand-data, whose tests need more of them")]
+#![allow(dead_code, reason = "the fixtures are those of `tests/`, which needs more of them")]
 
 mod common;
 
-#[path = "../../ghand-core/tests/support/mod.rs"]
+#[path = "../../ghand-hand-model/tests/support/mod.rs"]
 mod support;
 
-#[path = "../../ghand-data/tests/data_sets/fixtures.rs"]
+#[path = "../../../tests/tests/data_sets/fixtures.rs"]
 mod fixtures;
-#[path = "../../ghand-data/tests/data_sets/hand_appearance_files.rs"]
+#[path = "../../../tests/tests/data_sets/hand_appearance_files.rs"]
 mod hand_appearance_files;
-#[path = "../../ghand-data/tests/data_sets/interhand_files.rs"]
+#[path = "../../../tests/tests/data_sets/interhand_files.rs"]
 mod interhand_files;
 
 use std::path::Path;
 
+use ghand_capture::Capture;
+use ghand_capture::capture::HandModelSource;
+use ghand_motion::{PoseOptions, read_poses};
+
 use common::{assert_one_sentence, assert_trained, listing, run};
-use ghand_data::Capture;
-use ghand_data::capture::HandModelSource;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const SHORT: [&str; 6] = ["--set", "iterations=4", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32"];
@@ -56,6 +58,29 @@ fn training_starts_from_interhand() {
     train(folder.path(), &["--capture", "InterHand2.6M/images/test/Capture0", "--split", "train5"]);
     let output = run(TRAIN, folder.path(), &["--capture", "InterHand2.6M"]);
     assert_one_sentence(&output, &["InterHand2.6M", "MANO_RIGHT.pkl", "--hand-model"]);
+}
+
+#[test]
+fn refined_poses_read_back_for_a_mano_model_are_those_that_were_written() {
+    let folder = folder_with_mano();
+    interhand_files::right().write(&folder.path().join("InterHand2.6M"));
+    train(folder.path(), &["--capture", "InterHand2.6M", "--split", "train20"]);
+    let path = folder.path().join("out/poses.json");
+    let file: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let model = fixtures::mano();
+    assert_eq!(file["flat_hand_mean"], true);
+    assert_eq!(file["hand_model"]["joints"], serde_json::json!(model.joint_names));
+    let written: Vec<f64> = (file["frames"].as_array().unwrap().iter())
+        .flat_map(|frame| serde_json::from_value::<Vec<[f64; 3]>>(frame["pose"].clone()).unwrap().concat())
+        .collect();
+    let read = |options: &PoseOptions| -> Vec<f64> {
+        let sequence = read_poses(&path, model, options).unwrap();
+        sequence.frames.iter().flat_map(|frame| fixtures::numbers(&frame.pose.rotations)).collect()
+    };
+    assert!(model.pose_space.as_ref().unwrap().mean.iter().any(|rotation| rotation.length() > 0.1));
+    // Copied number by number: neither has the mean pose been added, nor have they been carried over to other bones.
+    assert_eq!(read(&PoseOptions::default()), written);
+    assert_eq!(read(&PoseOptions::default()), read(&PoseOptions { flat_mean: true, ..Default::default() }));
 }
 
 #[test]

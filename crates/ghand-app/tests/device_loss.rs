@@ -9,10 +9,11 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::{assert_trained, listing, run_in, save_avatar};
-use ghand_data::synthetic::SyntheticOptions;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::synthetic_scene::make_capture;
+
+use common::{assert_trained, listing, run_in, save_avatar};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");

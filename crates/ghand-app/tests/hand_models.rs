@@ -6,21 +6,22 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{assert_one_sentence, run, save_avatar};
 use ghand_avatar::{Avatar, AvatarConfig, Provenance};
 use ghand_core::Pose;
-use ghand_core::hand_model::mano::{ManoOptions, read_mano};
-use ghand_core::hand_model::named_poses::named_pose;
-use ghand_core::hand_model::procedural::ProceduralHand;
 use ghand_core::posing::pose_hand;
+use ghand_hand_model::mano::{ManoOptions, read_mano};
+use ghand_hand_model::named_poses::named_pose;
+use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 use image::RgbImage;
+
+use common::{assert_one_sentence, run, save_avatar};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
 /// A tiny model in MANO's layout: three vertices, two joints.
 fn tiny_mano() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../ghand-core/tests/data/mano/protocol2.pkl")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../ghand-hand-model/tests/data/mano/protocol2.pkl")
 }
 
 /// Vertices of an OBJ file.

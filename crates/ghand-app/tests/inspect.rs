@@ -1,18 +1,18 @@
 //! `ghand inspect` on captures, as a user runs it.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
-#![allow(dead_code, reason = "the fixtures are those of ghand-data, whose tests need more of them")]
+#![allow(dead_code, reason = "the fixtures are those of `tests/`, which needs more of them")]
 
 mod common;
 
-#[path = "../../ghand-core/tests/support/mod.rs"]
+#[path = "../../ghand-hand-model/tests/support/mod.rs"]
 mod support;
 
-#[path = "../../ghand-data/tests/data_sets/fixtures.rs"]
+#[path = "../../../tests/tests/data_sets/fixtures.rs"]
 mod fixtures;
-#[path = "../../ghand-data/tests/data_sets/hand_appearance_files.rs"]
+#[path = "../../../tests/tests/data_sets/hand_appearance_files.rs"]
 mod hand_appearance_files;
-#[path = "../../ghand-data/tests/data_sets/interhand_files.rs"]
+#[path = "../../../tests/tests/data_sets/interhand_files.rs"]
 mod interhand_files;
 
 use std::path::Path;

@@ -6,9 +6,10 @@ mod common;
 
 use std::fmt::Write;
 
+use ghand_hand_model::mano::write_mano;
+use ghand_hand_model::procedural::ProceduralHand;
+
 use common::{assert_one_sentence, listing, run, save_avatar};
-use ghand_core::hand_model::mano::write_mano;
-use ghand_core::hand_model::procedural::ProceduralHand;
 
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 

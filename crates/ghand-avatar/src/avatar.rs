@@ -4,7 +4,8 @@ use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::mesh::RenderMesh;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_core::{HandModel, HandModelError, Side, SurfaceSamples, surface};
+use ghand_core::{HandModel, Side};
+use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
-use ghand_core::atomic_file::write_atomically;
-use ghand_core::json_error::plain_json_error;
-use ghand_core::{HandModel, Side, input_file};
+use ghand_core::{HandModel, Side};
+use ghand_files::atomic_file::write_atomically;
+use ghand_files::input_file;
+use ghand_files::json_error::plain_json_error;
 use glam::{DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
@@ -351,7 +352,7 @@ impl<'a> Reader<'a> {
 mod tests {
     use super::*;
     use crate::properties::direct::table_lengths;
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     fn small() -> Avatar {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();

@@ -4,7 +4,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use ghand_core::input_file;
+use ghand_files::input_file;
 use ghand_render::splat::SplatModel;
 pub use write::{EXPORTED_OPACITY, exported_logit};
 

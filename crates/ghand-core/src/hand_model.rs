@@ -1,20 +1,4 @@
-//! Hand models: a skinned surface with a UV atlas and a skeleton.
-
-mod export;
-pub mod glb;
-pub mod gltf;
-pub mod inspection;
-pub mod joint_names;
-pub mod mano;
-pub mod named_poses;
-pub mod npz;
-pub mod obj;
-pub(crate) mod pickle;
-pub mod procedural;
-pub mod read;
-pub mod uv_atlas;
-
-use std::path::PathBuf;
+//! A hand model: a skinned surface with a UV atlas, a skeleton and blend shapes.
 
 use glam::{DVec2, DVec3};
 
@@ -27,35 +11,16 @@ pub enum Side {
     Left,
 }
 
-/// The problem with a hand model or its file.
-#[derive(Debug, thiserror::Error)]
-pub enum HandModelError {
-    /// The file could not be read.
-    #[error("{path}: cannot read the hand model: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: std::io::Error,
-    },
-    /// The file could not be written.
-    #[error("{path}: cannot write the hand model: {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: std::io::Error,
-    },
-    /// A field of the model is unusable.
-    #[error("{origin}: {field}: {problem}")]
-    Invalid {
-        /// File or source of the model.
-        origin: String,
-        /// The part that is wrong.
-        field: String,
-        /// What is wrong and what to do about it.
-        problem: String,
-    },
+/// A part of a hand model, or what is asked of one, that is unusable.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{origin}: {field}: {problem}")]
+pub struct InvalidHandModel {
+    /// Name or file of the model.
+    pub origin: String,
+    /// The part that is wrong.
+    pub field: String,
+    /// What is wrong and what to do about it.
+    pub problem: String,
 }
 
 /// Mean and principal components of hand poses, as MANO has them.
@@ -170,10 +135,10 @@ impl HandModel {
     /// Checks the invariants above.
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] names the first field that breaks one.
-    pub fn validate(&self) -> Result<(), HandModelError> {
+    /// [`InvalidHandModel`] names the first field that breaks one.
+    pub fn validate(&self) -> Result<(), InvalidHandModel> {
         let fail = |field: &str, problem: String| {
-            Err(HandModelError::Invalid { origin: self.name.clone(), field: field.into(), problem })
+            Err(InvalidHandModel { origin: self.name.clone(), field: field.into(), problem })
         };
         let (v, n) = (self.vertices.len(), self.joints.len());
         if n == 0 || v == 0 || self.faces.is_empty() {

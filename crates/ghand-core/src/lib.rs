@@ -1,18 +1,15 @@
 //! The exact mathematics of ghand, in f64 and without a GPU.
 //!
-//! Everything here is plain data and pure functions: hand models and their readers, the kinematic chain, Hand
+//! Everything here is plain data and pure functions: the hand model as mathematics sees it, the kinematic chain, Hand
 //! Gaussian Blend Shapes, the Neural Residual Skeleton and corrected linear blend skinning, each forward and as a
-//! vector-Jacobian product (`*_vjp`). GPU code is held against these functions.
+//! vector-Jacobian product (`*_vjp`). GPU code is held against these functions. Files are read elsewhere.
 //!
 //! Units are metres and radians; vectors are columns; matrices read `to_from_from` (`posed_from_rest`).
 
-pub mod atomic_file;
 pub mod blend_shapes;
 pub mod camera;
 pub mod deformation;
 pub mod hand_model;
-pub mod input_file;
-pub mod json_error;
 pub mod mesh;
 mod parallel;
 pub mod pose;
@@ -22,11 +19,7 @@ pub mod residual_skeleton;
 pub mod rotation;
 pub mod skeleton;
 pub mod skinning;
-pub mod surface;
-pub mod value;
 
 pub use camera::Camera;
-pub use hand_model::{HandModel, HandModelError, Side};
+pub use hand_model::{HandModel, InvalidHandModel, PoseSpace, Side};
 pub use pose::Pose;
-pub use surface::SurfaceSamples;
-pub use value::Value;

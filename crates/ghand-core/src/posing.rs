@@ -3,11 +3,10 @@
 
 use glam::DVec3;
 
-use crate::Pose;
-use crate::hand_model::{HandModel, HandModelError};
 use crate::pose_response::{rotation_features, rotation_features_vjp};
 use crate::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp, rotations_vjp};
 use crate::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
+use crate::{HandModel, InvalidHandModel, Pose};
 
 /// A hand at rest in some shape.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,8 +50,8 @@ pub struct PosingGradients {
 /// `shape` may be shorter than the model's `n_s`; missing parameters are 0.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when `shape` is longer than `n_s` or not finite.
-pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, HandModelError> {
+/// [`InvalidHandModel`] when `shape` is longer than `n_s` or not finite.
+pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, InvalidHandModel> {
     if shape.len() > model.shape_count() || shape.iter().any(|s| !s.is_finite()) {
         let problem = match shape.iter().find(|s| !s.is_finite()) {
             Some(bad) => format!("holds {bad}; it must be finite"),
@@ -96,8 +95,8 @@ pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Ve
 /// Poses a hand: shape and pose blend shapes, chain, linear blend skinning, translation.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] as in [`shape_hand`], and when the pose does not have one rotation per joint.
-pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, HandModelError> {
+/// [`InvalidHandModel`] as of [`shape_hand`], and when the pose has not one rotation a joint.
+pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, InvalidHandModel> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
         return Err(invalid(model, "pose", format!("has {rows} rotations, the model {joints} joints")));
@@ -172,6 +171,6 @@ fn joint_major_weights(model: &HandModel) -> Vec<f64> {
     (0..joints).flat_map(|k| model.weights.iter().skip(k).step_by(joints).copied()).collect()
 }
 
-fn invalid(model: &HandModel, field: &str, problem: String) -> HandModelError {
-    HandModelError::Invalid { origin: model.name.clone(), field: field.into(), problem }
+fn invalid(model: &HandModel, field: &str, problem: String) -> InvalidHandModel {
+    InvalidHandModel { origin: model.name.clone(), field: field.into(), problem }
 }

@@ -5,8 +5,8 @@ mod common;
 
 use common::*;
 use ghand_core::Camera;
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::surface::sample_surface;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::splat::{Color as SplatColor, Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};

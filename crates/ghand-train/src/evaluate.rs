@@ -1,8 +1,8 @@
 //! Evaluation on a split that training did not see.
 
 use ghand_avatar::{Avatar, Scene};
+use ghand_capture::{Capture, CaptureError, SplitView};
 use ghand_core::Pose;
-use ghand_data::{Capture, CaptureError, SplitView};
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 use serde::Serialize;

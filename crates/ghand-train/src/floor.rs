@@ -1,10 +1,11 @@
 //! The floor that an avatar must beat: the template mesh, posed by plain skinning, with mean texel colours.
 
+use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
-use ghand_core::{Camera, HandModel, HandModelError, Pose, surface};
-use ghand_data::{Capture, CaptureError, Split, SplitView};
+use ghand_core::{Camera, HandModel, Pose};
+use ghand_hand_model::{HandModelError, surface};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;

@@ -1,9 +1,9 @@
 //! Training of hand avatars: settings, the training step, evaluation against held-out views, the floor to beat, and the
-//! report; and the contact sheet that shows a capture before it.
+//! report.
 
-pub mod contact_sheet;
 pub mod evaluate;
 pub mod floor;
+pub mod lettering;
 mod loss_watch;
 pub mod metrics;
 pub mod pose_prior;

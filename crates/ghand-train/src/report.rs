@@ -2,8 +2,8 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::contact_sheet::lettering::{LINE, letter_width, write};
 use crate::evaluate::EvaluatedView;
+use crate::lettering::{LINE, letter_width, write};
 
 /// Gap between pictures, pixels.
 const GAP: u32 = 4;

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ghand_data::CaptureError;
-use ghand_data::synthetic::{SyntheticOptions, generate};
+use ghand_capture::CaptureError;
 use ghand_render::Gpu;
 use ghand_render::mesh::{Light, MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
+use ghand_synthetic::{SyntheticOptions, generate};
 
 /// Why a synthetic capture could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! Why there is no avatar.
 
-use ghand_core::HandModelError;
-use ghand_data::CaptureError;
+use ghand_capture::CaptureError;
+use ghand_hand_model::HandModelError;
 use ghand_render::{DeviceError, RenderError};
 
 use crate::evaluate::EvaluateError;

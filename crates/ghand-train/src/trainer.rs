@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use ghand_avatar::{Avatar, Provenance, Template};
-use ghand_core::{Pose, surface};
-use ghand_data::{Capture, Split};
+use ghand_capture::{Capture, Split};
+use ghand_core::Pose;
+use ghand_hand_model::surface;
 use ghand_render::deform::pose_stride;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;

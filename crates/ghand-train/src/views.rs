@@ -1,7 +1,7 @@
 //! Training views, cut to the hand, from a store that keeps a bounded part of them in memory.
 
+use ghand_capture::{Capture, CaptureError, Split, SplitView, ViewStore, ViewStoreOptions};
 use ghand_core::Camera;
-use ghand_data::{Capture, CaptureError, Split, SplitView, ViewStore, ViewStoreOptions};
 
 /// One image of one frame, cropped to the hand.
 #[derive(Debug, Clone)]

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use ghand_data::Capture;
-use ghand_data::synthetic::SyntheticOptions;
+use ghand_capture::Capture;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
 use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::make_capture;

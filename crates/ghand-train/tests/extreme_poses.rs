@@ -4,11 +4,11 @@
 
 use ghand_avatar::properties::direct::unlimited;
 use ghand_avatar::{Avatar, PropertyTables};
+use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::pose_features;
-use ghand_data::Capture;
-use ghand_data::synthetic::SyntheticOptions;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::{TrainSettings, Trainer};
 use glam::DVec3;

@@ -4,9 +4,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ghand_avatar::Avatar;
-use ghand_data::Capture;
-use ghand_data::synthetic::SyntheticOptions;
+use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::{make_capture, make_capture_unless};
 use ghand_train::views::TrainViews;

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-use ghand_data::Capture;
-use ghand_data::synthetic::SyntheticOptions;
+use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
 use ghand_train::metrics::pose_error_degrees;
 use ghand_train::synthetic_scene::make_capture;

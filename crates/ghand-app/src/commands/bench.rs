@@ -8,10 +8,10 @@ use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_core::surface::sample_surface;
+use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, HandModel, Pose};
-use ghand_data::named_camera::read_named_camera;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 

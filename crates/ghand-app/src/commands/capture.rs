@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use ghand_data::synthetic::{CaptureFormat, SyntheticOptions};
+use ghand_synthetic::{CaptureFormat, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
 use crate::cli::{AdapterArgs, parse_size};
@@ -77,7 +77,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         CaptureFormat::Ghand => say!("train on it: train --capture {folder}"),
         CaptureFormat::InterHand => say!(
             "train on it: train --capture {folder} --hand-model {folder}/{} --test-split test_all",
-            ghand_data::synthetic::HAND_MODEL_FILE
+            ghand_synthetic::HAND_MODEL_FILE
         ),
     }
     Ok(())

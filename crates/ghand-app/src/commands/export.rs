@@ -7,7 +7,7 @@ use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
-use ghand_core::atomic_file::check_target;
+use ghand_files::atomic_file::check_target;
 use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;

@@ -2,6 +2,7 @@
 
 mod avatar;
 mod capture;
+mod contact_sheet;
 mod hand_model;
 mod scene;
 
@@ -11,17 +12,17 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
-use ghand_core::atomic_file::check_target;
-use ghand_data::Opened;
-use ghand_data::inspection::{CaptureInspection, DEFAULT_SAMPLE};
+use ghand_capture::Opened;
+use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
+use ghand_files::atomic_file::check_target;
 use ghand_render::DeviceError;
-use ghand_train::contact_sheet::{SheetView, contact_sheet};
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::say;
+use contact_sheet::{SheetView, contact_sheet};
 
 /// Number of views on a contact sheet.
 const SHEET_VIEWS: usize = 12;

@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use ghand_core::hand_model::glb::write_glb;
-use ghand_core::hand_model::obj::write_obj;
+use ghand_capture::named_camera::read_named_camera;
 use ghand_core::posing::pose_hand;
-use ghand_core::{HandModel, HandModelError, Pose};
-use ghand_data::named_camera::read_named_camera;
-use ghand_data::pose_sequence::DEFAULT_FPS;
-use ghand_data::pose_sequence::ghand::write_poses;
-use ghand_data::{PoseFrame, PoseSequence};
+use ghand_core::{HandModel, Pose};
+use ghand_hand_model::HandModelError;
+use ghand_hand_model::glb::write_glb;
+use ghand_hand_model::obj::write_obj;
+use ghand_motion::pose_sequence::DEFAULT_FPS;
+use ghand_motion::pose_sequence::ghand::write_poses;
+use ghand_motion::{PoseFrame, PoseSequence};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};

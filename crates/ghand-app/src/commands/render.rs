@@ -6,9 +6,9 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
+use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, Pose};
-use ghand_data::named_camera::read_named_camera;
-use ghand_data::{PoseFrame, PoseSequence};
+use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};

@@ -11,7 +11,7 @@ use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::capture_args::CaptureArgs;
-use crate::capture_checks::check_before_training;
+use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::say;

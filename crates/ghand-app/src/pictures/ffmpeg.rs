@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 
 use anyhow::{Context, anyhow, bail};
-use ghand_core::atomic_file::write_atomically;
+use ghand_files::atomic_file::write_atomically;
 use tempfile::TempPath;
 
 use super::film::FilmOptions;

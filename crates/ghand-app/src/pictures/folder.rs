@@ -4,8 +4,8 @@ use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, bail};
-use ghand_core::atomic_file::write_atomically;
-use ghand_core::input_file;
+use ghand_files::atomic_file::write_atomically;
+use ghand_files::input_file;
 use serde::{Deserialize, Serialize};
 
 use super::format::{Format, StillFormat};

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use color_quant::NeuQuant;
-use ghand_core::atomic_file::write_atomically;
+use ghand_files::atomic_file::write_atomically;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
 
 use super::film::FilmOptions;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use bytemuck::cast_slice;
-use ghand_core::atomic_file::write_atomically;
+use ghand_files::atomic_file::write_atomically;
 use ghand_render::mesh::MeshImage;
 use ghand_render::splat::Image;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, RgbImage, Rgba32FImage};

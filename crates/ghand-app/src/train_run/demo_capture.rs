@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use ghand_data::synthetic::SyntheticOptions;
 use ghand_render::Gpu;
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::synthetic_scene::make_capture_unless;
 
 use crate::cli::Stopped;

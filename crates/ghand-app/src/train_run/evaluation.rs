@@ -1,6 +1,6 @@
 //! The figures of a run: on images that training did not see, and on poses with known truth.
 
-use ghand_data::{Capture, Split};
+use ghand_capture::{Capture, Split};
 use ghand_render::Gpu;
 use ghand_train::evaluate::{EvaluatedView, FloorMetrics, ImageMetrics, Metrics, PoseError, evaluate};
 use ghand_train::floor::Floor;

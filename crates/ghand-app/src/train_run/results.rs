@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use anyhow::Context;
-use ghand_core::atomic_file::write_atomically;
+use ghand_capture::{Capture, Frame};
 use ghand_core::{HandModel, Pose};
-use ghand_data::pose_sequence::DEFAULT_FPS;
-use ghand_data::pose_sequence::ghand::write_poses;
-use ghand_data::{Capture, Frame, PoseFrame, PoseSequence};
+use ghand_files::atomic_file::write_atomically;
+use ghand_motion::pose_sequence::DEFAULT_FPS;
+use ghand_motion::pose_sequence::ghand::write_poses;
+use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_train::Trained;
 use ghand_train::evaluate::Metrics;
 

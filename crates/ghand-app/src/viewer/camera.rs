@@ -108,7 +108,7 @@ impl OrbitCamera {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use egui::{CollapsingHeader, RichText, Ui};
 use ghand_avatar::Avatar;
 use ghand_core::Pose;
-use ghand_data::PoseSequence;
+use ghand_motion::PoseSequence;
 
 use crate::viewer::pose_panel::PosePanel;
 use crate::viewer::timeline::Timeline;

@@ -1,8 +1,8 @@
 //! The controls of the pose: named poses as buttons, and three sliders a joint.
 
 use egui::{Button, CollapsingHeader, Ui};
-use ghand_core::hand_model::named_poses::POSE_NAMES;
 use ghand_core::{HandModel, Pose};
+use ghand_hand_model::named_poses::POSE_NAMES;
 
 use crate::pose_choice::pose_by_name;
 use crate::viewer::number_slider::number_slider;
@@ -94,7 +94,7 @@ impl PosePanel {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

@@ -6,8 +6,9 @@ use anyhow::{Context, bail};
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, Scene};
-use ghand_core::hand_model::read::{ReadOptions, read_hand_model};
-use ghand_core::{Pose, input_file};
+use ghand_core::Pose;
+use ghand_files::input_file;
+use ghand_hand_model::read::{ReadOptions, read_hand_model};
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 

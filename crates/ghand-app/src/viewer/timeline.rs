@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use egui::{Button, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
-use ghand_data::PoseSequence;
-use ghand_data::motions::{MOTION_NAMES, motion};
-use ghand_data::pose_sequence::DEFAULT_FPS;
+use ghand_motion::PoseSequence;
+use ghand_motion::motions::{MOTION_NAMES, motion};
+use ghand_motion::pose_sequence::DEFAULT_FPS;
 
 use crate::viewer::number_slider::number_slider;
 
@@ -36,7 +36,7 @@ impl Timeline {
 
     /// The pose at the motion's place.
     pub fn pose(&self) -> Option<Pose> {
-        self.sequence.at(self.seconds)
+        self.sequence.pose_at(self.seconds)
     }
 
     /// Stops where the motion is.
@@ -111,7 +111,7 @@ impl Timeline {
 
 #[cfg(test)]
 mod tests {
-    use ghand_core::hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
 

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_core::hand_model::mano::write_mano;
-use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_hand_model::mano::write_mano;
+use ghand_hand_model::procedural::ProceduralHand;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

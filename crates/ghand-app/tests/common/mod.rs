@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_core::hand_model::procedural::ProceduralHand;
-use ghand_data::synthetic::SyntheticOptions;
+use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
 use ghand_train::synthetic_scene::make_capture;
 
 /// Runs a program in a folder, without a display.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ghand_core::atomic_file::write_atomically;
+use ghand_files::atomic_file::write_atomically;
 use ghand_render::splat::SplatModel;
 
 use super::{PlyError, SplatScene};

@@ -1,8 +1,7 @@
 //! Hand models in any shape and pose: shape and pose blend shapes, joints from the shaped surface, skinning.
 
-use ghand_core::Pose;
-use ghand_core::hand_model::{HandModel, Side};
 use ghand_core::posing::{ShapedHand, pose_hand, pose_hand_vjp, shape_hand, shape_hand_vjp};
+use ghand_core::{HandModel, Pose, Side};
 use glam::DVec3;
 use rand::RngExt;
 

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use ghand_capture::capture::{Capture, HandModelSource};
+use ghand_capture::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
+use ghand_capture::{Opened, capture};
 use ghand_core::Side;
-use ghand_data::capture::{Capture, HandModelSource};
-use ghand_data::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
-use ghand_data::{Opened, capture};
-use ghand_train::contact_sheet::SheetView;
+
+use super::contact_sheet::SheetView;
 
 /// Most cameras with a line each; more are summarised.
 const MOST_CAMERAS: usize = 32;
@@ -128,8 +129,8 @@ fn files(opened: &Opened, found: &CaptureInspection) -> Vec<String> {
     if more > 0 {
         lines.push(format!("and {more} more"));
     }
-    if opened.left_out.total() > 0 {
-        lines.push(opened.left_out.to_string());
+    if opened.skipped_images.total() > 0 {
+        lines.push(opened.skipped_images.to_string());
     }
     let decoded = |split: &SplitFacts| format!("{} {} of {}", split.name, split.views.len(), split.images);
     let samples: Vec<String> = found.splits.iter().map(decoded).collect();

@@ -1,8 +1,8 @@
 //! Describes a hand model.
 
-use ghand_core::hand_model::inspection::inspect;
-use ghand_core::hand_model::read::HandModelFile;
 use ghand_core::{HandModel, Side};
+use ghand_hand_model::inspection::inspect;
+use ghand_hand_model::read::HandModelFile;
 use glam::DVec3;
 
 /// The description of a hand model with its oddities, as lines.

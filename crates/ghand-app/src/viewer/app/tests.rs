@@ -7,7 +7,7 @@ use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_core::hand_model::procedural::ProceduralHand;
+use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::AdapterChoice;
 
 use super::*;
@@ -143,7 +143,7 @@ fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
 #[test]
 fn every_control_has_a_name() {
     let mut hand = small_hand();
-    let motion = ghand_data::motions::motion("wave", &hand.avatar.model, 30.0).unwrap().unwrap();
+    let motion = ghand_motion::motions::motion("wave", &hand.avatar.model, 30.0).unwrap().unwrap();
     hand.show("wave".into(), motion);
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
     ui.click("Joints");

@@ -2,7 +2,7 @@
 
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, pos2};
-use ghand_data::PoseSequence;
+use ghand_motion::PoseSequence;
 
 use super::*;
 use crate::pose_choice::PoseReadingArgs;
@@ -75,7 +75,7 @@ fn what_the_viewer_is_opened_with_plays_at_its_pace_at_any_frame_rate() {
                 let expected = (start + frame as f64 * f64::from(step_secs)) % end;
                 let off = (seconds - expected).abs();
                 assert!(off.min(end - off) < 1e-3, "{text}: at {seconds} s instead of {expected} s");
-                assert_eq!(Some(&ui.hand().pose), sequence.at(seconds).as_ref());
+                assert_eq!(Some(&ui.hand().pose), sequence.pose_at(seconds).as_ref());
                 poses.push(ui.hand().pose.clone());
             }
             poses.dedup();
@@ -112,7 +112,7 @@ fn open_joint_sliders_neither_stop_a_motion_nor_round_its_poses() {
     (0..10).for_each(|_| _ = ui.frame(Vec::new()));
     let (seconds, plays) = ui.place();
     assert!(plays);
-    assert_eq!(Some(&ui.hand().pose), sequence.at(seconds).as_ref());
+    assert_eq!(Some(&ui.hand().pose), sequence.pose_at(seconds).as_ref());
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn the_time_slider_scrubs_and_stops() {
     ui.pointer(pos2(rail.right() - 4.0, rail.center().y), Some(false));
     let (seconds, plays) = ui.place();
     assert!(!plays && seconds > 0.9 * end, "{seconds}");
-    assert_eq!(Some(&ui.hand().pose), sequence.at(seconds).as_ref());
+    assert_eq!(Some(&ui.hand().pose), sequence.pose_at(seconds).as_ref());
     ui.enter(PLACE, "1.25");
     assert_eq!(ui.place(), (1.25, false));
     ui.enter(PLACE, "nan");

@@ -1,0 +1,143 @@
+//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also hold one such object alone.
+//! [`crate::named_camera`] reads either.
+
+use std::path::Path;
+
+use ghand_core::Camera;
+use glam::{DMat3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::capture::CaptureError;
+use crate::capture_validation::{CameraEntry, FileValidator, Position, member};
+use crate::distortion::Distortion;
+use crate::json_file::parse;
+use crate::text_file::read_text;
+
+/// Larger files hold more than one camera.
+const LARGEST_FILE: u64 = 1 << 20;
+
+/// Distortion for which less than this part of the undistorted image has a source is probably a mistake: strong lenses
+/// that the model describes have more than 0.7.
+const LEAST_SEEN: f64 = 0.5;
+
+#[derive(Serialize, Deserialize)]
+pub(crate) struct CameraFile {
+    #[serde(default)]
+    pub id: String,
+    pub width: u32,
+    pub height: u32,
+    pub intrinsics: [[f64; 3]; 3],
+    pub rotation: [[f64; 3]; 3],
+    pub translation: [f64; 3],
+    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Vec<f64>>,
+}
+
+/// Reads and checks a file that holds one camera.
+///
+/// # Errors
+/// [`CaptureError`] names the file, the field and what is wrong with it.
+pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
+    let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
+    let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
+    let file: CameraFile = parse(path, &text)?;
+    let validator = FileValidator { path };
+    let camera = file.camera(validator, String::new())?;
+    match file.distortion(validator, "", &camera)? {
+        None => Ok(camera),
+        Some(_) => Err(validator.invalid("distortion", "pictures are drawn without distortion; remove it")),
+    }
+}
+
+impl CameraFile {
+    /// The camera, checked. `field` is where it stands in its file, empty for a file of its own.
+    pub(crate) fn camera(&self, validator: FileValidator, field: String) -> Result<Camera, CaptureError> {
+        let [[fx, skew, cx], [k10, fy, cy], last_row] = self.intrinsics;
+        if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
+            let problem = "must be [[fx,0,cx],[0,fy,cy],[0,0,1]]; undistort the images to a camera without skew";
+            return Err(validator.invalid(member(&field, "intrinsics"), problem));
+        }
+        validator.camera(&CameraEntry {
+            id: &self.id,
+            field,
+            size: [self.width, self.height],
+            focal: DVec2::new(fx, fy),
+            principal: DVec2::new(cx, cy),
+            // glam takes columns; the file holds rows.
+            rotation: DMat3::from_cols_array_2d(&self.rotation).transpose(),
+            position: Position::Translation(DVec3::from(self.translation)),
+        })
+    }
+
+    /// The distortion of the camera's lens, checked; `None` if all coefficients are 0. `field` is as in
+    /// [`Self::camera`].
+    pub(crate) fn distortion(
+        &self,
+        validator: FileValidator,
+        field: &str,
+        camera: &Camera,
+    ) -> Result<Option<Distortion>, CaptureError> {
+        let Some(coefficients) = self.distortion.as_deref() else { return Ok(None) };
+        if coefficients.iter().all(|c| *c == 0.0) {
+            return Ok(None);
+        }
+        let invalid = |problem: String| Err(validator.invalid(member(field, "distortion"), problem));
+        let Ok(coefficients) = <[f64; 5]>::try_from(coefficients) else {
+            return invalid(format!(
+                "has {} numbers; give OpenCV's five, k1, k2, p1, p2 and k3, or for another lens model undistort the images and \
+                 leave it out",
+                coefficients.len()
+            ));
+        };
+        let distortion = Distortion::from_opencv(coefficients);
+        let seen = distortion.visible_part(camera);
+        if seen < LEAST_SEEN {
+            return invalid(format!(
+                "leaves {:.0}% of the undistorted image without a source; give k1, k2, p1, p2, k3 in this order, as calibrated \
+                 with these intrinsics, or undistort the images and leave it out",
+                100.0 * (1.0 - seen)
+            ));
+        }
+        Ok(Some(distortion))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str) -> Result<Camera, CaptureError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("camera.json");
+        std::fs::write(&path, json).unwrap();
+        read_camera(&path)
+    }
+
+    const GOOD: &str = r#"{"id":"a","width":64,"height":48,"intrinsics":[[100,0,32],[0,110,24],[0,0,1]],
+        "rotation":[[0,1,0],[-1,0,0],[0,0,1]],"translation":[0.1,0.2,0.3]}"#;
+
+    #[test]
+    fn a_camera_is_read_with_rows_as_rows() {
+        let camera = read(GOOD).unwrap();
+        assert_eq!(camera.camera_from_world(DVec3::new(0.0, 1.0, 0.0)), DVec3::new(1.1, 0.2, 0.3));
+        assert_eq!((camera.focal, camera.principal), (DVec2::new(100.0, 110.0), DVec2::new(32.0, 24.0)));
+    }
+
+    #[test]
+    fn wrong_cameras_are_refused_with_the_field() {
+        for (from, to, field) in [
+            ("\"width\":64", "\"width\":0", "width"),
+            ("[[100,0", "[[-100,0", "intrinsics"),
+            ("[[100,0", "[[100,1", "intrinsics"),
+            ("[[0,1,0]", "[[0,2,0]", "rotation"),
+            ("[[0,1,0]", "[[0,-1,0]", "rotation"),
+            ("\"height\":48,", "", "height"),
+            ("\"height\":48,", "\"height\":48,\"distortion\":[0.1,0,0,0,0],", "distortion"),
+        ] {
+            assert!(GOOD.contains(from));
+            let error = read(&GOOD.replace(from, to)).unwrap_err().to_string();
+            assert!(error.contains(field) && error.contains("camera.json"), "{error}");
+        }
+    }
+}

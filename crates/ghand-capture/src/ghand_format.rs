@@ -1,0 +1,86 @@
+//! The project's own capture format: `capture.json`, version 1, with an optional `truth.json` beside it.
+//!
+//! Lengths are metres, rotations axis-angle in radians in the hand model's axes, cameras OpenCV's. Paths are relative
+//! to the capture's folder and must stay inside it. An unknown field is an error, unless its name marks it as a comment
+//! (begins with `_`, `//` or `$`). Poses of a MANO model are whole rotations: they include its mean pose.
+
+#[cfg(test)]
+mod field_tests;
+mod fields;
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::camera_file::CameraFile;
+
+const FORMAT: &str = "ghand-capture";
+const VERSION: u64 = 1;
+const UNITS: &str = "metre";
+pub(crate) use read::read_capture;
+pub use read::read_capture_text;
+
+pub(crate) const CAPTURE_FILE: &str = "capture.json";
+
+/// The fields of every version of the file; read first, to report a file of another version as such.
+#[derive(Deserialize)]
+struct HeaderFile {
+    format: Option<String>,
+    version: Option<u64>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct CaptureFile {
+    format: String,
+    version: u64,
+    units: String,
+    side: String,
+    #[serde(default)]
+    background: [f64; 3],
+    hand_model: HandModelFile,
+    cameras: Vec<CameraFile>,
+    frames: Vec<FrameFile>,
+    image_path: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mask_path: Option<String>,
+    splits: BTreeMap<String, SplitFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct HandModelFile {
+    kind: String,
+    /// glTF only: the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    path: Option<String>,
+    /// Procedural only: the lengths.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    parameters: Option<Map<String, Value>>,
+    /// Names of the joints in the order of the poses' rows; the model's own order if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    joints: Option<Vec<String>>,
+    /// Index of each joint's parent in `joints`, -1 for the root.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    parents: Option<Vec<i64>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct FrameFile {
+    id: String,
+    pose: Vec<Vec<f64>>,
+    translation: [f64; 3],
+    #[serde(default)]
+    shape: Vec<f64>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+struct SplitFile {
+    #[serde(default)]
+    cameras: Vec<String>,
+    #[serde(default)]
+    frames: Vec<String>,
+}

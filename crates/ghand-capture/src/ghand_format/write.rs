@@ -1,0 +1,116 @@
+//! Writes the `capture.json` of a [`Capture`].
+
+use ghand_core::{Camera, HandModel, Side};
+use ghand_hand_model::procedural::ProceduralHand;
+use serde_json::{Map, Value};
+
+use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, UNITS, VERSION};
+use crate::camera_file::CameraFile;
+use crate::capture::{Capture, CaptureError, HandModelSource};
+use crate::capture_validation::is_plain_id;
+use crate::distortion::Distortion;
+use crate::json_file::write_json;
+use crate::truth::{pose_rows, write_truth};
+
+impl Capture {
+    /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must exist.
+    /// Images, masks and a glTF file are not touched.
+    ///
+    /// # Errors
+    /// [`CaptureError::Io`] when a file cannot be written; it is then unchanged. [`CaptureError::Invalid`] when the
+    /// format cannot express the capture, as for one that was read from another data set.
+    pub fn save(&self) -> Result<(), CaptureError> {
+        self.check_writable()?;
+        // The truth first: a folder with a capture.json is a complete capture.
+        write_truth(self)?;
+        write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
+    }
+
+    /// The format cannot express frames of several sequences, made masks, and splits that are not a product.
+    fn check_writable(&self) -> Result<(), CaptureError> {
+        let odd = if self.images.made_masks.is_some() || self.images.hide_surroundings {
+            "masks"
+        } else if self.frames.iter().any(|f| !is_plain_id(&f.id)) {
+            "frames"
+        } else if self.splits.values().any(|s| !s.is_product()) {
+            "splits"
+        } else {
+            return Ok(());
+        };
+        let problem =
+            format!("version {VERSION} of capture.json cannot hold them; read the data set from its own folder");
+        Err(CaptureError::Invalid { path: self.root.join(CAPTURE_FILE), field: odd.into(), problem })
+    }
+
+    fn to_file(&self) -> CaptureFile {
+        let frames = self.frames.iter().map(|f| FrameFile {
+            id: f.id.clone(),
+            pose: pose_rows(&f.pose),
+            translation: f.pose.translation.to_array(),
+            shape: f.shape.clone(),
+        });
+        let splits = self.splits.iter().map(|(name, split)| {
+            let cameras = split.cameras.iter().filter_map(|&i| Some(self.cameras.get(i)?.id.clone())).collect();
+            let frames = split.frames.iter().filter_map(|&i| Some(self.frames.get(i)?.id.clone())).collect();
+            (name.clone(), SplitFile { cameras, frames })
+        });
+        CaptureFile {
+            format: FORMAT.into(),
+            version: VERSION,
+            units: UNITS.into(),
+            side: if self.side == Side::Right { "right" } else { "left" }.into(),
+            background: self.background,
+            hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
+            cameras: (0..)
+                .zip(&self.cameras)
+                .map(|(i, c)| camera_file(c, self.distortion.get(i).copied().flatten()))
+                .collect(),
+            frames: frames.collect(),
+            image_path: self.images.image.clone(),
+            mask_path: self.images.mask.clone(),
+            splits: splits.collect(),
+        }
+    }
+}
+
+fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile {
+    let (kind, path, parameters) = match source {
+        HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
+        HandModelSource::Procedural(hand) => ("procedural", None, Some(parameters(hand))),
+        HandModelSource::Mano => ("mano", None, None),
+    };
+    let parents = model.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect();
+    HandModelFile {
+        kind: kind.into(),
+        path,
+        parameters,
+        joints: Some(model.joint_names.clone()),
+        parents: Some(parents),
+    }
+}
+
+/// The parameters as stored in a file.
+fn parameters(hand: &ProceduralHand) -> Map<String, Value> {
+    match serde_json::to_value(hand) {
+        Ok(Value::Object(parameters)) => parameters,
+        // Its fields are plain numbers.
+        _ => Map::new(),
+    }
+}
+
+fn camera_file(camera: &Camera, distortion: Option<Distortion>) -> CameraFile {
+    CameraFile {
+        id: camera.id.clone(),
+        width: camera.width,
+        height: camera.height,
+        intrinsics: [
+            [camera.focal.x, 0.0, camera.principal.x],
+            [0.0, camera.focal.y, camera.principal.y],
+            [0.0, 0.0, 1.0],
+        ],
+        // glam stores columns; the file holds rows.
+        rotation: camera.rotation.transpose().to_cols_array_2d(),
+        translation: camera.translation.to_array(),
+        distortion: distortion.map(|distortion| distortion.to_opencv().to_vec()),
+    }
+}

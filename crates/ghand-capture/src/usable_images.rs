@@ -1,0 +1,123 @@
+//! Finds images with usable content.
+
+use std::collections::{BTreeMap, HashSet};
+use std::io::ErrorKind;
+
+use rayon::prelude::*;
+
+use crate::capture::Capture;
+use crate::error::CaptureError;
+use crate::image_file::{Role, check};
+use crate::mask::{Facts, facts};
+use crate::skipped_images::{SkipReason, SkippedImages};
+
+/// Least number of pixels of a mask.
+const LEAST_MASK: u32 = 3000;
+/// Images, and hands, whose largest value is below this are black.
+const LEAST_BRIGHTNESS: u8 = 20;
+
+impl Capture {
+    /// Checks the images of some splits and removes unusable ones: those whose image or mask file is missing,
+    /// unreadable, truncated or not of its camera's size. Only parts of each PNG and JPEG are read; damage inside is an
+    /// error of [`Capture::load_view`]. EXR images are decoded, and those with only NaN are removed.
+    ///
+    /// For a data set with made masks, the images are decoded, and broken and black ones and those with hardly any hand
+    /// on the mask are removed. Missing masks are made and cached.
+    ///
+    /// # Errors
+    /// [`CaptureError::Invalid`] when there is no split of such a name, or nothing is left of one.
+    pub fn skip_unusable_images(&mut self, splits: &[&str]) -> Result<SkippedImages, CaptureError> {
+        let mut counts = SkippedImages::default();
+        let mut pairs = vec![];
+        let mut filled = vec![];
+        for name in splits {
+            let views = &self.split(name)?.views;
+            pairs.extend(views.iter().map(|v| (v.camera, v.frame)));
+            filled.extend((!views.is_empty()).then_some(*name));
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+        let capture = &*self;
+        let found: BTreeMap<(usize, usize), Option<Unusable>> =
+            pairs.into_par_iter().map(|(camera, frame)| ((camera, frame), capture.unusable(camera, frame))).collect();
+        let mut dropped: HashSet<(usize, usize)> = HashSet::new();
+        for (pair, unusable) in found {
+            counts.add(unusable.as_ref().map(|unusable| unusable.reason));
+            if let Some(Unusable { problem, .. }) = unusable {
+                dropped.insert(pair);
+                counts.first = counts.first.or(problem);
+            }
+        }
+        if dropped.is_empty() {
+            return Ok(counts);
+        }
+        for split in self.splits.values_mut() {
+            *split = split.filtered(|v| !dropped.contains(&(v.camera, v.frame)));
+        }
+        for name in filled {
+            if self.split(name)?.views.is_empty() {
+                let problem =
+                    format!("nothing is left of split {name:?}: {counts}; see that images and poses belong together");
+                return Err(CaptureError::Invalid { path: self.root.clone(), field: "images".into(), problem });
+            }
+        }
+        Ok(counts)
+    }
+
+    fn unusable(&self, camera: usize, frame: usize) -> Option<Unusable> {
+        let found = if self.images.made_masks.is_some() {
+            facts(self, camera, frame).map(|facts| verdict(&facts))
+        } else {
+            self.check_files(camera, frame).map(|()| None)
+        };
+        found.map(|reason| reason.map(|reason| Unusable { reason, problem: None })).unwrap_or_else(|error| {
+            log::debug!("{error}");
+            let reason = match &error {
+                CaptureError::Io { source, .. } if source.kind() == ErrorKind::NotFound => SkipReason::Missing,
+                _ => SkipReason::Broken,
+            };
+            Some(Unusable { reason, problem: Some(error.to_string()) })
+        })
+    }
+
+    fn check_files(&self, camera: usize, frame: usize) -> Result<(), CaptureError> {
+        let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
+        check(&self.image_file(camera, frame)?, Role::Image, size)?;
+        match self.mask_file(camera, frame)? {
+            Some(mask) => check(&mask, Role::Mask, size),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why an image cannot be used, and the message of its file's error, if any.
+struct Unusable {
+    reason: SkipReason,
+    problem: Option<String>,
+}
+
+fn verdict(facts: &Facts) -> Option<SkipReason> {
+    if facts.brightest < LEAST_BRIGHTNESS {
+        Some(SkipReason::Dark)
+    } else if facts.mask_pixels < LEAST_MASK {
+        Some(SkipReason::SmallMask)
+    } else if facts.brightest_on_hand < LEAST_BRIGHTNESS {
+        Some(SkipReason::Dark)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_at_the_limits_are_of_use_and_below_them_not() {
+        let facts = |mask_pixels, brightest, brightest_on_hand| Facts { mask_pixels, brightest, brightest_on_hand };
+        assert_eq!(verdict(&facts(3000, 20, 20)), None);
+        assert_eq!(verdict(&facts(2999, 20, 20)), Some(SkipReason::SmallMask));
+        assert_eq!(verdict(&facts(3000, 19, 19)), Some(SkipReason::Dark));
+        assert_eq!(verdict(&facts(3000, 20, 19)), Some(SkipReason::Dark));
+    }
+}

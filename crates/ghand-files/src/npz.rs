@@ -1,0 +1,132 @@
+//! Reads and writes `.npz` archives: arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
+
+mod array;
+mod header;
+mod write;
+
+use std::io::{Cursor, Read};
+
+pub use array::{ArrayError, NumericArray};
+pub(crate) use array::{ElementKind, ElementType, element_count};
+pub use write::{NamedNumbers, npz_bytes};
+
+use header::{Header, split_header};
+
+/// Most bytes that are unpacked from one archive, so that a small file cannot exhaust memory or time: twice the size of
+/// a whole body's model.
+const MAX_UNPACKED: usize = 1 << 29;
+
+/// Most arrays in an archive.
+const MAX_ARRAYS: usize = 4096;
+
+/// An `.npz` archive.
+#[derive(Debug)]
+pub struct Npz<'a> {
+    archive: zip::ZipArchive<Cursor<&'a [u8]>>,
+    /// Bytes that may still be unpacked.
+    budget: usize,
+}
+
+impl<'a> Npz<'a> {
+    /// Whether the bytes begin like an archive.
+    pub fn recognizes(bytes: &[u8]) -> bool {
+        bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")
+    }
+
+    /// Opens the bytes of an `.npz` file.
+    ///
+    /// # Errors
+    /// [`ArrayError`] when they are not a zip archive, or one with more than 4096 files.
+    pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
+        let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
+            ArrayError(format!("is no .npz archive that can be read ({error}); copy or download it again"))
+        })?;
+        if archive.len() > MAX_ARRAYS {
+            let problem = format!("holds {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());
+            return Err(ArrayError(problem));
+        }
+        Ok(Npz { archive, budget: MAX_UNPACKED })
+    }
+
+    /// Names of the arrays, in the archive's order.
+    pub fn names(&self) -> Vec<String> {
+        let names = self.archive.file_names().filter_map(Result::ok);
+        names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned)).collect()
+    }
+
+    /// Whether there is an array of that name.
+    pub fn contains(&self, name: &str) -> bool {
+        self.archive.index_for_name(&format!("{name}.npy")).is_some()
+    }
+
+    /// The numbers of the array `name`.
+    ///
+    /// # Errors
+    /// [`ArrayError`] when there is none of that name, when it is damaged or too large, when it is compressed by a
+    /// method other than deflation, or when it is not numeric. The unpacked arrays of an archive together are limited
+    /// to 512 MiB.
+    pub fn numbers(&mut self, name: &str) -> Result<NumericArray, ArrayError> {
+        self.stored(name)?.numbers()
+    }
+
+    /// The bytes of the array `name`, with what they mean.
+    ///
+    /// # Errors
+    /// As of [`Npz::numbers`], but for what the elements are.
+    pub fn stored(&mut self, name: &str) -> Result<StoredArray, ArrayError> {
+        let damaged =
+            |error: &dyn std::fmt::Display| ArrayError(format!("cannot be unpacked ({error}); write the .npz again"));
+        let index = self.archive.index_for_name(&format!("{name}.npy"));
+        let index = index.ok_or_else(|| ArrayError("is not in the archive; store it under this name".into()))?;
+        let file = self.archive.by_index(index).map_err(|error| damaged(&error))?;
+        let mut bytes = Vec::new();
+        // One byte more than allowed distinguishes a full budget from an exceeded one. The size that the file declares
+        // is not trusted.
+        file.take(self.budget as u64 + 1).read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
+        self.budget = self.budget.checked_sub(bytes.len()).ok_or_else(|| {
+            ArrayError(format!("unpacks to too much: an archive may hold {MAX_UNPACKED} bytes, store less in it"))
+        })?;
+        read_npy(bytes)
+    }
+}
+
+/// The array of the bytes of an `.npy` file.
+///
+/// # Errors
+/// [`ArrayError`] when its header is damaged.
+pub(crate) fn read_npy(mut bytes: Vec<u8>) -> Result<StoredArray, ArrayError> {
+    let (Header { elements, fortran, shape }, data) = split_header(&bytes)?;
+    let header_length = bytes.len() - data.len();
+    bytes.drain(..header_length);
+    Ok(StoredArray { elements, fortran, shape, data: bytes })
+}
+
+/// An array as it is stored.
+#[derive(Debug)]
+pub struct StoredArray {
+    pub(crate) elements: ElementType,
+    /// Whether the first index runs fastest.
+    pub(crate) fortran: bool,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) data: Vec<u8>,
+}
+
+impl StoredArray {
+    /// Its numbers.
+    ///
+    /// # Errors
+    /// [`ArrayError`] when it holds no numbers, or its bytes are not as many as its shape needs.
+    pub fn numbers(&self) -> Result<NumericArray, ArrayError> {
+        self.elements.numbers(&self.data, &self.shape, self.fortran)
+    }
+
+    /// The pickle of its elements, where these are Python objects.
+    pub fn pickle(&self) -> Option<&[u8]> {
+        (self.elements.kind == ElementKind::Object).then_some(&*self.data)
+    }
+
+    /// Its text, where it is one without axes.
+    pub fn text(&self) -> Option<String> {
+        if self.shape.is_empty() { self.elements.text(&self.data) } else { None }
+    }
+}

@@ -1,0 +1,29 @@
+//! How long a MANO file takes to read. `cargo bench -p ghand-hand-model --profile dev --bench mano`
+#![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark fails by panicking")]
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::procedural::ProceduralHand;
+
+use support::hands::{Hand, as_npz, as_pickle};
+
+/// The coarsest built-in hand, which has half as many vertices again as MANO's 778, with as many directions: 20 for the
+/// shape, of which 10 are selected, and 135 for the pose.
+fn read_mano(criterion: &mut Criterion) {
+    let vertices = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();
+    let entries = Hand::procedural(vertices, (20, 10)).published();
+    let options = ManoOptions::default();
+    for (name, bytes) in [("pickle", as_pickle(&entries)), ("npz", as_npz(&entries, true))] {
+        println!("{name}: {} bytes", bytes.len());
+        let read = || read_mano_bytes("right.pkl", black_box(&bytes), None, &options).unwrap();
+        criterion.bench_function(&format!("read_mano/{name}"), |bencher| bencher.iter(read));
+    }
+}
+
+criterion_group!(benches, read_mano);
+criterion_main!(benches);

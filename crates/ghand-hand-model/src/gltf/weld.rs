@@ -1,0 +1,69 @@
+//! Undoes the splitting of vertices at UV seams.
+
+use std::collections::HashMap;
+
+use ghand_core::{HandModel, Side};
+use glam::DVec3;
+
+use super::joints::Rig;
+use super::{RawMesh, Source, dvec3};
+use crate::HandModelError;
+
+/// Welds vertices with exactly the same position. Their weights are averaged where they differ; every file vertex keeps
+/// its UV point. Triangles that lose their area are dropped.
+pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Result<HandModel, HandModelError> {
+    let n_b = rig.names.len();
+    let mut index: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut vertices: Vec<DVec3> = Vec::new();
+    let mut copies: Vec<f64> = Vec::new();
+    let mut weights: Vec<f64> = Vec::new();
+    let mut welded_from_raw = Vec::with_capacity(raw.positions.len());
+    for (position, row) in raw.positions.iter().zip(raw.weights.chunks_exact(n_b)) {
+        // Adding 0 turns -0 into 0, which is the same position.
+        let key = position.map(|v| (v + 0.0).to_bits());
+        let welded = *index.entry(key).or_insert_with(|| {
+            vertices.push(dvec3(*position));
+            copies.push(0.0);
+            weights.extend(std::iter::repeat_n(0.0, n_b));
+            vertices.len() as u32 - 1
+        });
+        let at = welded as usize;
+        copies[at] += 1.0;
+        for (sum, w) in weights[at * n_b..(at + 1) * n_b].iter_mut().zip(row) {
+            *sum += w;
+        }
+        welded_from_raw.push(welded);
+    }
+    for (row, copies) in weights.chunks_exact_mut(n_b).zip(&copies) {
+        row.iter_mut().for_each(|w| *w /= copies);
+    }
+    let (mut faces, mut face_uvs) = (Vec::new(), Vec::new());
+    for triangle in raw.triangles {
+        let face = triangle.map(|i| welded_from_raw[i as usize]);
+        let [a, b, c] = face.map(|i| vertices[i as usize]);
+        if (b - a).cross(c - a).length_squared() > 0.0 {
+            faces.push(face);
+            face_uvs.push(triangle);
+        }
+    }
+    if faces.is_empty() {
+        return Err(source.invalid("mesh", "has no triangle with an area; export the hand again".into()));
+    }
+    Ok(HandModel {
+        name: source.name.clone(),
+        side,
+        joint_names: rig.names,
+        parents: rig.parents,
+        joints: rig.positions,
+        vertices,
+        faces,
+        uvs: raw.uvs,
+        face_uvs,
+        weights,
+        shape_directions: vec![],
+        pose_directions: vec![],
+        joint_regressor: vec![],
+        pose_space: None,
+        source_vertices: welded_from_raw,
+    })
+}

@@ -1,0 +1,24 @@
+//! Hand models from files and from nothing: readers and writers, UV atlases, the built-in hand, and the points of its surface.
+//!
+//! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`] read one
+//! format each, [`procedural`] makes the built-in hand, [`obj`] and [`glb`] write posed hands. [`joint_names`] tells what a joint
+//! is from its name, [`named_poses`] has poses by name, [`surface`] samples the points that become an avatar's Gaussians.
+//!
+//! Units are metres and radians.
+
+mod error;
+mod export;
+pub mod glb;
+pub mod gltf;
+pub mod inspection;
+pub mod joint_names;
+pub mod mano;
+pub mod named_poses;
+pub mod obj;
+pub mod procedural;
+pub mod read;
+pub mod surface;
+pub mod uv_atlas;
+
+pub use error::HandModelError;
+pub use surface::SurfaceSamples;

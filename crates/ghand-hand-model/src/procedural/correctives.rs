@@ -1,0 +1,204 @@
+//! Corrects the artefacts of linear blend skinning at bent joints, linearly in the joint's rotation.
+//!
+//! For each joint, sampled rotations give the skin as it should be ([`Bend::flesh`]); mapped back to rest through the
+//! blended bones, its difference from the rest pose is fitted by the nine entries of `R - I` (ridge regression).
+
+use ghand_core::pose_response::rotation_features;
+use ghand_core::rotation::rotation_from_axis_angle;
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::cholesky::solve;
+use super::glove::{Glove, smooth_step};
+use super::skeleton::{Chain, Skeleton};
+use crate::mano::JOINT_NAMES;
+
+/// Rotation features of a joint.
+const FEATURES: usize = 9;
+/// Weight of the smallest solution against the fit, as a part of a feature's mean square over the samples.
+const RIDGE: f64 = 0.01;
+
+/// Part of the flesh on the back that stays blended: if all of it were rotated, each joint would become a ball.
+const BLENDED: f64 = 0.3;
+/// How far along the finger, in half widths, the inner side of a bent joint takes part in the rotation.
+const INNER_REACH: f64 = 1.3;
+/// How far a joint bent by a right angle protrudes on the back and bulges inside and at its sides, in half widths.
+const KNUCKLE: f64 = 0.03;
+const FOLD: f64 = 0.12;
+const SIDE: f64 = 0.02;
+/// Largest twist of joints in the samples, degrees.
+const TWIST: f64 = 10.0;
+/// A share too small for a visible effect.
+const NO_SHARE: f64 = 0.005;
+/// Beyond this many half widths nothing bulges.
+const FAR: f64 = 2.5;
+
+/// The position of a vertex relative to a joint.
+struct Flesh {
+    /// From the joint to the vertex, metres.
+    offset: DVec3,
+    /// The part of the vertex that moves with the joint: its weights for the joint and all joints beyond, as a part of
+    /// all weights except those of other fingers. The web between two fingers does not bend with either.
+    moving: f64,
+    /// How much of the vertex belongs to the joint's chain.
+    share: f64,
+}
+
+/// A joint that bends.
+struct Bend {
+    /// Mean direction of the bones before and after it.
+    along: DVec3,
+    /// A rotation about this axis flexes.
+    hinge: DVec3,
+    /// The side towards which the joint flexes.
+    inner: DVec3,
+    /// Half the finger's width, metres.
+    radius: f64,
+    /// Whether this is a knuckle or the thumb's base, where the palm shares the bend.
+    root: bool,
+}
+
+/// A rotation that is sampled.
+struct Sample {
+    axis_angle: DVec3,
+    rotation: DMat3,
+    /// The part of it about the hinge, radians.
+    flexion: f64,
+}
+
+/// Pose directions `[15 x 9][V]`, metres.
+pub(super) fn pose_directions(skeleton: &Skeleton, glove: &Glove, weights: &[f64]) -> Vec<DVec3> {
+    let count = glove.vertices.len();
+    let shares = glove.shares(skeleton, 0.0025);
+    let mut directions = vec![DVec3::ZERO; (JOINT_NAMES.len() - 1) * FEATURES * count];
+    for (c, chain) in skeleton.chains.iter().enumerate() {
+        for k in 0..3 {
+            let joint = chain.first_joint + k;
+            let bend = Bend::of(chain, c == 4, k);
+            let fit = Fit::new(bend.samples(c == 4));
+            let (moving, own) = (joint..chain.first_joint + 3, chain.first_joint..chain.first_joint + 3);
+            let fitted: Vec<[DVec3; FEATURES]> = (0..count)
+                .into_par_iter()
+                .map(|i| {
+                    let row = &weights[i * JOINT_NAMES.len()..(i + 1) * JOINT_NAMES.len()];
+                    let available = row[0] + row[own.clone()].iter().sum::<f64>();
+                    let flesh = Flesh {
+                        offset: glove.vertices[i] - chain.points[chain.first_point + k],
+                        moving: row[moving.clone()].iter().sum::<f64>() / available.max(1e-9),
+                        share: shares[i][c],
+                    };
+                    fit.directions(&bend, &flesh)
+                })
+                .collect();
+            let rows = directions.chunks_exact_mut(count).skip((joint - 1) * FEATURES);
+            for (f, row) in rows.take(FEATURES).enumerate() {
+                row.iter_mut().zip(&fitted).for_each(|(d, all)| *d = all[f]);
+            }
+        }
+    }
+    directions
+}
+
+impl Bend {
+    fn of(chain: &Chain, thumb: bool, k: usize) -> Bend {
+        let at = chain.first_point + k;
+        let direction = |from: usize| (chain.points[from + 1] - chain.points[from]).normalize();
+        let along = (direction(at - 1) + direction(at)).normalize();
+        // Fingers close towards the palm (-X), the thumb's outer joints mostly across it.
+        let closing = if thumb { DVec3::new(-0.45, 0.0, 1.0) } else { DVec3::NEG_X };
+        let hinge = along.cross(closing).normalize();
+        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[at], root: k == 0 }
+    }
+
+    /// Flexion with a little of the other rotations, as far as the joint allows them.
+    fn samples(&self, thumb: bool) -> Vec<Sample> {
+        let flexions: &[f64] = match (self.root, thumb) {
+            (true, true) => &[-40.0, -20.0, 0.0, 20.0, 40.0],
+            (true, false) => &[-30.0, 0.0, 25.0, 50.0, 75.0, 95.0],
+            (false, _) => &[-20.0, 0.0, 25.0, 50.0, 75.0, 100.0],
+        };
+        let side: f64 = if self.root && thumb {
+            40.0
+        } else if self.root {
+            20.0
+        } else {
+            8.0
+        };
+        // Sideways or twisted, not both.
+        let others = [(0.0, 0.0), (-side, 0.0), (side, 0.0), (0.0, -TWIST), (0.0, TWIST)];
+        (flexions.iter())
+            .flat_map(|&flexion| others.map(|(sideways, twist)| (flexion.to_radians(), sideways, twist)))
+            .map(|(flexion, sideways, twist)| {
+                let others = sideways.to_radians() * self.inner + twist.to_radians() * self.along;
+                let axis_angle = flexion * self.hinge + others;
+                Sample { axis_angle, rotation: rotation_from_axis_angle(axis_angle), flexion }
+            })
+            .collect()
+    }
+
+    /// Correct position of the flesh, relative to the joint.
+    fn flesh(&self, flesh: &Flesh, sample: &Sample) -> DVec3 {
+        let inner = flesh.offset.dot(self.inner) / self.radius;
+        let along = flesh.offset.dot(self.along) / self.radius;
+        let sideways = flesh.offset.dot(self.hinge) / self.radius;
+        // Rotated by a part of the angle instead of blended, so that it keeps its distance from the joint. On the inner
+        // side of a finger the rotation spreads farther along the finger than the weights do, because the flesh of both
+        // bones needs room between them.
+        let spread = if self.root { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
+        let part = flesh.moving + spread * (smooth_step(0.5 * (along / INNER_REACH + 1.0)) - flesh.moving);
+        let turned = rotation_from_axis_angle(sample.axis_angle * part);
+        let blended = DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
+        let stays_blended = if self.root { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
+        let posed = turned * (1.0 - stays_blended) + blended * stays_blended;
+        // Bulges caused by flexion: the knuckle on the back, the folds inside and the sides between.
+        let squeeze = (1.0 - sample.flexion.max(0.0).cos()) * self.radius;
+        let knuckle = -KNUCKLE * bump(along / 1.1) * smooth_step(-1.2 * inner);
+        let fold = FOLD * bump(along / 1.6) * smooth_step(1.2 * inner);
+        let side = SIDE * bump(along / 1.5) * sideways;
+        posed * (flesh.offset + squeeze * ((knuckle + fold) * self.inner + side * self.hinge))
+    }
+}
+
+/// The regression of a joint's samples.
+struct Fit {
+    samples: Vec<Sample>,
+    /// Contribution of each sample's correction to each direction.
+    solutions: Vec<[f64; FEATURES]>,
+}
+
+impl Fit {
+    fn new(samples: Vec<Sample>) -> Fit {
+        let features: Vec<[f64; FEATURES]> = samples.iter().map(|s| rotation_features(&s.rotation)).collect();
+        let mut gram = vec![0.0; FEATURES * FEATURES];
+        for row in &features {
+            (0..FEATURES * FEATURES).for_each(|i| gram[i] += row[i / FEATURES] * row[i % FEATURES]);
+        }
+        let trace: f64 = (0..FEATURES).map(|i| gram[i * (FEATURES + 1)]).sum();
+        (0..FEATURES).for_each(|i| gram[i * (FEATURES + 1)] += RIDGE * trace / FEATURES as f64);
+        let solution = |row: &[f64; FEATURES]| {
+            let solved = solve(gram.clone(), row);
+            std::array::from_fn(|f| solved[f])
+        };
+        Fit { solutions: features.iter().map(solution).collect(), samples }
+    }
+
+    fn directions(&self, bend: &Bend, flesh: &Flesh) -> [DVec3; FEATURES] {
+        let mut directions = [DVec3::ZERO; FEATURES];
+        let whole = flesh.moving < 1e-6 || flesh.moving > 1.0 - 1e-6;
+        if flesh.share < NO_SHARE || whole && flesh.offset.length() > FAR * bend.radius {
+            return directions;
+        }
+        for (sample, solution) in self.samples.iter().zip(&self.solutions) {
+            let blended = DMat3::IDENTITY * (1.0 - flesh.moving) + sample.rotation * flesh.moving;
+            let correction = flesh.share * (blended.inverse() * bend.flesh(flesh, sample) - flesh.offset);
+            directions.iter_mut().zip(solution).for_each(|(d, s)| *d += correction * *s);
+        }
+        directions
+    }
+}
+
+/// 1 at 0, 0 at and beyond -1 and 1, smooth.
+fn bump(x: f64) -> f64 {
+    let rest = (1.0 - x * x).max(0.0);
+    rest * rest
+}

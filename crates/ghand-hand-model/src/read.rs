@@ -1,0 +1,62 @@
+//! Reads any hand model file, recognised from its contents.
+
+use std::path::{Path, PathBuf};
+
+use ghand_core::HandModel;
+
+use super::gltf::read_gltf;
+use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
+use crate::HandModelError;
+
+/// Information that the file does not contain.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// OBJ file with the UVs of a MANO model, which has none of its own. Without it, UVs are generated.
+    pub uv_obj: Option<PathBuf>,
+    /// What to do about the bug of the published MANO left hand.
+    pub left_shapes: LeftShapes,
+}
+
+/// A hand model with remarks on its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandModelFile {
+    /// The hand model.
+    pub model: HandModel,
+    /// Kind of the file, for display.
+    pub kind: &'static str,
+    /// Unusual or corrected properties of the file.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a rigged glTF hand (`.glb`, `.gltf`), or else a MANO file (a pickle or an `.npz` archive).
+///
+/// # Errors
+/// [`HandModelError`] names the file, the part that cannot be used and a remedy.
+pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {
+    if is_gltf(path) {
+        return Ok(HandModelFile { model: read_gltf(path)?, kind: "rigged glTF hand", warnings: vec![] });
+    }
+    let options = ManoOptions { uv_obj: options.uv_obj.clone(), side: None, left_shapes: options.left_shapes };
+    let file = read_mano_with_warnings(path, &options)?;
+    let mut warnings = file.warnings;
+    if file.has_left_shape_bug {
+        warnings.push(match options.left_shapes {
+            LeftShapes::Fixed => {
+                "the shape directions of this left hand were those of a right one in x, a known bug; mended".into()
+            }
+            LeftShapes::AsPublished => {
+                "the shape directions of this left hand are those of a right one in x, a known bug; left so".into()
+            }
+        });
+    }
+    Ok(HandModelFile { model: file.model, kind: "MANO model", warnings })
+}
+
+/// From the file's name, else from its first bytes. The reader reports a file that cannot be opened.
+fn is_gltf(path: &Path) -> bool {
+    use std::io::Read;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let mut start = Vec::new();
+    let read = ghand_files::input_file::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    matches!(extension.as_deref(), Some("glb" | "gltf")) || (read.is_ok() && start == b"glTF")
+}

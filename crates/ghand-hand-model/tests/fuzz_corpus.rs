@@ -1,0 +1,125 @@
+//! The inputs of `fuzz/corpus`, and changes of them, through the readers that `fuzz/fuzz_targets` runs: a sound model or an
+//! error, never a panic.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+
+use ghand_core::HandModel;
+use ghand_files::npz::Npz;
+use ghand_hand_model::gltf::read_gltf_bytes;
+use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use rand::{Rng, RngExt, SeedableRng};
+use zip::write::SimpleFileOptions;
+
+/// Changes of each input: enough that all readers see some thousand, few enough that it takes a few seconds.
+const CHANGES: usize = 2000;
+
+/// The inputs that git keeps, in the order of their names: those that libFuzzer adds have hashes as names.
+fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
+    let entries = std::fs::read_dir(&folder).expect("the corpus is part of the repository");
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some());
+    paths.sort();
+    assert!(!paths.is_empty(), "{} holds no input", folder.display());
+    paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
+}
+
+/// One to four changes of the kinds that damage files, or that a fuzzer tries.
+fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..random.random_range(1..=4) {
+        if bytes.is_empty() {
+            break;
+        }
+        let at = random.random_range(0..bytes.len());
+        let length = random.random_range(1..=8).min(bytes.len() - at);
+        match random.random_range(0..6) {
+            0 => bytes[at] ^= 1 << random.random_range(0..8),
+            1 => bytes[at] = random.random(),
+            2 => bytes[at..at + length].fill([0, 0x7f, 0xff][random.random_range(0..3)]),
+            3 => drop(bytes.drain(at..at + length)),
+            4 => {
+                let copy = bytes[at..at + length].to_vec();
+                let to = random.random_range(0..=bytes.len());
+                bytes.splice(to..to, copy);
+            }
+            _ => bytes.truncate(at),
+        }
+    }
+    bytes
+}
+
+fn run(target: &str, read: impl Fn(&[u8]) -> Option<HandModel>) -> (usize, usize) {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20);
+    let (mut read_as_they_are, mut inputs) = (0, 0);
+    let check = |bytes: &[u8]| {
+        let model = read(bytes);
+        model.as_ref().inspect(|model| model.validate().expect("a model that was read is sound"));
+        model.is_some()
+    };
+    for (path, bytes) in corpus(target) {
+        println!("{}", path.display());
+        read_as_they_are += usize::from(check(&bytes));
+        for _ in 0..CHANGES {
+            check(&changed(&bytes, &mut random));
+        }
+        inputs += 1;
+    }
+    (read_as_they_are, inputs)
+}
+
+#[test]
+fn pickles_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+    let read =
+        |bytes: &[u8]| Some(read_mano_bytes("left.pkl", bytes, Some(bytes), &ManoOptions::default()).ok()?.model);
+    let (sound, inputs) = run("pickle", read);
+    assert!(sound >= 4 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+}
+
+#[test]
+fn archives_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+    let read = |bytes: &[u8]| {
+        if let Ok(mut npz) = Npz::open(bytes) {
+            for name in npz.names() {
+                if let Ok(array) = npz.numbers(&name) {
+                    assert_eq!(array.values.len(), array.shape.iter().product::<usize>());
+                }
+            }
+        }
+        Some(read_mano_bytes("right.npz", bytes, None, &ManoOptions::default()).ok()?.model)
+    };
+    let (sound, inputs) = run("npz", read);
+    assert!(sound >= 2 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+}
+
+#[test]
+fn arrays_of_the_corpus_and_changes_of_them_in_an_archive_give_numbers_or_an_error() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(21);
+    for (path, bytes) in corpus("npy") {
+        println!("{}", path.display());
+        for k in 0..CHANGES {
+            let bytes = if k == 0 { bytes.clone() } else { changed(&bytes, &mut random) };
+            // The archive is written anew, so that its checksums are right.
+            let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+            let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+            for name in ["v_template", "f"] {
+                writer.start_file(format!("{name}.npy"), options).unwrap();
+                writer.write_all(&bytes).unwrap();
+            }
+            let archive = writer.finish().unwrap().into_inner();
+            if let Ok(array) = Npz::open(&archive).unwrap().numbers("v_template") {
+                assert_eq!(array.values.len(), array.shape.iter().product::<usize>());
+            }
+            let model = read_mano_bytes("right.npz", &archive, None, &ManoOptions::default());
+            assert!(model.unwrap_err().to_string().starts_with("right.npz: "));
+        }
+    }
+}
+
+#[test]
+fn gltf_files_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+    let (sound, inputs) = run("gltf", |bytes| read_gltf_bytes("hand.glb", bytes, None).ok());
+    assert!(sound >= 1 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+}

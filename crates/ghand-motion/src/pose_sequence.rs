@@ -1,0 +1,242 @@
+//! Poses that drive a hand model, from many kinds of files.
+//!
+//! [`read_poses`] recognises a file from its contents and returns a [`PoseSequence`]: the rate, and for each frame a
+//! translation and one axis-angle rotation for each joint of *your* model. It reads:
+//!
+//! | | file | format |
+//! |---|---|---|
+//! | ghand's own, or a capture | JSON, JSON Lines, `.npz` | [`ghand`] |
+//! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, ARCTIC, AMASS | JSON, `.npz`, `.npy`, `.pkl` | [`mano`] |
+//! | HO-3D | `.pkl`, or the folder of them | [`ho3d`] |
+//! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
+//! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
+//! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
+//!
+//! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another rig,
+//! and [`crate::ik`] fits landmarks. Poses of the other hand are mirrored, with a warning. ghand's own files must be
+//! correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number that is
+//! not finite or that no hand can have ([`Pose::check_range`]).
+
+mod file_skeleton;
+mod folder;
+pub mod ghand;
+pub mod ho3d;
+pub mod landmarks;
+pub mod mano;
+pub mod plain;
+mod recording;
+mod refusal;
+mod sides;
+mod to_model;
+pub mod xr;
+
+use std::path::Path;
+
+use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_core::{HandModel, Pose, Side};
+use ghand_files::value::Value;
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::PoseError;
+use crate::rest_skeleton::RestSkeleton;
+pub(crate) use recording::{Motion, Recording, Skipped, Source};
+use to_model::{carried_over, fitted, mano_rows, rows, side_name};
+
+/// Default rate, frames per second.
+pub const DEFAULT_FPS: f64 = 30.0;
+
+/// Most frames that a motion is resampled to: nine hours at 30 per second.
+const MOST_FRAMES: usize = 1_000_000;
+
+/// One moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// The pose, one rotation per joint.
+    pub pose: Pose,
+    /// Shape parameters of the hand model; empty for the mean shape, and for poses of another model.
+    pub shape: Vec<f64>,
+}
+
+/// Poses at a constant rate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseSequence {
+    /// Frames per second.
+    pub fps: f64,
+    /// Names of the joints, in the order of the rotations.
+    pub joint_names: Vec<String>,
+    /// At least one frame.
+    pub frames: Vec<PoseFrame>,
+    /// Remarks for the user, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Information that a file does not contain.
+#[derive(Debug, Clone, Default)]
+pub struct PoseOptions {
+    /// Which hand the poses are of: selects a hand from a file that has both, and overrides the file. By default the
+    /// model's side is used if it exists, else the other one, mirrored.
+    pub side: Option<Side>,
+    /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another rig exact.
+    /// Without it, the built-in hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
+    /// another rig need it if the file does not describe that rig.
+    pub pose_model: Option<HandModel>,
+    /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.
+    pub flat_mean: bool,
+    /// Which capture to take from a file that holds several.
+    pub take: Option<String>,
+    /// Ignore the rotation and the position of the whole hand.
+    pub in_place: bool,
+}
+
+/// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
+///
+/// # Errors
+/// [`PoseError`] names the file, the field and a remedy when the file's kind is not supported, when no frame is usable,
+/// or when the names of the model's joints do not identify their parts and the poses are not for them.
+pub fn read_poses(path: &Path, model: &HandModel, options: &PoseOptions) -> Result<PoseSequence, PoseError> {
+    let (path, value) = folder::read(path)?;
+    poses_of_value(&path.display().to_string(), &value, model, options)
+}
+
+/// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only
+/// if it is a capture of another rig.
+///
+/// # Errors
+/// As in [`read_poses`].
+pub fn read_poses_bytes(
+    origin: &str,
+    bytes: &[u8],
+    model: &HandModel,
+    options: &PoseOptions,
+) -> Result<PoseSequence, PoseError> {
+    let value = Value::from_bytes(bytes).map_err(|source| PoseError::File { path: origin.into(), source })?;
+    poses_of_value(origin, &value, model, options)
+}
+
+/// Reads a file of this kind; `None` for another kind.
+type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
+
+/// Makes poses for a hand model from what a file holds. `origin` is the file's name, as for [`read_poses_bytes`].
+///
+/// # Errors
+/// As of [`read_poses`].
+pub fn poses_of_value(
+    origin: &str,
+    value: &Value,
+    model: &HandModel,
+    options: &PoseOptions,
+) -> Result<PoseSequence, PoseError> {
+    let wanted = options.side.unwrap_or(model.side);
+    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count() };
+    let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
+    // Poses of an unknown side are read as the wanted side.
+    let side = options.side.or(side).unwrap_or(model.side);
+    let (mut frames, side) = match motion {
+        Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
+        Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
+        Motion::WebXr { frames } => (carried_over(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
+        Motion::Landmarks { frames } => (fitted(&source, &frames, side, model, &mut warnings)?, side),
+    };
+    if side != model.side {
+        let [theirs, own] = [side, model.side].map(side_name);
+        warnings.push(format!("the poses are of a {theirs} hand, mirrored for this {own} one"));
+    }
+    if frames.is_empty() {
+        return Err(source.invalid("frames", "there are none; give at least one".into()));
+    }
+    if model.shape_directions.is_empty() {
+        frames.iter_mut().for_each(|frame| frame.shape.clear());
+    }
+    if options.in_place {
+        for frame in &mut frames {
+            frame.pose.translation = DVec3::ZERO;
+            frame.pose.rotations.iter_mut().take(1).for_each(|root| *root = DVec3::ZERO);
+        }
+    }
+    Ok(PoseSequence { fps: fps.unwrap_or(DEFAULT_FPS), joint_names: model.joint_names.clone(), frames, warnings })
+}
+
+/// The content of a file, read by the first reader that recognises its kind.
+fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+    let readers: [Reader; 5] = [xr::read, landmarks::read, mano::read, ho3d::read, plain::read];
+    let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
+    if let Some(recording) = trackers(source, value) {
+        return recording;
+    }
+    if let Some(sides::OneHand { side, value, warning }) = sides::one_hand(value, source.wanted) {
+        let source = Source { wanted: side, ..*source };
+        let found = trackers(&source, &value).or_else(|| ghand::read(&source, &value));
+        let mut recording = found.unwrap_or_else(|| Err(source.invalid("content", refusal::problem(&value))))?;
+        recording.side = recording.side.or(Some(side));
+        if let Motion::Rows(rows) = &mut recording.motion {
+            rows.side = rows.side.or(Some(side));
+        }
+        recording.warnings.extend(warning);
+        return Ok(recording);
+    }
+    ghand::read(source, value).unwrap_or_else(|| Err(source.invalid("content", refusal::problem(value))))
+}
+
+impl PoseSequence {
+    /// Length in seconds, from the first frame to the last.
+    pub fn duration(&self) -> f64 {
+        self.frames.len().saturating_sub(1) as f64 / self.fps
+    }
+
+    /// The pose at a time in seconds, between two frames by the shortest way that each joint can turn; before the first frame
+    /// and after the last, theirs.
+    pub fn pose_at(&self, seconds: f64) -> Option<Pose> {
+        let last = self.frames.len().checked_sub(1)?;
+        let place = (seconds * self.fps).clamp(0.0, last as f64);
+        let place = if place.is_nan() { 0.0 } else { place };
+        let (before, part) = (place.floor() as usize, place.fract());
+        let first = self.frames.get(before)?;
+        match self.frames.get(before + 1) {
+            Some(second) if part > 0.0 => Some(between(&first.pose, &second.pose, part)),
+            _ => Some(first.pose.clone()),
+        }
+    }
+
+    /// The same motion at another rate. Ids are renumbered; shapes are those of the previous frame.
+    ///
+    /// # Errors
+    /// [`PoseError::Invalid`] when that would be more than a million frames.
+    pub fn resampled(&self, fps: f64) -> Result<PoseSequence, PoseError> {
+        let last = (self.duration() * fps + 1e-9).floor();
+        let fits = last < MOST_FRAMES as f64;
+        if !fits {
+            return Err(PoseError::Invalid {
+                origin: "resampling".into(),
+                field: "fps".into(),
+                problem: format!(
+                    "{} s at {fps} frames a second are more than {MOST_FRAMES} frames; give fewer a second, or a part of the motion",
+                    self.duration()
+                ),
+            });
+        }
+        let frame = |k: usize| {
+            let seconds = k as f64 / fps;
+            let before = ((seconds * self.fps).floor() as usize).min(self.frames.len().saturating_sub(1));
+            let shape = self.frames.get(before).map(|frame| frame.shape.clone()).unwrap_or_default();
+            Some(PoseFrame { id: format!("{k:04}"), pose: self.pose_at(seconds)?, shape })
+        };
+        Ok(PoseSequence { fps, frames: (0..last as usize + 1).filter_map(frame).collect(), ..self.clone() })
+    }
+}
+
+/// Interpolates two poses: each joint rotates about one axis, by the shorter rotation.
+pub fn between(from: &Pose, to: &Pose, part: f64) -> Pose {
+    let turn = |(a, b): (&DVec3, &DVec3)| {
+        let [a, b] = [a, b].map(|r| DQuat::from_mat3(&rotation_from_axis_angle(*r)).normalize());
+        axis_angle_from_rotation(&DMat3::from_quat(a.slerp(b, part).normalize()))
+    };
+    Pose {
+        rotations: from.rotations.iter().zip(&to.rotations).map(turn).collect(),
+        translation: from.translation.lerp(to.translation, part),
+    }
+}
+
+#[cfg(test)]
+mod tests;

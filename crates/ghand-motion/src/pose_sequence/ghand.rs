@@ -1,0 +1,239 @@
+//! ghand's own poses, as JSON, JSON Lines and `.npz`.
+//!
+//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle rotations in
+//! radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing. The frames alone, as a list
+//! or one on each line, and one frame alone are read, too. `hand_model` describes the rig that the rows are for (`file_skeleton.rs`): they
+//! are matched to the model's joints by name, or carried over if the rig is another one. A capture's `capture.json` is such a file; its rig
+//! is that of its hand model. For a MANO model, rotations are measured from its mean pose, unless the file says
+//! `"flat_hand_mean":true` or is a capture.
+//!
+//! `.npz`: `pose` (T, n_b, 3), and optionally `translation` (T, 3), `shape` (T, n_s), `fps`, `flat_hand_mean`, `ids`
+//! (T), and the members of `hand_model`.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use ghand_core::{HandModel, Pose, Side};
+use ghand_files::atomic_file::write_atomically;
+use ghand_files::value::Value;
+use glam::DVec3;
+use serde_json::json;
+
+use super::file_skeleton::{FileSkeleton, texts};
+use super::recording::{Rows, fps_of_times, id_of, shown, side_of};
+use super::{Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
+
+/// Format name and version of a capture.
+const CAPTURE_FORMAT: &str = "ghand-capture";
+
+pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+    let is_array = |name: &str| value.get(name).and_then(Value::numbers).is_some_and(|array| array.shape.len() == 3);
+    if let Some(frames) = value.get("frames") {
+        return Some(match frames {
+            Value::List(frames) => json(source, value, frames),
+            other => Err(source.invalid("frames", format!("is {}, must be a list of frames", other.kind()))),
+        });
+    }
+    match value {
+        Value::List(frames) if frames.iter().any(is_frame) => Some(json(source, value, frames)),
+        frame if is_frame(frame) => Some(json(source, value, std::slice::from_ref(frame))),
+        _ if is_array("pose") => Some(archive(source, value)),
+        _ => None,
+    }
+}
+
+/// Whether a value is a frame: a map with rows of three numbers.
+fn is_frame(value: &Value) -> bool {
+    let pose = value.get("pose").and_then(Value::numbers);
+    pose.is_some_and(|pose| matches!(pose.shape[..], [_, 3]))
+}
+
+fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, PoseError> {
+    let format = value.get("format");
+    if let Some(format) = format {
+        if format.text() != Some(CAPTURE_FORMAT) {
+            return Err(source.invalid("format", format!("is {}, must be {CAPTURE_FORMAT:?} or absent", shown(format))));
+        }
+        if value.get("version").and_then(Value::number) != Some(1.0) {
+            return Err(source.invalid("version", "must be 1; use the ghand that wrote the file".into()));
+        }
+    }
+    let hand_model = value.get("hand_model");
+    let side = side(source, value)?;
+    let rig = hand_model.map_or(Ok(None), |model| FileSkeleton::read(source, model, "hand_model."))?;
+    let fps_of_times = fps_of_times(frames);
+    let capture_kind = format
+        .map(|_| hand_model.and_then(|model| model.get("kind")).and_then(Value::text).unwrap_or_default().to_owned());
+    let mut ids = HashSet::new();
+    let frame = |(number, frame): (usize, &Value)| {
+        let id = match frame.get("id") {
+            Some(other) if other.text().is_none() && other.number().is_none() => {
+                let problem = format!("is {}, must be text or a number", other.kind());
+                return Err(source.invalid(&format!("frames[{number}].id"), problem));
+            }
+            _ => id_of(frame, number),
+        };
+        if !ids.insert(id.clone()) {
+            return Err(source.invalid("frames", format!("the id {id:?} is there twice; give each frame its own")));
+        }
+        let field = |name: &str| format!("frames[{id:?}].{name}");
+        let Some(pose) = frame.get("pose") else {
+            return Err(
+                source.invalid(&field("pose"), "is missing; give one axis-angle rotation for each joint".into())
+            );
+        };
+        let rotations = rotations(source, &field("pose"), pose, rig.as_ref())?;
+        let translation = match frame.get("translation") {
+            None => DVec3::ZERO,
+            Some(value) => match numbers(source, &field("translation"), value)?[..] {
+                [x, y, z] => DVec3::new(x, y, z),
+                _ => return Err(source.invalid(&field("translation"), "must be 3 numbers, metres".into())),
+            },
+        };
+        let shape = match frame.get("shape") {
+            None => vec![],
+            Some(value) => numbers(source, &field("shape"), value)?,
+        };
+        Ok(PoseFrame { pose: Pose { rotations, translation }, shape, id: id.clone() })
+    };
+    let frames = frames.iter().enumerate().map(frame).collect::<Result<Vec<_>, PoseError>>()?;
+    let fps = source.fps(value, &["fps"])?.or(fps_of_times);
+    let from_mean = from_mean(value, capture_kind.is_none());
+    let motion = Motion::Rows(Box::new(Rows { rig, frames, capture_kind, from_mean, side }));
+    Ok(Recording { side, fps, motion, warnings: vec![] })
+}
+
+/// The side that a file gives outside its hand model.
+fn side(source: &Source, value: &Value) -> Result<Option<Side>, PoseError> {
+    let Some(side) = value.get("side") else { return Ok(None) };
+    match side_of(side) {
+        Some(side) => Ok(Some(side)),
+        None => Err(source.invalid("side", format!("is {}, must be \"right\" or \"left\"", shown(side)))),
+    }
+}
+
+/// Whether poses are measured from a MANO model's mean pose, if the file says.
+fn from_mean(value: &Value, otherwise: bool) -> bool {
+    value.get("flat_hand_mean").and_then(Value::number).map_or(otherwise, |flat| flat == 0.0)
+}
+
+/// A list of finite numbers.
+fn numbers(source: &Source, field: &str, value: &Value) -> Result<Vec<f64>, PoseError> {
+    let values = match value {
+        Value::Numbers(array) if array.shape.len() == 1 => array.values.clone(),
+        Value::List(items) if items.is_empty() => vec![],
+        other => return Err(source.invalid(field, format!("is {}, must be a list of numbers", other.kind()))),
+    };
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(_) => Err(source.invalid(field, "holds a number that is not finite".into())),
+        None => Ok(values),
+    }
+}
+
+/// Rows of three finite numbers; messages name the joint where the rig does.
+fn rotations(source: &Source, field: &str, value: &Value, rig: Option<&FileSkeleton>) -> Result<Vec<DVec3>, PoseError> {
+    let joint = |row: usize| {
+        let name = rig.and_then(|rig| rig.joint_names.get(row));
+        name.map_or_else(|| format!("row {row}"), |name| format!("row {row}, joint {name:?},"))
+    };
+    let rows = value.items().unwrap_or_default();
+    if rows.is_empty() {
+        return Err(source.invalid(field, format!("is {}, must be rows of 3 numbers", value.kind())));
+    }
+    let row = |(number, row): (usize, &Value)| {
+        let values = row.numbers().map(|array| array.values.as_slice()).unwrap_or_default();
+        match values {
+            [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(*x, *y, *z)),
+            [_, _, _] => Err(source.invalid(field, format!("{} holds a number that is not finite", joint(number)))),
+            _ => {
+                let problem = format!(
+                    "{} has {} numbers, expected 3: an axis-angle rotation in radians",
+                    joint(number),
+                    values.len()
+                );
+                Err(source.invalid(field, problem))
+            }
+        }
+    };
+    rows.iter().enumerate().map(row).collect()
+}
+
+fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+    let array = |name: &str| value.get(name).and_then(Value::numbers);
+    let pose = array("pose").filter(|pose| pose.shape.last() == Some(&3));
+    let Some((pose, &[count, rows, _])) = pose.and_then(|pose| Some((pose, pose.shape.first_chunk::<3>()?))) else {
+        let found = array("pose").map_or_else(Vec::new, |pose| pose.shape.clone());
+        let problem =
+            format!("has the shape {found:?}, must have (T, n_b, 3): rows of 3 numbers for each joint of each frame");
+        return Err(source.invalid("pose", problem));
+    };
+    // One row per frame, or one row for all of them.
+    let per_frame = |name: &str, width: Option<usize>| -> Result<Vec<Vec<f64>>, PoseError> {
+        let Some(found) = array(name) else { return Ok(vec![vec![]; count]) };
+        let (rows, columns) = match found.shape[..] {
+            [columns] => (1, columns),
+            [rows, columns] => (rows, columns),
+            _ => (0, 0),
+        };
+        let fits = (rows == count || found.shape.len() == 1) && width.is_none_or(|width| width == columns);
+        if !fits {
+            let width = width.map_or("n_s".into(), |width| width.to_string());
+            return Err(source.invalid(name, format!("has the shape {:?}, expected ({count}, {width})", found.shape)));
+        }
+        source.copied(name, columns, count)?;
+        let row = |k: usize| found.values.chunks(columns.max(1)).nth(k.min(rows - 1)).unwrap_or_default().to_vec();
+        Ok((0..count).map(row).collect())
+    };
+    let translations = per_frame("translation", Some(3))?;
+    let shapes = per_frame("shape", None)?;
+    let rig = FileSkeleton::read(source, value, "")?;
+    if let Some(rig) = rig.as_ref().filter(|rig| rig.joint_names.len() != rows) {
+        return Err(source.invalid("joints", format!("has {} names, expected {rows}", rig.joint_names.len())));
+    }
+    let ids = match value.get("ids") {
+        None => (0..count).map(|k| format!("{k:04}")).collect(),
+        Some(found) => texts(source, "ids", found)?,
+    };
+    if ids.len() != count {
+        return Err(source.invalid("ids", format!("has {} names, expected {count}", ids.len())));
+    }
+    let mut seen = HashSet::new();
+    if let Some(id) = ids.iter().find(|id| !seen.insert(id.as_str())) {
+        return Err(source.invalid("ids", format!("{id:?} is there twice; give each frame its own")));
+    }
+    let mut frames = Vec::with_capacity(count);
+    for (k, id) in ids.iter().enumerate() {
+        let numbers = pose.values.iter().skip(3 * rows * k).take(3 * rows).copied().collect::<Vec<f64>>();
+        let translation = translations.get(k).map(Vec::as_slice).unwrap_or_default();
+        let shape = shapes.get(k).cloned().unwrap_or_default();
+        for (name, values) in [("pose", &numbers[..]), ("translation", translation), ("shape", &shape)] {
+            if values.iter().any(|value| !value.is_finite()) {
+                return Err(source.invalid(&format!("{name}[{k}]"), "holds a number that is not finite".into()));
+            }
+        }
+        let rotations = numbers.chunks_exact(3).map(DVec3::from_slice).collect();
+        let translation = if let &[x, y, z] = translation { DVec3::new(x, y, z) } else { DVec3::ZERO };
+        frames.push(PoseFrame { id: id.clone(), pose: Pose { rotations, translation }, shape });
+    }
+    let fps = source.fps(value, &["fps"])?;
+    let side = side(source, value)?;
+    let motion =
+        Motion::Rows(Box::new(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side }));
+    Ok(Recording { side, fps, motion, warnings: vec![] })
+}
+
+/// Writes poses of a hand model as ghand's own JSON, atomically. The file describes the model's rig, so that the poses
+/// can drive any other rig.
+///
+/// # Errors
+/// [`PoseError::Write`] when the file cannot be written; it is then unchanged.
+pub fn write_poses(path: &Path, sequence: &PoseSequence, model: &HandModel) -> Result<(), PoseError> {
+    let frame = |frame: &PoseFrame| {
+        let rows: Vec<[f64; 3]> = frame.pose.rotations.iter().map(DVec3::to_array).collect();
+        json!({"id": frame.id, "pose": rows, "translation": frame.pose.translation.to_array(), "shape": frame.shape})
+    };
+    let frames: Vec<serde_json::Value> = sequence.frames.iter().map(frame).collect();
+    let model = FileSkeleton::of(model).to_json();
+    let file = json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames});
+    write_atomically(path, file.to_string().as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
+}

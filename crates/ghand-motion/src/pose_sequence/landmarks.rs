@@ -1,0 +1,166 @@
+//! MediaPipe's 21 landmarks of a hand, in metres.
+//!
+//! Only *world* landmarks are read: image landmarks have no scale, and their depth is a guess. MediaPipe does not
+//! define a file format. This reads a list of frames (`{"fps":30,"frames":[...]}` or the list alone), each with
+//! `worldLandmarks`, `world_landmarks`, `hand_world_landmarks` or `multi_hand_world_landmarks`, as the JavaScript and
+//! Python interfaces call them: for each hand 21 points `{"x","y","z"}` or (x, y, z), or one hand alone. `handedness`
+//! (`handednesses`, `multi_handedness`) gives the sides. MediaPipe assumes mirrored selfies, so that the sides of other
+//! pictures may be swapped: then choose the side. `.npz`: `world_landmarks` (T, 21, 3).
+//!
+//! Axes are those of the picture: x right, y down, z away from the camera; the origin is in the middle of the hand, so
+//! that the hand's motion through space is not known. Order: wrist, then thumb to little finger, four each from the
+//! palm to the tip.
+
+use ghand_core::Side;
+use ghand_files::value::Value;
+use glam::DVec3;
+
+use super::recording::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
+use super::{Motion, PoseError, Recording, Skipped, Source};
+use crate::ik::LANDMARK_COUNT;
+
+const NAMES: [&str; 7] = [
+    "worldLandmarks",
+    "world_landmarks",
+    "hand_world_landmarks",
+    "handWorldLandmarks",
+    "multi_hand_world_landmarks",
+    "multiHandWorldLandmarks",
+    "landmarks_world",
+];
+/// Landmarks in the picture, as fractions of its width and height.
+pub(super) const IMAGE_NAMES: [&str; 5] =
+    ["landmarks", "hand_landmarks", "handLandmarks", "multi_hand_landmarks", "multiHandLandmarks"];
+const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness", "multiHandedness", "side", "hand"];
+
+/// Landmarks further than this from the wrist are not metres.
+const LARGEST_SPAN: f64 = 1.0;
+
+/// One moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LandmarkFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// Positions, metres.
+    pub points: [DVec3; LANDMARK_COUNT],
+}
+
+pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+    let found = find(value, &NAMES);
+    if let Some(array) = found.and_then(Value::numbers).filter(|array| matches!(array.shape[..], [_, 21, 3 | 4])) {
+        let frames: Vec<Value> = Value::Numbers(array.clone()).items().unwrap_or_default();
+        return Some(recording(source, value, &frames, |frame| vec![(None, frame.clone())]));
+    }
+    if found.is_some() {
+        return Some(recording(source, value, std::slice::from_ref(value), hands));
+    }
+    let frames = frames_of(value)?;
+    if frames.iter().any(|frame| find(frame, &NAMES).is_some()) {
+        return Some(recording(source, value, frames, hands));
+    }
+    if frames.iter().any(|frame| find(frame, &IMAGE_NAMES).is_some()) {
+        let problem =
+            "are those of the image, which have no scale; record the world landmarks (worldLandmarks) beside them";
+        return Some(Err(source.invalid("landmarks", problem.into())));
+    }
+    None
+}
+
+fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
+    names.iter().find_map(|name| value.get(name))
+}
+
+type Hands = Vec<(Option<Side>, Value)>;
+
+/// The hands of a frame.
+fn hands(frame: &Value) -> Hands {
+    let Some(points) = find(frame, &NAMES) else { return vec![] };
+    let sides = find(frame, &SIDE_NAMES).map(all_sides).unwrap_or_default();
+    let hands = match points {
+        Value::Numbers(array) if array.shape.len() == 3 => points.items().unwrap_or_default(),
+        Value::List(items) if items.len() != LANDMARK_COUNT => items.clone(),
+        _ => vec![points.clone()],
+    };
+    hands.into_iter().enumerate().map(|(k, hand)| (sides.get(k).copied(), hand)).collect()
+}
+
+/// The sides that a value names at any depth, in order.
+fn all_sides(value: &Value) -> Vec<Side> {
+    match value {
+        Value::Text(_) => side_of(value).into_iter().collect(),
+        Value::List(items) => items.iter().flat_map(all_sides).collect(),
+        Value::Map(_) => {
+            let names = ["categoryName", "category_name", "label", "displayName", "display_name", "classification"];
+            find(value, &names).map(all_sides).unwrap_or_default()
+        }
+        _ => vec![],
+    }
+}
+
+fn recording(
+    source: &Source,
+    value: &Value,
+    frames: &[Value],
+    hands: impl Fn(&Value) -> Hands,
+) -> Result<Recording, PoseError> {
+    let shared = find(value, &SIDE_NAMES).and_then(|side| all_sides(side).first().copied());
+    let all: Vec<Hands> = frames.iter().map(hands).collect();
+    let is = |own: &Option<Side>, wanted: Side| own.or(shared).is_none_or(|own| own == wanted);
+    let has = |wanted: Side| all.iter().flatten().any(|(own, _)| is(own, wanted));
+    let side = if has(source.wanted) { source.wanted } else { crate::retarget::other_side(source.wanted) };
+    let (mut found, mut skipped, mut known_side) = (Vec::new(), Skipped::default(), shared);
+    for (number, (frame, hands)) in frames.iter().zip(&all).enumerate() {
+        let id = id_of(frame, number);
+        let Some((own, hand)) = hands.iter().find(|(own, _)| is(own, side)) else {
+            skipped.add(&id, "has no such hand");
+            continue;
+        };
+        known_side = known_side.or(*own);
+        match points(hand) {
+            Ok(points) => found.push(LandmarkFrame { id, points }),
+            Err(problem) => skipped.add(&id, problem),
+        }
+    }
+    let warnings = skipped.finish(source, frames.len())?.into_iter().collect();
+    let fps = source.fps(value, &["fps", "frame_rate", "frameRate"])?.or_else(|| fps_of_times(frames));
+    Ok(Recording { side: known_side, fps, motion: Motion::Landmarks { frames: found }, warnings })
+}
+
+fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
+    // Protocol buffer messages as JSON wrap the points in one field.
+    let hand = find(hand, &["landmark", "landmarks"]).unwrap_or(hand);
+    let items = hand.items().unwrap_or_default();
+    if items.len() != LANDMARK_COUNT {
+        return Err(format!("has {} landmarks, expected {LANDMARK_COUNT}", items.len()));
+    }
+    let mut points = [DVec3::ZERO; LANDMARK_COUNT];
+    for (k, (point, item)) in points.iter_mut().zip(&items).enumerate() {
+        *point = vector(item).ok_or_else(|| format!("landmark {k} is not a point: give x, y and z"))?;
+        point_in_range(*point).map_err(|problem| format!("landmark {k} {problem}"))?;
+    }
+    Ok(points)
+}
+
+/// Landmarks as plain numbers, 3 each: only their size shows that they are in metres.
+pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], String> {
+    let mut points = [DVec3::ZERO; LANDMARK_COUNT];
+    if numbers.len() != 3 * LANDMARK_COUNT {
+        return Err(format!("has {} numbers, expected {LANDMARK_COUNT} landmarks of 3", numbers.len()));
+    }
+    for (k, (point, values)) in points.iter_mut().zip(numbers.chunks_exact(3)).enumerate() {
+        *point = DVec3::from_slice(values);
+        if !point.is_finite() {
+            return Err(format!("landmark {k} is not finite"));
+        }
+    }
+    let span = points.iter().map(|point| point.distance(points[0])).fold(0.0, f64::max);
+    if span > LARGEST_SPAN {
+        return Err(format!(
+            "the landmarks are up to {span:.3} m from the wrist, a hand's up to 0.25; give metres (millimetres / 1000, not pixels)"
+        ));
+    }
+    for (k, point) in points.iter().enumerate() {
+        point_in_range(*point).map_err(|problem| format!("landmark {k} {problem}"))?;
+    }
+    Ok(points)
+}

@@ -1,0 +1,54 @@
+//! Describes a file that is not understood, and what would be.
+
+use ghand_files::value::Value;
+
+/// Poses as principal components, which are useless without the model's components.
+pub(super) const COMPONENT_NAMES: [&str; 2] = ["pose_m", "pose_pca"];
+
+/// Most names of a map in a message; further ones are counted.
+const MOST_NAMES: usize = 8;
+/// Most characters of a name in a message.
+const LONGEST_NAME: usize = 40;
+
+/// Explains why a file contains no poses.
+pub(super) fn problem(value: &Value) -> String {
+    let first = match value.get("frames").unwrap_or(value) {
+        Value::List(items) => items.first(),
+        _ => None,
+    };
+    let components =
+        COMPONENT_NAMES.iter().find(|name| [Some(value), first].iter().flatten().any(|v| v.get(name).is_some()));
+    if let Some(name) = components {
+        return format!(
+            "{name:?} holds principal components of a pose, not rotations; store MANO's full pose, 45 or 48 axis-angle numbers, \
+             instead (components @ hands_components + hands_mean)"
+        );
+    }
+    format!(
+        "is {}, which is no kind of poses that is read; give ghand's own (\"frames\" with \"pose\", n_b rows of 3); MANO's \
+         rotations as an array (T, 45), (T, 48), (T, 15, 3), (T, 16, 3), (T, 15, 3, 3) or (T, 16, 3, 3), as \"global_orient\" with \
+         \"hand_pose\", \"rot\" with \"pose\", \"poses\" (T, 156 or 165) or \"handPose\"; landmarks (T, 21, 3) or \
+         \"world_landmarks\"; joints of WebXR or OpenXR as \"joints\" or (T, 25, 16); docs/poses.md has them all",
+        found(value, true)
+    )
+}
+
+fn found(value: &Value, with_first: bool) -> String {
+    match value {
+        Value::Map(entries) if !entries.is_empty() => {
+            let named = entries.iter().take(MOST_NAMES).map(|(name, value)| {
+                let name: String = name.chars().take(LONGEST_NAME).collect();
+                format!("{name:?} ({})", value.kind())
+            });
+            let named: Vec<String> = named.collect();
+            let more = entries.len().saturating_sub(MOST_NAMES);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            format!("a map with {}{more}", named.join(", "))
+        }
+        Value::List(items) if with_first => match items.first() {
+            Some(first) => format!("a list of {}, the first {}", items.len(), found(first, false)),
+            None => "an empty list".into(),
+        },
+        other => other.kind(),
+    }
+}

@@ -1,0 +1,300 @@
+//! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
+//!
+//! The true hand has other lengths than the template (by up to 6 %), a finer mesh, relief and skin that follow the
+//! pose, and volume-preserving skinning, so that the template with plain linear blend skinning has the usual errors of
+//! templates. Training poses have the errors of a tracker; test poses and truth are exact. The same options give the
+//! same capture, up to the renderer's rounding.
+
+pub(crate) mod anatomy;
+mod atlas;
+pub(crate) mod camera_rig;
+mod complexion;
+mod curve;
+mod draw;
+mod exposure;
+mod folds;
+mod noise;
+mod skin;
+mod skinning;
+mod subdivision;
+#[cfg(test)]
+mod tests;
+pub mod trajectory;
+mod true_hand;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ghand_capture::camera_choice::well_spread;
+use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
+use ghand_capture::interhand::{lay_out, write_annotations};
+use ghand_core::mesh::Texture;
+use ghand_core::{Camera, Pose, Side};
+use ghand_hand_model::mano::write_mano;
+use ghand_hand_model::procedural::ProceduralHand;
+use glam::{DVec2, DVec3};
+
+use draw::draw;
+use trajectory::PoseNoise;
+use true_hand::TrueHand;
+
+/// The layout of a synthetic capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CaptureFormat {
+    /// The project's own: `capture.json`, PNG images and masks.
+    #[default]
+    Ghand,
+    /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in a
+    /// file with MANO's keys ([`HAND_MODEL_FILE`]).
+    InterHand,
+}
+
+/// More are probably a mistake.
+const MOST_CAMERAS: usize = 1000;
+const MOST_FRAMES: usize = 100_000;
+/// Pixels around the hand, because readers of InterHand2.6M skip hands within ten pixels of the border.
+const INTERHAND_BORDER: f64 = 12.0;
+/// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers require.
+const INTERHAND_LEAST: u32 = 160;
+
+/// The hand model of a capture in the format of InterHand2.6M, in its folder.
+pub const HAND_MODEL_FILE: &str = "hand_right.npz";
+
+/// Options of a synthetic capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SyntheticOptions {
+    /// Seed of the hand and its skin.
+    pub identity: u64,
+    /// Seed of the motion, the test poses and the errors of the training poses.
+    pub seed: u64,
+    /// Cameras of the training split.
+    pub views: usize,
+    /// Frames of the training split: one smooth trajectory.
+    pub train_frames: usize,
+    /// Frames of the test split: single poses that are not on the trajectory.
+    pub test_frames: usize,
+    /// Cameras of the test split, none of which is used for training.
+    pub test_views: usize,
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Standard deviation of the errors of the training poses: each component of a finger joint's axis-angle, degrees. The
+    /// root's errors are half as large.
+    pub pose_noise_degrees: f64,
+    /// Standard deviation of each component of the training translations, metres.
+    pub translation_noise: f64,
+    /// Its layout.
+    pub format: CaptureFormat,
+}
+
+impl Default for SyntheticOptions {
+    fn default() -> Self {
+        SyntheticOptions {
+            identity: 7,
+            seed: 7,
+            views: 8,
+            train_frames: 16,
+            test_frames: 6,
+            test_views: 3,
+            width: 192,
+            height: 288,
+            pose_noise_degrees: 4.0,
+            translation_noise: 0.001,
+            format: CaptureFormat::Ghand,
+        }
+    }
+}
+
+/// A directional light fixed in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneLight {
+    /// Unit vector from the scene towards the light, world axes.
+    pub direction: DVec3,
+    /// Its contribution to the texture's factor at normal incidence.
+    pub color: DVec3,
+}
+
+/// The light of a scene: colour = texture x exposure x (ambient + sum of color x max(0, (n.l + wrap) / (1 + wrap))),
+/// clamped to 1, in display values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneLighting {
+    /// Ambient light.
+    pub ambient: DVec3,
+    /// The lights.
+    pub lights: Vec<SceneLight>,
+    /// How far light wraps around the shape, `[0, 1]`.
+    pub wrap: f64,
+}
+
+/// One frame of the true hand, for a renderer.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneMesh<'a> {
+    /// Vertex positions, metres, world axes.
+    pub positions: &'a [DVec3],
+    /// Unit vertex normals, world axes.
+    pub normals: &'a [DVec3],
+    /// UV of each vertex, (0, 0) at the outer corner of the first texel.
+    pub uvs: &'a [DVec2],
+    /// The fraction of the light that reaches each vertex past the rest of the hand, `[0, 1]`.
+    pub exposure: &'a [f64],
+    /// Triangles as vertex indices.
+    pub triangles: &'a [[u32; 3]],
+    /// Colour of the skin.
+    pub texture: &'a Texture,
+    /// The light.
+    pub lighting: &'a SceneLighting,
+}
+
+/// Draws a scene as a camera sees it: row-major pixels of the camera's size, straight colour and coverage, antialiased;
+/// or returns an error.
+pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>, String> + 'a;
+
+/// Makes a synthetic capture in the folder `out_dir`.
+///
+/// The capture appears there atomically: it is made beside `out_dir` and renamed.
+///
+/// # Errors
+/// [`CaptureError`] when the options are unusable, `out_dir` is not empty or cannot be written, or `render` fails.
+pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderScene) -> Result<(), CaptureError> {
+    check(options, out_dir)?;
+    let io = |action: &'static str| {
+        move |source| CaptureError::Io {
+            path: out_dir.into(),
+            action,
+            source,
+            remedy: "check that its parent folder may be written and has space",
+        }
+    };
+    let parent = match out_dir.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(parent).map_err(io("make the folder"))?;
+    let workshop = tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("make the folder"))?;
+
+    let template = ProceduralHand::default();
+    let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
+    let true_hand = TrueHand::new(&template, options.identity).map_err(model_error)?;
+    let mut capture = plan(options, &template, &true_hand, workshop.path()).map_err(model_error)?;
+    match options.format {
+        CaptureFormat::Ghand => {
+            draw(&capture, &true_hand, render)?;
+            capture.save()?;
+        }
+        CaptureFormat::InterHand => {
+            lay_out(&mut capture);
+            draw(&capture, &true_hand, render)?;
+            write_mano(&workshop.path().join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
+            let poses = capture.truth.iter().flatten().flatten();
+            write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())?;
+        }
+    }
+
+    // A rename replaces an empty folder on Unix only.
+    if out_dir.exists() {
+        std::fs::remove_dir(out_dir).map_err(io("replace the empty folder"))?;
+    }
+    // Temporary folders are private; the capture should not be.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(workshop.path(), std::fs::Permissions::from_mode(0o755))
+            .map_err(io("make the folder"))?;
+    }
+    std::fs::rename(workshop.path(), out_dir).map_err(io("move the capture into place"))
+}
+
+fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError> {
+    let fail = |field: &str, problem: String| {
+        Err(CaptureError::Invalid { path: out_dir.into(), field: field.into(), problem })
+    };
+    // InterHand2.6M always has images in the split `test`.
+    let least_test = usize::from(options.format == CaptureFormat::InterHand);
+    let counts = [
+        ("views", options.views, 1, MOST_CAMERAS),
+        ("test_views", options.test_views, least_test, MOST_CAMERAS),
+        ("train_frames", options.train_frames, 1, MOST_FRAMES),
+        ("test_frames", options.test_frames, least_test, MOST_FRAMES),
+    ];
+    if let Some((field, count, least, most)) =
+        counts.into_iter().find(|(_, n, least, most)| !(least..=most).contains(&n))
+    {
+        return fail(field, format!("is {count}; give {least} to {most}"));
+    }
+    if options.width < 16 || options.height < 16 || options.width.max(options.height) > 4096 {
+        return fail("width and height", format!("{} x {}; give 16 to 4096", options.width, options.height));
+    }
+    if options.format == CaptureFormat::InterHand && options.width.min(options.height) < INTERHAND_LEAST {
+        let problem = format!(
+            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M leave out images of smaller hands",
+            options.width, options.height
+        );
+        return fail("width and height", problem);
+    }
+    let noise = [
+        ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
+        ("translation_noise", options.translation_noise, 0.1),
+    ];
+    for (field, value, most) in noise {
+        if !(0.0..=most).contains(&value) {
+            return fail(field, format!("is {value}; give 0 to {most}"));
+        }
+    }
+    // It should not exist; other errors appear when it is created.
+    if std::fs::read_dir(out_dir).is_ok_and(|mut entries| entries.next().is_some()) {
+        return fail("folder", "is not empty; give another or remove it first".into());
+    }
+    Ok(())
+}
+
+/// The capture without its pictures.
+fn plan(
+    options: &SyntheticOptions,
+    template: &ProceduralHand,
+    true_hand: &TrueHand,
+    root: &Path,
+) -> Result<Capture, ghand_hand_model::HandModelError> {
+    let hand_model = template.build()?;
+    let anatomy = anatomy::Anatomy::of(&hand_model);
+    let joint_count = hand_model.joint_count();
+    let train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, options.seed);
+    let test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, options.seed);
+    let noise = PoseNoise { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
+    let given: Vec<Pose> = trajectory::noisy(&train, &noise, options.seed).into_iter().chain(test.clone()).collect();
+    let truth: Vec<Pose> = train.into_iter().chain(test).collect();
+
+    let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
+    let test_views = if options.test_frames == 0 { 0 } else { options.test_views };
+    let count = options.views + test_views;
+    let border = match options.format {
+        CaptureFormat::Ghand => 0.0,
+        CaptureFormat::InterHand => INTERHAND_BORDER,
+    };
+    let cameras = camera_rig::cameras(count, options.width, options.height, border, &points);
+    // Test cameras lie spread between the others.
+    let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
+    let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
+    let train_frames: Vec<usize> = (0..options.train_frames).collect();
+    let five = well_spread(&cameras, &train_cameras, 5);
+    let splits = BTreeMap::from([
+        ("train".to_owned(), Split::product(train_cameras, train_frames.clone())),
+        ("train5".to_owned(), Split::product(five, train_frames)),
+        ("test".to_owned(), Split::product(test_cameras, (options.train_frames..truth.len()).collect())),
+    ]);
+    let frames = given.into_iter().enumerate().map(|(i, pose)| Frame { id: format!("{i:04}"), pose, shape: vec![] });
+    Ok(Capture {
+        root: root.into(),
+        side: Side::Right,
+        background: [0.0; 3],
+        template: hand_model.clone(),
+        hand_model,
+        hand_model_source: HandModelSource::Procedural(template.clone()),
+        cameras,
+        distortion: vec![],
+        frames: frames.collect(),
+        images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
+        splits,
+        truth: Some(truth.into_iter().map(Some).collect()),
+    })
+}

@@ -1,0 +1,260 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::*;
+
+fn options() -> SyntheticOptions {
+    SyntheticOptions {
+        views: 6,
+        train_frames: 7,
+        test_frames: 2,
+        test_views: 2,
+        width: 24,
+        height: 36,
+        ..Default::default()
+    }
+}
+
+/// A renderer that draws the vertices as points: enough to show the hand's position.
+fn points(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String> {
+    let mut pixels = vec![[0; 4]; camera.width as usize * camera.height as usize];
+    for (position, exposure) in scene.positions.iter().zip(scene.exposure) {
+        let (pixel, depth) = camera.project(*position);
+        let inside =
+            pixel.min_element() >= 0.0 && pixel.x < f64::from(camera.width) && pixel.y < f64::from(camera.height);
+        if !(inside && depth > 0.3 && (0.0..=1.0).contains(exposure)) {
+            return Err(format!("a vertex is at {pixel}, depth {depth}, exposure {exposure}"));
+        }
+        pixels[pixel.y as usize * camera.width as usize + pixel.x as usize] = [200, 150, (depth * 300.0) as u8, 255];
+    }
+    Ok(pixels)
+}
+
+/// Contents of all files below a folder.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap()) {
+        let name = entry.file_name().into_string().unwrap();
+        if entry.path().is_dir() {
+            files.extend(contents(&entry.path()).into_iter().map(|(k, v)| (format!("{name}/{k}"), v)));
+        } else {
+            files.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    files
+}
+
+#[test]
+fn a_capture_is_the_same_each_time_and_holds_the_hand_in_every_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+    generate(&options(), &a, &mut points).unwrap();
+    generate(&options(), &b, &mut points).unwrap();
+    let files = contents(&a);
+    // Image and mask of 6 x 7 + 2 x 2 pairs, capture.json and truth.json.
+    assert_eq!(files.len(), 2 * 46 + 2);
+    assert!(files == contents(&b), "the same options give the same files");
+
+    let capture = Capture::open(&a).unwrap();
+    let (train, test) = (capture.split("train").unwrap(), capture.split("test").unwrap());
+    assert_eq!((train.cameras.len(), train.frames.len()), (6, 7));
+    assert_eq!((test.cameras.len(), test.frames.len()), (2, 2));
+    assert!(test.cameras.iter().all(|c| !train.cameras.contains(c)), "test cameras do not train");
+    assert!(test.frames.iter().all(|f| !train.frames.contains(f)), "test frames do not train");
+    let five = capture.split("train5").unwrap();
+    assert!(five.cameras.len() == 5 && five.cameras.iter().all(|c| train.cameras.contains(c)));
+    assert_eq!(capture.load_view(test.cameras[1], test.frames[1]).unwrap().rgba.len(), 24 * 36);
+
+    let truth: Vec<Pose> = capture.truth.iter().flatten().flatten().cloned().collect();
+    let error = |frames: &[usize]| {
+        let squares =
+            frames.iter().flat_map(|&f| capture.frames[f].pose.rotations.iter().zip(&truth[f].rotations).skip(1));
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), (a, b)| (sum + (*a - *b).length_squared(), n + 3.0));
+        (sum / count).sqrt().to_degrees()
+    };
+    // 7 frames x 15 joints x 3 = 315 samples of sigma 4: the estimate is good to 4 / sqrt(2 x 315) = 0.16.
+    assert!((error(&train.frames) - 4.0).abs() < 0.6, "{} degrees of noise", error(&train.frames));
+    assert_eq!(error(&test.frames), 0.0);
+}
+
+#[test]
+fn the_true_hand_is_not_the_template_under_linear_skinning() {
+    let template = ProceduralHand::default();
+    let (model, hand) = (template.build().unwrap(), TrueHand::new(&template, 7).unwrap());
+    let anatomy = anatomy::Anatomy::of(&model);
+    assert_eq!(anatomy.fingers.len(), 5);
+    let motion = |seed| trajectory::trajectory(&anatomy, model.joint_count(), 6, seed);
+    assert!(motion(7) != motion(8), "another seed gives another motion");
+    let pose = &motion(7)[3];
+    let motions = ghand_core::skeleton::pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
+    let linear: Vec<DVec3> = (0..model.vertices.len())
+        .map(|v| {
+            let weights = model.vertex_weights(v).iter().zip(&motions);
+            weights.map(|(w, m)| m.apply(model.vertices[v]) * *w).sum::<DVec3>() + pose.translation
+        })
+        .collect();
+    let truth = hand.pose(pose);
+    let gaps: Vec<f64> = (truth.positions.iter().step_by(37))
+        .map(|p| linear.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min))
+        .collect();
+    let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+    assert!((0.0008..0.01).contains(&mean), "mean distance of the surfaces {mean} m");
+    assert!(truth.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-9));
+}
+
+/// The built-in hand with the index finger bent as far as it goes, and stretched.
+fn index_finger(bend: f64) -> Pose {
+    let model = ProceduralHand::default().build().unwrap();
+    let finger = &anatomy::Anatomy::of(&model).fingers[0];
+    let mut pose = Pose::rest(model.joint_count());
+    (0..3).for_each(|k| pose.rotations[finger.joints[k]] = finger.bend_axis(k) * bend);
+    pose
+}
+
+#[test]
+fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
+    let hand = TrueHand::new(&ProceduralHand::default(), 7).unwrap();
+    let anatomy = &hand.anatomy;
+    let finger = &anatomy.fingers[0];
+    let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));
+    let (stretched, bent) = (relief(&index_finger(0.0)), relief(&index_finger(1.4)));
+    // Positive if the skin rises as the finger bends.
+    let rise: Vec<f64> =
+        (stretched.iter().zip(&bent).zip(&hand.normals)).map(|((a, b), n)| (*b - *a).dot(*n)).collect();
+    let middle_crease = |v: usize| {
+        let offset = hand.model.vertices[v] - finger.points[1];
+        hand.normals[v].dot(finger.dorsal) < -0.6
+            && offset.dot(finger.direction(1)).abs() < 0.004
+            && offset.length() < 0.015
+    };
+    let deepest = (0..rise.len()).filter(|&v| middle_crease(v)).map(|v| rise[v]).fold(0.0, f64::min);
+    assert!((-0.002..-0.0004).contains(&deepest), "the crease deepens by {deepest} m");
+    let knuckle = (0..rise.len()).min_by(|&a, &b| {
+        let distance = |v: usize| hand.model.vertices[v].distance(finger.points[0] + finger.dorsal * finger.radius);
+        distance(a).total_cmp(&distance(b))
+    });
+    assert!(rise[knuckle.unwrap()] > 0.0005, "the knuckle stands out by {} m", rise[knuckle.unwrap()]);
+    let elsewhere = (0..rise.len()).filter(|&v| hand.model.vertex_weights(v)[anatomy.fingers[1].joints[1]] > 0.5);
+    assert!(elsewhere.map(|v| rise[v].abs()).all(|moved| moved == 0.0), "the next finger is left alone");
+
+    let [a, b] = [0.0, 1.4].map(|bend| hand.pose(&index_finger(bend)).texture);
+    let brightness = |texel: &[u8; 3]| texel.iter().map(|v| i32::from(*v)).sum::<i32>();
+    let change: Vec<i32> = a.rgb.iter().zip(&b.rgb).map(|(a, b)| brightness(b) - brightness(a)).collect();
+    assert!(change.iter().filter(|c| **c < -60).count() > 100, "creases darken");
+    assert!(change.iter().filter(|c| **c > 30).count() > 100, "knuckles blanch and folds on the back vanish");
+    assert!(change.iter().filter(|c| **c != 0).count() < change.len() / 8, "most of the skin stays as it is");
+}
+
+#[test]
+fn identities_have_other_hands_and_seeds_other_motions() {
+    let capture = |identity, seed| {
+        let folder = tempfile::tempdir().unwrap();
+        let options = SyntheticOptions { identity, seed, ..options() };
+        generate(&options, &folder.path().join("c"), &mut points).unwrap();
+        let capture = Capture::open(&folder.path().join("c")).unwrap();
+        (capture.truth.unwrap(), contents(&folder.path().join("c/images")))
+    };
+    let [base, other_hand, other_motion] =
+        [(7, 7), (u64::MAX, 7), (7, u64::MAX)].map(|(identity, seed)| capture(identity, seed));
+    assert!(base.0 == other_hand.0 && base.1 != other_hand.1);
+    assert!(base.0 != other_motion.0);
+}
+
+#[test]
+fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let [own, inter] = ["own", "inter"].map(|name| folder.path().join(name));
+    let options = |format| SyntheticOptions { width: 176, height: 256, format, ..options() };
+    let mut hand = |scene: &SceneMesh, camera: &Camera| {
+        // As large and as bright as readers of the data set require.
+        let mut pixels = points(scene, camera)?;
+        let on: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i][3] > 0).collect();
+        on.into_iter().flat_map(|i| [i - 1, i + 1]).for_each(|i| pixels[i] = [180, 140, 120, 255]);
+        Ok(pixels)
+    };
+    generate(&options(CaptureFormat::Ghand), &own, &mut hand).unwrap();
+    generate(&options(CaptureFormat::InterHand), &inter, &mut hand).unwrap();
+    let own = Capture::open(&own).unwrap();
+    let mano = ghand_hand_model::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
+    let open = ghand_capture::OpenOptions { mano: Some(mano), ..Default::default() };
+    let opened = Capture::open_with(&inter, &open).unwrap();
+    assert_eq!((opened.skipped_images.total(), opened.warnings), (0, vec![]));
+    let mut read = opened.capture;
+    assert_eq!(read.skip_unusable_images(&["train", "test_all"]).unwrap().total(), 0);
+
+    let pairs =
+        |c: &Capture, split: &str| c.splits[split].views.iter().map(|v| (v.camera, v.frame)).collect::<Vec<_>>();
+    let order: Vec<usize> = (0..read.frames.len()).collect();
+    assert_eq!(pairs(&read, "train"), pairs(&own, "train"));
+    assert_eq!(pairs(&read, "test_all"), pairs(&own, "test"));
+    let worst = |found: &[f64], expected: &[f64]| {
+        assert_eq!(found.len(), expected.len());
+        found
+            .iter()
+            .zip(expected)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, |w: f64, d| if d > w || d.is_nan() { d } else { w })
+    };
+    assert!(worst(&[1.0, f64::NAN, 1.0], &[1.0; 3]).is_nan() && worst(&[1.0], &[3.0]) == 2.0);
+    let numbers = |pose: &Pose| {
+        let joints = pose.rotations.iter().chain([&pose.translation]);
+        joints.flat_map(|v| v.to_array()).collect::<Vec<f64>>()
+    };
+    for (found, expected) in order.iter().map(|&i| (&read.frames[i], &own.frames[i])) {
+        let error = worst(&numbers(&found.pose), &numbers(&expected.pose));
+        assert!(error <= 1e-6, "frame {}: {error}", found.id);
+    }
+    let truth = |c: &Capture| c.truth.iter().flatten().flatten().flat_map(numbers).collect::<Vec<f64>>();
+    assert!(worst(&truth(&read), &truth(&own)) <= 1e-6);
+    let joints = |model: &ghand_core::HandModel| model.joints.iter().flat_map(|j| j.to_array()).collect::<Vec<f64>>();
+    assert!(worst(&joints(&read.hand_model), &joints(&own.hand_model)) <= 1e-6);
+    for (found, expected) in read.cameras.iter().zip(&own.cameras) {
+        let all = |c: &Camera| {
+            let columns = c.rotation.to_cols_array().to_vec();
+            [columns, c.translation.to_array().to_vec(), c.principal.to_array().to_vec()].concat()
+        };
+        let error = worst(&all(found), &all(expected));
+        assert!(error <= 1e-6, "camera {}: {error}", found.id);
+        // Images in InterHand's layout leave more room around the hand.
+        assert!(found.focal.x < expected.focal.x);
+    }
+    let (a, b) = (read.load_view(0, 0).unwrap(), own.load_view(0, 0).unwrap());
+    assert!(a.rgba.iter().filter(|p| p[3] == 255).count() > 3000 && b.rgba.len() == a.rgba.len());
+}
+
+#[test]
+fn a_capture_appears_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("capture");
+    let mut left = 3;
+    let error = generate(&options(), &out, &mut |scene, camera| {
+        left -= 1;
+        if left == 0 { Err("the card is on fire".into()) } else { points(scene, camera) }
+    });
+    let message = error.unwrap_err().to_string();
+    assert!(message.contains("the card is on fire") && message.contains("0000"), "{message}");
+    let short = generate(&options(), &out, &mut |_, _| Ok(vec![])).unwrap_err().to_string();
+    assert!(short.contains("0 pixels, expected 864"), "{short}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
+}
+
+#[test]
+fn unusable_options_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let says = |options: SyntheticOptions, out: &Path, text: &str| {
+        let message = generate(&options, out, &mut points).unwrap_err().to_string();
+        assert!(message.contains(text), "{message}");
+    };
+    let out = folder.path().join("capture");
+    says(SyntheticOptions { views: 0, ..options() }, &out, "views");
+    says(SyntheticOptions { width: 0, ..options() }, &out, "width");
+    says(SyntheticOptions { format: CaptureFormat::InterHand, ..options() }, &out, "at least 160");
+    let untested = SyntheticOptions { test_frames: 0, width: 200, height: 200, ..options() };
+    says(SyntheticOptions { format: CaptureFormat::InterHand, ..untested }, &out, "test_frames: is 0");
+    says(SyntheticOptions { views: 100_000, ..options() }, &out, "views: is 100000; give 1 to 1000");
+    says(SyntheticOptions { pose_noise_degrees: f64::NAN, ..options() }, &out, "pose_noise_degrees");
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("mine"), "precious").unwrap();
+    says(options(), &out, "not empty");
+    assert_eq!(std::fs::read(out.join("mine")).unwrap(), b"precious");
+}

@@ -1,0 +1,134 @@
+//! The hand in the images: with other lengths, a finer mesh and skin.
+
+use ghand_capture::interhand::Landmarks;
+use ghand_core::mesh::{RenderMesh, Texture};
+use ghand_core::skeleton::pose_skeleton;
+use ghand_core::{HandModel, Pose};
+use ghand_hand_model::HandModelError;
+use ghand_hand_model::procedural::ProceduralHand;
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::anatomy::Anatomy;
+use super::atlas::Atlas;
+use super::complexion::Complexion;
+use super::exposure::Exposure;
+use super::folds::{Bend, Fold, Folds, bent};
+use super::skin::{Look, Place, Skin};
+use super::skinning::pose_vertices;
+use super::subdivision::subdivided;
+
+/// Largest relative difference of the true hand's lengths from the template's.
+const LENGTH_VARIATION: f64 = 0.06;
+/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre.
+const SUBDIVISIONS: usize = 2;
+
+/// The true hand, ready to be posed.
+pub(super) struct TrueHand {
+    /// At rest, without relief.
+    pub(super) model: HandModel,
+    /// Number of its vertices that belong to the mesh before subdivision.
+    coarse_vertices: usize,
+    pub(super) normals: Vec<DVec3>,
+    /// Appearance of each vertex without its folds, and the folds.
+    looks: Vec<(Look, Vec<Fold>)>,
+    pub mesh: RenderMesh,
+    atlas: Atlas,
+    pub(super) anatomy: Anatomy,
+    complexion: Complexion,
+    exposure: Exposure,
+}
+
+/// One frame, at the render mesh's vertices.
+pub(super) struct PosedHand {
+    pub positions: Vec<DVec3>,
+    pub normals: Vec<DVec3>,
+    pub exposure: Vec<f64>,
+    pub texture: Texture,
+}
+
+impl TrueHand {
+    /// Varies the template's lengths by the seed and grows skin on the result.
+    pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
+        let mut model = varied(template, seed).build()?;
+        // The skin's seed continues from this one.
+        let seed = seed & (u64::MAX >> 1);
+        let anatomy = Anatomy::of(&model);
+        let coarse_vertices = model.vertices.len();
+        for _ in 0..SUBDIVISIONS {
+            model = subdivided(&model);
+        }
+        let complexion = Complexion::of(seed);
+        let (skin, folds) = (Skin::new(&anatomy, &complexion, seed), Folds::new(&anatomy, seed));
+        let memberships: Vec<Vec<f64>> =
+            (0..model.vertices.len()).map(|v| anatomy.memberships(model.vertex_weights(v))).collect();
+        let normals = model.vertex_normals(&model.vertices);
+        let looks = (0..model.vertices.len())
+            .into_par_iter()
+            .map(|v| {
+                let place = Place { position: model.vertices[v], normal: normals[v], memberships: &memberships[v] };
+                (skin.look(&place), folds.at(&place))
+            })
+            .collect();
+        let atlas = Atlas::new(&model, &normals, &memberships, &skin, &folds);
+        let exposure = Exposure::new(&anatomy, &model);
+        let mesh = RenderMesh::from_model(&model);
+        Ok(TrueHand { mesh, looks, atlas, exposure, normals, anatomy, complexion, coarse_vertices, model })
+    }
+
+    /// Rest positions with the relief of a pose.
+    pub(super) fn rest_with_folds(&self, bend: &Bend) -> Vec<DVec3> {
+        (self.model.vertices.par_iter().zip(&self.normals).zip(&self.looks))
+            .map(|((position, normal), (look, folds))| {
+                *position + *normal * bent(look, folds, bend, &self.complexion).height
+            })
+            .collect()
+    }
+
+    pub(super) fn pose(&self, pose: &Pose) -> PosedHand {
+        let bend = Bend::of(&self.anatomy, pose);
+        let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
+        let normals = self.model.vertex_normals(&positions);
+        let exposure = self.exposure.of(&self.model, pose, &positions, &normals);
+        PosedHand {
+            positions: self.mesh.gather(&positions),
+            normals: self.mesh.gather(&normals),
+            exposure: self.mesh.source_vertices.iter().map(|&v| exposure[v as usize]).collect(),
+            texture: self.atlas.texture(&bend, &self.complexion),
+        }
+    }
+
+    /// Some of the posed hand's vertices, a few millimetres apart; world, metres.
+    pub(super) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
+        // Subdivision puts the coarse mesh's vertices first.
+        pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], pose)
+    }
+
+    /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
+    pub(super) fn landmarks(&self, pose: &Pose) -> Landmarks {
+        let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
+        let joints = (0..self.model.joint_count()).map(|k| motions[k].apply(self.model.joints[k]));
+        let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
+        let mut points = joints.chain(tips).map(|p| p + pose.translation);
+        std::array::from_fn(|_| points.next().unwrap_or_default())
+    }
+}
+
+fn varied(template: &ProceduralHand, seed: u64) -> ProceduralHand {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x4A7D);
+    let mut vary = |length: f64| length * (1.0 + LENGTH_VARIATION * (2.0 * rng.random::<f64>() - 1.0));
+    ProceduralHand {
+        left: template.left,
+        palm_length: vary(template.palm_length),
+        palm_width: vary(template.palm_width),
+        palm_thickness: vary(template.palm_thickness),
+        wrist_width: vary(template.wrist_width),
+        finger_lengths: template.finger_lengths.map(&mut vary),
+        finger_widths: template.finger_widths.map(&mut vary),
+        thumb_length: vary(template.thumb_length),
+        thumb_width: vary(template.thumb_width),
+        detail: template.detail,
+    }
+}

@@ -1,0 +1,67 @@
+//! Files that lie beside the checkout, in `../shared`, and the tests that are skipped without them.
+//!
+//! Cargo hides what a passing test prints through `println!`. A skipped test therefore writes its line to standard error itself,
+//! and appends it to the file named by `GHAND_SKIPPED_TESTS`, which `make test` sums up at its end.
+
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// What every line about a skipped test begins with.
+pub const PREFIX: &str = "SKIPPED TEST:";
+
+/// The environment variable that names the file of skipped tests.
+pub const RECORD: &str = "GHAND_SKIPPED_TESTS";
+
+/// The file or folder of that name in `../shared`, if it is there. If not, the calling test must return: the line that tells so
+/// is written here.
+pub fn shared(name: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    find(&folder, name, std::env::var_os(RECORD).as_deref().map(Path::new))
+}
+
+fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
+    let path = folder.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    let thread = std::thread::current();
+    let line = format!("{PREFIX} {} needs shared/{name}\n", thread.name().unwrap_or("a test"));
+    // Nothing is lost but a notice where standard error is closed.
+    let _ = io::stderr().write_all(line.as_bytes());
+    if let Some(record) = record
+        && let Err(error) = append(record, &line)
+    {
+        panic!("{RECORD}={}: cannot record a skipped test: {error}", record.display());
+    }
+    None
+}
+
+/// Appends a line in one write, since tests of several programs do so at the same time.
+fn append(path: &Path, line: &str) -> io::Result<()> {
+    OpenOptions::new().create(true).append(true).open(path)?.write_all(line.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use super::*;
+
+    #[test]
+    fn what_is_missing_is_recorded_on_one_line_and_what_is_there_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("skipped");
+        std::fs::write(folder.path().join("there"), b"").unwrap();
+        assert_eq!(find(folder.path(), "there", Some(&record)), Some(folder.path().join("there")));
+        assert!(!record.exists());
+        assert_eq!(find(folder.path(), "captures/a", Some(&record)), None);
+        assert_eq!(find(folder.path(), "assets/b", Some(&record)), None);
+        assert_eq!(find(folder.path(), "no/record", None), None);
+        let lines = std::fs::read_to_string(record).unwrap();
+        let lines: Vec<&str> = lines.lines().collect();
+        assert!(lines.iter().all(|line| line.starts_with(PREFIX)), "{lines:?}");
+        assert!(lines[0].ends_with("needs shared/captures/a") && lines[1].ends_with("needs shared/assets/b"));
+        assert_eq!(lines.len(), 2);
+    }
+}

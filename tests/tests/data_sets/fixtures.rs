@@ -1,0 +1,140 @@
+//! What the fixtures of all formats are made from.
+
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use ghand_capture::Capture;
+use ghand_core::{Camera, HandModel};
+use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_synthetic::{SceneMesh, SyntheticOptions, generate};
+use glam::{DMat3, DVec3};
+use tempfile::TempDir;
+
+use crate::support::hands::{Hand, as_pickle};
+
+/// The synthetic capture that the other formats are written from: 6 cameras and 3 frames train, 2 and 2 test.
+pub fn synthetic() -> &'static Capture {
+    static CAPTURE: LazyLock<(Capture, TempDir)> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let options = SyntheticOptions {
+            views: 6,
+            train_frames: 3,
+            test_frames: 2,
+            test_views: 2,
+            width: 128,
+            height: 192,
+            ..Default::default()
+        };
+        let root = folder.path().join("capture");
+        generate(&options, &root, &mut silhouette).unwrap();
+        (Capture::open(&root).unwrap(), folder)
+    });
+    &CAPTURE.0
+}
+
+/// A renderer that fills all triangles with one skin colour.
+fn silhouette(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String> {
+    let (width, height) = (camera.width as i64, camera.height as i64);
+    let mut pixels = vec![[0; 4]; (width * height) as usize];
+    let corners: Vec<_> = scene.positions.iter().map(|p| camera.project(*p).0).collect();
+    for triangle in scene.triangles {
+        let [a, b, c] = triangle.map(|i| corners[i as usize]);
+        let area = (b - a).perp_dot(c - a);
+        let (low, high) = (a.min(b).min(c).floor(), a.max(b).max(c).ceil());
+        for y in (low.y as i64).max(0)..(high.y as i64).min(height) {
+            for x in (low.x as i64).max(0)..(high.x as i64).min(width) {
+                let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (e - s).perp_dot(p - s) * area >= 0.0);
+                if inside {
+                    pixels[(y * width + x) as usize] = [200, 150, 120, 255];
+                }
+            }
+        }
+    }
+    Ok(pixels)
+}
+
+/// A right hand in MANO's layout, of made-up shapes, correctives and mean pose on the built-in hand's mesh.
+pub fn mano_hand() -> Hand {
+    let count = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();
+    Hand::procedural(count, (20, 10))
+}
+
+/// The model of [`mano_hand`].
+pub fn mano() -> &'static HandModel {
+    static MODEL: LazyLock<HandModel> = LazyLock::new(|| model_of(&mano_hand(), "MANO_RIGHT.pkl"));
+    &MODEL
+}
+
+pub fn model_of(hand: &Hand, name: &str) -> HandModel {
+    read_mano_bytes(name, &as_pickle(&hand.published()), None, &ManoOptions::default()).unwrap().model
+}
+
+/// Shape parameters of the fixtures: small, and another number for each.
+pub fn shape() -> Vec<f64> {
+    (0..10).map(|i| 0.05 - 0.02 * f64::from(i)).collect()
+}
+
+/// The largest difference of any entry; NaN where one is.
+pub fn difference(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> f64 {
+    let (a, b): (Vec<f64>, Vec<f64>) = (a.into_iter().collect(), b.into_iter().collect());
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, |worst, d| if d > worst || d.is_nan() { d } else { worst })
+}
+
+pub fn numbers(vectors: &[DVec3]) -> Vec<f64> {
+    vectors.iter().flat_map(DVec3::to_array).collect()
+}
+
+/// Asserts that two cameras agree to 1e-6 in all numbers.
+pub fn assert_same_camera(found: &Camera, expected: &Camera) {
+    let all = |c: &Camera| {
+        let vectors = [c.translation.to_array(), c.center().to_array()].concat();
+        [vectors, c.rotation.to_cols_array().to_vec(), c.focal.to_array().to_vec(), c.principal.to_array().to_vec()]
+            .concat()
+    };
+    assert_eq!((found.width, found.height), (expected.width, expected.height));
+    let error = difference(all(found), all(expected));
+    assert!(error <= 1e-6, "camera {} is off by {error}", expected.id);
+}
+
+pub fn rows(matrix: DMat3) -> [[f64; 3]; 3] {
+    matrix.transpose().to_cols_array_2d()
+}
+
+/// Asserts that a message is one line and says all parts.
+pub fn assert_says(message: &str, parts: &[&str]) {
+    assert!(!message.contains('\n'), "{message:?}");
+    for part in parts {
+        assert!(message.contains(part), "{message:?} should say {part:?}");
+    }
+}
+
+/// Writes a file with the folders above it.
+pub fn write(path: &Path, bytes: &[u8]) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Writes an image as a JPEG.
+pub fn write_jpeg(path: &Path, image: &image::RgbImage) {
+    let mut bytes = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95).encode_image(image).unwrap();
+    write(path, &bytes);
+}
+
+/// The synthetic image of a camera and a frame.
+pub fn synthetic_image(camera: usize, frame: usize) -> image::RgbImage {
+    let path: PathBuf = synthetic().image_file(camera, frame).unwrap();
+    image::open(path).unwrap().into_rgb8()
+}
+
+#[test]
+fn the_largest_difference_keeps_nan_and_sees_a_wrong_entry() {
+    assert_eq!(difference([1.0, 2.0], [1.0, 2.5]), 0.5);
+    assert!(difference([1.0, f64::NAN, 2.0], [1.0, 2.0, 2.0]).is_nan());
+    let camera = &synthetic().cameras[0];
+    let moved = Camera { translation: camera.translation + DVec3::X * 2e-6, ..camera.clone() };
+    assert!(std::panic::catch_unwind(|| assert_same_camera(&moved, camera)).is_err());
+}

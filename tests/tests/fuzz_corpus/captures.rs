@@ -1,0 +1,108 @@
+//! The inputs of `fuzz/corpus`, and changes of them, through the readers that `fuzz/fuzz_targets` runs: something sound or an
+//! error, never a panic.
+
+use std::path::Path;
+
+use ghand_capture::ghand_format::read_capture_text;
+use ghand_capture::hand_appearance::read_pose;
+use ghand_capture::interhand::count_annotations;
+use rand::{Rng, RngExt, SeedableRng};
+
+use crate::fixtures::mano;
+
+/// Changes of each input: enough that all parts of a reader are met, few enough that it takes a few seconds.
+const CHANGES: usize = 1500;
+
+fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
+    let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some());
+    paths.sort();
+    assert!(!paths.is_empty(), "{} holds no input", folder.display());
+    paths.into_iter().map(|path| (path.display().to_string(), std::fs::read(path).unwrap())).collect()
+}
+
+/// One to four changes of the kinds that damage texts, or that a fuzzer tries.
+fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
+    const PIECES: [&str; 10] =
+        ["null", "-1", "1e999", "[]", "{}", "\"\"", "[[", "NaN", "18446744073709551616", "\"../x\""];
+    let mut bytes = bytes.to_vec();
+    for _ in 0..random.random_range(1..=4) {
+        if bytes.is_empty() {
+            break;
+        }
+        let at = random.random_range(0..bytes.len());
+        let end = bytes.len().min(at + random.random_range(1..=12));
+        match random.random_range(0..6) {
+            0 => bytes[at] = random.random(),
+            1 => drop(bytes.drain(at..end)),
+            2 => {
+                // A whole number, word or string in place of another.
+                let ends = |b: &u8| b",:[]{}".contains(b);
+                let end = bytes[at..].iter().position(ends).map_or(bytes.len(), |n| at + n);
+                bytes.splice(at..end, PIECES[random.random_range(0..PIECES.len())].bytes());
+            }
+            3 => {
+                let copy = bytes[at..end].to_vec();
+                bytes.splice(at..at, copy);
+            }
+            4 => bytes.swap(at, end - 1),
+            _ => bytes.truncate(at.max(bytes.len() / 2)),
+        }
+    }
+    bytes
+}
+
+/// Runs inputs and changes of them; gives how many inputs were sound as they are.
+fn run(target: &str, read: impl Fn(&[u8]) -> bool) -> (usize, usize) {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
+    let inputs = corpus(target);
+    let mut sound = 0;
+    for (name, bytes) in &inputs {
+        println!("{name}");
+        sound += usize::from(read(bytes));
+        for _ in 0..CHANGES {
+            read(&changed(bytes, &mut random));
+        }
+    }
+    (sound, inputs.len())
+}
+
+#[test]
+fn captures_of_the_corpus_and_changes_of_them_give_a_sound_capture_or_an_error() {
+    let (sound, inputs) = run("capture", |bytes| {
+        let Ok(text) = std::str::from_utf8(bytes) else { return false };
+        match read_capture_text(Path::new("/nowhere/capture.json"), text, Some(mano())) {
+            Ok(capture) => {
+                let joints = capture.hand_model.joint_count();
+                assert!(capture.frames.iter().all(|f| f.pose.rotations.len() == joints));
+                assert!(capture.frames.iter().flat_map(|f| &f.pose.rotations).all(|r| r.is_finite()));
+                let (cameras, frames) = (capture.cameras.len(), capture.frames.len());
+                let views = || capture.splits.values().flat_map(|s| &s.views);
+                assert!(views().all(|v| v.camera < cameras && v.frame < frames));
+                assert!(views().all(|v| capture.image_file(v.camera, v.frame).unwrap().starts_with("/nowhere")));
+                true
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("/nowhere"), "{error}");
+                false
+            }
+        }
+    });
+    assert!(sound >= 2 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+}
+
+#[test]
+fn annotations_of_the_corpus_and_changes_of_them_are_read_or_refused() {
+    let (sound, inputs) = run("interhand", |bytes| {
+        let counts = count_annotations(bytes);
+        let found = [counts.cameras, counts.images, counts.poses];
+        found.into_iter().any(|count| count.is_ok_and(|count| count > 0))
+    });
+    assert!(sound >= 3 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+}
+
+#[test]
+fn pickles_of_the_corpus_are_poses_or_refused() {
+    run("pickle", |bytes| read_pose("0001_mano.pkl", bytes, mano()).is_ok());
+}

@@ -1,0 +1,90 @@
+//! The inputs of `fuzz/corpus/poses` and `fuzz/corpus/pose_arrays`, and changes of them, through the readers that the targets of
+//! these names in `fuzz/fuzz_targets` run: finite poses or an error that names the file, never a panic.
+
+use std::path::{Path, PathBuf};
+
+use ghand_core::HandModel;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_motion::pose_sequence::read_poses_bytes;
+use ghand_motion::{PoseError, PoseOptions, PoseSequence};
+use rand::{Rng, RngExt, SeedableRng};
+
+use crate::arrays::read_pose_arrays;
+
+/// Changes of each input: enough that all readers see some hundred, few enough that it takes a few seconds.
+const CHANGES: usize = 300;
+
+/// One to four changes of the kinds that damage files, or that a fuzzer tries.
+fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..random.random_range(1..=4) {
+        if bytes.is_empty() {
+            break;
+        }
+        let at = random.random_range(0..bytes.len());
+        let length = random.random_range(1..=8).min(bytes.len() - at);
+        match random.random_range(0..6) {
+            0 => bytes[at] ^= 1 << random.random_range(0..8),
+            1 => bytes[at] = b"0123456789-.,[]{}eN\""[random.random_range(0..20)],
+            2 => bytes[at..at + length].fill([0, b'9', 0xff][random.random_range(0..3)]),
+            3 => drop(bytes.drain(at..at + length)),
+            4 => {
+                let copy = bytes[at..at + length].to_vec();
+                let to = random.random_range(0..=bytes.len());
+                bytes.splice(to..to, copy);
+            }
+            _ => bytes.truncate(at),
+        }
+    }
+    bytes
+}
+
+/// Runs the inputs of a folder of the corpus, and changes of them; the names of all that are poses as they are must be all but
+/// the hopeless ones.
+fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
+    // Those that libFuzzer adds have hashes as names.
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some());
+    paths.sort();
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
+    let check = |bytes: &[u8]| match read(bytes, &model) {
+        Ok(sequence) => {
+            assert!(!sequence.frames.is_empty() && sequence.fps > 0.0);
+            for frame in &sequence.frames {
+                assert_eq!(frame.pose.rotations.len(), model.joint_count());
+                assert!(frame.pose.rotations.iter().all(|rotation| rotation.is_finite()));
+                assert!(frame.pose.translation.is_finite());
+            }
+            true
+        }
+        Err(error) => {
+            assert!(error.to_string().starts_with("file: "), "{error}");
+            false
+        }
+    };
+    let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+    let mut found = Vec::new();
+    for path in &paths {
+        println!("{}", path.display());
+        let bytes = std::fs::read(path).unwrap();
+        found.extend(check(&bytes).then(|| name(path)));
+        for _ in 0..CHANGES {
+            check(&changed(&bytes, &mut random));
+        }
+    }
+    let expected: Vec<String> = paths.iter().map(name).filter(|name| !hopeless.contains(&name.as_str())).collect();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn poses_of_the_corpus_and_changes_of_them_are_finite_or_an_error() {
+    let hopeless = ["deep.json", "list_in_itself.pkl", "nan_of_python.json", "no_poses.json"];
+    run("poses", &hopeless, |bytes, model| read_poses_bytes("file", bytes, model, &PoseOptions::default()));
+}
+
+#[test]
+fn arrays_of_the_corpus_and_changes_of_them_are_finite_poses_or_an_error() {
+    run("pose_arrays", &["frames_without_joints.arrays", "half_of_infinite_frames.arrays"], read_pose_arrays);
+}
