@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use ghand_core::posing::pose_hand;
 use ghand_core::rotation::rotation_from_axis_angle;
-use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::named_poses::hand_directions;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -42,15 +42,10 @@ impl Upright {
     }
 }
 
-/// The model's vertices in a pose, world, metres.
+/// The model's vertices in a pose, world, metres. For a pose that does not fit the model they are those at rest: code that
+/// poses the hand reports it.
 pub fn posed_vertices(model: &HandModel, pose: &Pose) -> Vec<DVec3> {
-    let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
-    let moved = |(i, v): (usize, &DVec3)| {
-        let weights = model.vertex_weights(i).iter().zip(&chain.posed_from_rest);
-        let bent: DVec3 = weights.filter(|(w, _)| **w > 0.0).map(|(w, b)| b.apply(*v) * *w).sum();
-        bent + pose.translation
-    };
-    model.vertices.iter().enumerate().map(moved).collect()
+    pose_hand(model, &[], pose).map_or_else(|_| model.vertices.clone(), |posed| posed.vertices)
 }
 
 /// Middle of the box around points.
@@ -129,6 +124,8 @@ pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height
 mod tests {
     use ghand_hand_model::named_poses::named_pose;
     use ghand_hand_model::procedural::ProceduralHand;
+
+    use ghand_core::skeleton::pose_skeleton;
 
     use super::*;
 

@@ -9,8 +9,9 @@ use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::local_thickness::local_thickness;
 use crate::properties::PropertyTables;
-use crate::properties::direct::DirectTables;
+use crate::properties::direct::{DirectTables, START_SCALE};
 
 /// Choices that fix the shape of an avatar's tables and what they mean.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -159,6 +160,9 @@ pub struct Avatar {
 /// How far inside of the surface Gaussians start, in standard deviations. At the silhouette a line of sight grazes about
 /// ten Gaussians in a row, and ten of them together cover half where each covers 7 %: at 2.3 standard deviations.
 pub const DEFAULT_INSET: f64 = 2.0;
+/// How deep Gaussians may start, as a part of the hand's thickness there: the bone's axis is at a half, and beyond it a
+/// Gaussian would lie nearer to the other side.
+const DEEPEST_INSET: f64 = 1.0 / 3.0;
 /// Largest standard deviation of a Gaussian in multiples of the mean spacing.
 const MAX_SCALE: f32 = 4.0;
 
@@ -177,7 +181,8 @@ impl Avatar {
         Avatar::untrained_inset(model, config, color, DEFAULT_INSET, seed)
     }
 
-    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size inside of the surface.
+    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size inside of the surface, but no deeper than a third
+    /// of the hand's thickness.
     ///
     /// # Errors
     /// [`HandModelError`] if the model cannot be sampled.
@@ -190,7 +195,11 @@ impl Avatar {
     ) -> Result<Avatar, HandModelError> {
         let samples = surface::sample_surface(model, config.uv_resolution)?;
         let template = Template::from_samples(model, &samples);
-        let tables = DirectTables::untrained(&template, &samples.normals, inset, config, color, seed);
+        let thickness = local_thickness(model, &samples);
+        let insets: Vec<f64> = (template.spacings.iter().zip(&thickness))
+            .map(|(spacing, thickness)| (inset * f64::from(START_SCALE * spacing)).min(DEEPEST_INSET * thickness))
+            .collect();
+        let tables = DirectTables::untrained(&template, &samples.normals, &insets, config, color, seed);
         Ok(Avatar {
             template,
             model: model.without_blend_shapes(),
@@ -214,4 +223,38 @@ impl Avatar {
 /// See [`Avatar::max_scale`].
 pub(crate) fn max_scale(template: &Template) -> f32 {
     MAX_SCALE * template.mean_spacing()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use ghand_hand_model::procedural::ProceduralHand;
+
+    use super::*;
+
+    /// Depth of each Gaussian of an untrained avatar, metres.
+    fn depths(avatar: &Avatar) -> Vec<f64> {
+        let PropertyTables::Direct(tables) = &avatar.tables;
+        let n = avatar.template.len();
+        let at = |c: usize, p: usize| f64::from(tables.shape_basis[c * n + p]);
+        (0..n).map(|p| DVec3::new(at(0, p), at(1, p), at(2, p)).length()).collect()
+    }
+
+    #[test]
+    fn gaussians_start_no_deeper_than_a_third_of_the_hand() {
+        let model = ProceduralHand::default().build().unwrap();
+        let config = AvatarConfig { uv_resolution: 96, ..Default::default() };
+        let samples = surface::sample_surface(&model, 96).unwrap();
+        let thickness = local_thickness(&model, &samples);
+        let avatar = Avatar::untrained_inset(&model, &config, [0.5; 3], 3.0, 0).unwrap();
+        let (mut bounded, mut free) = (0, 0);
+        for ((depth, thickness), spacing) in depths(&avatar).iter().zip(&thickness).zip(&avatar.template.spacings) {
+            assert!(*depth <= thickness / 3.0 + 1e-7, "{depth} m of {thickness} m");
+            let wanted = 3.0 * f64::from(START_SCALE * spacing);
+            if (depth - wanted).abs() < 1e-7 { free += 1 } else { bounded += 1 }
+        }
+        // Fingers are thin for such large Gaussians, palm and wrist are not.
+        assert!(bounded > 100 && free > 100, "{bounded} bounded, {free} free");
+    }
 }

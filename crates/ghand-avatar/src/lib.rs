@@ -3,6 +3,7 @@
 
 pub mod avatar;
 pub mod file;
+pub mod local_thickness;
 pub mod ply;
 pub mod posed_avatar;
 pub mod properties;

@@ -18,6 +18,22 @@ use crate::posed_avatar::PosedAvatar;
 pub const OPACITY: f32 = 1.0;
 
 /// What one splatter draws: any number of posed avatars, or Gaussians that stand still.
+///
+/// ```no_run
+/// use ghand_avatar::{Avatar, Scene};
+/// use ghand_core::Pose;
+/// use ghand_render::splat::Purpose;
+/// use ghand_render::{AdapterChoice, Gpu};
+/// # fn camera() -> ghand_core::Camera { unimplemented!() }
+///
+/// let avatar = Avatar::load("out/train/avatar.ghand".as_ref())?;
+/// let gpu = Gpu::new(&AdapterChoice::from_env())?;
+/// let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [640, 480])?;
+/// scene.set_pose(&gpu, 0, 0, &Pose::rest(avatar.model.joint_count()))?;
+/// let image = scene.render(&gpu, 0, &camera(), [0.0; 3])?;
+/// assert_eq!(image.rgba.len(), 640 * 480);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Scene {
     splatter: Splatter,
     avatars: Vec<PosedAvatar>,

@@ -31,6 +31,16 @@ impl CoefficientLayout {
 ///
 /// `shape_basis` is `[n][N]` (metres), `blend_coefficients` `[n][N]` (no unit, one per component), both basis-major.
 /// Their lengths must be equal and a multiple of `count` = N.
+///
+/// ```
+/// use ghand_core::blend_shapes::blend_shapes;
+/// use glam::DVec3;
+///
+/// // Two bases of one Gaussian.
+/// let basis = [DVec3::X, DVec3::Y];
+/// let coefficients = [DVec3::splat(2.0), DVec3::splat(3.0)];
+/// assert_eq!(blend_shapes(&basis, &coefficients, 1), [DVec3::new(2.0, 3.0, 0.0)]);
+/// ```
 pub fn blend_shapes(shape_basis: &[DVec3], blend_coefficients: &[DVec3], count: usize) -> Vec<DVec3> {
     let mut offsets = vec![DVec3::ZERO; count];
     offsets.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, offsets)| {

@@ -92,11 +92,33 @@ pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Ve
     (d_shape, d_vertices)
 }
 
+/// Whether the model's pose correctives are part of a posed hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PoseCorrectives {
+    /// Applied before skinning, as the hand model means it (paper eq. 2).
+    Applied,
+    /// Left out: plain linear blend skinning of the shaped hand.
+    Ignored,
+}
+
 /// Poses a hand: shape and pose blend shapes, chain, linear blend skinning, translation.
 ///
 /// # Errors
-/// [`InvalidHandModel`] as of [`shape_hand`], and when the pose has not one rotation a joint.
+/// [`InvalidHandModel`] as of [`shape_hand`], and when the pose does not have one rotation per joint.
 pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, InvalidHandModel> {
+    pose_hand_with(model, shape, pose, PoseCorrectives::Applied)
+}
+
+/// As [`pose_hand`], with or without the pose correctives. [`pose_hand_vjp`] is the derivative with them.
+///
+/// # Errors
+/// As [`pose_hand`].
+pub fn pose_hand_with(
+    model: &HandModel,
+    shape: &[f64],
+    pose: &Pose,
+    correctives: PoseCorrectives,
+) -> Result<PosedHand, InvalidHandModel> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
         return Err(invalid(model, "pose", format!("has {rows} rotations, the model {joints} joints")));
@@ -104,7 +126,11 @@ pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedH
     let shaped = shape_hand(model, shape)?;
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
     let mut corrected = shaped.vertices.clone();
-    for (weight, directions) in pose_features(&chain).zip(model.pose_directions.chunks_exact(corrected.len().max(1))) {
+    let directions = match correctives {
+        PoseCorrectives::Applied => &model.pose_directions[..],
+        PoseCorrectives::Ignored => &[],
+    };
+    for (weight, directions) in pose_features(&chain).zip(directions.chunks_exact(corrected.len().max(1))) {
         // In most poses, most joints have no rotation.
         if weight != 0.0 {
             corrected.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * weight);

@@ -96,6 +96,20 @@ impl Default for ProceduralHand {
 impl ProceduralHand {
     /// Builds the hand. The same parameters give the same bits.
     ///
+    /// ```
+    /// use ghand_core::Pose;
+    /// use ghand_core::posing::pose_hand;
+    /// use ghand_hand_model::procedural::ProceduralHand;
+    /// use glam::DVec3;
+    ///
+    /// let hand = ProceduralHand::default().build()?;
+    /// let mut pose = Pose::rest(hand.joint_count());
+    /// pose.translation = DVec3::new(0.0, 0.0, 0.5);
+    /// let posed = pose_hand(&hand, &[], &pose)?;
+    /// assert!((posed.vertices[0] - hand.vertices[0] - pose.translation).length() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`HandModelError::Invalid`] when a length is not finite, not positive or far from a hand's proportions, when
     /// `detail` is not in 1..=6, or when the parts intersect, so that no valid surface exists.

@@ -30,6 +30,14 @@ pub struct HandModelFile {
 
 /// Reads a rigged glTF hand (`.glb`, `.gltf`), or else a MANO file (a pickle or an `.npz` archive).
 ///
+/// ```no_run
+/// use ghand_hand_model::read::{ReadOptions, read_hand_model};
+///
+/// let file = read_hand_model("MANO_RIGHT.pkl".as_ref(), &ReadOptions::default())?;
+/// println!("{}: {} vertices", file.kind, file.model.vertices.len());
+/// # Ok::<(), ghand_hand_model::HandModelError>(())
+/// ```
+///
 /// # Errors
 /// [`HandModelError`] names the file, the part that cannot be used and a remedy.
 pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {

@@ -92,6 +92,16 @@ pub struct PoseOptions {
 
 /// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
 ///
+/// ```no_run
+/// use ghand_hand_model::procedural::ProceduralHand;
+/// use ghand_motion::{PoseOptions, read_poses};
+///
+/// let hand = ProceduralHand::default().build()?;
+/// let poses = read_poses("hamer.json".as_ref(), &hand, &PoseOptions::default())?;
+/// println!("{} frames", poses.frames.len());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`PoseError`] names the file, the field and a remedy when the file's kind is not supported, when no frame is usable,
 /// or when the names of the model's joints do not identify their parts and the poses are not for them.

@@ -219,7 +219,7 @@ pub struct Image {
     pub rgba: Vec<[f32; 4]>,
 }
 
-/// A splatter for a fixed number of Gaussians and any image up to a size.
+/// A splatter for a fixed number of Gaussians and any image up to a size. `examples/splat_a_scene.rs` trains one.
 pub struct Splatter {
     pipelines: Pipelines,
     shared: Shared,

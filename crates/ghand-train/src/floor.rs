@@ -1,11 +1,11 @@
-//! The floor that an avatar must beat: the template mesh, posed by plain skinning, with mean texel colours.
+//! The floor that an avatar must beat: the template mesh, posed as its model says, with mean texel colours.
 
 use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::mesh::{RenderMesh, Texture};
-use ghand_core::skeleton::pose_skeleton;
+use ghand_core::posing::pose_hand;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
-use ghand_core::{Camera, HandModel, Pose};
-use ghand_hand_model::{HandModelError, surface};
+use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
+use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;
@@ -23,6 +23,9 @@ pub enum FloorError {
     /// An image is unusable.
     #[error(transparent)]
     Capture(#[from] CaptureError),
+    /// A pose does not fit the hand model.
+    #[error(transparent)]
+    Pose(#[from] InvalidHandModel),
     /// The mesh could not be drawn.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -31,29 +34,39 @@ pub enum FloorError {
 /// Resolution of the floor's texture: far finer than the blur that its mean over frames has anyway.
 pub const FLOOR_RESOLUTION: u32 = 256;
 
-/// Plain linear blend skinning of points with joint-major weights `[n_b][N]`.
-fn pose_points(model: &HandModel, rest: &[DVec3], weights: &[f64], pose: &Pose) -> Vec<DVec3> {
-    let bones = pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
-    let zeros = vec![0.0; weights.len()];
-    skin(&Skinning {
-        rest,
-        weights,
-        residual_weights: &zeros,
-        bones: &bones,
-        residual_bones: &bones,
-        translation: pose.translation,
-        mode: ResidualWeights::Paper,
-    })
+/// A hand model's vertices in a pose, and its normals there.
+fn pose_mesh(model: &HandModel, pose: &Pose) -> Result<(Vec<DVec3>, Vec<DVec3>), InvalidHandModel> {
+    let positions = pose_hand(model, &[], pose)?.vertices;
+    let normals = model.vertex_normals(&positions);
+    Ok((positions, normals))
 }
 
-/// A hand model's vertices in a pose, and its normals there.
-fn pose_mesh(model: &HandModel, pose: &Pose) -> (Vec<DVec3>, Vec<DVec3>) {
-    let (count, joints) = (model.vertices.len(), model.joint_count());
-    let weights: Vec<f64> =
-        (0..joints).flat_map(|k| (0..count).map(move |v| (k, v))).map(|(k, v)| model.weights[v * joints + k]).collect();
-    let positions = pose_points(model, &model.vertices, &weights, pose);
-    let normals = model.vertex_normals(&positions);
-    (positions, normals)
+/// Surface samples in a pose: `distance` metres out along their normals, moved by the pose correctives of the triangles
+/// that they lie on, then skinned with their own weights.
+fn pose_samples(
+    model: &HandModel,
+    samples: &SurfaceSamples,
+    pose: &Pose,
+    distance: f64,
+) -> Result<Vec<DVec3>, InvalidHandModel> {
+    let posed = pose_hand(model, &[], pose)?;
+    let moved = |vertex: u32| posed.corrected[vertex as usize] - posed.shaped.vertices[vertex as usize];
+    let rest: Vec<DVec3> = (0..samples.len())
+        .map(|i| {
+            let corners = model.faces[samples.faces[i] as usize].iter().zip(samples.barycentric[i]);
+            let corrective: DVec3 = corners.map(|(vertex, weight)| moved(*vertex) * weight).sum();
+            samples.positions[i] + samples.normals[i] * distance + corrective
+        })
+        .collect();
+    Ok(skin(&Skinning {
+        rest: &rest,
+        weights: &samples.weights,
+        residual_weights: &[],
+        bones: &posed.chain.posed_from_rest,
+        residual_bones: &[],
+        translation: pose.translation,
+        mode: ResidualWeights::Paper,
+    }))
 }
 
 /// Draws a posed template with a texture.
@@ -68,8 +81,14 @@ impl<'a> MeshPainter<'a> {
         Ok(MeshPainter { renderer: MeshRenderer::new(gpu)?, model, mesh: RenderMesh::from_model(model) })
     }
 
-    fn paint(&self, pose: &Pose, camera: &Camera, texture: &Texture, supersample: u32) -> Result<MeshImage, MeshError> {
-        let (positions, normals) = pose_mesh(self.model, pose);
+    fn paint(
+        &self,
+        pose: &Pose,
+        camera: &Camera,
+        texture: &Texture,
+        supersample: u32,
+    ) -> Result<MeshImage, FloorError> {
+        let (positions, normals) = pose_mesh(self.model, pose)?;
         let instance = MeshInstance {
             positions: &self.mesh.gather(&positions),
             normals: &self.mesh.gather(&normals),
@@ -78,7 +97,7 @@ impl<'a> MeshPainter<'a> {
             surface: Surface::Texture { uvs: &self.mesh.uvs, texture },
         };
         let style = MeshStyle { supersample, shading: Shading::Unlit, wireframe: None };
-        self.renderer.render(&instance, camera, &style)
+        Ok(self.renderer.render(&instance, camera, &style)?)
     }
 }
 
@@ -123,10 +142,9 @@ pub fn texel_colors(
         let camera = &capture.cameras[camera_index];
         let view = capture.load_view(camera_index, frame)?;
         let depth = painter.paint(&poses[position], camera, &plain, 1)?.depth;
-        let points = pose_points(model, &samples.positions, &samples.weights, &poses[position]);
+        let points = pose_samples(model, &samples, &poses[position], 0.0)?;
         // The normal is carried by posing a point a little way out along it.
-        let tips: Vec<DVec3> = samples.positions.iter().zip(&samples.normals).map(|(p, n)| *p + *n * 1e-4).collect();
-        let tips = pose_points(model, &tips, &samples.weights, &poses[position]);
+        let tips = pose_samples(model, &samples, &poses[position], 1e-4)?;
         sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
             let (at, z) = camera.project(points[t]);
             let (x, y) = (at.x.floor(), at.y.floor());
@@ -207,7 +225,7 @@ impl<'a> Floor<'a> {
     /// The floor's picture over a background, row-major.
     ///
     /// # Errors
-    /// [`FloorError::Mesh`] if it cannot be drawn.
+    /// [`FloorError`] if it cannot be drawn, or the pose does not fit.
     pub fn render(&self, pose: &Pose, camera: &Camera, background: [f64; 3]) -> Result<Vec<[f32; 3]>, FloorError> {
         let image = self.painter.paint(pose, camera, &self.texture, 3)?;
         let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * background[c] as f32);

@@ -50,6 +50,18 @@ pub struct Trained {
 }
 
 /// A run over one split of a capture.
+///
+/// ```no_run
+/// use ghand_capture::Capture;
+/// use ghand_render::{AdapterChoice, Gpu};
+/// use ghand_train::{TrainSettings, Trainer};
+///
+/// let gpu = Gpu::new(&AdapterChoice::from_env())?;
+/// let capture = Capture::open("captures/my-hand".as_ref())?;
+/// let trained = Trainer::new(&gpu, &capture, "train", &TrainSettings::default())?.train(|_| ())?;
+/// trained.avatar.save("avatar.ghand".as_ref())?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Trainer<'a> {
     gpu: &'a Gpu,
     capture: &'a Capture,
@@ -269,7 +281,7 @@ impl<'a> Trainer<'a> {
                 order.iter().rev().take(PREFETCHED).for_each(|view| self.views.prefetch(*view));
             }
             let rounds = settings.pose_prior_rounds;
-            if stage.refine_poses && rounds > 0 && iteration % (stage.iterations / rounds).max(1) == 0 {
+            if stage.refine_poses && is_prior_round(iteration, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
                 shrink(&mut poses);
                 for (frame, pose) in poses.iter().enumerate() {
@@ -338,6 +350,16 @@ impl<'a> Trainer<'a> {
     }
 }
 
+/// Whether the prior on hinges acts before an iteration (from 0): `rounds` times, evenly over a stage's iterations from the
+/// first one on; before every iteration where there are fewer of them.
+fn is_prior_round(iteration: u64, iterations: u64, rounds: u64) -> bool {
+    if rounds == 0 {
+        return false;
+    }
+    let between = (iterations / rounds).max(1);
+    iteration.is_multiple_of(between) && iteration / between < rounds
+}
+
 /// Takes the mean correction off the translations.
 ///
 /// Moving all points and joints of the rest hand one way and all translations the other changes no image, so refinement
@@ -363,6 +385,17 @@ fn poses_of(table: &[f32], joints: usize) -> Vec<Pose> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_prior_acts_as_often_as_it_should() {
+        for (iterations, rounds) in [(1400, 3), (1402, 3), (1, 1), (186, 3), (7, 7), (1000, 1), (100, 0)] {
+            let acts: Vec<u64> = (0..iterations).filter(|i| is_prior_round(*i, iterations, rounds)).collect();
+            assert_eq!(acts.len() as u64, rounds, "{iterations} iterations: {acts:?}");
+            // None so late that nothing can follow it.
+            assert!(acts.iter().all(|i| *i == 0 || iterations - i >= iterations / rounds), "{iterations}: {acts:?}");
+        }
+        assert_eq!((0..2).filter(|i| is_prior_round(*i, 2, 5)).count(), 2, "fewer iterations than rounds");
+    }
 
     #[test]
     fn recentring_keeps_single_corrections_and_removes_their_mean() {

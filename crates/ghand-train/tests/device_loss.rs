@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
+use ghand_avatar::PropertyTables;
 use ghand_capture::Capture;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};

@@ -7,4 +7,4 @@ mod tensors;
 
 pub use device::{DirectModel, ResponseUniforms};
 pub use response_limits::{RESPONSE_MARGIN, unlimited};
-pub use tables::{DirectTables, table_lengths};
+pub use tables::{DirectTables, START_SCALE, table_lengths};

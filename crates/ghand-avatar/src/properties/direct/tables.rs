@@ -44,7 +44,7 @@ const BASIS_NOISE: f32 = 1e-4;
 /// The same for the colour components, in logits.
 const COMPONENT_NOISE: f32 = 0.1;
 /// Standard deviation of a fresh Gaussian in multiples of its spacing: neighbours just close the surface.
-const START_SCALE: f32 = 0.7;
+pub const START_SCALE: f32 = 0.7;
 
 fn logit(x: f32) -> f32 {
     (x / (1.0 - x)).ln()
@@ -54,12 +54,12 @@ impl DirectTables {
     /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
     /// coefficient of 1; all others and all colour components start with coefficient 0.
     ///
-    /// Against the `normals` (N, outwards) the first basis pushes each Gaussian inwards by `inset` times its size: splats
-    /// reach beyond their centres, and the silhouette should start where the surface ends.
+    /// Against the `normals` (N, outwards) the first basis pushes each Gaussian inwards by its depth in `insets` (N, metres):
+    /// splats reach beyond their centres, and the silhouette should start where the surface ends.
     pub fn untrained(
         template: &Template,
         normals: &[DVec3],
-        inset: f64,
+        insets: &[f64],
         config: &AvatarConfig,
         color: [f64; 3],
         seed: u64,
@@ -75,8 +75,8 @@ impl DirectTables {
         let mut shape_basis = vec![0.0; lengths[0]];
         shape_basis.iter_mut().skip(3 * count).for_each(|s| *s = noise(BASIS_NOISE));
         for (c, row) in shape_basis.chunks_exact_mut(count.max(1)).take(3).enumerate() {
-            for ((slot, normal), spacing) in row.iter_mut().zip(normals).zip(&template.spacings) {
-                *slot = -(normal[c] * inset) as f32 * START_SCALE * spacing;
+            for ((slot, normal), inset) in row.iter_mut().zip(normals).zip(insets) {
+                *slot = -(normal[c] * inset) as f32;
             }
         }
         let largest = max_scale(template);

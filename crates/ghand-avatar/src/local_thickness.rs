@@ -1,0 +1,86 @@
+//! How thick a hand is below each point of its surface.
+
+use ghand_core::HandModel;
+use ghand_hand_model::SurfaceSamples;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// How far a ray starts inside of its own surface, metres: it must not meet the faces around its vertex.
+const START: f64 = 1e-5;
+
+/// Where the ray from `origin` along `direction` (a unit vector) leaves through the triangle: the distance, metres.
+fn exit(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    let facing = normal.dot(direction);
+    // Faces look outwards: a ray from inside meets the back of the one through which it leaves.
+    if facing <= 0.0 {
+        return None;
+    }
+    let distance = normal.dot(a - origin) / facing;
+    let point = origin + direction * distance - a;
+    let (u, v) = (point.cross(ac).dot(normal), ab.cross(point).dot(normal));
+    let square = normal.length_squared();
+    (distance > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= square).then_some(distance)
+}
+
+/// Thickness of the hand at each vertex of its mesh, metres: the way straight inwards to the skin on the other side.
+/// Infinite where there is none, as at an open wrist.
+fn at_vertices(model: &HandModel) -> Vec<f64> {
+    let triangles: Vec<[DVec3; 3]> = model.faces.iter().map(|face| face.map(|v| model.vertices[v as usize])).collect();
+    let mut normals = vec![DVec3::ZERO; model.vertices.len()];
+    for (face, [a, b, c]) in model.faces.iter().zip(&triangles) {
+        let normal = (*b - *a).cross(*c - *a);
+        face.iter().for_each(|v| normals[*v as usize] += normal);
+    }
+    let thickness = |(vertex, normal): (&DVec3, &DVec3)| {
+        let inwards = -normal.normalize_or_zero();
+        let origin = *vertex + inwards * START;
+        triangles.iter().filter_map(|t| exit(origin, inwards, *t)).fold(f64::INFINITY, f64::min)
+    };
+    model.vertices.par_iter().zip(&normals).map(thickness).collect()
+}
+
+/// Thickness of the hand below each sample, metres: the least of its triangle's corners.
+pub fn local_thickness(model: &HandModel, samples: &SurfaceSamples) -> Vec<f64> {
+    let at_vertices = at_vertices(model);
+    let least = |face: &u32| {
+        model.faces[*face as usize].map(|v| at_vertices[v as usize]).into_iter().fold(f64::INFINITY, f64::min)
+    };
+    samples.faces.iter().map(least).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_hand_model::surface::sample_surface;
+
+    use super::*;
+
+    #[test]
+    fn a_ray_leaves_through_the_back_of_a_face_only() {
+        let face = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let inside = DVec3::new(0.2, 0.2, -3.0);
+        assert_eq!(exit(inside, DVec3::Z, face), Some(3.0));
+        assert_eq!(exit(inside, -DVec3::Z, face), None);
+        assert_eq!(exit(DVec3::new(0.2, 0.2, 3.0), -DVec3::Z, face), None, "from outside");
+        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "beside it");
+    }
+
+    #[test]
+    fn fingers_are_about_as_thick_as_fingers() {
+        let model = ProceduralHand::default().build().unwrap();
+        let samples = sample_surface(&model, 64).unwrap();
+        let thickness = local_thickness(&model, &samples);
+        let tip = model.joint_names.iter().position(|name| name.contains("index") && name.contains('3')).unwrap();
+        let at_tip: Vec<f64> = (0..samples.len())
+            .filter(|p| samples.weights[tip * samples.len() + p] > 0.9)
+            .map(|p| thickness[p])
+            .filter(|t| t.is_finite())
+            .collect();
+        let mean = at_tip.iter().sum::<f64>() / at_tip.len() as f64;
+        assert!(at_tip.len() > 20 && (0.005..0.025).contains(&mean), "{} samples, {mean} m", at_tip.len());
+    }
+}

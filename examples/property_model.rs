@@ -1,0 +1,99 @@
+//! A property model of one's own: colours that run over the hand in a wave, whatever the pose, to `wave.png`.
+//!
+//!     cargo run --example property_model
+//!
+//! A model fills the properties of a deformation, which then poses the Gaussians; see `ghand_avatar::properties`. A model
+//! that is to be trained and saved implements the other methods, too, and is a variant of `PropertyTables`.
+
+use anyhow::Context;
+use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables};
+use ghand_avatar::{Avatar, AvatarConfig, Scene};
+use ghand_core::Camera;
+use ghand_hand_model::named_poses::named_pose;
+use ghand_hand_model::procedural::ProceduralHand;
+use ghand_render::deform::{Deformation, DeformationBackward, Properties};
+use ghand_render::splat::Purpose;
+use ghand_render::{AdapterChoice, Gpu, RenderError};
+use glam::{DMat3, DVec2, DVec3};
+
+/// Stripes along the model's y axis that move with every frame.
+struct Wave {
+    properties: Properties,
+    /// y of each Gaussian at rest, metres.
+    heights: Vec<f32>,
+    frame: u32,
+}
+
+impl PropertyModel for Wave {
+    fn forward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        let shift = self.frame as f32 * 0.01;
+        self.frame += 1;
+        let stripe = |phase: f32| self.heights.iter().map(move |y| ((y - shift) * 300.0 + phase).sin() * 0.5 + 0.5);
+        let colors: Vec<f32> = [0.0, 2.0, 4.0].into_iter().flat_map(stripe).collect();
+        // `[3][N]`, as the documentation of the properties says.
+        gpu.queue.write_buffer(&self.properties.color, 0, bytemuck::cast_slice(&colors));
+        Ok(())
+    }
+
+    fn prepare_training(&mut self, _: &Gpu, _: &Deformation, _: &DeformationBackward) -> Result<(), RenderError> {
+        Err(not_trained())
+    }
+
+    fn backward(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        Err(not_trained())
+    }
+
+    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, _: &PropertyRates) -> Result<(), RenderError> {
+        Err(not_trained())
+    }
+
+    fn tables(&self, _: &Gpu) -> Result<PropertyTables, RenderError> {
+        Err(not_trained())
+    }
+
+    fn pose_numbers(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
+        Ok(Vec::new())
+    }
+
+    fn parameter_gradients(&self, _: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError> {
+        Err(not_trained())
+    }
+}
+
+fn not_trained() -> RenderError {
+    RenderError::Invalid("a wave is not trained".into())
+}
+
+fn main() -> anyhow::Result<()> {
+    let gpu = Gpu::new(&AdapterChoice::from_env())?;
+    let hand = ProceduralHand::default().build()?;
+    let avatar = Avatar::untrained(&hand, &AvatarConfig::default(), [0.5; 3], 0)?;
+    let count = avatar.template.len();
+    let size = [384, 384];
+    let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, size)?;
+    let pose = named_pose("spread", &avatar.model).context("there is no pose `spread`")?;
+    scene.set_pose(&gpu, 0, 0, &pose)?;
+    let camera = Camera {
+        id: "front".into(),
+        width: size[0],
+        height: size[1],
+        focal: DVec2::splat(600.0),
+        principal: DVec2::splat(192.0),
+        rotation: DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
+        translation: DVec3::new(0.0, 0.08, 0.5),
+    };
+    // One frame with the avatar's own model: it fills the sizes, which the wave leaves as they are.
+    scene.render(&gpu, 0, &camera, [1.0; 3])?;
+
+    let posed = &mut scene.avatars_mut()[0];
+    let properties = posed.deformation.properties().clone();
+    let heights = avatar.template.rest[count..2 * count].to_vec();
+    posed.model = Box::new(Wave { properties, heights, frame: 0 });
+    let image = scene.render(&gpu, 0, &camera, [1.0; 3])?;
+
+    let bytes = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2]].map(|v| (v * 255.0).round() as u8)).collect();
+    let picture = image::RgbImage::from_raw(image.width, image.height, bytes).context("the image has another size")?;
+    picture.save("wave.png")?;
+    println!("wave.png: {count} Gaussians");
+    Ok(())
+}

@@ -1,0 +1,30 @@
+//! Trains a small avatar on a synthetic capture, in about a minute, and writes it to `small.ghand`.
+//!
+//!     cargo run --example train_small
+//!
+//! `train` does the same with checks, figures and files around it; this is the part in the middle.
+
+use ghand_capture::Capture;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
+use ghand_train::synthetic_scene::make_capture;
+use ghand_train::{TrainSettings, Trainer};
+
+fn main() -> anyhow::Result<()> {
+    let gpu = Gpu::new(&AdapterChoice::from_env())?;
+    let folder = tempfile::tempdir()?;
+    let options = SyntheticOptions { views: 6, train_frames: 8, width: 96, height: 144, ..Default::default() };
+    make_capture(&gpu, &options, folder.path())?;
+    let capture = Capture::open(folder.path())?;
+
+    let settings = TrainSettings { iterations: 400, uv_resolution: 64, ..Default::default() };
+    let trained = Trainer::new(&gpu, &capture, "train", &settings)?.train(|progress| {
+        if progress.iteration.is_multiple_of(50) {
+            let loss = progress.l1.map_or_else(String::new, |l1| format!(", L1 {l1:.4}"));
+            println!("{}/{}, stage {}{loss}", progress.iteration, progress.iterations, progress.stage);
+        }
+    })?;
+    trained.avatar.save("small.ghand".as_ref())?;
+    println!("small.ghand: {} Gaussians; look at it with `viewer small.ghand`", trained.avatar.template.len());
+    Ok(())
+}
