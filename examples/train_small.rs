@@ -1,4 +1,4 @@
-//! Trains a small avatar on a synthetic capture, in about a minute, and writes it to `small.ghand`.
+//! Trains a small avatar on a synthetic capture, in about half a minute, and writes it to `small.ghand`.
 //!
 //!     cargo run --example train_small
 //!
@@ -13,11 +13,11 @@ use ghand_train::{TrainSettings, Trainer};
 fn main() -> anyhow::Result<()> {
     let gpu = Gpu::new(&AdapterChoice::from_env())?;
     let folder = tempfile::tempdir()?;
-    let options = SyntheticOptions { views: 6, train_frames: 8, width: 96, height: 144, ..Default::default() };
+    let options = SyntheticOptions { views: 4, train_frames: 6, width: 96, height: 144, ..Default::default() };
     make_capture(&gpu, &options, folder.path())?;
     let capture = Capture::open(folder.path())?;
 
-    let settings = TrainSettings { iterations: 400, uv_resolution: 64, ..Default::default() };
+    let settings = TrainSettings { iterations: 200, uv_resolution: 48, ..Default::default() };
     let trained = Trainer::new(&gpu, &capture, "train", &settings)?.train(|progress| {
         if progress.iteration.is_multiple_of(50) {
             let loss = progress.l1.map_or_else(String::new, |l1| format!(", L1 {l1:.4}"));

@@ -3,7 +3,8 @@
 //! This is the seam between what an avatar has learned and how it is deformed and drawn. On disk a model is a variant of
 //! [`PropertyTables`]; on the device it is a [`PropertyModel`], which fills the [`Properties`] of a [`Deformation`].
 //! Everything before it (files, poses) and behind it (deformation, splatting, loss) does not know which model it serves.
-//! A new model is a folder here, a variant and a match arm each in this file, and its tensors in `file/`.
+//! A new model is a folder here with its tables, device part and tensors, a variant and its match arms in this file, and a
+//! tag in `file.rs`.
 //!
 //! [`Properties`]: ghand_render::deform::Properties
 

@@ -212,9 +212,16 @@ impl Scene {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn posed_splats(&mut self, gpu: &Gpu, frame: usize) -> Result<SplatScene, RenderError> {
+        Ok(SplatScene::of_hand(&self.posed_table(gpu, frame)?))
+    }
+
+    /// The splatter's table of frame `frame`, `[rows][N]` with the avatars one after the other in each row.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn posed_table(&mut self, gpu: &Gpu, frame: usize) -> Result<Vec<f32>, RenderError> {
         self.pose_only(gpu, frame)?;
         let rows = self.splatter.options().model.rows();
-        let table: Vec<f32> = buffers::read(gpu, self.splatter.gaussians(), rows * self.splatter.count())?;
-        Ok(SplatScene::of_hand(&table))
+        buffers::read(gpu, self.splatter.gaussians(), rows * self.splatter.count())
     }
 }

@@ -106,6 +106,11 @@ impl Step {
         self.scene.avatars().first().ok_or_else(no_avatar)
     }
 
+    /// The scene that is trained on.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
     /// Reads back what the property model has learned.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ghand_avatar::Avatar;
+use ghand_avatar::{Avatar, PropertyTables};
 use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
@@ -137,6 +137,38 @@ fn looking_at_the_loss_changes_nothing_that_is_learned() {
         let tables = learn(false);
         assert!(tables == learn(true));
         assert!(tables != avatar.tables, "nothing was learned at all");
+    });
+}
+
+#[test]
+fn a_frame_that_must_grow_is_learned_from_once() {
+    with_capture(|gpu, capture| {
+        let split = capture.split("train").unwrap();
+        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let mut avatar = Avatar::untrained(&capture.template, &settings().avatar(), [0.8, 0.6, 0.5], 1).unwrap();
+        // Gaussians as large as they can be lie on more tiles than there is room for at first.
+        let PropertyTables::Direct(tables) = &mut avatar.tables;
+        tables.appearance[..avatar.template.len()].fill(5.0);
+        let joints = avatar.template.joint_count();
+        let learn = |grow_first: bool| {
+            let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+            for (at, frame) in split.frames.iter().enumerate() {
+                step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
+            }
+            let view = views.get(0, 1).unwrap();
+            let at_first = step.scene().splatter().capacity();
+            if grow_first {
+                step.measure(gpu, &view, [0.0; 3], &settings()).unwrap();
+                assert!(step.scene().splatter().capacity() > at_first);
+            }
+            let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+            step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
+            (step.tables(gpu).unwrap(), step.hand_numbers(gpu, split.frames.len()).unwrap().poses)
+        };
+        let learned = learn(false);
+        assert!(learned == learn(true));
+        assert!(learned.0 != avatar.tables, "nothing was learned");
     });
 }
 

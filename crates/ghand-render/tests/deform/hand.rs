@@ -1,5 +1,7 @@
 //! A hand of random numbers, deformed forward and backward on the device, with everything that the stages hand on.
 
+use std::sync::LazyLock;
+
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skeleton::{Affine, Chain, pose_skeleton};
@@ -240,10 +242,13 @@ impl Run {
         }
     }
 
-    /// Runs `check` on every kind of hand.
+    /// Runs `check` on every kind of hand; all tests share the runs.
     pub fn each(check: impl Fn(&Run)) {
-        let gpu = gpu();
-        kinds().into_iter().for_each(|kind| check(&Run::new(&gpu, kind)));
+        static RUNS: LazyLock<Vec<Run>> = LazyLock::new(|| {
+            let gpu = gpu();
+            kinds().into_iter().map(|kind| Run::new(&gpu, kind)).collect()
+        });
+        RUNS.iter().for_each(check);
     }
 
     /// dL/dB of bones whose weights are these, from the device's moments.

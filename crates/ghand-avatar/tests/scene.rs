@@ -1,0 +1,62 @@
+//! Scenes of several avatars.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{COUNT, JOINTS, random, random_avatar};
+use ghand_avatar::{Avatar, AvatarConfig, Scene};
+use ghand_core::Pose;
+use ghand_render::splat::Purpose;
+use ghand_render::{AdapterChoice, Gpu, RenderError};
+use glam::DVec3;
+
+fn pose(seed: u64) -> Pose {
+    let numbers = random(seed, 3 * JOINTS + 3, 1.0);
+    let vector = |v: &[f32]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
+    let mut rotations: Vec<DVec3> = numbers.chunks_exact(3).map(vector).collect();
+    let translation = rotations.pop().unwrap() * 0.1;
+    Pose { rotations, translation }
+}
+
+/// The posed Gaussians of a scene, `[7][N]`, with each avatar in its pose as frame 1.
+fn table(gpu: &Gpu, avatars: &[&Avatar], poses: &[Pose]) -> Vec<f32> {
+    let mut scene = Scene::new(gpu, avatars, Purpose::Images, 2, [16, 16]).unwrap();
+    for (avatar, pose) in poses.iter().enumerate() {
+        scene.set_pose(gpu, avatar, 1, pose).unwrap();
+    }
+    scene.posed_table(gpu, 1).unwrap()
+}
+
+#[test]
+fn every_avatar_of_a_scene_is_posed_as_if_it_were_alone() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let config =
+        |bases, components| AvatarConfig { shape_bases: bases, color_components: components, ..Default::default() };
+    let avatars = [random_avatar(1, &config(3, 2)), random_avatar(2, &config(1, 0)), random_avatar(3, &config(2, 4))];
+    let poses = [pose(11), pose(12), pose(13)];
+    let together = table(&gpu, &avatars.each_ref(), &poses);
+    for (place, (avatar, pose)) in avatars.iter().zip(&poses).enumerate() {
+        let alone = table(&gpu, &[avatar], std::slice::from_ref(pose));
+        for (row, alone) in alone.chunks_exact(COUNT).enumerate() {
+            let part = &together[(row * avatars.len() + place) * COUNT..][..COUNT];
+            assert!(part == alone, "avatar {place}, row {row}");
+        }
+    }
+    let swapped = table(&gpu, &avatars.each_ref(), &[poses[1].clone(), poses[0].clone(), poses[2].clone()]);
+    assert!(swapped != together, "the poses do not matter");
+}
+
+#[test]
+fn poses_that_fit_no_avatar_or_frame_are_rejected_with_one_sentence() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let avatar = random_avatar(1, &AvatarConfig { shape_bases: 1, color_components: 0, ..Default::default() });
+    let scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 2, [16, 16]).unwrap();
+    let short = Pose { rotations: vec![DVec3::ZERO; JOINTS - 1], translation: DVec3::ZERO };
+    for (avatar, frame, pose, part) in
+        [(1, 0, pose(1), "avatar 1"), (0, 2, pose(1), "frame 2"), (0, 0, short, "6 joints")]
+    {
+        let Err(RenderError::Invalid(message)) = scene.set_pose(&gpu, avatar, frame, &pose) else { panic!("{part}") };
+        assert!(message.contains(part) && !message.contains('\n'), "{message}");
+    }
+    assert!(scene.set_pose(&gpu, 0, 1, &pose(1)).is_ok());
+}
