@@ -6,15 +6,14 @@
 //! that is to be trained and saved implements the other methods, too, and is a variant of `PropertyTables`.
 
 use anyhow::Context;
+use ghand_app::framing::turntable;
 use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables};
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_core::Camera;
 use ghand_hand_model::named_poses::named_pose;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::deform::{Deformation, DeformationBackward, Properties};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
-use glam::{DMat3, DVec2, DVec3};
 
 /// Stripes along the model's y axis that move with every frame.
 struct Wave {
@@ -73,23 +72,16 @@ fn main() -> anyhow::Result<()> {
     let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, size)?;
     let pose = named_pose("spread", &avatar.model).context("there is no pose `spread`")?;
     scene.set_pose(&gpu, 0, 0, &pose)?;
-    let camera = Camera {
-        id: "front".into(),
-        width: size[0],
-        height: size[1],
-        focal: DVec2::splat(600.0),
-        principal: DVec2::splat(192.0),
-        rotation: DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
-        translation: DVec3::new(0.0, 0.08, 0.5),
-    };
+    let cameras = turntable(&avatar.model, &[&pose], 1, size);
+    let camera = cameras.first().and_then(|of_pose| of_pose.first()).context("no camera")?;
     // One frame with the avatar's own model: it fills the sizes, which the wave leaves as they are.
-    scene.render(&gpu, 0, &camera, [1.0; 3])?;
+    scene.render(&gpu, 0, camera, [1.0; 3])?;
 
     let posed = &mut scene.avatars_mut()[0];
     let properties = posed.deformation.properties().clone();
     let heights = avatar.template.rest[count..2 * count].to_vec();
     posed.model = Box::new(Wave { properties, heights, frame: 0 });
-    let image = scene.render(&gpu, 0, &camera, [1.0; 3])?;
+    let image = scene.render(&gpu, 0, camera, [1.0; 3])?;
 
     let bytes = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2]].map(|v| (v * 255.0).round() as u8)).collect();
     let picture = image::RgbImage::from_raw(image.width, image.height, bytes).context("the image has another size")?;

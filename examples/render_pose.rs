@@ -7,13 +7,12 @@
 use std::path::Path;
 
 use anyhow::Context;
+use ghand_app::framing::turntable;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_core::Camera;
 use ghand_hand_model::named_poses::named_pose;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
-use glam::{DVec2, DVec3};
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -32,29 +31,13 @@ fn main() -> anyhow::Result<()> {
     let size = [512, 512];
     let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, size)?;
     scene.set_pose(&gpu, 0, 0, &pose)?;
-    let image = scene.render(&gpu, 0, &in_front_of(&avatar, size), [1.0; 3])?;
+    let cameras = turntable(&avatar.model, &[&pose], 1, size);
+    let camera = cameras.first().and_then(|of_pose| of_pose.first()).context("no camera")?;
+    let image = scene.render(&gpu, 0, camera, [1.0; 3])?;
 
     let bytes = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2]].map(|v| (v * 255.0).round() as u8)).collect();
     let picture = image::RgbImage::from_raw(image.width, image.height, bytes).context("the image has another size")?;
     picture.save("pose.png")?;
     println!("pose.png: `{name}`, {} Gaussians", avatar.template.len());
     Ok(())
-}
-
-/// A camera that looks at the middle of the hand from half a metre away, along the model's z axis.
-fn in_front_of(avatar: &Avatar, [width, height]: [u32; 2]) -> Camera {
-    let vertices = &avatar.model.vertices;
-    let (low, high) = vertices.iter().fold((vertices[0], vertices[0]), |(l, h), v| (l.min(*v), h.max(*v)));
-    // camera_from_world: x right, y down, z forward.
-    let rotation = glam::DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
-    let middle = rotation * (low + high) / 2.0;
-    Camera {
-        id: "front".into(),
-        width,
-        height,
-        focal: DVec2::splat(1.6 * f64::from(width)),
-        principal: DVec2::new(f64::from(width), f64::from(height)) / 2.0,
-        rotation,
-        translation: DVec3::new(0.0, 0.0, 0.5) - middle,
-    }
 }

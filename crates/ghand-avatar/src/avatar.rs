@@ -1,131 +1,14 @@
 //! What an avatar is: a sampled template, its switches, and the learned tables.
 
-use ghand_core::blend_shapes::CoefficientLayout;
+use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
-use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::ResidualWeights;
-use ghand_core::{HandModel, Side};
-use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
-use glam::DVec3;
+use ghand_hand_model::{HandModelError, surface};
 use serde::{Deserialize, Serialize};
 
 use crate::local_thickness::local_thickness;
 use crate::properties::PropertyTables;
 use crate::properties::direct::{DirectTables, START_SCALE};
-
-/// Choices that fix the shape of an avatar's tables and what they mean.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct AvatarConfig {
-    /// Resolution of the UV raster whose texels are the Gaussians: the level of detail.
-    pub uv_resolution: u32,
-    /// Number of shape bases, n.
-    pub shape_bases: usize,
-    /// Whether a blend coefficient is one number or, as in the paper, three.
-    #[serde(skip_serializing_if = "is_default")]
-    pub coefficients: CoefficientLayout,
-    /// Number of pose-dependent colour components of a Gaussian.
-    pub color_components: usize,
-    /// What the residual skinning weights mean.
-    pub residual_weights: ResidualWeights,
-    /// Where the residual skeleton stands.
-    pub residual_skeleton: ResidualSkeleton,
-}
-
-impl Default for AvatarConfig {
-    fn default() -> Self {
-        AvatarConfig {
-            uv_resolution: 128,
-            shape_bases: 8,
-            coefficients: CoefficientLayout::default(),
-            color_components: 4,
-            residual_weights: ResidualWeights::default(),
-            residual_skeleton: ResidualSkeleton::default(),
-        }
-    }
-}
-
-/// Left out of files: they stay as they were before there was a choice.
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-impl AvatarConfig {
-    /// Rows of the blend coefficients.
-    pub fn coefficient_rows(&self) -> usize {
-        self.coefficients.rows() * self.shape_bases
-    }
-
-    /// Channels of the `direct` model's pose response: coefficient rows, then colour components.
-    pub fn channels(&self) -> usize {
-        self.coefficient_rows() + self.color_components
-    }
-}
-
-/// The hand model as an avatar needs it: its skeleton and its N sampled surface points.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Template {
-    /// Name of the hand model.
-    pub name: String,
-    /// Which hand it is.
-    pub side: Side,
-    /// Names of the `n_b` joints.
-    pub joint_names: Vec<String>,
-    /// Parent of each joint.
-    pub parents: Vec<Option<usize>>,
-    /// Rest joints, metres.
-    pub joints: Vec<DVec3>,
-    /// Rest positions `[3][N]`, metres.
-    pub rest: Vec<f32>,
-    /// Skinning weights `[n_b][N]`.
-    pub weights: Vec<f32>,
-    /// Size of the surface that each Gaussian stands for, N, metres.
-    pub spacings: Vec<f32>,
-}
-
-impl Template {
-    /// Samples a hand model.
-    ///
-    /// # Errors
-    /// [`HandModelError`] if the model has no usable UV atlas at that resolution.
-    pub fn sample(model: &HandModel, uv_resolution: u32) -> Result<Template, HandModelError> {
-        Ok(Template::from_samples(model, &surface::sample_surface(model, uv_resolution)?))
-    }
-
-    fn from_samples(model: &HandModel, samples: &SurfaceSamples) -> Template {
-        let rest = (0..3).flat_map(|c| samples.positions.iter().map(move |p| p[c] as f32)).collect();
-        Template {
-            name: model.name.clone(),
-            side: model.side,
-            joint_names: model.joint_names.clone(),
-            parents: model.parents.clone(),
-            joints: model.joints.clone(),
-            rest,
-            weights: samples.weights.iter().map(|w| *w as f32).collect(),
-            spacings: samples.spacings.iter().map(|s| *s as f32).collect(),
-        }
-    }
-
-    /// Number of Gaussians, N.
-    pub fn len(&self) -> usize {
-        self.spacings.len()
-    }
-
-    /// Whether there are no Gaussians.
-    pub fn is_empty(&self) -> bool {
-        self.spacings.is_empty()
-    }
-
-    /// Number of joints, `n_b`.
-    pub fn joint_count(&self) -> usize {
-        self.joints.len()
-    }
-
-    /// Mean size of the surface of one Gaussian, metres.
-    pub fn mean_spacing(&self) -> f32 {
-        self.spacings.iter().sum::<f32>() / self.len().max(1) as f32
-    }
-}
+use crate::template::{AvatarConfig, Template};
 
 /// Where an avatar comes from.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -163,8 +46,6 @@ pub const DEFAULT_INSET: f64 = 2.0;
 /// How deep Gaussians may start, as a part of the hand's thickness there: the bone's axis is at a half, and beyond it a
 /// Gaussian would lie nearer to the other side.
 const DEEPEST_INSET: f64 = 1.0 / 3.0;
-/// Largest standard deviation of a Gaussian in multiples of the mean spacing.
-const MAX_SCALE: f32 = 4.0;
 
 impl Avatar {
     /// An untrained avatar: the template's plain surface in one colour (display values 0..1). `seed` fixes the small
@@ -211,7 +92,7 @@ impl Avatar {
 
     /// Largest standard deviation of a Gaussian, metres.
     pub fn max_scale(&self) -> f32 {
-        MAX_SCALE * self.template.mean_spacing()
+        self.template.max_scale()
     }
 
     /// The template's mesh with one UV a vertex.
@@ -220,16 +101,12 @@ impl Avatar {
     }
 }
 
-/// See [`Avatar::max_scale`].
-pub(crate) fn max_scale(template: &Template) -> f32 {
-    MAX_SCALE * template.mean_spacing()
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
     use ghand_hand_model::procedural::ProceduralHand;
+    use glam::DVec3;
 
     use super::*;
 

@@ -13,9 +13,10 @@ use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
-use crate::avatar::{Avatar, AvatarConfig, Provenance, Template};
+use crate::avatar::{Avatar, Provenance};
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
+use crate::template::{AvatarConfig, Template};
 
 /// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response followed
 /// the root.

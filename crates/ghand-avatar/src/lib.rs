@@ -8,10 +8,12 @@ pub mod ply;
 pub mod posed_avatar;
 pub mod properties;
 pub mod scene;
+pub mod template;
 
-pub use avatar::{Avatar, AvatarConfig, Provenance, Template};
+pub use avatar::{Avatar, Provenance};
 pub use file::AvatarFileError;
 pub use posed_avatar::PosedAvatar;
 pub use properties::direct::DirectTables;
 pub use properties::{PropertyModel, PropertyRates, PropertyTables};
 pub use scene::Scene;
+pub use template::{AvatarConfig, Template};

@@ -13,7 +13,7 @@ pub mod direct;
 use ghand_render::deform::{Deformation, DeformationBackward};
 use ghand_render::{Gpu, RenderError};
 
-use crate::avatar::{AvatarConfig, Template};
+use crate::template::{AvatarConfig, Template};
 use direct::{DirectModel, DirectTables};
 
 /// What a property model has learned.

@@ -6,5 +6,5 @@ mod tables;
 mod tensors;
 
 pub use device::{DirectModel, ResponseUniforms};
-pub use response_limits::{RESPONSE_MARGIN, unlimited};
-pub use tables::{DirectTables, START_SCALE, table_lengths};
+pub use response_limits::RESPONSE_MARGIN;
+pub use tables::{DirectTables, START_SCALE, table_lengths, unlimited};

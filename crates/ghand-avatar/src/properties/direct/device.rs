@@ -7,8 +7,8 @@ use ghand_render::pipeline::{Bound, Module};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
-use crate::avatar::{AvatarConfig, Template, max_scale};
 use crate::properties::{PropertyModel, PropertyRates, PropertyTables};
+use crate::template::{AvatarConfig, Template};
 
 /// See `shaders/pose_response.wgsl`.
 #[repr(C)]
@@ -79,7 +79,7 @@ impl DirectModel {
         let sizes = ResponseUniforms {
             coefficient_rows: config.coefficient_rows() as u32,
             color_components: config.color_components as u32,
-            max_scale: max_scale(template),
+            max_scale: template.max_scale(),
             padding: 0,
         };
         let sizes = buffers::uniform(gpu, "response sizes", &sizes);

@@ -10,11 +10,6 @@ use crate::properties::PropertyTables;
 /// How far the response may go beyond its range in training, as a part of the width of that range, at either end.
 pub const RESPONSE_MARGIN: f64 = 0.2;
 
-/// Limits of that many joint terms, `[terms][2]`, that hold nothing back. Finite, as all numbers of an avatar are.
-pub fn unlimited(terms: usize) -> Vec<f32> {
-    [f32::MIN, f32::MAX].repeat(terms)
-}
-
 impl DirectTables {
     /// The pose response of these tables, in f64.
     pub fn pose_response(&self, channels: usize) -> PoseResponse {

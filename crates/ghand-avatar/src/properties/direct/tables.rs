@@ -3,8 +3,7 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
-use super::response_limits::unlimited;
-use crate::avatar::{AvatarConfig, Template, max_scale};
+use crate::template::{AvatarConfig, Template};
 
 /// Rows of the appearance table before the colour components: scale logit and base colour.
 pub(super) const APPEARANCE_ROWS: usize = 4;
@@ -37,6 +36,11 @@ pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usi
         channels + channels * joints * 9,
         channels * joints * 2,
     ]
+}
+
+/// Limits of that many joint terms, `[terms][2]`, that hold nothing back. Finite, as all numbers of an avatar are.
+pub fn unlimited(terms: usize) -> Vec<f32> {
+    [f32::MIN, f32::MAX].repeat(terms)
 }
 
 /// Standard deviation of the bases that start without effect: far below what shows, enough to break symmetry.
@@ -79,7 +83,7 @@ impl DirectTables {
                 *slot = -(normal[c] * inset) as f32;
             }
         }
-        let largest = max_scale(template);
+        let largest = template.max_scale();
         let mut appearance: Vec<f32> =
             template.spacings.iter().map(|s| logit((START_SCALE * s / largest).clamp(0.02, 0.9))).collect();
         for channel in color {

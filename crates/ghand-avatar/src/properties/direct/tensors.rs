@@ -3,8 +3,8 @@
 use safetensors::tensor::Dtype;
 
 use super::tables::{DirectTables, table_lengths};
-use crate::avatar::{AvatarConfig, Template};
 use crate::file::{AvatarFileError, Reader, Tensors};
+use crate::template::{AvatarConfig, Template};
 
 impl DirectTables {
     /// Adds the tables to the tensors of a file. This was the first model: its tensors have no prefix.
