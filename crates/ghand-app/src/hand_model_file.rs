@@ -14,10 +14,10 @@ use crate::file_kind::{FileKind, file_kind};
 /// How to read a hand model.
 #[derive(Debug, Clone, Default, Args)]
 pub struct HandModelArgs {
-    /// OBJ file with UVs for a MANO model, which has none [default: UVs are made]
+    /// OBJ file with UVs for a MANO model, which has none [default: generated]
     #[arg(long, value_name = "FILE")]
     uv: Option<PathBuf>,
-    /// Leave the shape directions of a MANO left hand as published, mirrored by mistake [default: mend them]
+    /// Keep the shape directions of a MANO left hand as published, mirrored by mistake [default: correct them]
     #[arg(long)]
     left_shapes_as_published: bool,
 }

@@ -16,20 +16,20 @@ use crate::hand_model_file::load_hand_model;
 /// How to read poses.
 #[derive(Debug, Clone, Default, Args)]
 pub struct PoseReadingArgs {
-    /// Which hand the poses are of, where a file has both or says it wrongly [default: the model's, else the other one, mirrored]
+    /// Which hand the poses are of, if a file has both or is wrong [default: the model's, else the other one, mirrored]
     #[arg(long, value_name = "left|right", value_parser = parse_side)]
     side: Option<Side>,
     /// The hand model or avatar that the poses are for, to carry them over to another rig exactly: MANO's for MANO parameters, and
     /// that of ghand's own poses where the file does not describe it
     #[arg(long, value_name = "FILE")]
     pose_model: Option<PathBuf>,
-    /// Take poses as measured from the flat hand: a MANO model's mean pose is not added
+    /// Read poses as measured from the flat hand: a MANO model's mean pose is not added
     #[arg(long)]
     pub(crate) flat_mean: bool,
     /// Which capture of a file that holds several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
-    /// Leave the hand where it is at rest: only the fingers move
+    /// Keep the hand in its rest position: only the fingers move
     #[arg(long)]
     in_place: bool,
     /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]; and of a film

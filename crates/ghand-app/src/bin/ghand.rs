@@ -26,7 +26,7 @@ enum Command {
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
-    /// Look over a capture, or tell what is in a hand model, an avatar (.ghand) or a scene (.ply)
+    /// Check a capture, or describe a hand model, an avatar (.ghand) or a scene (.ply)
     Inspect(inspect::InspectArgs),
     /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),

@@ -34,7 +34,7 @@ enum What {
 
 #[derive(Debug, Args)]
 struct SplatArgs {
-    /// About how many Gaussians the hand has; the nearest UV resolution is taken
+    /// Approximate number of Gaussians of the hand; the nearest UV resolution is used
     #[arg(long, default_value_t = 87_779, value_name = "N")]
     n: usize,
     /// Image size in pixels [default: the camera's, else 334x512]
@@ -46,7 +46,7 @@ struct SplatArgs {
     /// A JSON file with one camera as in a capture.json; a scene needs one
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// Frames that are timed, after a few that are not
+    /// Number of timed frames, after a few warm-up frames
     #[arg(long, default_value_t = 20, value_name = "N", value_parser = parse_count)]
     frames: u32,
     /// One JSON object instead of lines of text

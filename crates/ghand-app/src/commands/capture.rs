@@ -31,7 +31,7 @@ pub struct CaptureArgs {
     /// Size of the images, pixels [default: 192x288]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// Whose hand it is: its proportions and its skin [default: 7]
+    /// Selects the hand: its proportions and its skin [default: 7]
     #[arg(long, value_name = "SEED")]
     identity: Option<u64>,
     /// Another motion and other test poses, and other errors of the training poses [default: 7]

@@ -30,7 +30,7 @@ const SHEET_VIEWS: usize = 12;
 /// Command line of `ghand inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A capture: a folder of any kind that `train` takes, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
+    /// A capture: any folder that `train` accepts, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
     /// (.glb, .gltf). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
@@ -40,7 +40,7 @@ pub struct InspectArgs {
     /// out/inspect-NAME.png, with the name of the capture]
     #[arg(long, value_name = "FILE", requires = "capture", conflicts_with = "no_sheet")]
     sheet: Option<PathBuf>,
-    /// No pictures
+    /// Do not write pictures
     #[arg(long, requires = "capture")]
     no_sheet: bool,
 }

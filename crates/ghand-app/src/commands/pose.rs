@@ -60,7 +60,7 @@ pub struct PoseArgs {
 /// How the picture looks.
 #[derive(Debug, Args)]
 struct LookArgs {
-    /// solid, wireframe (hidden lines removed), solid-wireframe, weights (a colour a joint, mixed by skinning weight), or
+    /// solid, wireframe (hidden lines removed), solid-wireframe, weights (one colour per joint, mixed by skinning weight), or
     /// weights=JOINT (one joint's weight: grey where it is 0, then violet to yellow; a name or number as `inspect` lists)
     #[arg(long, value_name = "STYLE", default_value = "solid", requires = "picture")]
     style: PictureStyle,

@@ -42,7 +42,7 @@ pub struct RenderArgs {
     /// This many views around the hand, of every frame
     #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
-    /// One view of each frame of a motion, while the camera goes around the hand so many times; negative: the other way
+    /// One view of each frame of a motion, while the camera goes around the hand this many times; negative: in the other direction
     #[arg(long, value_name = "TURNS", group = "view", num_args = 0..=1, default_missing_value = "1")]
     #[arg(allow_negative_numbers = true, value_parser = parse_turns)]
     orbit: Option<f64>,

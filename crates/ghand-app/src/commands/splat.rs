@@ -36,7 +36,7 @@ pub struct SplatArgs {
     /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
-    /// This many views around the scene; what strays far from it is not minded
+    /// This many views around the scene; distant outliers are ignored
     #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
     /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z
@@ -51,7 +51,7 @@ pub struct SplatArgs {
     out: PathBuf,
     #[command(flatten)]
     format: FormatArgs,
-    /// Pictures a second of a film [default: so many that a turn takes 4 seconds, at most 30]
+    /// Pictures per second of a film [default: one turn in 4 seconds, at most 30]
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     fps: Option<f64>,
     /// Colour behind the scene, display values from 0 to 1; or transparent: colours are not multiplied by alpha, in EXR neither
@@ -63,7 +63,7 @@ pub struct SplatArgs {
     /// Write the gradient of the weighted sum of the picture to the numbers stored in the scene, a .safetensors file
     #[arg(long, value_name = "FILE", requires = "weights")]
     gradients: Option<PathBuf>,
-    /// Take as much opacity off small Gaussians as the blur of a pixel adds
+    /// Reduce the opacity of small Gaussians to compensate for the pixel blur
     #[arg(long)]
     antialias: bool,
 }
