@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 
 use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::Tier;
-use ghand_render::deform::{PoseUniforms, SumUniforms};
+use ghand_render::deform::{CHAIN_STRIDE, JointSums, PoseUniforms, ROW_MOMENT, SumUniforms};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::penalty::PenaltyUniforms;
-use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View};
+use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View, shared_constants};
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
 
@@ -178,6 +178,32 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
         }
     }
     assert!(unseen.is_empty(), "no shader has a buffer of {:?}", unseen.keys());
+}
+
+/// The value of a constant of a source, if it has it and it is a whole number.
+fn constant(source: &str, name: &str) -> Option<u32> {
+    let module = validate(Tier::Fast, source).unwrap();
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value),
+        _ => None,
+    }
+}
+
+#[test]
+fn constants_that_shaders_and_host_code_share_are_equal() {
+    let deform = [
+        ("skeleton", "CHAIN_STRIDE", CHAIN_STRIDE as u32),
+        ("skin_backward", "ROW_MOMENT", ROW_MOMENT),
+        ("joint_sums", "STRANDS", JointSums::STRANDS as u32),
+    ];
+    let sources = sources();
+    for (stage, name, host) in shared_constants().into_iter().chain(deform) {
+        let (.., source) = sources.iter().find(|(known, ..)| *known == stage).unwrap();
+        assert_eq!(constant(source, name), Some(host), "{stage}: {name}");
+        assert_eq!(constant(source, "NO_SUCH_NAME"), None);
+    }
+    assert_eq!(constant("const A: u32 = 3u * 4u; @compute @workgroup_size(A) fn f() {}", "A"), Some(12));
 }
 
 const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }

@@ -113,6 +113,17 @@ impl FrameStage {
     }
 }
 
+/// Numbers that the splatter's shaders and its host code both have: stage, name in the WGSL, value here. A test compares
+/// them.
+pub fn shared_constants() -> Vec<(&'static str, &'static str, u32)> {
+    let others = [
+        ("project", "TILE_SIZE", TILE_SIZE),
+        ("project", "DEPTH_KEY_MAX", (1 << frame::DEPTH_BITS) - 1),
+        ("camera_gradient", "STRANDS", project::CAMERA_STRANDS as u32),
+    ];
+    [&sort::SHARED_CONSTANTS[..], &others].concat()
+}
+
 /// Shader-side view, see `shaders/shared/camera.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]

@@ -4,7 +4,7 @@ use super::{Counters, Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, ra
 use crate::{Gpu, buffers};
 
 /// Bits of a depth key, as in `project.wgsl`.
-const DEPTH_BITS: u32 = 30;
+pub const DEPTH_BITS: u32 = 30;
 
 /// The compiled stages; they outlive the buffers, which grow.
 pub struct Pipelines {

@@ -45,6 +45,10 @@ pub struct SortUniforms {
     pub counter: u32,
 }
 
+/// What the shaders have, too: stage, name, value.
+pub const SHARED_CONSTANTS: [(&str, &str, u32); 3] =
+    [("scan", "STRANDS", SCAN_STRANDS), ("fast/scan", "BLOCK", SCAN_BLOCK), ("fast/sort", "BLOCK", SORT_BLOCK as u32)];
+
 pub struct Pipelines {
     sort_count: Stage,
     sort_scatter: Stage,
