@@ -110,7 +110,7 @@ fn parse_point(text: &str) -> anyhow::Result<DVec2> {
         let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
         Some(DVec2::new(number(x)?, number(y)?))
     });
-    point.ok_or_else(|| anyhow!("must be two numbers in pixels, such as 224,224"))
+    point.ok_or_else(|| anyhow!("must be two numbers of pixels, as in 224,224"))
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ mod linux {
                 "\nerror: not enough memory: this process may use only {limit} MiB of address space (`ulimit -v`); raise the \
                  limit, or use smaller pictures or fewer Gaussians\n"
             ),
-            None => "\nerror: the program crashed, perhaps in a graphics driver or because of too little memory; use smaller pictures or \
+            None => "\nerror: the program crashed, in a graphics driver perhaps, or for want of memory; use smaller pictures or \
                      fewer Gaussians, update the driver, or choose another adapter with GHAND_ADAPTER (`cpu` runs anywhere)\n"
                 .to_owned(),
         };

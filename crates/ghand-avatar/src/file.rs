@@ -265,7 +265,7 @@ impl<'a> Reader<'a> {
             return Err(self.invalid(
                 name,
                 format!(
-                    "is {:?} {:?}, expected {dtype:?} {shape:?}; the parts of the file do not match",
+                    "is {:?} {:?}, expected {dtype:?} {shape:?}; the file does not belong together",
                     view.dtype(),
                     view.shape()
                 ),

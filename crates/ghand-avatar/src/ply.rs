@@ -149,7 +149,7 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
         at += length + 1;
         match std::str::from_utf8(&rest[..length]) {
             Ok(text) => Ok(text.trim()),
-            Err(_) => problem("header", "is not text; this is not a PLY file"),
+            Err(_) => problem("header", "is not text; this is no PLY file"),
         }
     };
     if line()? != "ply" {
@@ -170,7 +170,7 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
                 Err(_) => return problem("element vertex", format!("has the count {number:?}")),
             },
             ["element", name, ..] if count.is_none() => {
-                return problem("element", format!("{name} comes before the vertices; save only the Gaussians"));
+                return problem("element", format!("{name} comes before the vertices; save the Gaussians alone"));
             }
             // What follows the vertices is not read.
             ["element", ..] => {
@@ -183,7 +183,7 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
                 None => return problem(&format!("property {name}"), format!("is of the unknown type {kind}")),
             },
             ["end_header"] => break,
-            _ => return problem("header", format!("has the line {:?}, which is not valid PLY", words.join(" "))),
+            _ => return problem("header", format!("has the line {:?}, which PLY does not know", words.join(" "))),
         }
     }
     match (ascii, count) {
@@ -205,9 +205,7 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         9 => 1,
         24 => 2,
         45 => 3,
-        other => {
-            return problem("f_rest_*", format!("has {other} properties; spherical harmonics need 0, 9, 24 or 45"));
-        }
+        other => return problem("f_rest_*", format!("has {other} properties; harmonics have 0, 9, 24 or 45")),
     };
     // The column of each row of the table. Files have the harmonics by channel, the table by function.
     let named = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>();

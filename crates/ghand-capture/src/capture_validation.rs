@@ -82,7 +82,7 @@ impl FileValidator<'_> {
             return Err(self.invalid(field("intrinsics"), problem));
         }
         if focal.max(principal.abs()).max_element() > LARGEST_FOCAL {
-            let problem = format!("has a number beyond {LARGEST_FOCAL:.0e}; give pixels");
+            let problem = format!("holds a number beyond {LARGEST_FOCAL:.0e}; give pixels");
             return Err(self.invalid(field("intrinsics"), problem));
         }
         let rotation = self.rotation(field("rotation"), entry.rotation)?;
@@ -131,7 +131,7 @@ impl FileValidator<'_> {
     ) -> Result<Pose, CaptureError> {
         let JointRows { order, names } = joints;
         if rows.len() != order.len() {
-            let problem = format!("has {} rows, expected {}: one per joint", rows.len(), order.len());
+            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), order.len());
             return Err(self.invalid(format!("frames[{id:?}].pose"), problem));
         }
         let rotations = (rows.iter().enumerate())

@@ -49,7 +49,7 @@ pub enum CaptureError {
     #[error(transparent)]
     Parameters(HandModelError),
     /// An image or mask could not be decoded or encoded.
-    #[error("{path}: {what}: {source}; replace the file with a valid PNG, JPEG or EXR")]
+    #[error("{path}: {what}: {source}; replace the file by a valid PNG, JPEG or EXR")]
     Image {
         /// The file.
         path: PathBuf,

@@ -38,7 +38,7 @@ pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Ve
     let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
     input_file::read(file, most).map_err(|source| unread(file, role, source))?.ok_or_else(|| {
         let problem =
-            format!("has more than {most} bytes for {} x {} pixels; replace it with a plain image", size.0, size.1);
+            format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
         CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
     })
 }
@@ -48,7 +48,7 @@ fn unread(file: &Path, role: Role, source: std::io::Error) -> CaptureError {
         path: file.into(),
         action: if role == Role::Mask { "read the mask" } else { "read the image" },
         source,
-        remedy: "add the file, or remove its camera or frame from the splits",
+        remedy: "add the file, or take its camera or frame out of the splits",
     }
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn read_truth(path: &Path, joints: JointRows) -> Result<Option<Vec<(S
     if !path.exists() {
         return Ok(None);
     }
-    let remedy = "make the file readable, or remove it (it is optional)";
+    let remedy = "make the file readable or remove it: it is optional";
     let text = read_text(path, LARGEST_FILE, "read the exact poses", remedy)?;
     let file: TruthFile = parse(path, &text)?;
     let validator = FileValidator { path };

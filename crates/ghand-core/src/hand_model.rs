@@ -196,15 +196,12 @@ impl HandModel {
             if !(row.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= 1e-6) {
                 return fail(
                     "weights",
-                    format!("vertex {i}: weights must be at least 0 and sum to 1, but they sum to {sum}"),
+                    format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"),
                 );
             }
         }
         if !self.shape_directions.len().is_multiple_of(v) {
-            return fail(
-                "shape directions",
-                format!("{} vectors are not a multiple of {v}", self.shape_directions.len()),
-            );
+            return fail("shape directions", format!("{} vectors are no multiple of {v}", self.shape_directions.len()));
         }
         let corrective_count = 9 * (n - 1) * v;
         if !self.pose_directions.is_empty() && self.pose_directions.len() != corrective_count {
@@ -218,10 +215,7 @@ impl HandModel {
             return fail("joint regressor", format!("{} rows, expected none or {n}", self.joint_regressor.len()));
         }
         if self.joint_regressor.iter().flatten().any(|(i, w)| *i as usize >= v || !w.is_finite()) {
-            return fail(
-                "joint regressor",
-                format!("refers to a vertex beyond {v}, or has a weight that is not finite"),
-            );
+            return fail("joint regressor", format!("names a vertex beyond the {v}, or a weight is not finite"));
         }
         if let Some(space) = &self.pose_space {
             if space.mean.len() != n - 1 || space.components.len().checked_rem(n - 1).unwrap_or(0) != 0 {

@@ -28,7 +28,7 @@ pub struct Pose {
 pub enum PoseRangeError {
     /// A joint turns too far, or by a number that is not finite.
     #[error(
-        "joint {joint} rotates by {angle:?} rad, at most {LARGEST_ANGLE} is allowed; give axis-angle rotations in radians"
+        "joint {joint} turns by {angle:?} rad, at most {LARGEST_ANGLE} can be; give axis-angle rotations in radians"
     )]
     Rotation {
         /// The joint's name, or its number where it has none.
@@ -37,7 +37,7 @@ pub enum PoseRangeError {
         angle: f64,
     },
     /// The hand is too far away, or at a place that is not finite.
-    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} is allowed; give metres")]
+    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} can be; give metres")]
     Translation {
         /// Length of the translation, metres.
         distance: f64,

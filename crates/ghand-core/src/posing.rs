@@ -56,7 +56,7 @@ pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, Invali
         let problem = match shape.iter().find(|s| !s.is_finite()) {
             Some(bad) => format!("holds {bad}; it must be finite"),
             None => {
-                format!("has {} numbers, the model takes {}; remove the others", shape.len(), model.shape_count())
+                format!("has {} numbers, the model takes {}; leave out the others", shape.len(), model.shape_count())
             }
         };
         return Err(invalid(model, "shape", problem));
@@ -121,7 +121,7 @@ pub fn pose_hand_with(
 ) -> Result<PosedHand, InvalidHandModel> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
-        return Err(invalid(model, "pose", format!("has {rows} rotations, but the model has {joints} joints")));
+        return Err(invalid(model, "pose", format!("has {rows} rotations, the model {joints} joints")));
     }
     let shaped = shape_hand(model, shape)?;
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);

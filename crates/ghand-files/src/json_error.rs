@@ -35,7 +35,7 @@ fn plain(message: &str) -> String {
         return format!("the field {field} is missing");
     }
     if let Some((field, known)) = message.strip_prefix("unknown field ").and_then(|m| m.split_once(", expected ")) {
-        return format!("the field {field} is unknown here; known fields are {}", known.trim_start_matches("one of "));
+        return format!("the field {field} is not known here; known are {}", known.trim_start_matches("one of "));
     }
     if let Some((name, known)) = message.strip_prefix("unknown variant ").and_then(|m| m.split_once(", expected ")) {
         return format!("is {name}, must be {}", known.replacen("one of ", "one of: ", 1));

@@ -39,7 +39,7 @@ impl<'a> Npz<'a> {
     /// [`ArrayError`] when they are not a zip archive, or one with more than 4096 files.
     pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
         let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
-            ArrayError(format!("is not a readable .npz archive ({error}); copy or download it again"))
+            ArrayError(format!("is no .npz archive that can be read ({error}); copy or download it again"))
         })?;
         if archive.len() > MAX_ARRAYS {
             let problem = format!("holds {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());
@@ -84,9 +84,7 @@ impl<'a> Npz<'a> {
         // is not trusted.
         file.take(self.budget as u64 + 1).read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
         self.budget = self.budget.checked_sub(bytes.len()).ok_or_else(|| {
-            ArrayError(format!(
-                "is too large when unpacked: an archive may have {MAX_UNPACKED} bytes; store less in it"
-            ))
+            ArrayError(format!("unpacks to too much: an archive may hold {MAX_UNPACKED} bytes, store less in it"))
         })?;
         read_npy(bytes)
     }

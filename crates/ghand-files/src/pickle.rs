@@ -19,7 +19,7 @@ pub use arrays::SparseMatrix;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PickleError {
     /// It names something that no hand model needs.
-    #[error("names {0}, and nothing in a file is executed; re-save the file as a plain .npz (numpy.savez)")]
+    #[error("names {0}, and nothing that a file names is run; re-save the file as a plain .npz (numpy.savez)")]
     UnknownGlobal(String),
     /// It uses a feature that is not supported.
     #[error("uses {0} at byte {1}, which is not supported; re-save the file as a plain .npz (numpy.savez)")]

@@ -101,7 +101,7 @@ fn parse(bytes: &[u8], source: &Source) -> Result<Gltf, HandModelError> {
     for accessor in primitives.filter_map(|primitive| primitive.attributes.get(&positions)) {
         if accessor.value() >= root.accessors.len() {
             let problem =
-                format!("refers to accessor {} of {}; export the hand again", accessor.value(), root.accessors.len());
+                format!("names accessor {} of {}; export the hand again", accessor.value(), root.accessors.len());
             return Err(source.invalid("POSITION", problem));
         }
     }

@@ -38,13 +38,12 @@ pub fn inspect(model: &HandModel) -> Inspection {
     let high = model.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let longest = (high - low).max_element();
     if !HAND_SIZE.contains(&longest) {
-        warnings
-            .push(format!("is {longest:.4} m long, which is not the size of a hand; its unit may not be the metre"));
+        warnings.push(format!("is {longest:.4} m long, which is no hand's size; its unit may not be the metre"));
     }
     let margin = 0.1 * longest;
     for (name, joint) in model.joint_names.iter().zip(&model.joints) {
         if joint.cmplt(low - margin).any() || joint.cmpgt(high + margin).any() {
-            warnings.push(format!("joint {name} is outside the hand; the skeleton may be in another frame"));
+            warnings.push(format!("joint {name} lies outside of the hand; the skeleton may be in another frame"));
         }
     }
     let joints = model.joint_count();
@@ -63,7 +62,7 @@ pub fn inspect(model: &HandModel) -> Inspection {
     }
     let crowded = edges.values().filter(|uses| **uses > 2).count();
     if crowded > 0 {
-        warnings.push(format!("{crowded} edges belong to more than two triangles; the surface is not a manifold"));
+        warnings.push(format!("{crowded} edges belong to more than two triangles; the surface is not one skin"));
     }
     let flat = model.faces.iter().filter(|face| area(model, **face) == 0.0).count();
     if flat > 0 {

@@ -50,8 +50,7 @@ pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFi
     if file.has_left_shape_bug {
         warnings.push(match options.left_shapes {
             LeftShapes::Fixed => {
-                "the shape directions of this left hand had the x components of a right one, a known bug; corrected"
-                    .into()
+                "the shape directions of this left hand were those of a right one in x, a known bug; mended".into()
             }
             LeftShapes::AsPublished => {
                 "the shape directions of this left hand are those of a right one in x, a known bug; left so".into()

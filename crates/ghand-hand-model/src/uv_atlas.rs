@@ -40,7 +40,7 @@ pub enum AtlasError {
     #[error("no face has an area; an atlas needs a surface")]
     Empty,
     /// A face refers to a missing vertex.
-    #[error("face {face} refers to a vertex beyond the {vertices}; repair the mesh")]
+    #[error("face {face} names a vertex beyond the {vertices}; repair the mesh")]
     BeyondVertices {
         /// The face.
         face: usize,
@@ -54,7 +54,7 @@ pub enum AtlasError {
         vertex: usize,
     },
     /// The surface has more pieces than fit into a texture.
-    #[error("the surface has {charts} pieces, more than fit into a texture; weld its vertices")]
+    #[error("the surface falls into {charts} pieces, more than a texture has room for; weld its vertices")]
     TooManyCharts {
         /// Number of pieces.
         charts: usize,

@@ -113,5 +113,5 @@ pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
         }
     }
     gpu.check()?;
-    Err(RenderError::Device("a buffer could not be read: the device does not respond".into()))
+    Err(RenderError::Device("a buffer could not be read: the device does not answer".into()))
 }

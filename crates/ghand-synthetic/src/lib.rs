@@ -227,7 +227,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     }
     if options.format == CaptureFormat::InterHand && options.width.min(options.height) < INTERHAND_LEAST {
         let problem = format!(
-            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M skip images of smaller hands",
+            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M leave out images of smaller hands",
             options.width, options.height
         );
         return fail("width and height", problem);

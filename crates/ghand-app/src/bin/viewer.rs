@@ -53,7 +53,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             hand.show(text, sequence);
         }
         (Subject::Scene { .. }, Some(_)) => {
-            bail!("--pose: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --pose")
+            bail!("--pose: {source} is a scene of Gaussians, which takes no pose; give an avatar or leave --pose out")
         }
     }
     let gpu = arguments.adapter.open()?;
@@ -68,6 +68,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
         Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),
-        None => Ok((Subject::avatar(bare_hand()?), "no trained avatar yet: showing an untrained hand".into())),
+        None => Ok((Subject::avatar(bare_hand()?), "no avatar trained yet: bare hand".into())),
     }
 }

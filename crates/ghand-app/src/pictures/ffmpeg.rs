@@ -83,7 +83,7 @@ impl PipedFilm {
     pub fn write(mut self, path: &Path) -> anyhow::Result<()> {
         // The end of the pictures.
         self.pictures = None;
-        let status = self.child.wait().context("cannot wait for ffmpeg")?;
+        let status = self.child.wait().context("ffmpeg cannot be waited for")?;
         if !status.success() {
             return Err(self.failure(&status.to_string()));
         }

@@ -59,7 +59,7 @@ impl FolderLock {
                 }
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
                     log::warn!(
-                        "{}: this file system does not support locks; let only one `train` write to this folder",
+                        "{}: this file system has no locks; run only one `train` into this folder",
                         path.display()
                     );
                     return Ok(Attempt::Locked(FolderLock { _file: file }));

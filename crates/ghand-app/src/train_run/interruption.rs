@@ -15,7 +15,7 @@ use crate::train_run::run_folder::Leftovers;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Message of a run that ends before its training.
-pub const BEFORE_TRAINING: &str = "stopped before training: nothing was saved";
+pub const BEFORE_TRAINING: &str = "stopped before the training: nothing was saved";
 
 /// What the next signal does.
 enum Response {
@@ -103,7 +103,7 @@ impl Interruption {
         match &state.response {
             Response::Stop => {
                 self.stop.store(true, Ordering::Relaxed);
-                eprintln!("{before}stopping after this iteration; press Ctrl-C again to end the program at once");
+                eprintln!("{before}stopping after this iteration; Ctrl-C once more ends the program at once");
                 state.response = Response::End("stopped at once: nothing was saved".into());
             }
             Response::End(line) => {

@@ -78,7 +78,7 @@ impl RunFolder {
                 Ok(folder)
             }
             Err(holder) => bail!(
-                "{}: another run is writing into this folder ({holder}); wait until it ends, or choose another --out",
+                "{}: another run is writing into this folder ({holder}); wait for its end or choose another --out",
                 path.display()
             ),
         }
@@ -97,7 +97,7 @@ impl RunFolder {
             match RunFolder::claim(&path)? {
                 Ok(folder) if result_in(&path).is_none() => {
                     if number > 1 {
-                        say!("earlier runs are kept; results go to {}", path.display());
+                        say!("earlier runs are kept: this one goes to {}", path.display());
                     }
                     return Ok(folder);
                 }

@@ -167,8 +167,7 @@ impl Viewer {
             }
         });
         ui.label(
-            RichText::new("Drag to rotate, right-drag or Shift-drag to move, scroll to zoom, double-click to reset.")
-                .weak(),
+            RichText::new("Drag to turn, right or shift drag to move, scroll to zoom, double click to reset.").weak(),
         );
         ui.separator();
         self.figures(ui);

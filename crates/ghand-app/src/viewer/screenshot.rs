@@ -36,10 +36,7 @@ fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
     // The renderer panics where it cannot have its buffers, here and below.
     gpu.poll()?;
     let largest = gpu.device.limits().max_texture_dimension_2d;
-    ensure!(
-        size.iter().all(|edge| *edge <= largest),
-        "--size: the device can draw at most {largest} x {largest} pixels"
-    );
+    ensure!(size.iter().all(|edge| *edge <= largest), "--size: the device draws at most {largest} x {largest} pixels");
     let mut renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, egui_wgpu::RendererOptions::PREDICTABLE);
     let mut output = run(viewer, context, size, &mut renderer, 0, &gpu);
     let mut complete = false;

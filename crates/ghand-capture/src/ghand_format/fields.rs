@@ -58,7 +58,8 @@ pub(super) fn parameters(
         return Err(unknown_field(validator, &format!("{FIELD}.{name}"), name, known));
     }
     serde_json::from_value(Value::Object(fields)).map_err(|error| {
-        validator.invalid(FIELD, format!("{}; give numbers in metres, or omit the parameter", plain_json_error(&error)))
+        validator
+            .invalid(FIELD, format!("{}; give numbers of metres, or leave the parameter out", plain_json_error(&error)))
     })
 }
 

@@ -38,7 +38,7 @@ impl Capture {
             return Ok(());
         };
         let problem =
-            format!("version {VERSION} of capture.json cannot express them; read the data set from its own folder");
+            format!("version {VERSION} of capture.json cannot hold them; read the data set from its own folder");
         Err(CaptureError::Invalid { path: self.root.join(CAPTURE_FILE), field: odd.into(), problem })
     }
 

@@ -94,7 +94,7 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
     }
     if !found.has_usable_image() {
         let text = format!(
-            "none of the {} images can be used ({} files are missing, {} broken); check that paths, cameras and files match",
+            "none of the {} images can be used ({} files are missing, {} broken); see that paths, cameras and files belong together",
             files.images, files.missing, files.broken
         );
         return vec![finding(true, text)];
@@ -103,13 +103,17 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
         found,
         |_| true,
         |view| view.brightest < LEAST_BRIGHTNESS,
-        |dark, all| format!("{dark} of {all} images, or their hands, are black; export them again with enough light"),
+        |dark, all| {
+            format!(
+                "{dark} of {all} images are black, or their hand is; export them again with the light that they need"
+            )
+        },
     );
     let flat = faulty(
         found,
         |view| view.brightest >= LEAST_BRIGHTNESS,
         |view| view.contrast <= MOST_OF_ONE_COLOR,
-        |flat, all| format!("{flat} of {all} images have a single colour; export them again"),
+        |flat, all| format!("{flat} of {all} images are of one colour all over; export them again"),
     );
     let holes = views(found).filter(|view| view.nan_pixels > 0).count();
     let holes = (holes > 0).then(|| {
@@ -145,11 +149,14 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
         found,
         has_mask,
         |view| view.coverage == Some(1.0),
-        |full, all| format!("{full} of {all} masks are full; a mask is at least 128 on the hand and below elsewhere"),
+        |full, all| {
+            format!("{full} of {all} masks are hand everywhere; a mask is at least 128 on the hand and below elsewhere")
+        },
     ));
     let zero_one = views(found).filter(|view| view.is_zero_one).count();
     if zero_one > 0 {
-        let text = format!("{zero_one} of {looked_at} masks have 0 and 1 instead of 0 and 255; 1 counts as hand");
+        let text =
+            format!("{zero_one} of {looked_at} masks hold 0 and 1 instead of 0 and 255; the 1 is taken for the hand");
         findings.push(finding(false, text));
     }
     let made = found.files.made_masks;

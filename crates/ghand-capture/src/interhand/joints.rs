@@ -60,7 +60,7 @@ pub(super) fn warning(
     let mean = sum / f64::from(count.max(1));
     Ok((mean > FAR).then(|| {
         format!(
-            "{}: the joints of {} are {:.0} mm from the annotated ones on average; check that it is the MANO model of this hand",
+            "{}: the joints of {} are {:.0} mm from the annotated ones in the mean; see that it is the MANO model of this hand",
             path.display(),
             model.name,
             1000.0 * mean

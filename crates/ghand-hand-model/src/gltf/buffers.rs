@@ -149,7 +149,7 @@ impl<'a> Buffers<'a> {
             return Err(fail("is empty; export the hand again"));
         }
         if count.saturating_mul(N) > MAX_NUMBERS {
-            return Err(fail(&format!("has {count} entries, more than any hand needs; export the hand alone")));
+            return Err(fail(&format!("has {count} entries, more than any hand; export the hand alone")));
         }
         let mut values = match accessor.view() {
             Some(view) => self.elements(&view, accessor.offset(), kind, count, field, &convert)?,
@@ -190,10 +190,8 @@ impl<'a> Buffers<'a> {
             self.source.invalid(field, "reaches beyond its buffer; the file is damaged, copy or export it again".into())
         };
         let unusable = || {
-            self.source.invalid(
-                field,
-                format!("has components of type {kind:?}; export it as glTF requires, without quantization"),
-            )
+            self.source
+                .invalid(field, format!("has components of type {kind:?}; export it as glTF demands, unquantized"))
         };
         let bytes = self.bytes(&view.buffer())?;
         let size = kind.size() * N;
@@ -236,7 +234,7 @@ fn relative_path(uri: &str) -> Result<PathBuf, String> {
     let decoded = percent_decode_str(uri)
         .decode_utf8()
         .map_err(|_| format!("lies at '{uri}', which is no UTF-8; rename the file"))?;
-    let outside = || format!("is at '{uri}', outside the .gltf file's folder; put it beside the .gltf file");
+    let outside = || format!("lies at '{uri}', outside of the .gltf file's folder; put it beside the .gltf file");
     // A colon is part of a scheme or of a Windows drive; a backslash separates folders on Windows.
     if decoded.is_empty() || decoded.contains([':', '\\', '\0']) {
         return Err(outside());

@@ -40,7 +40,7 @@ pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<H
         if let Some(found) = fields.text(key)
             && found != usual
         {
-            warnings.push(format!("{key} is {found:?}, MANO has {usual:?}: poses may be misinterpreted"));
+            warnings.push(format!("{key} is {found:?}, MANO has {usual:?}: poses may not mean what they should"));
         }
     }
     let joint_names = if parents == PARENTS {

@@ -19,7 +19,7 @@ pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warn
     };
     if by_shape.is_some_and(|by_shape| by_shape != known) {
         let word = if known == Side::Left { "left" } else { "right" };
-        warnings.push(format!("is read as a {word} hand, but its thumb is on the other side"));
+        warnings.push(format!("is taken for a {word} hand, but its thumb is on the other side"));
     }
     known
 }
@@ -81,7 +81,7 @@ pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnin
         Some(correlation) if correlation > 0.2 => false,
         _ => {
             warnings.push(
-                "shapedirs do not show whether they have the bug of the published left model, and are used unchanged; put the right model's file beside this one".into(),
+                "shapedirs do not tell whether they have the bug of the published left model, and are left as they are; put the right model's file beside this one".into(),
             );
             false
         }

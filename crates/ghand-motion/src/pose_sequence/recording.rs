@@ -125,7 +125,7 @@ pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
     match distance.partial_cmp(&LARGEST_TRANSLATION) {
         Some(order) if order.is_le() => Ok(()),
         _ if !point.is_finite() => Err("is not finite".into()),
-        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} is allowed; give metres")),
+        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} can be; give metres")),
     }
 }
 

@@ -28,7 +28,7 @@ pub(super) fn problem(value: &Value) -> String {
         "is {}, which is no kind of poses that is read; give ghand's own (\"frames\" with \"pose\", n_b rows of 3); MANO's \
          rotations as an array (T, 45), (T, 48), (T, 15, 3), (T, 16, 3), (T, 15, 3, 3) or (T, 16, 3, 3), as \"global_orient\" with \
          \"hand_pose\", \"rot\" with \"pose\", \"poses\" (T, 156 or 165) or \"handPose\"; landmarks (T, 21, 3) or \
-         \"world_landmarks\"; joints of WebXR or OpenXR as \"joints\" or (T, 25, 16); see docs/poses.md for all of them",
+         \"world_landmarks\"; joints of WebXR or OpenXR as \"joints\" or (T, 25, 16); docs/poses.md has them all",
         found(value, true)
     )
 }

@@ -72,7 +72,7 @@ pub(super) fn rows(
         if options.side.is_some_and(|wanted| wanted != own) {
             let name = side_name(own);
             let problem = format!(
-                "the file says that the rows are of a {name} hand, which contradicts --side; omit --side: poses of the \
+                "the rows are described as those of a {name} hand, which --side contradicts; leave --side away: poses of the \
                  other hand are mirrored"
             );
             return Err(source.invalid("hand_model.side", problem));
@@ -108,7 +108,7 @@ pub(super) fn rows(
     }
     let lacking = model.joint_names.iter().find(|joint| !full.joint_names.contains(joint));
     let problem = format!(
-        "lacks the model's joint {:?}, so the poses are for another skeleton, whose {} missing; write the poses again \
+        "lacks the model's joint {:?}, so that the poses are of another rig, and {} of that rig missing; write the poses again \
          with `ghand pose --hand-model THEIR_MODEL --pose FILE --out POSES.json`, which adds it, or name their model with \
          --pose-model",
         lacking.map_or("", String::as_str),

@@ -37,7 +37,7 @@ pub enum DeviceError {
     },
     /// The adapter refused a device.
     #[error(
-        "the graphics adapter {adapter} could not be opened: {reason}; update its driver or choose another adapter with {}{}",
+        "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}{}",
         AdapterChoice::VARIABLE,
         memory_limit::hint()
     )]
@@ -56,14 +56,14 @@ pub enum DeviceError {
         tier: &'static str,
     },
     /// [`Tier::VARIABLE`] names no tier.
-    #[error("{}={text} is not a tier; use `baseline` or `fast`", Tier::VARIABLE)]
+    #[error("{}={text} is no tier; it may be `baseline` or `fast`", Tier::VARIABLE)]
     UnknownTier {
         /// What it holds.
         text: String,
     },
     /// The adapter of a lost device does not come back.
     #[error(
-        "the graphics adapter {adapter} was lost and did not come back; update its driver, restart the computer, or \
+        "the graphics adapter {adapter} was lost and does not come back; update its driver, restart the computer, or \
          choose another adapter with {}",
         AdapterChoice::VARIABLE
     )]
@@ -135,7 +135,7 @@ impl Failure {
         let mut reports = self.reports();
         if reports.first.is_some() {
             reports.later += 1;
-            log::debug!("another graphics device error: {message}");
+            log::debug!("another error of the graphics device: {message}");
         } else {
             log::error!("the graphics device failed: {message}");
             reports.first = Some(message);

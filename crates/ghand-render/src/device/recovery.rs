@@ -53,7 +53,7 @@ impl Gpu {
                 return result;
             }
             losses += 1;
-            log::warn!("the graphics device was lost: {what} continues with a new one");
+            log::warn!("the graphics device was lost: {what} goes on with a new one");
         }
     }
 }

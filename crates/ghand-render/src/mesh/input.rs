@@ -168,7 +168,7 @@ fn check_camera(camera: &Camera) -> Result<(), MeshError> {
 fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
     let n = mesh.positions.len();
     if mesh.normals.len() != n {
-        let problem = format!("{n} positions but {} normals; give one of each per vertex", mesh.normals.len());
+        let problem = format!("{n} positions but {} normals; give one of each a vertex", mesh.normals.len());
         return MeshError::invalid("vertices", problem);
     }
     if let Some(exposure) = mesh.exposure {
@@ -195,7 +195,7 @@ fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
         return MeshError::invalid("normals", format!("that of vertex {i} is not finite; check the pose"));
     }
     if mesh.triangles.iter().flatten().any(|&i| i as usize >= n) {
-        return MeshError::invalid("triangles", format!("an index is out of range ({n} vertices)"));
+        return MeshError::invalid("triangles", format!("an index is beyond the {n} vertices"));
     }
     Ok(())
 }

@@ -110,10 +110,7 @@ fn joint_weights(
 ) -> Result<impl Iterator<Item = f64> + '_, MeshError> {
     let rows = rows(weights, joint_count)?;
     if joint >= joint_count {
-        return MeshError::invalid(
-            "joint",
-            format!("joint {joint} does not exist; there are {joint_count}, counted from 0"),
-        );
+        return MeshError::invalid("joint", format!("there is no {joint} among {joint_count}, counted from 0"));
     }
     Ok(rows.map(move |row| row[joint]))
 }
@@ -134,7 +131,7 @@ pub fn joint_mix(weights: &[f64], joint_count: usize) -> Result<Vec<DVec3>, Mesh
 
 fn rows(weights: &[f64], joint_count: usize) -> Result<std::slice::ChunksExact<'_, f64>, MeshError> {
     if joint_count == 0 || !weights.len().is_multiple_of(joint_count) {
-        let problem = format!("{} numbers are not rows of {joint_count} joints", weights.len());
+        let problem = format!("{} numbers are no rows of {joint_count} joints", weights.len());
         return MeshError::invalid("weights", problem);
     }
     if let Some(i) = weights.iter().position(|w| !w.is_finite()) {

@@ -134,7 +134,7 @@ fn files(opened: &Opened, found: &CaptureInspection) -> Vec<String> {
     }
     let decoded = |split: &SplitFacts| format!("{} {} of {}", split.name, split.views.len(), split.images);
     let samples: Vec<String> = found.splits.iter().map(decoded).collect();
-    lines.push(format!("decoded for the checks below: {}", samples.join(", ")));
+    lines.push(format!("decoded for what follows: {}", samples.join(", ")));
     lines
 }
 

@@ -84,7 +84,7 @@ fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetVi
         match cell.with_template(renderer, &capture.hand_model, positions) {
             Ok(picture) => pictures.push((format!("{name} {value}"), picture)),
             // A template too far off to be drawn is what the sheet is to show.
-            Err(MeshError::Invalid { .. }) => pictures.push((format!("{name}: too far away"), cell.image.clone())),
+            Err(MeshError::Invalid { .. }) => pictures.push((format!("{name}: too far off"), cell.image.clone())),
             Err(error) => return Err(error),
         }
         Ok(())

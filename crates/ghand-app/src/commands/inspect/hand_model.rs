@@ -21,7 +21,7 @@ pub fn describe(file: &HandModelFile) -> String {
     }
     let in_file = match model.source_vertices.len() {
         0 => String::new(),
-        split => format!(" ({split} in the file, where seams are split)"),
+        split => format!(" ({split} in the file, split at seams)"),
     };
     row("vertices", format!("{}{in_file}", model.vertices.len()));
     let opening = match found.boundary_edges {

@@ -29,7 +29,7 @@ impl Viewer {
             if losses > MOST_LOSSES {
                 return result;
             }
-            log::warn!("the graphics device was lost: the viewer continues with a new one");
+            log::warn!("the graphics device was lost: the viewer goes on with a new one");
             self.renew()?;
         }
     }
