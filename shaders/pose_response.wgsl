@@ -7,6 +7,7 @@
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
 import package::shared::pose::{CHAIN_STRIDE, pose};
+import package::shared::weights::weight_row;
 
 struct ResponseUniforms {
     // Rows of the blend coefficients.
@@ -27,7 +28,6 @@ const ROW_COMPONENTS: u32 = 4u;
 @group(0) @binding(3) var<storage, read> chain: array<f32>;
 // What each joint adds to each channel, within its limits, [channels][joints].
 @group(0) @binding(4) var<storage, read_write> joint_terms: array<f32>;
-@group(0) @binding(5) var<storage, read> weights: array<f32>;
 @group(0) @binding(6) var<storage, read> appearance: array<f32>;
 // Channel values: of the blend coefficients, a property, and of the colour components, [channels][N] each.
 @group(0) @binding(7) var<storage, read_write> coefficients: array<f32>;
@@ -88,11 +88,6 @@ fn response_terms(@builtin(global_invocation_id) id: vec3<u32>) {
 fn follows(channel: u32, k: u32) -> bool {
     let at = channel * pose.joint_count + k;
     return k != ROOT && joint_terms[at] > response_limits[at].x && joint_terms[at] < response_limits[at].y;
-}
-
-fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(k * pose.gaussian_count) + p;
-    return vec4(weights[at.x], weights[at.y], weights[at.z], weights[at.w]);
 }
 
 fn appearance_row(row: u32, p: vec4<u32>) -> vec4<f32> {

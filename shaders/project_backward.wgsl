@@ -11,8 +11,8 @@ import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic,
 
 // Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
 override SLOT_OPACITY: bool = false;
-// Number of places in a slot, as there: 4 if each cell has its own, else 1.
-override SLOT_PLACES: u32 = 4u;
+// Cells of a slot, as there: 4, or 1 if the workgroup adds them up.
+override SLOT_CELLS: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
 @group(0) @binding(2) var<storage, read> slot_ranges: array<vec2<u32>>;
@@ -68,19 +68,19 @@ fn quaternion_gradient(g: Gaussian, x_axis: vec3<f32>, y_axis: vec3<f32>, z_axis
     return (unit - q * dot(q, unit)) / g.length;
 }
 
-// The contents of one place of a slot.
+// The contents of one cell of a slot.
 struct SlotGradient {
     first: vec4<f32>,
     second: vec4<f32>,
     power: f32,
 }
 
-fn slot_place(place: u32) -> SlotGradient {
+fn slot_cell(cell: u32) -> SlotGradient {
     var gradient: SlotGradient;
-    let mark = select(place, 2u * place, SLOT_OPACITY);
+    let mark = select(cell, 2u * cell, SLOT_OPACITY);
     if slot_marks[mark] != 0u {
-        gradient.first = slot_gradients[2u * place];
-        gradient.second = slot_gradients[2u * place + 1u];
+        gradient.first = slot_gradients[2u * cell];
+        gradient.second = slot_gradients[2u * cell + 1u];
         if SLOT_OPACITY {
             gradient.power = bitcast<f32>(slot_marks[mark + 1u]);
         }
@@ -117,11 +117,11 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var second = vec4(0.0);
     var d_power = 0.0;
     for (var s = slots.x; s < slots.y; s++) {
-        var sum = slot_place(s * SLOT_PLACES);
-        // The loop over a slot's places is unrolled: software rasterisers end a loop after 65,535 iterations.
-        if SLOT_PLACES == 4u {
-            sum = joined(joined(sum, slot_place(s * SLOT_PLACES + 1u)),
-                         joined(slot_place(s * SLOT_PLACES + 2u), slot_place(s * SLOT_PLACES + 3u)));
+        var sum = slot_cell(s * SLOT_CELLS);
+        // The loop over a slot's cells is unrolled: software rasterisers end a loop after 65,535 iterations.
+        if SLOT_CELLS == 4u {
+            sum = joined(joined(sum, slot_cell(s * SLOT_CELLS + 1u)),
+                         joined(slot_cell(s * SLOT_CELLS + 2u), slot_cell(s * SLOT_CELLS + 3u)));
         }
         first += sum.first;
         second += sum.second;

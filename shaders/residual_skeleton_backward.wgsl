@@ -2,16 +2,15 @@
 // `ghand_core::residual_skeleton::residual_joints_vjp`.
 
 import package::shared::chain_backward::{d_bones, pose_chain_backward};
+import package::shared::d_skin::{d_skin_row, store_d_skin};
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_OFFSET, pose};
 
 // [joints][N]
 @group(0) @binding(8) var<storage, read> regressor: array<f32>;
-@group(0) @binding(9) var<storage, read> offsets: array<f32>;
 @group(0) @binding(10) var<storage, read> d_residual_joints: array<f32>;
-// In: gradient of the points; out: gradient of the offsets.
-@group(0) @binding(11) var<storage, read_write> d_skin: array<f32>;
 @group(0) @binding(12) var<storage, read_write> d_regressor: array<f32>;
 
 // Comes before the skeleton's and replaces d_local.
@@ -42,16 +41,6 @@ fn residual_skeleton_backward() {
     pose_chain_backward(0.0);
 }
 
-fn skin_row(row: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(row * pose.gaussian_count) + p;
-    return vec4(d_skin[at.x], d_skin[at.y], d_skin[at.z], d_skin[at.w]);
-}
-
-fn offset_row(row: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(row * pose.gaussian_count) + p;
-    return vec4(offsets[at.x], offsets[at.y], offsets[at.z], offsets[at.w]);
-}
-
 fn regressor_row(k: u32, p: vec4<u32>) -> vec4<f32> {
     let at = vec4(k * pose.gaussian_count) + p;
     return vec4(regressor[at.x], regressor[at.y], regressor[at.z], regressor[at.w]);
@@ -65,14 +54,7 @@ fn store_regressor(k: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
     if stored.w { d_regressor[at.w] = value.w; }
 }
 
-fn store_skin(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
-    let at = vec4(row * pose.gaussian_count) + p;
-    if stored.x { d_skin[at.x] = value.x; }
-    if stored.y { d_skin[at.y] = value.y; }
-    if stored.z { d_skin[at.z] = value.z; }
-    if stored.w { d_skin[at.w] = value.w; }
-}
-
+// In `d_skin`, the gradient of the points becomes that of the offsets.
 @compute @workgroup_size(64)
 fn residual_joints_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                             @builtin(local_invocation_index) local: u32) {
@@ -86,9 +68,9 @@ fn residual_joints_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(nu
     let x = offset_row(ROW_OFFSET, p);
     let y = offset_row(ROW_OFFSET + 1u, p);
     let z = offset_row(ROW_OFFSET + 2u, p);
-    var d_x = skin_row(ROW_D_POINT, p);
-    var d_y = skin_row(ROW_D_POINT + 1u, p);
-    var d_z = skin_row(ROW_D_POINT + 2u, p);
+    var d_x = d_skin_row(ROW_D_POINT, p);
+    var d_y = d_skin_row(ROW_D_POINT + 1u, p);
+    var d_z = d_skin_row(ROW_D_POINT + 2u, p);
     for (var k = 0u; k < pose.joint_count; k++) {
         let d = vec3(d_residual_joints[3u * k], d_residual_joints[3u * k + 1u], d_residual_joints[3u * k + 2u]);
         store_regressor(k, p, stored, d.x * x + d.y * y + d.z * z);
@@ -97,7 +79,7 @@ fn residual_joints_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(nu
         d_y += r * d.y;
         d_z += r * d.z;
     }
-    store_skin(ROW_D_POINT, p, stored, d_x);
-    store_skin(ROW_D_POINT + 1u, p, stored, d_y);
-    store_skin(ROW_D_POINT + 2u, p, stored, d_z);
+    store_d_skin(ROW_D_POINT, p, stored, d_x);
+    store_d_skin(ROW_D_POINT + 1u, p, stored, d_y);
+    store_d_skin(ROW_D_POINT + 2u, p, stored, d_z);
 }

@@ -1,9 +1,11 @@
 // Corrected linear blend skinning. CPU twin: `ghand_core::skinning`.
 
-import package::shared::bones::{bone_row, offset_row, residual_bone_row, residual_weight_row, weight_row};
+import package::shared::bones::{bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_POINT, pose};
+import package::shared::weights::weight_row;
 
 @group(0) @binding(6) var<storage, read> poses: array<f32>;
 @group(0) @binding(7) var<storage, read_write> gaussians: array<f32>;

@@ -1,26 +1,20 @@
 // Gradient of corrected skinning with respect to points and residual weights, and the moments whose weighted sums are
 // the gradients of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
 
-import package::shared::bones::{bone_row, offset_row, residual_bone_row, residual_weight_row, weight_row};
+import package::shared::bones::{bone_row, residual_bone_row, residual_weight_row};
+import package::shared::d_skin::store_d_skin;
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_MOMENT, ROW_POINT, pose};
+import package::shared::weights::weight_row;
 
 @group(0) @binding(6) var<storage, read> d_gaussians: array<f32>;
-@group(0) @binding(7) var<storage, read_write> d_skin: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_residual_weights: array<f32>;
 
 fn d_gaussian_row(row: u32, p: vec4<u32>) -> vec4<f32> {
     let at = vec4(row * pose.table_columns + pose.table_first) + p;
     return vec4(d_gaussians[at.x], d_gaussians[at.y], d_gaussians[at.z], d_gaussians[at.w]);
-}
-
-fn store_skin(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
-    let at = vec4(row * pose.gaussian_count) + p;
-    if stored.x { d_skin[at.x] = value.x; }
-    if stored.y { d_skin[at.y] = value.y; }
-    if stored.z { d_skin[at.z] = value.z; }
-    if stored.w { d_skin[at.w] = value.w; }
 }
 
 fn store_weight(k: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
@@ -68,19 +62,19 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
         let shift = dx * rx.w + dy * ry.w + dz * rz.w;
         store_weight(k, p, stored, residual_x * x + residual_y * y + residual_z * z + shift);
     }
-    store_skin(ROW_D_POINT, p, stored, d_x);
-    store_skin(ROW_D_POINT + 1u, p, stored, d_y);
-    store_skin(ROW_D_POINT + 2u, p, stored, d_z);
-    store_skin(ROW_MOMENT, p, stored, dx * x);
-    store_skin(ROW_MOMENT + 1u, p, stored, dx * y);
-    store_skin(ROW_MOMENT + 2u, p, stored, dx * z);
-    store_skin(ROW_MOMENT + 3u, p, stored, dx);
-    store_skin(ROW_MOMENT + 4u, p, stored, dy * x);
-    store_skin(ROW_MOMENT + 5u, p, stored, dy * y);
-    store_skin(ROW_MOMENT + 6u, p, stored, dy * z);
-    store_skin(ROW_MOMENT + 7u, p, stored, dy);
-    store_skin(ROW_MOMENT + 8u, p, stored, dz * x);
-    store_skin(ROW_MOMENT + 9u, p, stored, dz * y);
-    store_skin(ROW_MOMENT + 10u, p, stored, dz * z);
-    store_skin(ROW_MOMENT + 11u, p, stored, dz);
+    store_d_skin(ROW_D_POINT, p, stored, d_x);
+    store_d_skin(ROW_D_POINT + 1u, p, stored, d_y);
+    store_d_skin(ROW_D_POINT + 2u, p, stored, d_z);
+    store_d_skin(ROW_MOMENT, p, stored, dx * x);
+    store_d_skin(ROW_MOMENT + 1u, p, stored, dx * y);
+    store_d_skin(ROW_MOMENT + 2u, p, stored, dx * z);
+    store_d_skin(ROW_MOMENT + 3u, p, stored, dx);
+    store_d_skin(ROW_MOMENT + 4u, p, stored, dy * x);
+    store_d_skin(ROW_MOMENT + 5u, p, stored, dy * y);
+    store_d_skin(ROW_MOMENT + 6u, p, stored, dy * z);
+    store_d_skin(ROW_MOMENT + 7u, p, stored, dy);
+    store_d_skin(ROW_MOMENT + 8u, p, stored, dz * x);
+    store_d_skin(ROW_MOMENT + 9u, p, stored, dz * y);
+    store_d_skin(ROW_MOMENT + 10u, p, stored, dz * z);
+    store_d_skin(ROW_MOMENT + 11u, p, stored, dz);
 }

@@ -3,9 +3,7 @@
 
 import package::shared::pose::{CHAIN_POSED, CHAIN_STRIDE, pose};
 
-@group(0) @binding(1) var<storage, read> offsets: array<f32>;
 // [joints][N]
-@group(0) @binding(2) var<storage, read> weights: array<f32>;
 @group(0) @binding(3) var<storage, read> residual_weights: array<f32>;
 @group(0) @binding(4) var<storage, read> chain: array<f32>;
 @group(0) @binding(5) var<storage, read> residual_chain: array<f32>;
@@ -20,17 +18,7 @@ fn residual_bone_row(k: u32, row: u32) -> vec4<f32> {
     return vec4(residual_chain[at], residual_chain[at + 1u], residual_chain[at + 2u], residual_chain[at + 3u]);
 }
 
-fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(k * pose.gaussian_count) + p;
-    return vec4(weights[at.x], weights[at.y], weights[at.z], weights[at.w]);
-}
-
 fn residual_weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {
     let at = vec4(k * pose.gaussian_count) + p;
     return vec4(residual_weights[at.x], residual_weights[at.y], residual_weights[at.z], residual_weights[at.w]);
-}
-
-fn offset_row(row: u32, p: vec4<u32>) -> vec4<f32> {
-    let at = vec4(row * pose.gaussian_count) + p;
-    return vec4(offsets[at.x], offsets[at.y], offsets[at.z], offsets[at.w]);
 }

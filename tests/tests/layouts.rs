@@ -5,13 +5,13 @@
 use std::collections::BTreeMap;
 
 use ghand_avatar::properties::direct::ResponseUniforms;
-use ghand_render::Tier;
 use ghand_render::deform::{CHAIN_STRIDE, JointSums, PoseUniforms, ROW_MOMENT, SumUniforms};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::penalty::PenaltyUniforms;
 use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View, shared_constants};
+use ghand_render::{Tier, reference};
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
 
@@ -180,12 +180,13 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
     assert!(unseen.is_empty(), "no shader has a buffer of {:?}", unseen.keys());
 }
 
-/// The value of a constant of a source, if it has it and it is a whole number.
-fn constant(source: &str, name: &str) -> Option<u32> {
+/// The value of a constant of a source, if it has it and it is a number.
+fn constant(source: &str, name: &str) -> Option<f64> {
     let module = validate(Tier::Fast, source).unwrap();
     let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
     match module.global_expressions[constant.init] {
-        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value),
+        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value.into()),
+        naga::Expression::Literal(naga::Literal::F32(value)) => Some(value.into()),
         _ => None,
     }
 }
@@ -198,12 +199,20 @@ fn constants_that_shaders_and_host_code_share_are_equal() {
         ("joint_sums", "STRANDS", JointSums::STRANDS as u32),
     ];
     let sources = sources();
-    for (stage, name, host) in shared_constants().into_iter().chain(deform) {
+    let whole = shared_constants().into_iter().chain(deform).map(|(stage, name, host)| (stage, name, f64::from(host)));
+    for (stage, name, host) in whole.chain(reference::shared_constants()) {
         let (.., source) = sources.iter().find(|(known, ..)| *known == stage).unwrap();
-        assert_eq!(constant(source, name), Some(host), "{stage}: {name}");
+        // WGSL's numbers are f32.
+        let same = |value: f64| value == host || value as f32 == host as f32;
+        assert!(
+            constant(source, name).is_some_and(same),
+            "{stage}: {name} is {:?}, not {host}",
+            constant(source, name)
+        );
         assert_eq!(constant(source, "NO_SUCH_NAME"), None);
     }
-    assert_eq!(constant("const A: u32 = 3u * 4u; @compute @workgroup_size(A) fn f() {}", "A"), Some(12));
+    assert_eq!(constant("const A: u32 = 3u * 4u; @compute @workgroup_size(A) fn f() {}", "A"), Some(12.0));
+    assert_eq!(constant("const B: f32 = 1.0 / 4.0; @compute @workgroup_size(1) fn f() { _ = B; }", "B"), Some(0.25));
 }
 
 const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }

@@ -4,6 +4,7 @@ mod background;
 mod destination;
 mod ffmpeg;
 mod film;
+mod film_options;
 mod folder;
 mod format;
 mod gif;

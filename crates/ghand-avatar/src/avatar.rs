@@ -6,8 +6,7 @@ use ghand_hand_model::{HandModelError, surface};
 use serde::{Deserialize, Serialize};
 
 use crate::local_thickness::local_thickness;
-use crate::properties::PropertyTables;
-use crate::properties::direct::{DirectTables, START_SCALE};
+use crate::properties::{PropertyStart, PropertyTables};
 use crate::template::{AvatarConfig, Template};
 
 /// Where an avatar comes from.
@@ -78,14 +77,17 @@ impl Avatar {
         let template = Template::from_samples(model, &samples);
         let thickness = local_thickness(model, &samples);
         let insets: Vec<f64> = (template.spacings.iter().zip(&thickness))
-            .map(|(spacing, thickness)| (inset * f64::from(START_SCALE * spacing)).min(DEEPEST_INSET * thickness))
+            .map(|(spacing, thickness)| {
+                (inset * f64::from(PropertyTables::START_SCALE * spacing)).min(DEEPEST_INSET * thickness)
+            })
             .collect();
-        let tables = DirectTables::untrained(&template, &samples.normals, &insets, config, color, seed);
+        let start = PropertyStart { normals: &samples.normals, insets: &insets, color, seed };
+        let tables = PropertyTables::untrained(&template, config, &start);
         Ok(Avatar {
             template,
             model: model.without_blend_shapes(),
             config: config.clone(),
-            tables: PropertyTables::Direct(tables),
+            tables,
             provenance: Provenance::default(),
         })
     }
@@ -128,7 +130,7 @@ mod tests {
         let (mut bounded, mut free) = (0, 0);
         for ((depth, thickness), spacing) in depths(&avatar).iter().zip(&thickness).zip(&avatar.template.spacings) {
             assert!(*depth <= thickness / 3.0 + 1e-7, "{depth} m of {thickness} m");
-            let wanted = 3.0 * f64::from(START_SCALE * spacing);
+            let wanted = 3.0 * f64::from(PropertyTables::START_SCALE * spacing);
             if (depth - wanted).abs() < 1e-7 { free += 1 } else { bounded += 1 }
         }
         // Fingers are thin for such large Gaussians, palm and wrist are not.

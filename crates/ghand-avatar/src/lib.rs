@@ -14,6 +14,6 @@ pub use avatar::{Avatar, Provenance};
 pub use file::AvatarFileError;
 pub use posed_avatar::PosedAvatar;
 pub use properties::direct::DirectTables;
-pub use properties::{PropertyModel, PropertyRates, PropertyTables};
+pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};
 pub use scene::Scene;
 pub use template::{AvatarConfig, Template};

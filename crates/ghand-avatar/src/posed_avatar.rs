@@ -34,6 +34,7 @@ impl PosedAvatar {
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
         let frames = frames.max(1);
         let deform_template = DeformTemplate {
+            normals: None,
             rest: &template.rest,
             weights: &template.weights,
             joints: &joints,

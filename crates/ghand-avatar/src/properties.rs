@@ -12,6 +12,7 @@ pub mod direct;
 
 use ghand_render::deform::{Deformation, DeformationBackward};
 use ghand_render::{Gpu, RenderError};
+use glam::DVec3;
 
 use crate::template::{AvatarConfig, Template};
 use direct::{DirectModel, DirectTables};
@@ -107,7 +108,33 @@ pub trait PropertyModel {
     fn parameter_gradients(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError>;
 }
 
+/// Where an untrained avatar starts.
+#[derive(Debug, Clone, Copy)]
+pub struct PropertyStart<'a> {
+    /// Outward normals of the Gaussians at rest, N.
+    pub normals: &'a [DVec3],
+    /// Distances of the Gaussians from the surface, inwards, N, metres.
+    pub insets: &'a [f64],
+    /// Colour of all, display values 0..1.
+    pub color: [f64; 3],
+    /// Seed of the small random numbers from which training breaks symmetry.
+    pub seed: u64,
+}
+
 impl PropertyTables {
+    /// Standard deviation of an untrained Gaussian, in multiples of its spacing: neighbours just close the surface.
+    pub const START_SCALE: f32 = 0.7;
+
+    /// Tables under which the avatar is the template's plain surface in one colour.
+    pub fn untrained(template: &Template, config: &AvatarConfig, start: &PropertyStart<'_>) -> PropertyTables {
+        PropertyTables::Direct(DirectTables::untrained(template, config, start))
+    }
+
+    /// Bytes of the learned tables per Gaussian.
+    pub fn bytes_per_gaussian(joints: usize, config: &AvatarConfig) -> usize {
+        direct::bytes_per_gaussian(joints, config)
+    }
+
     /// Sets the colours that no pose changes (display values 0..1), one per Gaussian.
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         match self {

@@ -39,6 +39,11 @@ pub struct Scene {
     avatars: Vec<PosedAvatar>,
 }
 
+/// Encodes the posing of avatars: after it the splatter's table is that of the frame.
+fn encode_poses(avatars: &mut [PosedAvatar], gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+    avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))
+}
+
 impl Scene {
     /// Puts avatars on the device, each with room for `frames` poses, for images of at most `max_size` pixels. What is
     /// only looked at needs no gradients, and far less memory.
@@ -132,17 +137,12 @@ impl Scene {
         self.splatter.set_view(gpu, View::new(camera, self.splatter.count(), background, OPACITY))
     }
 
-    /// Encodes the posing of all avatars: after it the splatter's table is that of the frame.
-    fn encode_poses(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-        self.avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))
-    }
-
     /// Encodes a frame: posing and drawing.
     ///
     /// # Errors
     /// [`RenderError`] if a property model fails.
     pub fn encode(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-        self.encode_poses(gpu, encoder)?;
+        encode_poses(&mut self.avatars, gpu, encoder)?;
         self.splatter.forward(encoder);
         Ok(())
     }
@@ -158,7 +158,7 @@ impl Scene {
     ) -> Result<Counters, RenderError> {
         let Scene { splatter, avatars } = self;
         splatter.run_frame(gpu, |splatter, encoder| {
-            avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))?;
+            encode_poses(avatars, gpu, encoder)?;
             splatter.forward(encoder);
             behind(splatter, encoder);
             Ok(())
@@ -202,7 +202,7 @@ impl Scene {
     fn pose_only(&mut self, gpu: &Gpu, frame: usize) -> Result<(), RenderError> {
         self.set_frame(gpu, frame);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.encode_poses(gpu, &mut encoder)?;
+        encode_poses(&mut self.avatars, gpu, &mut encoder)?;
         gpu.queue.submit([encoder.finish()]);
         Ok(())
     }

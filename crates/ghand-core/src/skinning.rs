@@ -112,6 +112,19 @@ pub fn skin(s: &Skinning) -> Vec<DVec3> {
     s.rest.par_iter().enumerate().with_min_len(CHUNK).map(move_point).collect()
 }
 
+/// Unit normals of the skinned surface from those at rest, N. A normal turns as the cross product of two tangents does, by
+/// the cofactors of the blended map, whose own change along the surface is neglected; zero where the map collapses the
+/// surface.
+pub fn skin_normals(s: &Skinning, rest_normals: &[DVec3]) -> Vec<DVec3> {
+    let residual_bones = s.effective_residual_bones();
+    let turn = |(p, normal): (usize, &DVec3)| {
+        let [x, y, z] = s.blended(&residual_bones, p).linear.to_cols_array_2d().map(DVec3::from_array);
+        // Cofactors of the columns; those of the rows are their transpose.
+        (y.cross(z) * normal.x + z.cross(x) * normal.y + x.cross(y) * normal.z).normalize_or_zero()
+    };
+    rest_normals.par_iter().enumerate().with_min_len(CHUNK).map(turn).collect()
+}
+
 /// Gradients of all inputs from dL/d(posed points). The result is bit-identical for any number of threads.
 pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
     let count = s.rest.len();
@@ -141,5 +154,35 @@ pub fn skin_vjp(s: &Skinning, d_posed: &[DVec3]) -> SkinGradients {
             ResidualWeights::ZeroSum => centred(&d_effective),
         },
         translation: sum_in_chunks(count, DVec3::ZERO, |sum, p| sum + d_posed[p], |a, b| a + b),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    #[test]
+    fn a_normal_stays_perpendicular_to_the_surface_under_shear_and_scale() {
+        let linear = DMat3::from_cols_array(&[1.2, 0.1, 0.0, 0.7, 0.9, -0.2, 0.0, 0.3, 1.5]);
+        let bone = Affine { linear, translation: DVec3::new(1.0, 2.0, 3.0) };
+        let (tangent, bitangent) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.3, 1.0, -0.2));
+        let flat = Affine { linear: DMat3::from_diagonal(DVec3::X), ..bone };
+        let posed = |bones: &[Affine]| {
+            let skinning = Skinning {
+                rest: &[DVec3::ZERO],
+                weights: &[1.0],
+                residual_weights: &[],
+                bones,
+                residual_bones: &[],
+                translation: DVec3::ZERO,
+                mode: ResidualWeights::ZeroSum,
+            };
+            skin_normals(&skinning, &[tangent.cross(bitangent).normalize()])[0]
+        };
+        let expected = (linear * tangent).cross(linear * bitangent).normalize();
+        assert!(posed(&[bone]).abs_diff_eq(expected, 1e-14), "{}", posed(&[bone]));
+        assert_eq!(posed(&[flat]), DVec3::ZERO);
     }
 }

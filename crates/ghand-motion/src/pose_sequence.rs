@@ -27,6 +27,7 @@ pub mod plain;
 mod recording;
 mod refusal;
 mod sides;
+mod source;
 mod to_model;
 pub mod xr;
 
@@ -39,7 +40,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::PoseError;
 use crate::rest_skeleton::RestSkeleton;
-pub(crate) use recording::{Motion, Recording, Skipped, Source};
+pub(crate) use recording::{Motion, Recording};
+pub(crate) use source::{Skipped, Source};
 use to_model::{carried_over, fitted, mano_rows, rows, side_name};
 
 /// Default rate, frames per second.

@@ -1,4 +1,4 @@
-//! Binding by name: which number the WGSL gives a buffer or texture is read from the WGSL.
+//! What the host reads from WGSL instead of repeating it: binding numbers by name, and workgroup sizes.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,11 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::shader_sources;
 
-/// Number of each binding of `@group(0)` that some entry points use, by its name in the WGSL.
+/// Number of each binding of `@group(0)` that some entry points use, by its name in the WGSL, and their workgroups.
 #[derive(Debug, Clone, Default)]
 pub struct Bindings {
     numbers: BTreeMap<String, u32>,
+    workgroup_size: [u32; 3],
 }
 
 impl Bindings {
@@ -27,13 +28,19 @@ impl Bindings {
         let Ok(info) = Validator::new(ValidationFlags::empty(), Capabilities::all()).validate(&module) else {
             return Bindings::default();
         };
-        let mut numbers = BTreeMap::new();
+        let mut bindings = Bindings::default();
         for (index, _) in module.entry_points.iter().enumerate().filter(|(_, e)| entry_points.contains(&&*e.name)) {
+            bindings.workgroup_size = module.entry_points[index].workgroup_size;
             let uses = info.get_entry_point(index);
             let used = module.global_variables.iter().filter(|(handle, _)| !uses[*handle].is_empty());
-            numbers.extend(used.filter_map(|(_, v)| Some((v.name.clone()?, v.binding?.binding))));
+            bindings.numbers.extend(used.filter_map(|(_, v)| Some((v.name.clone()?, v.binding?.binding))));
         }
-        Bindings { numbers }
+        bindings
+    }
+
+    /// The workgroup size of the last of the entry points; 0 for one that is not a compute stage.
+    pub fn workgroup_size(&self) -> [u32; 3] {
+        self.workgroup_size
     }
 
     /// The bind group of those of `resources` that are used; others are left aside, so that all stages of a shader can be

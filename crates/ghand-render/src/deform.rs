@@ -6,6 +6,7 @@
 
 mod blend_shapes;
 mod joint_sums;
+mod normals;
 mod properties;
 mod residual_skeleton;
 mod skeleton;
@@ -17,8 +18,10 @@ pub use ghand_core::blend_shapes::CoefficientLayout;
 pub use joint_sums::{JointSums, SumUniforms};
 pub use properties::{Properties, PropertySizes};
 
+use crate::pipeline::compute_pass;
 use crate::{Gpu, buffers};
 use blend_shapes::{BlendShapes, BlendShapesBackward};
+use normals::Normals;
 use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
 use skeleton::{Skeleton, SkeletonBackward};
 use skin::{Skin, SkinBackward};
@@ -65,6 +68,8 @@ pub struct Template<'a> {
     pub rest: &'a [f32],
     /// Skinning weights, `[n_b][N]`.
     pub weights: &'a [f32],
+    /// Rest normals, `[3][N]`, unit length, if shading needs posed ones.
+    pub normals: Option<&'a [f32]>,
     /// Rest joints, `[n_b][3]`, metres.
     pub joints: &'a [f32],
     /// Parent of each joint, -1 for the root.
@@ -105,15 +110,6 @@ impl TablePlace {
 /// Number of floats of a pose of `joint_count` joints: a rotation each, and the translation.
 pub fn pose_stride(joint_count: usize) -> usize {
     3 * joint_count + 3
-}
-
-/// Workgroups of stages that handle four points an invocation (`shaders/shared/four.wgsl`).
-fn groups_of_four(count: u32) -> u32 {
-    count.div_ceil(4).div_ceil(64)
-}
-
-fn groups(count: u32) -> u32 {
-    count.div_ceil(64)
 }
 
 /// Every buffer of the forward stages.
@@ -165,6 +161,7 @@ pub struct Deformation {
     blend_shapes: BlendShapes,
     residual_skeleton: ResidualSkeleton,
     skin: Skin,
+    normals: Option<Normals>,
 }
 
 impl Deformation {
@@ -208,6 +205,7 @@ impl Deformation {
             blend_shapes: BlendShapes::new(gpu, &buffers),
             residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
             skin: Skin::new(gpu, &buffers),
+            normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             buffers,
             current,
             place,
@@ -244,6 +242,12 @@ impl Deformation {
         &self.buffers.weights
     }
 
+    /// Normals of the skinned surface, `[3][N]`, unit length or zero where skinning collapses the surface; `None` if the
+    /// template has no normals.
+    pub fn normals(&self) -> Option<&wgpu::Buffer> {
+        self.normals.as_ref().map(|stage| &stage.normals)
+    }
+
     /// Rest joints, `[n_b][3]`, metres.
     pub fn joints(&self) -> &wgpu::Buffer {
         &self.buffers.joints
@@ -262,15 +266,18 @@ impl Deformation {
 
     /// Encodes the chain, which a property model may read.
     pub fn encode_skeleton(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.skeleton.encode(&mut pass(encoder, "skeleton"));
+        self.skeleton.encode(&mut compute_pass(encoder, "skeleton"));
     }
 
     /// Encodes everything behind the property model.
     pub fn encode_skin(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass = pass(encoder, "deform");
+        let mut pass = compute_pass(encoder, "deform");
         self.blend_shapes.encode(&mut pass);
         self.residual_skeleton.encode(&mut pass);
         self.skin.encode(&mut pass);
+        if let Some(normals) = &self.normals {
+            normals.encode(&mut pass);
+        }
         drop(pass);
         let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
         encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, self.place.byte(ROW_SCALE), row);
@@ -284,10 +291,6 @@ impl Deformation {
 /// Bytes of a row of N floats.
 fn row_bytes(uniforms: &PoseUniforms) -> u64 {
     u64::from(uniforms.gaussian_count) * size_of::<f32>() as u64
-}
-
-fn pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
-    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
 }
 
 /// Every buffer that the backward stages add.
@@ -397,18 +400,18 @@ impl DeformationBackward {
             let from = self.place.byte(ROW_COLOR + c);
             encoder.copy_buffer_to_buffer(&b.d_gaussians, from, &g.color, c * row, row);
         }
-        self.skin.encode(&mut pass(encoder, "deform backward"));
+        self.skin.encode(&mut compute_pass(encoder, "deform backward"));
     }
 
     /// Encodes the way from the points to all other properties; the local rotations get the residual skeleton's part.
     pub fn encode_properties(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass = pass(encoder, "property gradients");
+        let mut pass = compute_pass(encoder, "property gradients");
         self.residual_skeleton.encode(&mut pass);
         self.blend_shapes.encode(&mut pass);
     }
 
     /// Encodes the way to pose and rest joints.
     pub fn encode_pose(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.skeleton.encode(&mut pass(encoder, "pose gradient"));
+        self.skeleton.encode(&mut compute_pass(encoder, "pose gradient"));
     }
 }

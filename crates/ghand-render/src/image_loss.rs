@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module};
+use crate::pipeline::{Bound, Module, compute_pass};
 use crate::{Gpu, RenderError, buffers};
 
 /// Strands of the value's sum, as in the shader.
@@ -160,17 +160,16 @@ impl ImageLoss {
 
     /// Encodes the loss and its gradient to the image.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("loss"), ..Default::default() });
+        let mut pass = compute_pass(encoder, "loss");
         let [w, h] = self.size;
         for (stage, direction) in &self.stages {
             let runs = match direction {
                 Direction::Rows => w.div_ceil(4) * h,
                 Direction::Columns => w * h.div_ceil(4),
             };
-            stage.dispatch(&mut pass, runs.div_ceil(64));
+            stage.dispatch_invocations(&mut pass, runs);
         }
-        self.sums.dispatch(&mut pass, STRANDS as u32 / 64);
+        self.sums.dispatch_invocations(&mut pass, STRANDS as u32);
     }
 
     /// The value of the last loss that ran.

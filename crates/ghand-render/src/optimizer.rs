@@ -137,7 +137,7 @@ impl AdamTable {
     pub fn encode(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, uniforms: &AdamUniforms) {
         if let Some((buffer, bound)) = self.slots.get(slot) {
             gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(uniforms));
-            bound.dispatch(pass, uniforms.count.div_ceil(64));
+            bound.dispatch_invocations(pass, uniforms.count);
         }
     }
 }

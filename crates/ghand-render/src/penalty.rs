@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module};
+use crate::pipeline::{Bound, Module, compute_pass};
 use crate::{Gpu, buffers};
 
 /// See `shaders/penalty.wgsl`.
@@ -44,9 +44,7 @@ impl Penalty {
     /// Encodes it, unless the weight is 0.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         if self.weight != 0.0 {
-            let mut pass = encoder
-                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("penalty"), ..Default::default() });
-            self.stage.dispatch(&mut pass, self.count.div_ceil(64));
+            self.stage.dispatch_invocations(&mut compute_pass(encoder, "penalty"), self.count);
         }
     }
 }

@@ -20,6 +20,8 @@ pub struct Bound {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
+    /// Invocations of a workgroup, at least 1.
+    workgroup: u32,
 }
 
 /// A compiled WGSL source from which stages are made.
@@ -73,7 +75,17 @@ impl Stage {
         let resources: Vec<_> = buffers.iter().map(|(name, buffer)| (*name, buffer.as_entire_binding())).collect();
         let layout = self.pipeline.get_bind_group_layout(0);
         let group = self.bindings.group(&gpu.device, self.label, &layout, &resources);
-        Bound { label: self.label, pipeline: self.pipeline.clone(), group }
+        Bound { label: self.label, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup() }
+    }
+
+    /// Invocations of a workgroup, at least 1.
+    fn workgroup(&self) -> u32 {
+        self.bindings.workgroup_size().iter().product::<u32>().max(1)
+    }
+
+    /// Workgroups that `invocations` fill.
+    pub fn groups(&self, invocations: u32) -> u32 {
+        invocations.div_ceil(self.workgroup())
     }
 }
 
@@ -84,6 +96,11 @@ impl Bound {
     /// Name of the entry point.
     pub fn label(&self) -> &'static str {
         self.label
+    }
+
+    /// Dispatches as many workgroups as `invocations` fill, as [`Bound::dispatch`] does.
+    pub fn dispatch_invocations(&self, pass: &mut wgpu::ComputePass<'_>, invocations: u32) {
+        self.dispatch(pass, invocations.div_ceil(self.workgroup));
     }
 
     /// Dispatches at least `groups` workgroups, folded into two dimensions where they are many: shaders count them as
@@ -97,4 +114,9 @@ impl Bound {
         pass.set_bind_group(0, &self.group, &[]);
         pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
     }
+}
+
+/// Begins a compute pass.
+pub fn compute_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
 }

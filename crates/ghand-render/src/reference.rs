@@ -10,3 +10,16 @@ pub mod rasterize;
 pub mod sort;
 pub mod spherical_harmonics;
 mod wireframe;
+
+/// Numbers that the shaders and their twins both have: stage, name in the WGSL, value here. A test compares them.
+pub fn shared_constants() -> [(&'static str, &'static str, f64); 7] {
+    [
+        ("project", "BLUR", project::BLUR),
+        ("project", "ALPHA_MIN", project::ALPHA_MIN),
+        ("rasterize", "ALPHA_MAX", rasterize::ALPHA_MAX),
+        ("rasterize", "TRANSMITTANCE_MIN", rasterize::TRANSMITTANCE_MIN),
+        ("image_loss", "RADIUS", image_loss::RADIUS as f64),
+        ("image_loss", "C1", image_loss::C1),
+        ("image_loss", "C2", image_loss::C2),
+    ]
+}

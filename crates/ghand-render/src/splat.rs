@@ -8,6 +8,7 @@ mod bands;
 mod bin;
 mod counters;
 mod frame;
+mod frame_buffers;
 mod model;
 mod project;
 mod rasterize;
@@ -16,10 +17,12 @@ mod sort;
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
 
+use crate::pipeline::compute_pass;
 use crate::{Gpu, RenderError, Tier, buffers, timing};
 pub use bands::band_rows;
 pub use counters::Counters;
-use frame::{Frame, FrameBuffers, Pipelines};
+use frame::{Frame, Pipelines};
+use frame_buffers::FrameBuffers;
 pub use model::{Color, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
@@ -60,7 +63,7 @@ pub struct SplatOptions {
 impl SplatOptions {
     /// Largest buffer entry of one intersection, bytes: what limits how many there may be.
     fn bytes_per_intersection(&self, tier: Tier) -> u64 {
-        if self.purpose.has_gradients() { 32 * u64::from(rasterize::places(tier)) } else { 4 }
+        if self.purpose.has_gradients() { 32 * u64::from(frame_buffers::gradient_cells(tier)) } else { 4 }
     }
 }
 
@@ -119,7 +122,9 @@ pub fn shared_constants() -> Vec<(&'static str, &'static str, u32)> {
     let others = [
         ("project", "TILE_SIZE", TILE_SIZE),
         ("project", "DEPTH_KEY_MAX", (1 << frame::DEPTH_BITS) - 1),
-        ("camera_gradient", "STRANDS", project::CAMERA_STRANDS as u32),
+        ("camera_gradient", "STRANDS", frame_buffers::CAMERA_STRANDS as u32),
+        ("rasterize_backward", "CELLS", rasterize::backward_invocations(Tier::Baseline)),
+        ("fast/rasterize_backward", "LANES", rasterize::backward_invocations(Tier::Fast)),
     ];
     [&sort::SHARED_CONSTANTS[..], &others].concat()
 }
@@ -291,7 +296,7 @@ impl Splatter {
             image: buffers::zeroed(gpu, "image", 4 * pixels),
             depths: buffers::zeroed(gpu, "depths", if options.depth { pixels } else { 0 }),
             d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
-            d_camera: buffers::zeroed(gpu, "d_camera", project::CAMERA_ROWS),
+            d_camera: buffers::zeroed(gpu, "d_camera", frame_buffers::CAMERA_ROWS),
         };
         // Hand Gaussians touch three to four tiles each; a view that needs more grows the buffer.
         let capacity = (4 * count as u32).max(1024);
@@ -371,8 +376,7 @@ impl Splatter {
     /// Encodes the forward pass: table of Gaussians to image.
     pub fn forward(&self, encoder: &mut wgpu::CommandEncoder) {
         self.clear(encoder);
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), ..Default::default() });
+        let mut pass = compute_pass(encoder, "splat");
         FrameStage::FORWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
@@ -417,8 +421,7 @@ impl Splatter {
             return;
         }
         self.frame.rasterize.clear(encoder);
-        let mut pass = encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat backward"), ..Default::default() });
+        let mut pass = compute_pass(encoder, "splat backward");
         FrameStage::BACKWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 

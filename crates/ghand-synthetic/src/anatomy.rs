@@ -1,9 +1,7 @@
 //! Positions of the parts of a hand: fingers, their tips, backs and sides, computed from the hand model alone.
 
 use ghand_core::HandModel;
-use glam::DVec3;
-
-use super::skin::Place;
+use glam::{DVec2, DVec3};
 
 /// One finger: three joints in a row and a tip.
 #[derive(Debug, Clone)]
@@ -57,17 +55,40 @@ impl Anatomy {
     }
 
     /// 1 where the skin faces away from the palm, -1 where it faces in the palm's direction.
-    pub(super) fn facing(&self, place: &Place) -> f64 {
+    pub(super) fn facing(&self, point: &SkinPoint) -> f64 {
         let mut dorsal = DVec3::X;
-        for (finger, &membership) in self.fingers.iter().zip(place.memberships) {
+        for (finger, &membership) in self.fingers.iter().zip(point.memberships) {
             dorsal = dorsal.lerp(finger.dorsal, membership.clamp(0.0, 1.0));
         }
-        place.normal.dot(dorsal.normalize())
+        point.normal.dot(dorsal.normalize())
     }
 
     /// How much of a vertex moves with each finger, from its row of skinning weights.
     pub fn memberships(&self, weights: &[f64]) -> Vec<f64> {
         self.fingers.iter().map(|f| f.joints.iter().map(|&j| weights[j]).sum()).collect()
+    }
+}
+
+/// A point on the skin.
+pub(super) struct SkinPoint<'a> {
+    /// At rest, metres, model axes.
+    pub position: DVec3,
+    /// Unit normal, outwards.
+    pub normal: DVec3,
+    /// How much of it belongs to each finger of the anatomy, `[0, 1]`.
+    pub memberships: &'a [f64],
+}
+
+impl SkinPoint<'_> {
+    /// How much of it does not belong to any finger, `[0, 1]`.
+    pub(super) fn palm_part(&self) -> f64 {
+        1.0 - self.memberships.iter().sum::<f64>().clamp(0.0, 1.0)
+    }
+
+    /// Its position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side;
+    /// metres.
+    pub(super) fn on_palm(&self) -> DVec2 {
+        DVec2::new(-self.position.y, self.position.z)
     }
 }
 

@@ -5,9 +5,10 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::anatomy::SkinPoint;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
-use super::skin::{Look, Place, Skin};
+use super::skin::{Look, Skin};
 
 /// Texels of the atlas along each side: much finer than the pixels of the images.
 const SIZE: usize = 1024;
@@ -43,8 +44,8 @@ impl Atlas {
                     .map(|finger| (0..3).map(|c| memberships[corners[c]][finger] * b[c]).sum())
                     .collect();
                 let normal = mix(normals).normalize_or_zero();
-                let place = Place { position: mix(&model.vertices), normal, memberships: &memberships };
-                Some((skin.look(&place), folds.at(&place)))
+                let point = SkinPoint { position: mix(&model.vertices), normal, memberships: &memberships };
+                Some((skin.look(&point), folds.at(&point)))
             })
             .collect();
         let filled: Vec<bool> = texels.iter().map(Option::is_some).collect();

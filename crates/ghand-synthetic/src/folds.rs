@@ -4,11 +4,11 @@
 use ghand_core::Pose;
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger};
+use super::anatomy::{Anatomy, Finger, SkinPoint};
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
 use super::noise::{bump, noise, smoothstep};
-use super::skin::{Look, Place};
+use super::skin::Look;
 
 /// Angle at which a joint is fully bent, radians.
 const FULL_BEND: f64 = 1.4;
@@ -33,7 +33,7 @@ impl Bend {
     }
 }
 
-/// Effect of one joint, or of the palm, on a place: values at rest and fully bent, linear between.
+/// Effect of one joint, or of the palm, on a point: values at rest and fully bent, linear between.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fold {
     /// Index into the slots of [`Bend`].
@@ -94,23 +94,23 @@ impl Folds<'_> {
         Folds { anatomy, seed, palm_lines }
     }
 
-    /// The folds that touch a place.
-    pub(super) fn at(&self, place: &Place) -> Vec<Fold> {
-        let palm_part = place.palm_part();
-        let mut folds = vec![self.palm(place, palm_part)];
-        for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(place.memberships).enumerate() {
+    /// The folds that touch a point.
+    pub(super) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
+        let palm_part = point.palm_part();
+        let mut folds = vec![self.palm(point, palm_part)];
+        for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.memberships).enumerate() {
             if membership + palm_part <= 0.2 {
                 continue;
             }
             for k in 0..3 {
                 let mut fold = Fold::of(3 * i + k);
-                self.knuckle(finger, k, place, membership, &mut fold);
+                self.knuckle(finger, k, point, membership, &mut fold);
                 if membership > 0.5 {
-                    self.flexion_crease(finger, k, place, &mut fold);
-                    self.back_folds(finger, k, place, &mut fold);
+                    self.flexion_crease(finger, k, point, &mut fold);
+                    self.back_folds(finger, k, point, &mut fold);
                 }
                 if k == 0 && !finger.is_thumb {
-                    self.tendon(finger, place, palm_part, &mut fold);
+                    self.tendon(finger, point, palm_part, &mut fold);
                 }
                 folds.push(fold);
             }
@@ -119,15 +119,15 @@ impl Folds<'_> {
         folds
     }
 
-    fn palm(&self, place: &Place, palm_part: f64) -> Fold {
+    fn palm(&self, point: &SkinPoint, palm_part: f64) -> Fold {
         let s = self.anatomy.scale;
         let mut fold = Fold::of(3 * self.anatomy.fingers.len());
-        let on_palm = smoothstep(0.2, 0.6, -self.anatomy.facing(place)) * palm_part;
+        let on_palm = smoothstep(0.2, 0.6, -self.anatomy.facing(point)) * palm_part;
         if on_palm > 0.0 {
-            let faint = 0.7 + 0.3 * noise(place.position, 0.012 * s, self.seed + 55);
-            let wobble = 0.0008 * s * noise(place.position, 0.005 * s, self.seed + 50);
+            let faint = 0.7 + 0.3 * noise(point.position, 0.012 * s, self.seed + 55);
+            let wobble = 0.0008 * s * noise(point.position, 0.005 * s, self.seed + 50);
             for line in &self.palm_lines {
-                let d = distance(line, place.on_palm()) + wobble;
+                let d = distance(line, point.on_palm()) + wobble;
                 Fold::add(&mut fold.crease, [0.32, 0.75], on_palm * faint * bump(d, 0.0009 * s));
                 Fold::add(&mut fold.height, [-0.0004, -0.0011], s * on_palm * bump(d, 0.0013 * s));
                 Fold::add(&mut fold.height, [0.0, 0.0004], s * on_palm * bump(d.abs() - 0.003 * s, 0.0018 * s));
@@ -137,39 +137,39 @@ impl Folds<'_> {
     }
 
     /// Knuckles protrude and blanch.
-    fn knuckle(&self, finger: &Finger, k: usize, place: &Place, membership: f64, fold: &mut Fold) {
+    fn knuckle(&self, finger: &Finger, k: usize, point: &SkinPoint, membership: f64, fold: &mut Fold) {
         let s = self.anatomy.scale;
         let size = [0.0062, 0.0048, 0.0038][k] * s;
-        let offset = (place.position - finger.points[k]).reject_from(finger.dorsal);
-        let above = smoothstep(0.1, 0.7, place.normal.dot(finger.dorsal)) * if k == 0 { 1.0 } else { membership };
+        let offset = (point.position - finger.points[k]).reject_from(finger.dorsal);
+        let above = smoothstep(0.1, 0.7, point.normal.dot(finger.dorsal)) * if k == 0 { 1.0 } else { membership };
         let near = bump(offset.length(), size) * above;
         Fold::add(&mut fold.pale, [0.0, 0.55], near);
         Fold::add(&mut fold.height, [0.0, [0.0011, 0.0007, 0.0004][k]], s * near);
     }
 
     /// Ridges from the wrist to each knuckle.
-    fn tendon(&self, finger: &Finger, place: &Place, palm_part: f64, fold: &mut Fold) {
+    fn tendon(&self, finger: &Finger, point: &SkinPoint, palm_part: f64, fold: &mut Fold) {
         let s = self.anatomy.scale;
-        let on_back = smoothstep(0.35, 0.75, self.anatomy.facing(place)) * palm_part;
+        let on_back = smoothstep(0.35, 0.75, self.anatomy.facing(point)) * palm_part;
         if on_back > 0.0 {
             let knuckle = DVec2::new(-finger.points[0].y, finger.points[0].z);
             let line = [DVec2::new(0.012 * s, knuckle.y * 0.3), knuckle];
-            let ridge = on_back * bump(distance(&line, place.on_palm()), 0.0026 * s);
+            let ridge = on_back * bump(distance(&line, point.on_palm()), 0.0026 * s);
             Fold::add(&mut fold.height, [0.0008, 0.0002], s * ridge);
             Fold::add(&mut fold.pale, [0.18, 0.04], ridge);
         }
     }
 
     /// The creases across the palm's side of a finger: one at its base and its last joint, two at the middle one.
-    fn flexion_crease(&self, finger: &Finger, k: usize, place: &Place, fold: &mut Fold) {
+    fn flexion_crease(&self, finger: &Finger, k: usize, point: &SkinPoint, fold: &mut Fold) {
         let s = self.anatomy.scale;
-        let below = smoothstep(-0.35, 0.25, -place.normal.dot(finger.dorsal));
+        let below = smoothstep(-0.35, 0.25, -point.normal.dot(finger.dorsal));
         if below == 0.0 {
             return;
         }
-        let warp = 0.0007 * s * noise(place.position, 0.004 * s, self.seed + 70);
-        let faint = 0.7 + 0.3 * noise(place.position, 0.006 * s, self.seed + 75);
-        let (along, _) = distances(finger, k, place);
+        let warp = 0.0007 * s * noise(point.position, 0.004 * s, self.seed + 70);
+        let faint = 0.7 + 0.3 * noise(point.position, 0.006 * s, self.seed + 75);
+        let (along, _) = distances(finger, k, point);
         let lines: &[f64] = if k == 1 { &[-0.0010, 0.0012] } else { &[0.0] };
         for line in lines {
             let d = along + warp - line * s;
@@ -181,14 +181,14 @@ impl Folds<'_> {
     }
 
     /// Folds on the back of a joint, which curve away from its middle and stretch out when it bends.
-    fn back_folds(&self, finger: &Finger, k: usize, place: &Place, fold: &mut Fold) {
+    fn back_folds(&self, finger: &Finger, k: usize, point: &SkinPoint, fold: &mut Fold) {
         let s = self.anatomy.scale;
-        let above = smoothstep(0.25, 0.7, place.normal.dot(finger.dorsal));
+        let above = smoothstep(0.25, 0.7, point.normal.dot(finger.dorsal));
         if k == 0 || above == 0.0 {
             return;
         }
-        let warp = 0.0007 * s * noise(place.position, 0.004 * s, self.seed + 70);
-        let (along, across) = distances(finger, k, place);
+        let warp = 0.0007 * s * noise(point.position, 0.004 * s, self.seed + 70);
+        let (along, across) = distances(finger, k, point);
         let reach = [0.0, 0.0042, 0.0026][k] * s;
         for i in -2..=2 {
             let center = f64::from(i) * 0.0019 * s;
@@ -201,7 +201,7 @@ impl Folds<'_> {
 }
 
 /// Distances of a place from a joint's crease, along and across the finger, metres.
-fn distances(finger: &Finger, k: usize, place: &Place) -> (f64, f64) {
+fn distances(finger: &Finger, k: usize, point: &SkinPoint) -> (f64, f64) {
     let axis: DVec3 =
         if k == 0 { finger.direction(0) } else { (finger.direction(k - 1) + finger.direction(k)).normalize() };
     // The crease at a finger's base is where it leaves the palm, not at the knuckle.
@@ -211,6 +211,6 @@ fn distances(finger: &Finger, k: usize, place: &Place) -> (f64, f64) {
         _ => 0.0,
     };
     let start = finger.points[k] + axis * beyond * finger.points[0].distance(finger.points[1]);
-    let offset = place.position - start;
+    let offset = point.position - start;
     (offset.dot(axis), offset.dot(finger.dorsal.cross(axis)))
 }

@@ -1,36 +1,13 @@
-//! Pose-independent colour and relief of the true hand's skin, as functions of the place on the hand at rest.
+//! Pose-independent colour and relief of the true hand's skin, as functions of the point on the hand at rest.
 
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger};
+use super::anatomy::{Anatomy, Finger, SkinPoint};
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
 use super::noise::{bump, fractal, lattice, noise, smoothstep};
 
-/// A place on the skin.
-pub(super) struct Place<'a> {
-    /// At rest, metres, model axes.
-    pub position: DVec3,
-    /// Unit normal, outwards.
-    pub normal: DVec3,
-    /// How much of it belongs to each finger of the anatomy, `[0, 1]`.
-    pub memberships: &'a [f64],
-}
-
-impl Place<'_> {
-    /// How much of it does not belong to any finger, `[0, 1]`.
-    pub(super) fn palm_part(&self) -> f64 {
-        1.0 - self.memberships.iter().sum::<f64>().clamp(0.0, 1.0)
-    }
-
-    /// Its position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side;
-    /// metres.
-    pub(super) fn on_palm(&self) -> DVec2 {
-        DVec2::new(-self.position.y, self.position.z)
-    }
-}
-
-/// The skin at a place.
+/// The skin at a point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     /// Display colour, `[0, 1]`.
@@ -71,12 +48,12 @@ impl<'a> Skin<'a> {
         Skin { anatomy, complexion, seed, veins }
     }
 
-    /// Colour and relief at a place.
-    pub(super) fn look(&self, place: &Place) -> Look {
+    /// Colour and relief at a point.
+    pub(super) fn look(&self, point: &SkinPoint) -> Look {
         let s = self.anatomy.scale;
-        let p = place.position;
-        let palm_part = place.palm_part();
-        let facing = self.anatomy.facing(place);
+        let p = point.position;
+        let palm_part = point.palm_part();
+        let facing = self.anatomy.facing(point);
         let back = smoothstep(-0.35, 0.45, facing);
         let Complexion { back: of_back, palm, blood, .. } = *self.complexion;
         let mut color = palm.lerp(of_back, back);
@@ -87,27 +64,27 @@ impl<'a> Skin<'a> {
         color = color.lerp(blood, (0.10 + 0.17 * patches * (1.2 - 0.5 * back)).max(0.0));
         color *= 1.0 + 0.06 * fractal(p, 0.0035 * s, self.seed + 20) + 0.04 * noise(p, 0.017 * s, self.seed + 30);
 
-        self.veins(place, palm_part, facing, &mut color, &mut height);
+        self.veins(point, palm_part, facing, &mut color, &mut height);
         self.freckles(p, back, &mut color);
-        for (finger, &membership) in self.anatomy.fingers.iter().zip(place.memberships) {
+        for (finger, &membership) in self.anatomy.fingers.iter().zip(point.memberships) {
             if membership + palm_part > 0.2 {
-                self.knuckles(finger, place, membership, &mut color, &mut height);
+                self.knuckles(finger, point, membership, &mut color, &mut height);
             }
             if membership > 0.5 {
-                self.nail(finger, place, &mut color, &mut height);
+                self.nail(finger, point, &mut color, &mut height);
             }
         }
         Look { color: color.clamp(DVec3::ZERO, DVec3::ONE), height }
     }
 
-    fn veins(&self, place: &Place, palm_part: f64, facing: f64, color: &mut DVec3, height: &mut f64) {
+    fn veins(&self, point: &SkinPoint, palm_part: f64, facing: f64, color: &mut DVec3, height: &mut f64) {
         let s = self.anatomy.scale;
-        let at = place.on_palm();
+        let at = point.on_palm();
         let on_back = smoothstep(0.35, 0.75, facing) * palm_part;
         if on_back > 0.0 {
             for (i, vein) in self.veins.iter().enumerate() {
                 let d = distance(vein, at);
-                let faint = 0.65 + 0.35 * noise(place.position, 0.02 * s, self.seed + 40 + i as u64);
+                let faint = 0.65 + 0.35 * noise(point.position, 0.02 * s, self.seed + 40 + i as u64);
                 *color = color.lerp(self.complexion.vein, 0.38 * faint * on_back * bump(d, 0.0019 * s));
                 *height += 0.0006 * s * faint * on_back * bump(d, 0.0020 * s);
             }
@@ -132,25 +109,25 @@ impl<'a> Skin<'a> {
     }
 
     /// Redness and swelling over the joints, and redness of the tips.
-    fn knuckles(&self, finger: &Finger, place: &Place, membership: f64, color: &mut DVec3, height: &mut f64) {
+    fn knuckles(&self, finger: &Finger, point: &SkinPoint, membership: f64, color: &mut DVec3, height: &mut f64) {
         let s = self.anatomy.scale;
-        let facing = place.normal.dot(finger.dorsal);
+        let facing = point.normal.dot(finger.dorsal);
         let sizes = [0.0085, 0.0062, 0.0048].map(|v| v * s);
         for (k, size) in sizes.into_iter().enumerate() {
-            let offset = place.position - finger.points[k];
+            let offset = point.position - finger.points[k];
             let above = smoothstep(0.1, 0.7, facing) * if k == 0 { 1.0 } else { membership };
             let near = bump(offset.reject_from(finger.dorsal).length(), size) * above;
             *color = color.lerp(self.complexion.blood, 0.34 * near);
             *height += [0.0009, 0.0005, 0.0003][k] * s * near;
         }
-        let tip = bump((place.position - finger.points[3]).length(), 0.011 * s);
+        let tip = bump((point.position - finger.points[3]).length(), 0.011 * s);
         *color = color.lerp(self.complexion.blood, 0.30 * tip * membership);
     }
 
-    fn nail(&self, finger: &Finger, place: &Place, color: &mut DVec3, height: &mut f64) {
+    fn nail(&self, finger: &Finger, point: &SkinPoint, color: &mut DVec3, height: &mut f64) {
         let axis = finger.direction(2);
-        let offset = place.position - finger.points[3];
-        let facing = place.normal.dot(finger.dorsal);
+        let offset = point.position - finger.points[3];
+        let facing = point.normal.dot(finger.dorsal);
         let (half_length, half_width) = (0.72 * finger.radius, 0.74 * finger.radius);
         // From the free edge, a little behind the outermost point of the tip, backwards.
         let along = (offset.dot(axis) + 0.22 * finger.radius + half_length) / half_length;

@@ -12,11 +12,12 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::anatomy::Anatomy;
+use super::anatomy::SkinPoint;
 use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::exposure::Exposure;
 use super::folds::{Bend, Fold, Folds, bent};
-use super::skin::{Look, Place, Skin};
+use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
 
@@ -68,8 +69,8 @@ impl TrueHand {
         let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let place = Place { position: model.vertices[v], normal: normals[v], memberships: &memberships[v] };
-                (skin.look(&place), folds.at(&place))
+                let point = SkinPoint { position: model.vertices[v], normal: normals[v], memberships: &memberships[v] };
+                (skin.look(&point), folds.at(&point))
             })
             .collect();
         let atlas = Atlas::new(&model, &normals, &memberships, &skin, &folds);

@@ -1,6 +1,6 @@
 //! Whether the memory has room for a training.
 
-use ghand_avatar::properties::direct::table_lengths;
+use ghand_avatar::PropertyTables;
 
 use crate::settings::TrainSettings;
 use crate::train_error::TrainError;
@@ -8,12 +8,8 @@ use crate::train_error::TrainError;
 /// Bytes that `gaussians` take in the host's memory while a stage starts: the learned tables, the sampled template, and
 /// the samples of the surface, once for each and once for their colours.
 fn bytes_wanted(gaussians: usize, joints: usize, settings: &TrainSettings) -> u64 {
-    let [tables, template, sampled, colors] = [
-        4 * table_lengths(1, joints, &settings.avatar()).iter().take(4).sum::<usize>(),
-        4 * (joints + 4),
-        8 * (joints + 11),
-        8 * 13,
-    ];
+    let [tables, template, sampled, colors] =
+        [PropertyTables::bytes_per_gaussian(joints, &settings.avatar()), 4 * (joints + 4), 8 * (joints + 11), 8 * 13];
     gaussians as u64 * (tables + template + 2 * sampled + colors) as u64
 }
 

@@ -2,8 +2,6 @@
 
 use serde_json::Value;
 
-use crate::settings::TrainSettings;
-
 /// The values that a setting takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Rule {
@@ -44,16 +42,9 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "start_inset" | "l1_weight" | "ssim_weight" | "offset_weight" | "scale_weight" => Rule::Number(0.0, LARGEST),
-        name if name.starts_with("rate_") && default_text(name).is_some() => Rule::Number(0.0, LARGEST),
+        name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })
-}
-
-/// The default of a setting, as it is written after `=`.
-fn default_text(name: &str) -> Option<String> {
-    let fields = serde_json::to_value(TrainSettings::default()).ok()?;
-    let value = fields.get(name)?;
-    Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
 }
 
 impl Rule {
@@ -78,8 +69,8 @@ impl Rule {
         }
     }
 
-    /// "must be ...", with the default as an example.
-    pub fn wanted(self, name: &str) -> String {
+    /// "must be ...", with an example such as `iterations=3000`.
+    pub fn wanted(self, example: &str) -> String {
         let range = match self {
             Rule::Whole(least, u64::MAX) => format!("a whole number, at least {least}"),
             Rule::Whole(least, most) => format!("a whole number, from {least} to {most}"),
@@ -88,10 +79,7 @@ impl Rule {
             Rule::AboveZero => "a number, above 0 and at most 1".into(),
             Rule::Word(words) => words.iter().map(|w| format!("`{w}`")).collect::<Vec<_>>().join(" or "),
         };
-        match default_text(name) {
-            Some(example) => format!("must be {range}, as in {name}={example}"),
-            None => format!("must be {range}"),
-        }
+        format!("must be {range}, as in {example}")
     }
 }
 

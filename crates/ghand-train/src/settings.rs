@@ -119,6 +119,13 @@ pub struct SettingsError {
     pub problem: String,
 }
 
+/// A setting's default as `key=value`.
+fn default_assignment(key: &str) -> String {
+    let fields = serde_json::to_value(TrainSettings::default()).unwrap_or_default();
+    let value = fields.get(key).cloned().unwrap_or_default();
+    format!("{key}={}", value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+}
+
 impl TrainSettings {
     /// Applies `key=value`. The settings stay as they were if that fails.
     ///
@@ -137,7 +144,7 @@ impl TrainSettings {
         };
         *slot = rule.parse(text).ok_or_else(|| {
             let given = if text.is_empty() { "nothing was given, it".into() } else { format!("`{text}`") };
-            fail(key, format!("{given} {}", rule.wanted(key)))
+            fail(key, format!("{given} {}", rule.wanted(&default_assignment(key))))
         })?;
         *self = serde_json::from_value(fields).map_err(|e| fail(key, e.to_string()))?;
         Ok(())
@@ -155,7 +162,7 @@ impl TrainSettings {
             if !rule.allows(value) {
                 // A number that is not finite is `null` here.
                 let given = if value.is_null() { "the value".into() } else { format!("`{value}`") };
-                return Err(fail(key, format!("{given} {}", rule.wanted(key))));
+                return Err(fail(key, format!("{given} {}", rule.wanted(&default_assignment(key)))));
             }
         }
         Ok(())

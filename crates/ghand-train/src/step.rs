@@ -5,6 +5,7 @@ use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::penalty::Penalty;
+use ghand_render::pipeline::compute_pass;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 
@@ -220,9 +221,7 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) {
-        let mut pass = encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("update hand"), ..Default::default() });
-        let pass = &mut pass;
+        let pass = &mut compute_pass(encoder, "update hand");
         if settings.rate_joints > 0.0 {
             let uniforms =
                 AdamUniforms::new(0..3 * self.joint_count, 0, settings.rate_joints * rates.tables, rates.step);

@@ -9,7 +9,7 @@ use anyhow::{Context, anyhow, bail};
 use ghand_files::atomic_file::write_atomically;
 use tempfile::TempPath;
 
-use super::film::FilmOptions;
+use super::film_options::FilmOptions;
 use super::format::FilmFormat;
 use super::{Background, Picture};
 

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use super::Picture;
 use super::ffmpeg::PipedFilm;
+use super::film_options::FilmOptions;
 use super::format::FilmFormat;
 use super::gif::GifFilm;
-use super::{Background, Picture};
 
 /// Duration of one turn around a hand or scene that does not move, seconds, if there are enough pictures.
 pub const LONGEST_TURN_SECONDS: f64 = 4.0;
@@ -15,19 +16,6 @@ const SMOOTH_RATE: f64 = 30.0;
 /// Frame rate of a film of one turn with this many views.
 pub fn turn_rate(views: usize) -> f64 {
     (views as f64 / LONGEST_TURN_SECONDS).clamp(1.0, SMOOTH_RATE)
-}
-
-/// Properties of a film.
-#[derive(Debug, Clone, Copy)]
-pub struct FilmOptions {
-    /// The format.
-    pub format: FilmFormat,
-    /// Size of every picture.
-    pub size: [u32; 2],
-    /// What is behind every picture.
-    pub background: Background,
-    /// Pictures per second.
-    pub fps: f64,
 }
 
 /// A film being made.

@@ -8,7 +8,7 @@ use color_quant::NeuQuant;
 use ghand_files::atomic_file::write_atomically;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
 
-use super::film::FilmOptions;
+use super::film_options::FilmOptions;
 use super::{Background, Picture};
 
 /// Browsers show frames shorter than two hundredths of a second for ten hundredths.

@@ -7,7 +7,8 @@ use ghand_files::atomic_file::check_target;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
-use super::film::{Film, FilmOptions};
+use super::film::Film;
+use super::film_options::FilmOptions;
 use super::folder::Folder;
 use super::{Background, Destination, Picture, StillFormat};
 

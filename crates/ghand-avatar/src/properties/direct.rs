@@ -7,4 +7,5 @@ mod tensors;
 
 pub use device::{DirectModel, ResponseUniforms};
 pub use response_limits::RESPONSE_MARGIN;
-pub use tables::{DirectTables, START_SCALE, table_lengths, unlimited};
+pub(super) use tables::bytes_per_gaussian;
+pub use tables::{DirectTables, table_lengths, unlimited};

@@ -22,8 +22,8 @@ use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 use serde_json::json;
 
-use super::recording::{shown, side_of};
-use super::{PoseError, Source};
+use super::PoseError;
+use super::source::{Source, shown, side_of};
 use crate::rest_skeleton::RestSkeleton;
 
 /// Rest positions this near to each other are the same, metres.

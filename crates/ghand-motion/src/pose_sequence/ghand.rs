@@ -20,7 +20,8 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::file_skeleton::{FileSkeleton, texts};
-use super::recording::{Rows, fps_of_times, id_of, shown, side_of};
+use super::recording::Rows;
+use super::source::{fps_of_times, id_of, shown, side_of};
 use super::{Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
 
 /// Format name and version of a capture.

@@ -10,8 +10,9 @@ use ghand_core::Side;
 use ghand_files::value::Value;
 use glam::DVec3;
 
-use super::landmarks::{LandmarkFrame, points_of};
-use super::recording::{ManoRows, OPENGL_AXES, frames_of, id_of, side_of};
+use super::landmarks::points_of;
+use super::recording::{LandmarkFrame, ManoRows};
+use super::source::{OPENGL_AXES, frames_of, id_of, side_of};
 use super::{Motion, PoseError, Recording, Skipped, Source, mano};
 use crate::ik::LANDMARK_COUNT;
 

@@ -15,7 +15,8 @@ use ghand_core::Side;
 use ghand_files::value::Value;
 use glam::DVec3;
 
-use super::recording::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
+use super::recording::LandmarkFrame;
+use super::source::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, Recording, Skipped, Source};
 use crate::ik::LANDMARK_COUNT;
 
@@ -35,15 +36,6 @@ const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness",
 
 /// Landmarks further than this from the wrist are not metres.
 const LARGEST_SPAN: f64 = 1.0;
-
-/// One moment.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LandmarkFrame {
-    /// Id of the frame.
-    pub id: String,
-    /// Positions, metres.
-    pub points: [DVec3; LANDMARK_COUNT],
-}
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let found = find(value, &NAMES);

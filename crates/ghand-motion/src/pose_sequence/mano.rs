@@ -37,7 +37,8 @@ use ghand_hand_model::mano::JOINT_NAMES;
 use ghand_hand_model::procedural::ProceduralHand;
 use glam::{DMat3, DVec3};
 
-use super::recording::{ManoRows, in_range};
+use super::recording::ManoRows;
+use super::source::in_range;
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, body, hawor, is_arctic, is_body};

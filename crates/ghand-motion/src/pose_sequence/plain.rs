@@ -24,8 +24,9 @@ use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 use glam::DVec3;
 
-use super::landmarks::{self, LandmarkFrame};
-use super::recording::{ManoRows, Rows, fps_of_times, frames_of, id_of, side_of};
+use super::landmarks;
+use super::recording::{LandmarkFrame, ManoRows, Rows};
+use super::source::{fps_of_times, frames_of, id_of, side_of};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, mano, xr};
 
 /// Names of the array itself, which take precedence.

@@ -1,35 +1,11 @@
 //! The result of a reader, before it is converted to a hand model.
 
-use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
-use ghand_core::{Pose, Side};
-use ghand_files::value::Value;
-use glam::{DMat3, DVec3};
+use ghand_core::Side;
+use glam::DVec3;
 
+use super::PoseFrame;
 use super::file_skeleton::FileSkeleton;
-use super::landmarks::LandmarkFrame;
-use super::{DEFAULT_FPS, PoseError, PoseFrame};
-
-/// Most numbers that are copied to the frames that share them: as many as a file may have.
-const MOST_COPIES: usize = 1 << 25;
-
-/// Allowed rates of a file, frames per second: from one frame in a quarter of an hour to more than any camera records.
-const FPS_RANGE: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
-
-/// ghand's world (y down, looking along z) from OpenGL's, WebXR's and OpenXR's (y up, looking along -z).
-pub(crate) const OPENGL_AXES: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
-
-/// The file being read, and what to take from it.
-#[derive(Clone, Copy)]
-pub(crate) struct Source<'a> {
-    /// Its name, for messages.
-    pub origin: &'a str,
-    /// Which hand to take if there are two.
-    pub wanted: Side,
-    /// Which capture to take if there are several.
-    pub take: Option<&'a str>,
-    /// Number of joints of the model that the poses are for.
-    pub joint_count: usize,
-}
+use crate::ik::LANDMARK_COUNT;
 
 /// The content of a file.
 pub(crate) struct Recording {
@@ -72,146 +48,11 @@ pub(crate) struct ManoRows {
     pub opengl: bool,
 }
 
-impl Source<'_> {
-    pub fn invalid(&self, field: &str, problem: String) -> PoseError {
-        PoseError::Invalid { origin: self.origin.into(), field: field.into(), problem }
-    }
-
-    /// Rejects numbers shared by all frames if the copies for each frame would take too much memory.
-    pub fn copied(&self, field: &str, numbers: usize, frames: usize) -> Result<(), PoseError> {
-        if numbers.checked_mul(frames).is_some_and(|copies| copies <= MOST_COPIES) {
-            return Ok(());
-        }
-        let problem =
-            format!("has {numbers} numbers for each of {frames} frames, which is far too much; give some ten");
-        Err(self.invalid(field, problem))
-    }
-
-    /// The rate that a file gives, if any.
-    pub fn fps(&self, value: &Value, names: &[&str]) -> Result<Option<f64>, PoseError> {
-        let Some((name, fps)) = names.iter().find_map(|name| Some((name, value.get(name)?))) else { return Ok(None) };
-        match fps.number() {
-            Some(fps) if FPS_RANGE.contains(&fps) => Ok(Some(fps)),
-            _ if *fps == Value::Nothing => Ok(None),
-            _ => {
-                let (low, high) = (FPS_RANGE.start(), FPS_RANGE.end());
-                let problem = format!(
-                    "is {}; give frames a second from {low} to {high}, or leave it away for {DEFAULT_FPS}: cameras and trackers \
-                     are within",
-                    shown(fps)
-                );
-                Err(self.invalid(name, problem))
-            }
-        }
-    }
-}
-
-/// Checks whether a hand can have this pose and shape; otherwise returns the field that is out of range and its
-/// problem.
-pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
-    pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
-        let field = match error {
-            PoseRangeError::Rotation { .. } => "pose",
-            PoseRangeError::Translation { .. } => "translation",
-            PoseRangeError::Shape { .. } => "shape",
-        };
-        (field, error.to_string())
-    })
-}
-
-/// Checks whether a tracked point is near enough; otherwise returns its problem.
-pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
-    let distance = point.length();
-    match distance.partial_cmp(&LARGEST_TRANSLATION) {
-        Some(order) if order.is_le() => Ok(()),
-        _ if !point.is_finite() => Err("is not finite".into()),
-        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} can be; give metres")),
-    }
-}
-
-/// A value in a message: a number itself, otherwise the kind of value.
-pub(crate) fn shown(value: &Value) -> String {
-    value.number().map_or_else(|| value.kind(), |number| number.to_string())
-}
-
-/// Counts unusable frames.
-#[derive(Debug, Default)]
-pub(crate) struct Skipped {
-    count: usize,
-    first: Option<(String, String)>,
-}
-
-impl Skipped {
-    pub fn add(&mut self, id: &str, problem: impl Into<String>) {
-        self.count += 1;
-        self.first.get_or_insert_with(|| (id.into(), problem.into()));
-    }
-
-    /// One warning for all of them; an error if no frame is left.
-    pub fn finish(self, source: &Source, total: usize) -> Result<Option<String>, PoseError> {
-        let Some((id, problem)) = self.first else { return Ok(None) };
-        if self.count >= total {
-            let problem = format!("none of the {total} can be used; frame {id:?}: {problem}");
-            return Err(source.invalid("frames", problem));
-        }
-        let are = if self.count == 1 { "is" } else { "are" };
-        Ok(Some(format!("{} of {total} frames {are} left out; the first, frame {id:?}: {problem}", self.count)))
-    }
-}
-
-/// Three numbers as a list, or by the names x, y and z.
-pub(crate) fn vector(value: &Value) -> Option<DVec3> {
-    if let Some(array) = value.numbers() {
-        return match array.values[..] {
-            [x, y, z, ..] if array.shape.len() == 1 && array.values.len() <= 5 => Some(DVec3::new(x, y, z)),
-            _ => None,
-        };
-    }
-    let part = |name: &str| value.get(name)?.number();
-    Some(DVec3::new(part("x")?, part("y")?, part("z")?))
-}
-
-/// The side that a text or a number (1 is right) names.
-pub(crate) fn side_of(value: &Value) -> Option<Side> {
-    if let Some(number) = value.number() {
-        return match number {
-            0.0 => Some(Side::Left),
-            1.0 => Some(Side::Right),
-            _ => None,
-        };
-    }
-    match value.text()?.to_lowercase().as_str() {
-        "left" | "l" | "left_hand" => Some(Side::Left),
-        "right" | "r" | "right_hand" => Some(Side::Right),
-        _ => None,
-    }
-}
-
-/// The rate of frames with known times, from the median step: in milliseconds if it is above 1.5, else in seconds.
-pub(crate) fn fps_of_times(frames: &[Value]) -> Option<f64> {
-    const NAMES: [&str; 6] = ["time", "timestamp", "timestamp_ms", "timestampMs", "time_ms", "t"];
-    let time = |frame: &Value| NAMES.iter().find_map(|name| frame.get(name)?.number());
-    let times: Vec<f64> = frames.iter().filter_map(time).collect();
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
-    let fps = if step > 1.5 { 1000.0 / step } else { 1.0 / step };
-    (0.1..=10_000.0).contains(&fps).then_some(fps)
-}
-
-/// The frames of a file: its "frames", or itself if it is a list.
-pub(crate) fn frames_of(value: &Value) -> Option<&[Value]> {
-    match value.get("frames").unwrap_or(value) {
-        Value::List(frames) => Some(frames),
-        _ => None,
-    }
-}
-
-/// The id of a frame, else its number.
-pub(crate) fn id_of(frame: &Value, number: usize) -> String {
-    match ["id", "frame", "frame_id", "frame_index"].iter().find_map(|name| frame.get(name)) {
-        Some(Value::Text(id)) => id.clone(),
-        Some(value) => value.number().map_or_else(|| format!("{number:04}"), |id| id.to_string()),
-        None => format!("{number:04}"),
-    }
+/// One moment.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct LandmarkFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// Positions, metres.
+    pub points: [DVec3; LANDMARK_COUNT],
 }

@@ -4,7 +4,7 @@ use ghand_core::Side;
 use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 
-use super::recording::{fps_of_times, frames_of, id_of, side_of};
+use super::source::{fps_of_times, frames_of, id_of, side_of};
 
 /// One hand's poses from a file that separates hands.
 pub(super) struct OneHand {

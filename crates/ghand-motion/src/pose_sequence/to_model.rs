@@ -10,8 +10,9 @@ use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 
 use super::file_skeleton::FileSkeleton;
-use super::recording::{ManoRows, OPENGL_AXES, Rows, in_range};
-use super::{PoseError, PoseFrame, PoseOptions, Skipped, Source, landmarks, mano};
+use super::recording::{LandmarkFrame, ManoRows, Rows};
+use super::source::{OPENGL_AXES, in_range};
+use super::{PoseError, PoseFrame, PoseOptions, Skipped, Source, mano};
 use crate::ik::HandIk;
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
@@ -278,7 +279,7 @@ pub(super) fn carried_over(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &Res
 /// Poses of the model that place its joints at the landmarks, as far as its rig allows.
 pub(super) fn fitted(
     source: &Source,
-    frames: &[landmarks::LandmarkFrame],
+    frames: &[LandmarkFrame],
     side: Side,
     model: &HandModel,
     warnings: &mut Vec<String>,

@@ -22,7 +22,7 @@ use ghand_files::value::Value;
 use ghand_hand_model::joint_names::JointRole;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
-use super::recording::{OPENGL_AXES, fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
+use super::source::{OPENGL_AXES, fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
 

@@ -1,13 +1,13 @@
 //! Host part of `blend_shapes.wgsl`: Hand Gaussian Blend Shapes (paper eq. 7 and 8).
 
-use super::{BackwardBuffers, ForwardBuffers, groups};
+use super::{BackwardBuffers, ForwardBuffers};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
 /// Bases and coefficients to offsets.
 pub struct BlendShapes {
     blend: Bound,
-    groups: u32,
+    count: u32,
 }
 
 fn stage(gpu: &Gpu, b: &ForwardBuffers, entry: &'static str) -> crate::pipeline::Stage {
@@ -18,28 +18,28 @@ fn stage(gpu: &Gpu, b: &ForwardBuffers, entry: &'static str) -> crate::pipeline:
 impl BlendShapes {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> BlendShapes {
         let blend = stage(gpu, b, "blend_shapes").bind(gpu, &b.named());
-        BlendShapes { blend, groups: groups(b.properties.sizes.gaussians as u32) }
+        BlendShapes { blend, count: b.properties.sizes.gaussians as u32 }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.blend.dispatch(pass, self.groups);
+        self.blend.dispatch_invocations(pass, self.count);
     }
 }
 
 /// Gradient of the offsets to those of bases and coefficients.
 pub struct BlendShapesBackward {
     blend: Bound,
-    groups: u32,
+    count: u32,
 }
 
 impl BlendShapesBackward {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> BlendShapesBackward {
         let all = [&b.named()[..], &d.named()[..]].concat();
         let blend = stage(gpu, b, "blend_shapes_backward").bind(gpu, &all);
-        BlendShapesBackward { blend, groups: groups(b.properties.sizes.gaussians as u32) }
+        BlendShapesBackward { blend, count: b.properties.sizes.gaussians as u32 }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.blend.dispatch(pass, self.groups);
+        self.blend.dispatch_invocations(pass, self.count);
     }
 }

@@ -3,7 +3,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::groups;
 use crate::pipeline::{Bound, Module};
 use crate::{Gpu, buffers};
 
@@ -69,6 +68,6 @@ impl JointSums {
     /// Encodes the sum.
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.strands.dispatch(pass, self.groups);
-        self.finish.dispatch(pass, groups(self.outputs));
+        self.finish.dispatch_invocations(pass, self.outputs);
     }
 }

@@ -1,7 +1,7 @@
 //! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton (paper eq. 9).
 
 use super::joint_sums::JointSums;
-use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, groups_of_four};
+use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
@@ -35,7 +35,7 @@ impl ResidualSkeleton {
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.regress.encode(pass);
-        self.place.dispatch(pass, (3 * self.joints).div_ceil(32));
+        self.place.dispatch_invocations(pass, 3 * self.joints);
         self.chain.dispatch(pass, 1);
     }
 }
@@ -45,7 +45,7 @@ pub struct ResidualSkeletonBackward {
     bone_sums: JointSums,
     chain: Bound,
     joints: Bound,
-    groups: u32,
+    count: u32,
 }
 
 impl ResidualSkeletonBackward {
@@ -65,7 +65,7 @@ impl ResidualSkeletonBackward {
             chain: module.stage(gpu, "residual_skeleton_backward", &[]).bind(gpu, &all),
             joints: module.stage(gpu, "residual_joints_backward", &[]).bind(gpu, &all),
             bone_sums,
-            groups: groups_of_four(sizes.gaussians as u32),
+            count: sizes.gaussians as u32,
         }
     }
 
@@ -73,6 +73,6 @@ impl ResidualSkeletonBackward {
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.bone_sums.encode(pass);
         self.chain.dispatch(pass, 1);
-        self.joints.dispatch(pass, self.groups);
+        self.joints.dispatch_invocations(pass, self.count.div_ceil(4));
     }
 }

@@ -48,6 +48,6 @@ impl SkeletonBackward {
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.bone_sums.encode(pass);
         self.skeleton.dispatch(pass, 1);
-        self.rotations.dispatch(pass, self.joints.div_ceil(32));
+        self.rotations.dispatch_invocations(pass, self.joints);
     }
 }

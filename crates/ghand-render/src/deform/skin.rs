@@ -1,40 +1,40 @@
 //! Host part of `skin.wgsl` and `skin_backward.wgsl`: corrected linear blend skinning (paper eq. 10 and 11).
 
-use super::{BackwardBuffers, ForwardBuffers, groups_of_four};
+use super::{BackwardBuffers, ForwardBuffers};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
 /// Points and bones to posed means, in the splatter's table.
 pub struct Skin {
     skin: Bound,
-    groups: u32,
+    count: u32,
 }
 
 impl Skin {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> Skin {
         let skin = Module::new(gpu, "skin").stage(gpu, "skin", &[]).bind(gpu, &b.named());
-        Skin { skin, groups: groups_of_four(b.properties.sizes.gaussians as u32) }
+        Skin { skin, count: b.properties.sizes.gaussians as u32 }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin.dispatch(pass, self.groups);
+        self.skin.dispatch_invocations(pass, self.count.div_ceil(4));
     }
 }
 
 /// Gradient of the posed means to those of points and residual weights, and to the moments that bones get theirs from.
 pub struct SkinBackward {
     skin: Bound,
-    groups: u32,
+    count: u32,
 }
 
 impl SkinBackward {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> SkinBackward {
         let all = [&b.named()[..], &d.named()[..]].concat();
         let skin = Module::new(gpu, "skin_backward").stage(gpu, "skin_backward", &[]).bind(gpu, &all);
-        SkinBackward { skin, groups: groups_of_four(b.properties.sizes.gaussians as u32) }
+        SkinBackward { skin, count: b.properties.sizes.gaussians as u32 }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin.dispatch(pass, self.groups);
+        self.skin.dispatch_invocations(pass, self.count.div_ceil(4));
     }
 }

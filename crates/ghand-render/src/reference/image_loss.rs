@@ -1,9 +1,9 @@
 //! Twin of `image_loss.wgsl`, and the image metrics of the evaluation.
 
 /// Half width of the SSIM window.
-const RADIUS: usize = 5;
-const C1: f64 = 0.01 * 0.01;
-const C2: f64 = 0.03 * 0.03;
+pub(super) const RADIUS: usize = 5;
+pub(super) const C1: f64 = 0.01 * 0.01;
+pub(super) const C2: f64 = 0.03 * 0.03;
 
 /// A picture of three channels in 0..1, row-major.
 #[derive(Debug, Clone, PartialEq)]

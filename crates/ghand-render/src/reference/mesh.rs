@@ -4,7 +4,7 @@ use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3, DVec4};
 
-use super::wireframe::{LineSamples, draw_lines};
+use super::wireframe::{FaceDepths, LineSamples, draw_lines};
 use crate::mesh::{
     MeshError, MeshImage, MeshInstance, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe, check_input, segments,
     with_margin,
@@ -32,12 +32,12 @@ impl Corner {
 }
 
 /// The faces at k times the image's size.
-pub(super) struct FaceSamples {
-    pub width: usize,
-    pub height: usize,
-    pub color: Vec<DVec3>,
+struct FaceSamples {
+    width: usize,
+    height: usize,
+    color: Vec<DVec3>,
     /// Camera z, infinity where there is no face.
-    pub depth: Vec<f64>,
+    depth: Vec<f64>,
 }
 
 /// Draws one image exactly as [`crate::mesh::MeshRenderer::render`] promises to, but for samples within rounding of a
@@ -79,7 +79,8 @@ pub fn render(mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result
     let lines = style.wireframe.map(|wireframe| {
         let half_width = 0.5 * wireframe.width * k as f64;
         let segments = segments(mesh.positions, mesh.triangles, &around, style.supersample, half_width + 1.0);
-        (wireframe, draw_lines(&segments, half_width, wireframe.hidden.is_some(), &faces))
+        let depths = FaceDepths { width, height, depth: &faces.depth };
+        (wireframe, draw_lines(&segments, half_width, wireframe.hidden.is_some(), &depths))
     });
     Ok(resolve(&faces, lines.as_ref(), camera, style, margin as usize))
 }

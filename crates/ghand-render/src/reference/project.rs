@@ -7,7 +7,9 @@ use super::spherical_harmonics::{basis, basis_gradient};
 use crate::splat::NEAR;
 
 /// Blur added to projected covariances, pixels^2.
-const BLUR: f64 = 0.3;
+pub(super) const BLUR: f64 = 0.3;
+/// Splats below this alpha are invisible.
+pub(super) const ALPHA_MIN: f64 = 1.0 / 255.0;
 
 /// A Gaussian in the world, of the most general kind. The other kinds are this one with some fields tied.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,11 +155,11 @@ pub fn project(g: &Gaussian, camera: &Camera, antialias: bool) -> Option<Splat> 
     }
     let f = footprint(g, camera, antialias);
     let opacity = g.opacity * f.compensation;
-    if !f.p.is_finite() || f.p.z < f64::from(NEAR) || opacity < 1.0 / 255.0 {
+    if !f.p.is_finite() || f.p.z < f64::from(NEAR) || opacity < ALPHA_MIN {
         return None;
     }
     let mean = DVec2::new(f.p.x, f.p.y) / f.p.z * camera.focal + camera.principal;
-    let q = 2.0 * (opacity * 255.0).ln();
+    let q = 2.0 * (opacity / ALPHA_MIN).ln();
     let c = f.covariance;
     let reach = DVec2::new((q * c.x_axis.x).sqrt(), (q * c.y_axis.y).sqrt());
     let conic = c.inverse();

@@ -4,8 +4,11 @@ use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
 use super::bin::bin;
-use super::project::{CameraGradient, Gaussian, Splat, SplatGradient, project, project_vjp};
+use super::project::{ALPHA_MIN, CameraGradient, Gaussian, Splat, SplatGradient, project, project_vjp};
 use crate::splat::TILE_SIZE;
+
+pub(super) const ALPHA_MAX: f64 = 0.99;
+pub(super) const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// The cut-offs of blending. Tests that take finite differences set them so that the image is smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,7 +25,7 @@ pub struct Cuts {
 
 impl Default for Cuts {
     fn default() -> Self {
-        Cuts { alpha_min: 1.0 / 255.0, alpha_max: 0.99, transmittance_min: 1e-4, tiled: true }
+        Cuts { alpha_min: ALPHA_MIN, alpha_max: ALPHA_MAX, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
     }
 }
 

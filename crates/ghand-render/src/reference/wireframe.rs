@@ -2,7 +2,6 @@
 
 use glam::DVec2;
 
-use super::mesh::FaceSamples;
 use crate::mesh::Segment;
 
 /// The lines at k times the image's size.
@@ -15,8 +14,15 @@ pub(super) struct LineSamples {
     pub depth: Vec<f64>,
 }
 
+/// Camera z of the faces at k times the image's size; infinity where there is no face.
+pub(super) struct FaceDepths<'a> {
+    pub width: usize,
+    pub height: usize,
+    pub depth: &'a [f64],
+}
+
 /// Draws lines of `half_width` samples to both sides over faces.
-pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceSamples) -> LineSamples {
+pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceDepths) -> LineSamples {
     let count = faces.width * faces.height;
     let mut lines =
         LineSamples { in_sight: vec![0.0; count], hidden: vec![0.0; count], depth: vec![f64::INFINITY; count] };
@@ -59,7 +65,7 @@ fn coverage(distance: f64, half_width: f64) -> f64 {
 }
 
 /// Whether at one of the four samples around a place no face is nearer than an inverse depth.
-fn in_sight(place: DVec2, inverse_depth: f64, faces: &FaceSamples) -> bool {
+fn in_sight(place: DVec2, inverse_depth: f64, faces: &FaceDepths) -> bool {
     let base = (place - 0.5).floor();
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].iter().any(|(dx, dy)| {
         let x = (base.x + dx).clamp(0.0, faces.width as f64 - 1.0) as usize;

@@ -1,6 +1,6 @@
 //! Host part of `bin.wgsl`: which Gaussians each tile draws, in order.
 
-use super::frame::FrameBuffers;
+use super::frame_buffers::FrameBuffers;
 use super::{Counters, sort};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
@@ -35,7 +35,7 @@ pub struct Stages {
     limit_intersections: Bound,
     emit_intersections: Bound,
     find_tile_ranges: Bound,
-    gaussian_groups: u32,
+    count: u32,
 }
 
 impl Stages {
@@ -85,20 +85,20 @@ impl Stages {
                     ("tile_ranges", &b.tile_ranges),
                 ],
             ),
-            gaussian_groups: (b.count as u32).div_ceil(64),
+            count: b.count as u32,
         }
     }
 
     /// After the depth sort: the intersections, unsorted.
     pub fn emit(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.count_tiles.dispatch(pass, self.gaussian_groups);
+        self.count_tiles.dispatch_invocations(pass, self.count);
         self.scan.encode(pass);
         self.limit_intersections.dispatch(pass, 1);
-        self.emit_intersections.dispatch(pass, self.gaussian_groups);
+        self.emit_intersections.dispatch_invocations(pass, self.count);
     }
 
     /// After the tile sort: the range of each tile.
     pub fn find_ranges(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
-        self.find_tile_ranges.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(64));
+        self.find_tile_ranges.dispatch_invocations(pass, tiles[0] * tiles[1]);
     }
 }

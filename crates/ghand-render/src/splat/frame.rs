@@ -1,7 +1,8 @@
-//! The buffers of a frame and the stages bound to them.
+//! The stages of a frame, bound to its buffers.
 
-use super::{Counters, Purpose, Shared, SplatOptions, TILE_SIZE, bin, project, rasterize, sort};
-use crate::{Gpu, buffers};
+use super::frame_buffers::FrameBuffers;
+use super::{Counters, SplatOptions, bin, project, rasterize, sort};
+use crate::Gpu;
 
 /// Bits of a depth key, as in `project.wgsl`.
 pub const DEPTH_BITS: u32 = 30;
@@ -22,75 +23,6 @@ impl Pipelines {
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
             rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth),
-        }
-    }
-}
-
-/// Everything that the stages of a frame hand to each other. Sizes: N Gaussians, `capacity` intersections, the tiles and
-/// pixels of the largest image.
-pub struct FrameBuffers {
-    pub shared: Shared,
-    pub splats: wgpu::Buffer,
-    pub tile_rects: wgpu::Buffer,
-    /// Keys and values of the depth sort, before and after.
-    pub depth_keys: [wgpu::Buffer; 2],
-    pub depth_order: [wgpu::Buffer; 2],
-    pub slot_offsets: wgpu::Buffer,
-    pub slot_ranges: wgpu::Buffer,
-    pub slot_gaussians: wgpu::Buffer,
-    /// Keys and values of the tile sort, before and after.
-    pub tile_keys: [wgpu::Buffer; 2],
-    pub slots: [wgpu::Buffer; 2],
-    pub tile_bits: u32,
-    pub tile_ranges: wgpu::Buffer,
-    pub pixel_states: wgpu::Buffer,
-    /// Empty without gradients, like the marks.
-    pub slot_gradients: wgpu::Buffer,
-    pub slot_marks: wgpu::Buffer,
-    /// Empty without the camera's gradient.
-    pub camera_rows: wgpu::Buffer,
-    pub camera_strands: wgpu::Buffer,
-    pub count: usize,
-}
-
-impl FrameBuffers {
-    pub fn new(
-        gpu: &Gpu,
-        options: &SplatOptions,
-        shared: &Shared,
-        count: usize,
-        max_size: [u32; 2],
-        capacity: u32,
-    ) -> FrameBuffers {
-        let [width, height] = max_size;
-        let pixels = width as usize * height as usize;
-        let tiles = width.div_ceil(TILE_SIZE) as usize * height.div_ceil(TILE_SIZE) as usize;
-        let capacity = capacity as usize;
-        let places = if options.purpose.has_gradients() { capacity * rasterize::places(gpu.tier) as usize } else { 0 };
-        let make = |label: &str, words: usize| buffers::zeroed(gpu, label, words);
-        FrameBuffers {
-            shared: shared.clone(),
-            splats: make("splats", count * size_of::<super::Splat>() / 4),
-            tile_rects: make("tile rects", 2 * count),
-            depth_keys: [make("depth keys", count), make("depth keys sorted", count)],
-            depth_order: [make("depth order", count), make("depth order sorted", count)],
-            slot_offsets: make("slot offsets", count),
-            slot_ranges: make("slot ranges", 2 * count),
-            slot_gaussians: make("slot gaussians", capacity),
-            tile_keys: [make("tile keys", capacity), make("tile keys sorted", capacity)],
-            slots: [make("slots", capacity), make("slots sorted", capacity)],
-            // As many bits as the largest tile index has, at least one.
-            tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
-            tile_ranges: make("tile ranges", 2 * tiles),
-            pixel_states: make("pixel states", 2 * pixels),
-            slot_gradients: make("slot gradients", 8 * places),
-            slot_marks: make("slot marks", places * if options.model.slot_opacity() { 2 } else { 1 }),
-            camera_rows: make(
-                "camera rows",
-                if options.purpose == Purpose::CameraGradients { project::CAMERA_ROWS * count } else { 0 },
-            ),
-            camera_strands: make("camera strands", project::CAMERA_ROWS * project::CAMERA_STRANDS),
-            count,
         }
     }
 }

@@ -1,15 +1,9 @@
 //! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
-use super::frame::FrameBuffers;
-use super::rasterize::places;
+use super::frame_buffers::{CAMERA_ROWS, FrameBuffers, gradient_cells};
 use super::{Purpose, SplatModel};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
-
-/// Rows of the camera's gradient: turn and translation.
-pub const CAMERA_ROWS: usize = 6;
-/// Strands of its sum, as in `camera_gradient.wgsl`.
-pub const CAMERA_STRANDS: usize = 64;
 
 /// What the backward pass needs, if there is one.
 struct Backward<T> {
@@ -29,7 +23,7 @@ impl Pipelines {
         let project = Module::new(gpu, "project").stage(gpu, "project", &constants);
         let backward = purpose.has_gradients().then(|| {
             constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));
-            constants.push(("SLOT_PLACES", f64::from(places(gpu.tier))));
+            constants.push(("SLOT_CELLS", f64::from(gradient_cells(gpu.tier))));
             constants.push(("CAMERA_GRADIENT", f64::from(u8::from(purpose == Purpose::CameraGradients))));
             let module = Module::new(gpu, "project_backward");
             let camera = (purpose == Purpose::CameraGradients).then(|| {
@@ -45,7 +39,7 @@ impl Pipelines {
 pub struct Stages {
     project: Bound,
     backward: Option<Backward<Bound>>,
-    groups: u32,
+    count: u32,
 }
 
 impl Stages {
@@ -86,16 +80,16 @@ impl Stages {
                 ]
             }),
         });
-        Stages { project, backward, groups: (b.count as u32).div_ceil(64) }
+        Stages { project, backward, count: b.count as u32 }
     }
 
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.project.dispatch(pass, self.groups);
+        self.project.dispatch_invocations(pass, self.count);
     }
 
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>) {
         let Some(backward) = &self.backward else { return };
-        backward.project_backward.dispatch(pass, self.groups);
+        backward.project_backward.dispatch_invocations(pass, self.count);
         for stage in backward.camera.iter().flatten() {
             stage.dispatch(pass, CAMERA_ROWS as u32);
         }

@@ -1,24 +1,17 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
-use super::frame::FrameBuffers;
+use super::frame_buffers::FrameBuffers;
 use super::{Purpose, SplatModel, sort};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier};
 
-/// Places that an intersection has for its gradients: one for each cell of 4x4 pixels, or one where invocations add up what
-/// they find.
-pub fn places(tier: Tier) -> u32 {
+/// Invocations per tile forward, each for 2x2 pixels, as in the stages' shaders.
+const INVOCATIONS_PER_TILE: u32 = 16;
+/// Invocations per tile backward: `CELLS` of `rasterize_backward.wgsl`, `LANES` of the fast tier's.
+pub(super) const fn backward_invocations(tier: Tier) -> u32 {
     match tier {
         Tier::Baseline => 4,
-        Tier::Fast => 1,
-    }
-}
-
-/// How many tiles a workgroup takes forward and backward, as in the stages' shaders.
-fn tiles_a_group(tier: Tier) -> [u32; 2] {
-    match tier {
-        Tier::Baseline => [1, 8],
-        Tier::Fast => [2, 4],
+        Tier::Fast => 8,
     }
 }
 
@@ -57,7 +50,7 @@ pub struct Stages {
     rasterize: Bound,
     rasterize_backward: Option<Bound>,
     slot_marks: wgpu::Buffer,
-    tiles_a_group: [u32; 2],
+    backward_invocations: u32,
 }
 
 impl Stages {
@@ -96,7 +89,7 @@ impl Stages {
                 )
             }),
             slot_marks: b.slot_marks.clone(),
-            tiles_a_group: tiles_a_group(gpu.tier),
+            backward_invocations: backward_invocations(gpu.tier),
         }
     }
 
@@ -106,12 +99,12 @@ impl Stages {
     }
 
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
-        self.rasterize.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(self.tiles_a_group[0]));
+        self.rasterize.dispatch_invocations(pass, INVOCATIONS_PER_TILE * tiles[0] * tiles[1]);
     }
 
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
         if let Some(stage) = &self.rasterize_backward {
-            stage.dispatch(pass, (tiles[0] * tiles[1]).div_ceil(self.tiles_a_group[1]));
+            stage.dispatch_invocations(pass, self.backward_invocations * tiles[0] * tiles[1]);
         }
     }
 }

@@ -16,9 +16,6 @@ const SORT_BLOCK: u64 = 2048;
 /// Most pairs of a strand: half of what the loops of software rasterisers go through.
 const MOST_PAIRS: u64 = 32_768;
 
-/// Strands of a workgroup, as in `sort.wgsl`.
-const SORT_THREADS: u32 = 8;
-
 /// See `shaders/scan.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -114,7 +111,7 @@ impl Pipelines {
     ) -> Scan {
         let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index: total.0, padding: [0; 2] });
         let (pieces, groups) = match self.by_blocks {
-            false => (SCAN_STRANDS, SCAN_STRANDS / 64),
+            false => (SCAN_STRANDS, self.scan_sums.groups(SCAN_STRANDS)),
             true => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
         };
         let sums = buffers::zeroed(gpu, "strand sums", pieces as usize);
@@ -210,7 +207,7 @@ impl Stages {
             })
             .collect();
         let groups = match pipelines.by_blocks {
-            false => pieces.div_ceil(SORT_THREADS),
+            false => pipelines.sort_count.groups(pieces),
             true => pieces,
         };
         Stages { passes, groups }

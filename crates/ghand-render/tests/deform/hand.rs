@@ -51,6 +51,7 @@ pub struct Run {
     pub joints: Vec<DVec3>,
     pub weights: Vec<f64>,
     pub rest: Vec<DVec3>,
+    pub rest_normals: Vec<DVec3>,
     pub shape_basis: Vec<DVec3>,
     pub coefficients: Vec<DVec3>,
     pub residual_weights: Vec<f64>,
@@ -61,6 +62,7 @@ pub struct Run {
     pub residual_bones: Vec<Affine>,
     pub offsets: Vec<DVec3>,
     pub points: Vec<DVec3>,
+    pub normals: Vec<DVec3>,
     /// The whole table, `[7][columns]`.
     pub table: Vec<f64>,
     pub scale: Vec<f64>,
@@ -139,10 +141,14 @@ impl Run {
             (0..JOINTS).for_each(|k| weights[k * COUNT + p] /= sum);
         }
         let (rest, joints) = (random(3, 3 * COUNT, 0.1), random(2, 3 * JOINTS, 0.1));
+        let normals: Vec<DVec3> =
+            planes(&widen(&random(11, 3 * COUNT, 1.0)), COUNT).iter().map(|n| n.normalize()).collect();
+        let normals: Vec<f32> = (0..3).flat_map(|c| normals.iter().map(move |n| n[c] as f32)).collect();
         let parents = PARENTS.map(|p| p.map_or(-1, |p| p as i32));
         let template = Template {
             rest: &rest,
             weights: &weights,
+            normals: Some(&normals),
             joints: &joints,
             parents: &parents,
             basis_count: BASES,
@@ -210,6 +216,8 @@ impl Run {
             joints: vectors(&widen(&joints)),
             weights: widen(&weights),
             rest: planes(&widen(&rest), COUNT),
+            rest_normals: planes(&widen(&normals), COUNT),
+            normals: planes(&read(deformation.normals().unwrap(), 3 * COUNT), COUNT),
             shape_basis: planes(&widen(&values[0]), COUNT),
             coefficients: match kind.coefficients {
                 CoefficientLayout::PerBasis => coefficients.iter().map(|c| DVec3::splat(*c)).collect(),

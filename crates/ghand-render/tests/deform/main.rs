@@ -5,6 +5,7 @@
 mod blend_shapes;
 mod hand;
 mod joint_sums;
+mod normals;
 mod penalty;
 mod residual_skeleton;
 mod skeleton;

@@ -8,7 +8,7 @@ use crate::hand::{COUNT, JOINTS, PLACE, Run, assert_same, planes};
 
 /// Skinning by the device's bones as they are: what was taken off the residual ones is taken off already, and taking it off
 /// again changes nothing.
-fn skinning(run: &Run) -> Skinning<'_> {
+pub fn skinning(run: &Run) -> Skinning<'_> {
     Skinning {
         rest: &run.points,
         weights: &run.weights,

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use ghand_render::deform::{Deformation, DeformationBackward, JointSums};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
-use ghand_render::pipeline::{Bound, Module};
+use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
@@ -186,21 +186,21 @@ impl PropertyModel for DirectModel {
     }
 
     fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-        let mut pass = pass(encoder, "pose response");
-        self.response_terms.dispatch(&mut pass, ((self.config.channels() * self.joints) as u32).div_ceil(64));
+        let mut pass = compute_pass(encoder, "pose response");
+        self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
         // Four points an invocation.
-        self.respond.dispatch(&mut pass, (self.count as u32).div_ceil(64).div_ceil(4));
+        self.respond.dispatch_invocations(&mut pass, (self.count as u32).div_ceil(4));
         Ok(())
     }
 
     fn backward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
-        let mut pass = pass(encoder, "pose response backward");
-        training.respond_backward.dispatch(&mut pass, (self.count as u32).div_ceil(64));
+        let mut pass = compute_pass(encoder, "pose response backward");
+        training.respond_backward.dispatch_invocations(&mut pass, self.count as u32);
         training.coefficient_sums.encode(&mut pass);
         training.color_sums.encode(&mut pass);
         let invocations = self.config.channels().max(self.joints) as u32;
-        training.response_backward.dispatch(&mut pass, invocations.div_ceil(64));
+        training.response_backward.dispatch_invocations(&mut pass, invocations);
         Ok(())
     }
 
@@ -212,7 +212,7 @@ impl PropertyModel for DirectModel {
     ) -> Result<(), RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
         let (n, lengths) = (self.count, self.lengths());
-        let mut pass = pass(encoder, "update");
+        let mut pass = compute_pass(encoder, "update");
         // Rows of the appearance table: scale, base colour (3), components.
         let ranges = [
             (0, 0, 0..lengths[0], rates.shape_basis),
@@ -258,8 +258,4 @@ impl PropertyModel for DirectModel {
 
 fn not_prepared() -> RenderError {
     RenderError::Invalid("the property model was not prepared for training".into())
-}
-
-fn pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
-    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
 }

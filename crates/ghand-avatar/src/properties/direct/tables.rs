@@ -1,8 +1,8 @@
 //! The learned numbers of a `direct` avatar.
 
-use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
+use crate::properties::{PropertyStart, PropertyTables};
 use crate::template::{AvatarConfig, Template};
 
 /// Rows of the appearance table before the colour components: scale logit and base colour.
@@ -38,6 +38,12 @@ pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usi
     ]
 }
 
+/// Bytes of the learned tables per Gaussian.
+pub(in crate::properties) fn bytes_per_gaussian(joints: usize, config: &AvatarConfig) -> usize {
+    let [shape_basis, residual_weights, regressor, appearance, ..] = table_lengths(1, joints, config);
+    size_of::<f32>() * (shape_basis + residual_weights + regressor + appearance)
+}
+
 /// Limits of that many joint terms, `[terms][2]`, that hold nothing back. Finite, as all numbers of an avatar are.
 pub fn unlimited(terms: usize) -> Vec<f32> {
     [f32::MIN, f32::MAX].repeat(terms)
@@ -47,8 +53,6 @@ pub fn unlimited(terms: usize) -> Vec<f32> {
 const BASIS_NOISE: f32 = 1e-4;
 /// The same for the colour components, in logits.
 const COMPONENT_NOISE: f32 = 0.1;
-/// Standard deviation of a fresh Gaussian in multiples of its spacing: neighbours just close the surface.
-pub const START_SCALE: f32 = 0.7;
 
 fn logit(x: f32) -> f32 {
     (x / (1.0 - x)).ln()
@@ -58,19 +62,12 @@ impl DirectTables {
     /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
     /// coefficient of 1; all others and all colour components start with coefficient 0.
     ///
-    /// Against the `normals` (N, outwards) the first basis pushes each Gaussian inwards by its depth in `insets` (N, metres):
-    /// splats reach beyond their centres, and the silhouette should start where the surface ends.
-    pub fn untrained(
-        template: &Template,
-        normals: &[DVec3],
-        insets: &[f64],
-        config: &AvatarConfig,
-        color: [f64; 3],
-        seed: u64,
-    ) -> DirectTables {
+    /// Against its normal the first basis pushes each Gaussian inwards by its inset: splats reach beyond their centres, and
+    /// the silhouette should start where the surface ends.
+    pub fn untrained(template: &Template, config: &AvatarConfig, start: &PropertyStart<'_>) -> DirectTables {
         let (count, joints) = (template.len(), template.joint_count());
         let lengths = table_lengths(count, joints, config);
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(start.seed);
         // The sum of four uniform numbers: near enough to a normal one, and the same bits everywhere.
         let mut noise = |size: f32| -> f32 {
             let sum: f32 = (0..4).map(|_| rng.random_range(-1.0f32..1.0)).sum();
@@ -79,14 +76,17 @@ impl DirectTables {
         let mut shape_basis = vec![0.0; lengths[0]];
         shape_basis.iter_mut().skip(3 * count).for_each(|s| *s = noise(BASIS_NOISE));
         for (c, row) in shape_basis.chunks_exact_mut(count.max(1)).take(3).enumerate() {
-            for ((slot, normal), inset) in row.iter_mut().zip(normals).zip(insets) {
+            for ((slot, normal), inset) in row.iter_mut().zip(start.normals).zip(start.insets) {
                 *slot = -(normal[c] * inset) as f32;
             }
         }
         let largest = template.max_scale();
-        let mut appearance: Vec<f32> =
-            template.spacings.iter().map(|s| logit((START_SCALE * s / largest).clamp(0.02, 0.9))).collect();
-        for channel in color {
+        let mut appearance: Vec<f32> = template
+            .spacings
+            .iter()
+            .map(|s| logit((PropertyTables::START_SCALE * s / largest).clamp(0.02, 0.9)))
+            .collect();
+        for channel in start.color {
             appearance.extend(std::iter::repeat_n(logit((channel as f32).clamp(0.01, 0.99)), count));
         }
         appearance.extend((0..lengths[3] - APPEARANCE_ROWS * count).map(|_| noise(COMPONENT_NOISE)));

@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use ghand_files::value::Value;
 
-use super::super::recording::side_of;
+use super::super::source::side_of;
 use super::super::{PoseError, Source};
 use super::{Hand, SIDE_NAMES, first, flat, frame};
 

@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use ghand_files::value::Value;
 
-use super::super::recording::{id_of, side_of};
+use super::super::source::{id_of, side_of};
 use super::super::{PoseError, Source};
 use super::{Hand, SIDE_NAMES, first, flat, frame};
 use crate::retarget::mirrored;

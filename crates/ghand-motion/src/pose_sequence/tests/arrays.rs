@@ -2,7 +2,7 @@
 
 use ghand_core::skeleton::pose_skeleton;
 
-use super::super::recording::OPENGL_AXES;
+use super::super::source::OPENGL_AXES;
 use super::hands::webxr;
 use super::mano::mano;
 use super::*;

@@ -1,0 +1,31 @@
+//! Host part of `normals.wgsl`: normals of the skinned surface, for shading.
+
+use super::ForwardBuffers;
+use crate::pipeline::{Bound, Module};
+use crate::{Gpu, buffers};
+
+/// Rest normals and bones to posed normals.
+pub struct Normals {
+    /// The result, `[3][N]`.
+    pub normals: wgpu::Buffer,
+    skin_normals: Bound,
+    count: u32,
+}
+
+impl Normals {
+    /// `rest_normals`: `[3][N]`, unit length.
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers, rest_normals: &[f32]) -> Normals {
+        let rest = buffers::filled(gpu, "rest normals", rest_normals);
+        let normals = buffers::zeroed(gpu, "normals", rest_normals.len());
+        let all = [&[("rest_normals", &rest), ("normals", &normals)], &b.named()[..]].concat();
+        Normals {
+            skin_normals: Module::new(gpu, "normals").stage(gpu, "skin_normals", &[]).bind(gpu, &all),
+            count: b.properties.sizes.gaussians as u32,
+            normals,
+        }
+    }
+
+    pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.skin_normals.dispatch_invocations(pass, self.count.div_ceil(4));
+    }
+}

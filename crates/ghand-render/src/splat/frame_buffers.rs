@@ -1,0 +1,87 @@
+//! The buffers of a frame.
+
+use super::{Purpose, Shared, SplatOptions, TILE_SIZE};
+use crate::{Gpu, Tier, buffers};
+
+/// Rows of the camera's gradient: rotation and translation.
+pub const CAMERA_ROWS: usize = 6;
+/// Strands of its sum, as in `camera_gradient.wgsl`.
+pub const CAMERA_STRANDS: usize = 64;
+
+/// Cells of an intersection's gradients: one per 4x4 pixels of the tile, or one in all where the invocations of a tile add
+/// up their gradients.
+pub fn gradient_cells(tier: Tier) -> u32 {
+    match tier {
+        Tier::Baseline => 4,
+        Tier::Fast => 1,
+    }
+}
+
+/// Everything that the stages of a frame hand to each other. Sizes: N Gaussians, `capacity` intersections, the tiles and
+/// pixels of the largest image.
+pub struct FrameBuffers {
+    pub shared: Shared,
+    pub splats: wgpu::Buffer,
+    pub tile_rects: wgpu::Buffer,
+    /// Keys and values of the depth sort, before and after.
+    pub depth_keys: [wgpu::Buffer; 2],
+    pub depth_order: [wgpu::Buffer; 2],
+    pub slot_offsets: wgpu::Buffer,
+    pub slot_ranges: wgpu::Buffer,
+    pub slot_gaussians: wgpu::Buffer,
+    /// Keys and values of the tile sort, before and after.
+    pub tile_keys: [wgpu::Buffer; 2],
+    pub slots: [wgpu::Buffer; 2],
+    pub tile_bits: u32,
+    pub tile_ranges: wgpu::Buffer,
+    pub pixel_states: wgpu::Buffer,
+    /// Empty without gradients, like the marks.
+    pub slot_gradients: wgpu::Buffer,
+    pub slot_marks: wgpu::Buffer,
+    /// Empty without the camera's gradient.
+    pub camera_rows: wgpu::Buffer,
+    pub camera_strands: wgpu::Buffer,
+    pub count: usize,
+}
+
+impl FrameBuffers {
+    pub fn new(
+        gpu: &Gpu,
+        options: &SplatOptions,
+        shared: &Shared,
+        count: usize,
+        max_size: [u32; 2],
+        capacity: u32,
+    ) -> FrameBuffers {
+        let [width, height] = max_size;
+        let pixels = width as usize * height as usize;
+        let tiles = width.div_ceil(TILE_SIZE) as usize * height.div_ceil(TILE_SIZE) as usize;
+        let capacity = capacity as usize;
+        let cells = if options.purpose.has_gradients() { capacity * gradient_cells(gpu.tier) as usize } else { 0 };
+        let make = |label: &str, words: usize| buffers::zeroed(gpu, label, words);
+        FrameBuffers {
+            shared: shared.clone(),
+            splats: make("splats", count * size_of::<super::Splat>() / 4),
+            tile_rects: make("tile rects", 2 * count),
+            depth_keys: [make("depth keys", count), make("depth keys sorted", count)],
+            depth_order: [make("depth order", count), make("depth order sorted", count)],
+            slot_offsets: make("slot offsets", count),
+            slot_ranges: make("slot ranges", 2 * count),
+            slot_gaussians: make("slot gaussians", capacity),
+            tile_keys: [make("tile keys", capacity), make("tile keys sorted", capacity)],
+            slots: [make("slots", capacity), make("slots sorted", capacity)],
+            // As many bits as the largest tile index has, at least one.
+            tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
+            tile_ranges: make("tile ranges", 2 * tiles),
+            pixel_states: make("pixel states", 2 * pixels),
+            slot_gradients: make("slot gradients", 8 * cells),
+            slot_marks: make("slot marks", cells * if options.model.slot_opacity() { 2 } else { 1 }),
+            camera_rows: make(
+                "camera rows",
+                if options.purpose == Purpose::CameraGradients { CAMERA_ROWS * count } else { 0 },
+            ),
+            camera_strands: make("camera strands", CAMERA_ROWS * CAMERA_STRANDS),
+            count,
+        }
+    }
+}
