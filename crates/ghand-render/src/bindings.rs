@@ -1,4 +1,4 @@
-//! Binding by name: which number the WGSL gives a buffer or texture is read from the WGSL.
+//! Binding by name: the binding number of a buffer or texture is read from the WGSL.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::shader_sources;
 
-/// Number of each binding of `@group(0)` that some entry points use, by its name in the WGSL.
+/// The binding numbers in `@group(0)` that some entry points use, by name in the WGSL.
 #[derive(Debug, Clone, Default)]
 pub struct Bindings {
     numbers: BTreeMap<String, u32>,
@@ -16,12 +16,13 @@ impl Bindings {
     /// The bindings that any of these entry points of a shader uses.
     ///
     /// # Panics
-    /// Panics if there is no shader of that name.
+    /// Panics if no shader has this name.
     pub fn new(shader: &str, entry_points: &[&str]) -> Bindings {
         Bindings::in_source(shader_sources::source(shader), entry_points)
     }
 
-    /// The bindings that any of these entry points of a WGSL source uses. None if it is not valid, which the device reports.
+    /// The bindings that any of these entry points of a WGSL source uses. Empty if the source is invalid, which the
+    /// device reports.
     pub fn in_source(source: &str, entry_points: &[&str]) -> Bindings {
         let Ok(module) = naga::front::wgsl::parse_str(source) else { return Bindings::default() };
         let Ok(info) = Validator::new(ValidationFlags::empty(), Capabilities::all()).validate(&module) else {
@@ -36,11 +37,11 @@ impl Bindings {
         Bindings { numbers }
     }
 
-    /// The bind group of those of `resources` that are used; others are left aside, so that all stages of a shader can be
-    /// given the same list.
+    /// The bind group of the used `resources`. Others are ignored, so that all stages of a shader can be given the same
+    /// list.
     ///
     /// # Panics
-    /// Panics if a resource that is used is missing: the program is wrong, not its input.
+    /// Panics if a used resource is missing, which is a bug in the program.
     pub fn group(
         &self,
         device: &wgpu::Device,

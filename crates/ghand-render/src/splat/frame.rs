@@ -6,7 +6,7 @@ use crate::{Gpu, buffers};
 /// Bits of a depth key, as in `project.wgsl`.
 pub const DEPTH_BITS: u32 = 30;
 
-/// The compiled stages; they outlive the buffers, which grow.
+/// The compiled stages, which are kept when the buffers grow.
 pub struct Pipelines {
     pub project: project::Pipelines,
     pub sort: sort::Pipelines,
@@ -26,8 +26,8 @@ impl Pipelines {
     }
 }
 
-/// Everything that the stages of a frame hand to each other. Sizes: N Gaussians, `capacity` intersections, the tiles and
-/// pixels of the largest image.
+/// The buffers passed between the stages of a frame. Sizes: N Gaussians, `capacity` intersections, the tiles and pixels
+/// of the largest image.
 pub struct FrameBuffers {
     pub shared: Shared,
     pub splats: wgpu::Buffer,
@@ -79,7 +79,7 @@ impl FrameBuffers {
             slot_gaussians: make("slot gaussians", capacity),
             tile_keys: [make("tile keys", capacity), make("tile keys sorted", capacity)],
             slots: [make("slots", capacity), make("slots sorted", capacity)],
-            // As many bits as the largest tile index has, at least one.
+            // The number of bits of the largest tile index, at least one.
             tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
             tile_ranges: make("tile ranges", 2 * tiles),
             pixel_states: make("pixel states", 2 * pixels),

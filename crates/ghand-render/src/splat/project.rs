@@ -6,15 +6,15 @@ use super::{Purpose, SplatModel};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
 
-/// Rows of the camera's gradient: turn and translation.
+/// Number of rows of the camera's gradient: rotation and translation.
 pub const CAMERA_ROWS: usize = 6;
-/// Strands of its sum, as in `camera_gradient.wgsl`.
+/// Number of strands (partial sums) of its sum, as in `camera_gradient.wgsl`.
 pub const CAMERA_STRANDS: usize = 64;
 
-/// What the backward pass needs, if there is one.
+/// The stages of the backward pass.
 struct Backward<T> {
     project_backward: T,
-    /// Strands and their sums, if the camera's gradient is wanted.
+    /// The strands and their sum, if the camera's gradient is computed.
     camera: Option<[T; 2]>,
 }
 

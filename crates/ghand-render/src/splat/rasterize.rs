@@ -5,8 +5,8 @@ use super::{Purpose, SplatModel, sort};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier};
 
-/// Places that an intersection has for its gradients: one for each cell of 4x4 pixels, or one where invocations add up what
-/// they find.
+/// Number of places for the gradients of an intersection: one per cell of 4x4 pixels, or a single one if invocations
+/// sum their gradients.
 pub fn places(tier: Tier) -> u32 {
     match tier {
         Tier::Baseline => 4,
@@ -14,7 +14,7 @@ pub fn places(tier: Tier) -> u32 {
     }
 }
 
-/// How many tiles a workgroup takes forward and backward, as in the stages' shaders.
+/// Number of tiles per workgroup, forward and backward, as in the shaders.
 fn tiles_a_group(tier: Tier) -> [u32; 2] {
     match tier {
         Tier::Baseline => [1, 8],
@@ -22,8 +22,8 @@ fn tiles_a_group(tier: Tier) -> [u32; 2] {
     }
 }
 
-/// How many entries of a tile the backward pass goes through on Mesa's software rasteriser, which ends the loops of a shader
-/// after 65,535 rounds: one or eight entries each.
+/// Maximum number of entries of a tile in the backward pass on Mesa's software rasteriser, which ends shader loops
+/// after 65,535 iterations of one or eight entries each.
 fn software_entries(tier: Tier) -> u32 {
     match tier {
         Tier::Baseline => 65_535,
@@ -100,7 +100,7 @@ impl Stages {
         }
     }
 
-    /// What the backward pass does not mark has no gradient.
+    /// Encodes clearing the marks: slots that the backward pass does not mark have no gradient.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.slot_marks, 0, None);
     }
