@@ -66,7 +66,7 @@ mod tests {
         assert_eq!(exit(inside, DVec3::Z, face), Some(3.0));
         assert_eq!(exit(inside, -DVec3::Z, face), None);
         assert_eq!(exit(DVec3::new(0.2, 0.2, 3.0), -DVec3::Z, face), None, "from outside");
-        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "beside it");
+        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "next to the face");
     }
 
     #[test]

@@ -70,9 +70,9 @@ fn a_loss_is_distinguished_from_other_errors() {
                 wgpu::BufferDescriptor { label: Some(label), size: u64::MAX, usage, mapped_at_creation: false };
             drop(gpu.device.create_buffer(&descriptor));
         };
-        too_large("outside of scopes");
+        too_large("outside scopes");
         let Err(RenderError::Device(first)) = gpu.check() else { panic!("{:?}", gpu.check()) };
-        assert!(first.contains("outside of scopes") && !first.contains('\n'), "{first}");
+        assert!(first.contains("outside scopes") && !first.contains('\n'), "{first}");
         assert!(!gpu.is_lost());
         ["second", "third"].iter().for_each(|label| too_large(label));
         // The first error is reported; the others are counted.
