@@ -246,8 +246,7 @@ fn an_avatar_file_is_read_back_bit_for_bit_and_damage_is_rejected() {
         let message = Avatar::load(&damaged).unwrap_err().to_string();
         assert!(message.contains("damaged.ghand") && !message.contains('\n'), "{message}");
     }
-    // The limits ascend from -0.5 in steps of 0.01: an upper limit is found by its neighbours and set below its lower
-    // one.
+    // The limits ascend from -0.5 in steps of 0.01: an upper limit is found by its neighbours and set below the lower.
     let limits: Vec<u8> = tables_of(&avatar).response_limits[..8].iter().flat_map(|v| v.to_le_bytes()).collect();
     let at = bytes.windows(limits.len()).position(|window| window == limits).unwrap();
     for bad in [-0.9f32, f32::NAN, f32::INFINITY] {

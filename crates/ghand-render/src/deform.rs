@@ -1,5 +1,5 @@
-//! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back (paper
-//! eq. 7 to 11).
+//! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back
+//! (paper eq. 7 to 11).
 //!
 //! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin; the backward pass runs in the
 //! opposite order. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or

@@ -1,5 +1,5 @@
-//! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton (paper eq.
-//! 9).
+//! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton
+//! (paper eq. 9).
 
 use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, groups_of_four};

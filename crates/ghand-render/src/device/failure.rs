@@ -101,7 +101,7 @@ pub enum RenderError {
     OutOfMemory {
         /// What was asked for.
         what: String,
-        /// The exceeded limit.
+        /// The reason, such as the exceeded limit.
         why: String,
     },
     /// The device reported an error.
