@@ -49,7 +49,7 @@ fn stages(folder: &Path) -> Result<Vec<String>, Box<dyn Error>> {
 
 fn compose(shaders: &Path, name: &str, fast: bool) -> Result<String, Box<dyn Error>> {
     let mut compiler = Wesl::new(shaders);
-    // Names are unique in the project, so that they stay as they are: host code finds buffers and structs by them.
+    // Names are unique in the project and not mangled: host code finds buffers and structs by them.
     compiler.set_mangler(ManglerKind::None).set_feature("fast", fast);
     let path: ModulePath = format!("package::{}", name.replace('/', "::")).parse()?;
     let composed = compiler.compile(&path).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;

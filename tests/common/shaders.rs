@@ -1,19 +1,19 @@
-//! The project's WGSL without a device.
+//! Access to the project's WGSL without a device.
 
 use std::path::{Path, PathBuf};
 
 use ghand_render::{Tier, shader_sources};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// Every WGSL source as the device gets it, with its name and the tier that runs it.
+/// Every composed WGSL source, with its name and tier.
 pub fn sources() -> Vec<(&'static str, Tier, &'static str)> {
     shader_sources::all().collect()
 }
 
-/// Parses and validates a source against what every device of a tier can do.
+/// Parses a source and validates it against the features of a tier.
 ///
 /// # Errors
-/// The compiler's message, with the place in the source, and the file and line of the declaration around it.
+/// The compiler's message with the location in the source, and file and line of the enclosing declaration.
 pub fn validate(tier: Tier, source: &str) -> Result<naga::Module, String> {
     let at =
         |message: String, location: Option<naga::SourceLocation>| match location.and_then(|l| declared_at(source, l)) {
@@ -39,7 +39,7 @@ fn declaration(line: &str) -> Option<String> {
     }
 }
 
-/// File and line in `shaders/` of the declaration around a place in a composed source, whose lines are other ones.
+/// File and line in `shaders/` of the declaration around a location in a composed source, whose line numbers differ.
 fn declared_at(source: &str, place: naga::SourceLocation) -> Option<String> {
     let lines: Vec<&str> = source.lines().take(place.line_number as usize).collect();
     let wanted = lines.iter().rev().find_map(|line| declaration(line))?;
@@ -64,7 +64,7 @@ pub fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
     files(folder, "wgsl")
 }
 
-/// All files below a folder whose names end so.
+/// All files below a folder with this extension.
 ///
 /// # Panics
 /// Panics if the folder cannot be read.

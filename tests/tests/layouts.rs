@@ -1,4 +1,4 @@
-//! Host structs lie in memory as their WGSL namesakes do.
+//! Host structs have the same memory layout as the WGSL structs of the same name.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -15,7 +15,7 @@ use ghand_render::{Tier, reference};
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
 
-/// Where one member lies, bytes.
+/// Position of a member, bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Member {
     name: String,
@@ -23,7 +23,7 @@ struct Member {
     size: usize,
 }
 
-/// Where all members of a struct lie, in the order of its source.
+/// Positions of all members of a struct, in the order of its source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Layout {
     name: String,
@@ -134,7 +134,7 @@ fn wgsl_layout(module: &Module, ty: &naga::Type) -> Option<Layout> {
     Some(Layout { name: ty.name.clone().unwrap_or_default(), size: *span as usize, members })
 }
 
-/// The structs that buffers of a module hold, alone or as the elements of an array.
+/// The structs in a module's buffers, as a whole or as the elements of an array.
 fn buffer_layouts(module: &Module) -> Vec<Layout> {
     module
         .global_variables
@@ -150,7 +150,7 @@ fn buffer_layouts(module: &Module) -> Vec<Layout> {
         .collect()
 }
 
-/// What keeps a host struct from being copied over a WGSL struct.
+/// Fails if a host struct cannot be copied to a WGSL struct, with the reason.
 fn compare(host: &Layout, wgsl: &Layout) -> Result<(), String> {
     for i in 0..host.members.len().max(wgsl.members.len()) {
         let (h, w) = (host.members.get(i), wgsl.members.get(i));
@@ -172,7 +172,7 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
         for wgsl in buffer_layouts(&validate(tier, source).unwrap()) {
             let host = hosts.get(&wgsl.name);
             let host =
-                host.unwrap_or_else(|| panic!("{source_name}: no host struct for {} is compared here", wgsl.name));
+                host.unwrap_or_else(|| panic!("{source_name}: there is no host struct for {} in this test", wgsl.name));
             compare(host, &wgsl).unwrap_or_else(|e| panic!("{source_name}: {e}"));
             unseen.remove(&wgsl.name);
         }
@@ -180,7 +180,7 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
     assert!(unseen.is_empty(), "no shader has a buffer of {:?}", unseen.keys());
 }
 
-/// The value of a constant of a source, if it has it and it is a number.
+/// The value of a constant of a source, if it exists and is a number.
 fn constant(source: &str, name: &str) -> Option<f64> {
     let module = validate(Tier::Fast, source).unwrap();
     let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
@@ -229,13 +229,13 @@ fn a_host_struct_without_the_padding_of_wgsl_is_rejected() {
         first: u32,
         second: [f32; 2],
     }
-    // WGSL aligns a vec2 to 8 bytes, the host an array to 4.
+    // WGSL aligns a vec2 to 8 bytes, the host aligns an array to 4.
     let error = compare(&host_layout!(Pair { first, second }), &layout_of(PAIR)).unwrap_err();
     assert!(error.contains("member 1"), "{error}");
 }
 
 #[test]
-fn a_member_of_another_name_size_or_place_and_a_missing_or_surplus_one_are_rejected() {
+fn a_member_of_another_name_size_or_offset_and_a_missing_or_surplus_one_are_rejected() {
     let right = layout_of(PAIR);
     assert_eq!(compare(&right, &right), Ok(()));
     let wrong: [fn(&mut Layout); 6] = [

@@ -24,7 +24,7 @@ fn a_source_that_does_not_parse_is_rejected() {
 
 #[test]
 fn a_source_that_parses_but_is_invalid_is_rejected() {
-    // A uniform buffer cannot hold a runtime-sized array: only validation sees that.
+    // A uniform buffer cannot contain a runtime-sized array: only validation detects it.
     let source = "@group(0) @binding(0) var<uniform> a: array<f32>;";
     assert!(naga::front::wgsl::parse_str(source).is_ok());
     assert!(validate(Tier::Fast, source).is_err());
@@ -49,7 +49,7 @@ fn names_and_entry_points_are_unique_in_their_tier() {
 }
 
 #[test]
-fn what_the_fast_tier_replaces_has_the_same_entry_points() {
+fn stages_of_the_fast_tier_have_the_entry_points_of_those_they_replace() {
     let entries = |wanted: Tier| -> BTreeSet<String> {
         let of_tier = sources().into_iter().filter(|(_, tier, _)| *tier == wanted);
         of_tier.flat_map(|(_, tier, source)| validate(tier, source).unwrap().entry_points).map(|e| e.name).collect()
@@ -66,11 +66,11 @@ fn every_shared_piece_is_imported_and_every_stage_has_host_code() {
     let host: String = files(&folder.join("../crates"), "rs").iter().map(read).collect();
     let unused = unused_files(&folder, &shaders, &host);
     assert!(unused.is_empty(), "nothing uses {unused:?}");
-    // The search finds what is missing.
+    // Without any text, the search reports every file.
     assert!(unused_files(&folder, "", "").len() == wgsl_files(&folder).len());
 }
 
-/// Shared pieces that no shader of this text imports, and stages that no host code of this text names.
+/// Shared pieces that `shaders` does not import, and stages that `host` does not name.
 fn unused_files(folder: &Path, shaders: &str, host: &str) -> Vec<String> {
     let name = |file: &PathBuf| file.strip_prefix(folder).unwrap().with_extension("").to_string_lossy().into_owned();
     let is_used = |name: &str| match name.strip_prefix("shared/") {
@@ -81,10 +81,10 @@ fn unused_files(folder: &Path, shaders: &str, host: &str) -> Vec<String> {
 }
 
 #[test]
-fn an_error_names_the_file_and_line_of_the_function_that_it_is_in() {
+fn an_error_names_the_file_and_line_of_its_function() {
     let (_, tier, source) = sources().into_iter().find(|(name, ..)| *name == "project").unwrap();
     let broken = source.replacen("let xx = q.x * d.x;", "let xx = q.x * d.xyzz;", 1);
-    assert_ne!(broken, source, "the line to break is not there");
+    assert_ne!(broken, source, "the line to break does not exist");
     let message = validate(tier, &broken).unwrap_err();
     let file = std::fs::read_to_string(shader_folder().join("shared/gaussian.wgsl")).unwrap();
     let line = file.lines().position(|line| line.starts_with("fn axes_of")).unwrap() + 1;

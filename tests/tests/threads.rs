@@ -11,7 +11,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Several tasks' worth of points, the last not full.
+/// Points for several tasks, the last of which is not full.
 const POINTS: usize = 7001;
 
 fn uniform(rng: &mut ChaCha8Rng, n: usize) -> Vec<f64> {
@@ -22,14 +22,14 @@ fn vectors(rng: &mut ChaCha8Rng, n: usize) -> Vec<DVec3> {
     uniform(rng, 3 * n).chunks_exact(3).map(DVec3::from_slice).collect()
 }
 
-/// What `compute` gives in pools of 1, 2, 3 and 8 threads, thrice each, must be the same to the bit.
+/// Asserts that `compute` gives the same bits in pools of 1, 2, 3 and 8 threads, three times each.
 fn assert_same_bits(compute: impl Fn() -> Vec<f64> + Sync) {
     let mut first: Option<Vec<u64>> = None;
     for threads in [1, 2, 3, 8] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         for _ in 0..3 {
             let bits: Vec<u64> = pool.install(&compute).iter().map(|x| x.to_bits()).collect();
-            assert!(*first.get_or_insert_with(|| bits.clone()) == bits, "{threads} threads give other bits");
+            assert!(*first.get_or_insert_with(|| bits.clone()) == bits, "{threads} threads give different bits");
         }
     }
 }

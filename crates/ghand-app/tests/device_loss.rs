@@ -191,5 +191,5 @@ fn a_device_without_memory_is_one_sentence_with_what_was_asked_for() {
     assert_recovered(&run(&["render", "hand.ghand", "--turntable", "1", "--size", "64x64", "--out", "picture.png"]), 0);
     // With gradients, which are not made in bands.
     let output = run(&["bench", "splat", "--scene", "hand", "--n", "1000", "--size", "8000x4000"]);
-    common::assert_one_sentence(&output, &["no room", "8000 x 4000 pixels", "smaller images"]);
+    common::assert_one_sentence(&output, &["too little memory", "8000 x 4000 pixels", "smaller images"]);
 }

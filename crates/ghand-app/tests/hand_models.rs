@@ -174,7 +174,7 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
     assert_one_sentence(&both, &["--uv uv.obj", "is an avatar"]);
     std::fs::write(folder.path().join("cut.ghand"), b"").unwrap();
     let cut = run(GHAND, folder.path(), &["pose", "--hand-model", "cut.ghand", "--out", "mesh.obj"]);
-    assert_one_sentence(&cut, &["cut.ghand", "not an avatar, or cut short"]);
+    assert_one_sentence(&cut, &["cut.ghand", "is not an avatar, or is truncated"]);
 }
 
 #[test]

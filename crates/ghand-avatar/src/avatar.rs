@@ -1,4 +1,4 @@
-//! What an avatar is: a sampled template, its switches, and the learned tables.
+//! An avatar: a sampled template, its configuration, and the learned tables.
 
 use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
@@ -9,7 +9,7 @@ use crate::local_thickness::local_thickness;
 use crate::properties::{PropertyStart, PropertyTables};
 use crate::template::{AvatarConfig, Template};
 
-/// Where an avatar comes from.
+/// The origin of an avatar.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Provenance {
     /// Name of the capture.
@@ -31,24 +31,25 @@ pub struct Avatar {
     pub template: Template,
     /// The hand model's mesh, for overlays and for picking named poses.
     pub model: HandModel,
-    /// Shape and meaning of the tables.
+    /// Configuration that fixes the shape and interpretation of the tables.
     pub config: AvatarConfig,
-    /// What the property model has learned.
+    /// The learned tables of the property model.
     pub tables: PropertyTables,
-    /// Where it comes from.
+    /// Its origin.
     pub provenance: Provenance,
 }
 
-/// How far inside of the surface Gaussians start, in standard deviations. At the silhouette a line of sight grazes about
-/// ten Gaussians in a row, and ten of them together cover half where each covers 7 %: at 2.3 standard deviations.
+/// Initial depth of the Gaussians below the surface, in standard deviations. At the silhouette a line of sight grazes
+/// about ten Gaussians in a row; ten together reach an opacity of a half where each has 7 %: at 2.3 standard
+/// deviations.
 pub const DEFAULT_INSET: f64 = 2.0;
-/// How deep Gaussians may start, as a part of the hand's thickness there: the bone's axis is at a half, and beyond it a
-/// Gaussian would lie nearer to the other side.
+/// Largest initial depth of a Gaussian, as a fraction of the hand's thickness there. The bone's axis is at one half;
+/// beyond it a Gaussian would be closer to the opposite side.
 const DEEPEST_INSET: f64 = 1.0 / 3.0;
 
 impl Avatar {
     /// An untrained avatar: the template's plain surface in one colour (display values 0..1). `seed` fixes the small
-    /// random numbers from which training breaks symmetry; the Gaussians start [`DEFAULT_INSET`] inside of the surface.
+    /// random numbers that break symmetry in training; the Gaussians start [`DEFAULT_INSET`] below the surface.
     ///
     /// # Errors
     /// [`HandModelError`] if the model cannot be sampled.
@@ -61,8 +62,8 @@ impl Avatar {
         Avatar::untrained_inset(model, config, color, DEFAULT_INSET, seed)
     }
 
-    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size inside of the surface, but no deeper than a third
-    /// of the hand's thickness.
+    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size below the surface, but at most a third of
+    /// the hand's thickness.
     ///
     /// # Errors
     /// [`HandModelError`] if the model cannot be sampled.
@@ -97,7 +98,7 @@ impl Avatar {
         self.template.max_scale()
     }
 
-    /// The template's mesh with one UV a vertex.
+    /// The template's mesh with one UV per vertex.
     pub fn render_mesh(&self) -> RenderMesh {
         RenderMesh::from_model(&self.model)
     }

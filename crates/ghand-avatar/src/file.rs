@@ -1,4 +1,4 @@
-//! The avatar file `*.ghand`: one safetensors file with a block of JSON.
+//! The avatar file `*.ghand`: a safetensors file with a JSON block in its metadata.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -18,15 +18,15 @@ use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
 use crate::template::{AvatarConfig, Template};
 
-/// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response followed
-/// the root.
+/// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response
+/// depended on the root's rotation.
 const VERSION: u32 = 2;
-/// Bytes of a file: the largest avatars have some hundred million.
+/// Maximum file size, bytes; the largest avatars have a few hundred million.
 const LARGEST_FILE: u64 = 1 << 32;
 /// Key of the JSON block in the file's metadata.
 const METADATA_KEY: &str = "ghand";
 
-/// What is wrong with an avatar file.
+/// Why an avatar file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum AvatarFileError {
     /// Reading or writing failed.
@@ -39,8 +39,8 @@ pub enum AvatarFileError {
         /// The cause.
         source: std::io::Error,
     },
-    /// The avatar cannot be written, since nothing could read it.
-    #[error("{path}: not written, for nothing could read it: {field} {problem}")]
+    /// The avatar was not written, because [`Avatar::load`] would reject it.
+    #[error("{path}: not written, because it would not be readable: {field} {problem}")]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -68,13 +68,13 @@ struct Metadata {
     units: String,
     model: ModelMetadata,
     config: AvatarConfig,
-    /// The property model, which says which tensors there are. Left out of the files of the first model.
+    /// The property model, which determines the tensors. Omitted for the first model, `direct`.
     #[serde(default, skip_serializing_if = "ModelTag::is_first")]
     property_model: ModelTag,
     provenance: Provenance,
 }
 
-/// Which property model an avatar has.
+/// The property model of an avatar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum ModelTag {
@@ -102,7 +102,7 @@ struct ModelMetadata {
     parents: Vec<Option<usize>>,
 }
 
-/// Tensors on their way into a file.
+/// Tensors to be written to a file.
 #[derive(Default)]
 pub(crate) struct Tensors {
     names: Vec<(String, Dtype, Vec<usize>, Vec<u8>)>,
@@ -138,12 +138,12 @@ fn tensors(avatar: &Avatar) -> Tensors {
 }
 
 impl Avatar {
-    /// Writes the avatar to a file, atomically. What is written has been read back before, by what [`Avatar::load`] reads
-    /// with: it accepts every file that this writes.
+    /// Writes the avatar to a file, atomically. The bytes are first read back with the reader of [`Avatar::load`], so
+    /// that it accepts every written file.
     ///
     /// # Errors
-    /// [`AvatarFileError::Unreadable`] if the avatar is one that [`Avatar::load`] refuses, [`AvatarFileError::Io`] if the
-    /// file cannot be written. The file is then as it was before.
+    /// [`AvatarFileError::Unreadable`] if [`Avatar::load`] would reject the avatar, [`AvatarFileError::Io`] if the file
+    /// cannot be written. An existing file is then unchanged.
     pub fn save(&self, path: &Path) -> Result<(), AvatarFileError> {
         let bytes = self.to_bytes(path).and_then(|bytes| from_bytes(path, &bytes).map(|_| bytes));
         let bytes = bytes.map_err(|error| match error {
@@ -157,7 +157,7 @@ impl Avatar {
         })
     }
 
-    /// The avatar as the contents of a file.
+    /// The bytes of the avatar's file.
     fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
@@ -185,7 +185,7 @@ impl Avatar {
         serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))
     }
 
-    /// Reads an avatar from a file and checks all of it.
+    /// Reads an avatar from a file and validates it completely.
     ///
     /// # Errors
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
@@ -197,11 +197,11 @@ impl Avatar {
 }
 
 fn too_large(path: &Path) -> AvatarFileError {
-    let problem = format!("is larger than {} GiB, which no avatar is", LARGEST_FILE >> 30);
+    let problem = format!("is larger than {} GiB, the limit for avatars", LARGEST_FILE >> 30);
     AvatarFileError::Invalid { path: path.into(), field: "file".into(), problem }
 }
 
-/// The avatar in the contents of a file, which is checked as a whole.
+/// Parses and validates the bytes of an avatar file.
 fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(too_large(path));
@@ -220,8 +220,9 @@ impl<'a> Reader<'a> {
     fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Reader<'a>, AvatarFileError> {
         let invalid =
             |field: &str, problem: String| AvatarFileError::Invalid { path: path.into(), field: field.into(), problem };
-        let broken =
-            |e: &dyn std::fmt::Display| invalid("file", format!("not an avatar, or cut short ({e}); export it again"));
+        let broken = |e: &dyn std::fmt::Display| {
+            invalid("file", format!("is not an avatar, or is truncated ({e}); export it again"))
+        };
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| broken(&e))?;
         let block = header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY));
         let block = block
@@ -251,7 +252,7 @@ impl<'a> Reader<'a> {
         AvatarFileError::Invalid { path: self.path.into(), field: field.into(), problem: problem.into() }
     }
 
-    /// A tensor of that type; `shape` has `None` where any size will do.
+    /// A tensor of this type; `shape` has `None` for dimensions of any size.
     fn tensor<T: Pod + Default>(
         &self,
         name: &str,
@@ -265,7 +266,7 @@ impl<'a> Reader<'a> {
             return Err(self.invalid(
                 name,
                 format!(
-                    "is {:?} {:?}, expected {dtype:?} {shape:?}; the file does not belong together",
+                    "is {:?} {:?}, expected {dtype:?} {shape:?}; the parts of the file do not match",
                     view.dtype(),
                     view.shape()
                 ),
@@ -276,7 +277,7 @@ impl<'a> Reader<'a> {
         Ok((view.shape().to_vec(), values))
     }
 
-    /// A tensor of that shape; `None` where any size will do.
+    /// An f32 tensor; `shape` has `None` for dimensions of any size.
     pub(crate) fn floats(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f32>, AvatarFileError> {
         let (_, values) = self.tensor::<f32>(name, Dtype::F32, shape)?;
         match values.iter().position(|v| !v.is_finite()) {
@@ -362,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_not_written_and_leaves_the_old_file() {
+    fn an_unreadable_avatar_is_not_written_and_the_old_file_is_kept() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hand.ghand");
         small().save(&path).unwrap();

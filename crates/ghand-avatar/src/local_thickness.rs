@@ -1,19 +1,19 @@
-//! How thick a hand is below each point of its surface.
+//! The thickness of a hand below each point of its surface.
 
 use ghand_core::HandModel;
 use ghand_hand_model::SurfaceSamples;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How far a ray starts inside of its own surface, metres: it must not meet the faces around its vertex.
+/// Depth below the surface at which a ray starts, metres, so that it does not hit the faces around its vertex.
 const START: f64 = 1e-5;
 
-/// Where the ray from `origin` along `direction` (a unit vector) leaves through the triangle: the distance, metres.
+/// Distance at which the ray from `origin` along `direction` (a unit vector) exits through the triangle, metres.
 fn exit(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let facing = normal.dot(direction);
-    // Faces look outwards: a ray from inside meets the back of the one through which it leaves.
+    // Faces point outwards: a ray from inside exits through the back of a face.
     if facing <= 0.0 {
         return None;
     }
@@ -24,8 +24,8 @@ fn exit(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     (distance > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= square).then_some(distance)
 }
 
-/// Thickness of the hand at each vertex of its mesh, metres: the way straight inwards to the skin on the other side.
-/// Infinite where there is none, as at an open wrist.
+/// Thickness of the hand at each vertex of its mesh, metres: the distance straight inwards to the opposite surface.
+/// Infinite where the ray hits no surface, as at an open wrist.
 fn at_vertices(model: &HandModel) -> Vec<f64> {
     let triangles: Vec<[DVec3; 3]> = model.faces.iter().map(|face| face.map(|v| model.vertices[v as usize])).collect();
     let mut normals = vec![DVec3::ZERO; model.vertices.len()];
@@ -41,7 +41,7 @@ fn at_vertices(model: &HandModel) -> Vec<f64> {
     model.vertices.par_iter().zip(&normals).map(thickness).collect()
 }
 
-/// Thickness of the hand below each sample, metres: the least of its triangle's corners.
+/// Thickness of the hand below each sample, metres: the minimum over its triangle's corners.
 pub fn local_thickness(model: &HandModel, samples: &SurfaceSamples) -> Vec<f64> {
     let at_vertices = at_vertices(model);
     let least = |face: &u32| {
@@ -60,17 +60,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ray_leaves_through_the_back_of_a_face_only() {
+    fn a_ray_exits_only_through_the_back_of_a_face() {
         let face = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let inside = DVec3::new(0.2, 0.2, -3.0);
         assert_eq!(exit(inside, DVec3::Z, face), Some(3.0));
         assert_eq!(exit(inside, -DVec3::Z, face), None);
         assert_eq!(exit(DVec3::new(0.2, 0.2, 3.0), -DVec3::Z, face), None, "from outside");
-        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "beside it");
+        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "next to the face");
     }
 
     #[test]
-    fn fingers_are_about_as_thick_as_fingers() {
+    fn fingers_have_a_plausible_thickness() {
         let model = ProceduralHand::default().build().unwrap();
         let samples = sample_surface(&model, 64).unwrap();
         let thickness = local_thickness(&model, &samples);

@@ -1,4 +1,4 @@
-//! Scenes of Gaussians as trainers of 3D Gaussian Splatting write them: `.ply` files.
+//! Scenes of Gaussians in the `.ply` format of 3D Gaussian Splatting.
 
 mod write;
 
@@ -8,10 +8,10 @@ use ghand_files::input_file;
 use ghand_render::splat::SplatModel;
 pub use write::{EXPORTED_OPACITY, exported_logit};
 
-/// What is wrong with a scene file.
+/// Why a scene file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum PlyError {
-    /// It could not be read.
+    /// The file could not be read.
     #[error("{path}: cannot read the scene: {source}")]
     Io {
         /// The file.
@@ -19,7 +19,7 @@ pub enum PlyError {
         /// The cause.
         source: std::io::Error,
     },
-    /// It could not be written.
+    /// The file could not be written.
     #[error("{path}: cannot write the scene: {source}")]
     Write {
         /// The file.
@@ -27,22 +27,22 @@ pub enum PlyError {
         /// The cause.
         source: std::io::Error,
     },
-    /// It is not what it should be.
+    /// The contents are unusable.
     #[error("{path}: {field}: {problem}")]
     Invalid {
         /// The file.
         path: PathBuf,
         /// The part that is wrong.
         field: String,
-        /// What is wrong and what to do about it.
+        /// What is wrong and what to do.
         problem: String,
     },
 }
 
-/// Bytes; the largest scenes that are published have about 1.5 GiB.
+/// Maximum file size, bytes; the largest published scenes have about 1.5 GiB.
 const LARGEST_FILE: u64 = 1 << 32;
 
-/// Gaussians as they are stored: means in metres, logarithms of sizes, quaternions (w, x, y, z) of any length, logits of
+/// Gaussians as stored: means in metres, logarithms of sizes, quaternions (w, x, y, z) of any norm, logits of
 /// opacities, coefficients of spherical harmonics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplatScene {
@@ -50,18 +50,18 @@ pub struct SplatScene {
     pub degree: u32,
     /// Number of Gaussians, N.
     pub count: usize,
-    /// The table of [`SplatModel::trained`] of that degree, `[rows][N]`.
+    /// The table of [`SplatModel::trained`] for this degree, `[rows][N]`.
     pub table: Vec<f32>,
 }
 
 impl SplatScene {
-    /// The kind of the Gaussians.
+    /// The model of the Gaussians.
     pub fn model(&self) -> SplatModel {
         SplatModel::trained(self.degree)
     }
 
-    /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9, 24 or
-    /// 45 of them), `opacity`, `scale_*` and `rot_*`; others are passed over.
+    /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9,
+    /// 24 or 45 of them), `opacity`, `scale_*` and `rot_*`; others are ignored.
     ///
     /// # Errors
     /// [`PlyError`] names the file, the part and a remedy.
@@ -74,7 +74,7 @@ impl SplatScene {
     }
 }
 
-/// The part that is wrong, and what is wrong with it.
+/// The field of the file, and what is wrong with it.
 type Problem = (String, String);
 
 fn problem<T>(field: &str, text: impl Into<String>) -> Result<T, Problem> {
@@ -112,7 +112,7 @@ impl Kind {
         }
     }
 
-    /// The value of exactly [`Kind::size`] bytes.
+    /// Reads a value from exactly [`Kind::size`] bytes.
     fn value(self, bytes: &[u8]) -> f32 {
         let mut word = [0; 8];
         word.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
@@ -132,11 +132,11 @@ struct Header {
     ascii: bool,
     count: usize,
     properties: Vec<(String, Kind)>,
-    /// Where the data begin.
+    /// Offset of the data, bytes.
     end: usize,
 }
 
-/// Longest header: a thousand properties of a hundred letters.
+/// Maximum length of the header, bytes: a thousand properties of a hundred letters.
 const MAX_HEADER: usize = 100_000;
 
 fn header(bytes: &[u8]) -> Result<Header, Problem> {
@@ -144,12 +144,12 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
     let mut line = || -> Result<&str, Problem> {
         let rest = bytes.get(at..bytes.len().min(MAX_HEADER)).unwrap_or_default();
         let Some(length) = rest.iter().position(|b| *b == b'\n') else {
-            return problem("header", "has no end; this is no PLY file, or it is cut short");
+            return problem("header", "has no end; this is not a PLY file, or it is truncated");
         };
         at += length + 1;
         match std::str::from_utf8(&rest[..length]) {
             Ok(text) => Ok(text.trim()),
-            Err(_) => problem("header", "is not text; this is no PLY file"),
+            Err(_) => problem("header", "is not text; this is not a PLY file"),
         }
     };
     if line()? != "ply" {
@@ -170,9 +170,9 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
                 Err(_) => return problem("element vertex", format!("has the count {number:?}")),
             },
             ["element", name, ..] if count.is_none() => {
-                return problem("element", format!("{name} comes before the vertices; save the Gaussians alone"));
+                return problem("element", format!("{name} comes before the vertices; save only the Gaussians"));
             }
-            // What follows the vertices is not read.
+            // Elements after the vertices are not read.
             ["element", ..] => {
                 while line()? != "end_header" {}
                 break;
@@ -183,13 +183,13 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
                 None => return problem(&format!("property {name}"), format!("is of the unknown type {kind}")),
             },
             ["end_header"] => break,
-            _ => return problem("header", format!("has the line {:?}, which PLY does not know", words.join(" "))),
+            _ => return problem("header", format!("has the line {:?}, which is not valid PLY", words.join(" "))),
         }
     }
     match (ascii, count) {
         (Some(ascii), Some(count)) => Ok(Header { ascii, count, properties, end: at }),
         (None, _) => problem("format", "is missing from the header"),
-        _ => problem("element vertex", "is missing; there are no Gaussians in the file"),
+        _ => problem("element vertex", "is missing; the file has no Gaussians"),
     }
 }
 
@@ -205,9 +205,9 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         9 => 1,
         24 => 2,
         45 => 3,
-        other => return problem("f_rest_*", format!("has {other} properties; harmonics have 0, 9, 24 or 45")),
+        other => return problem("f_rest_*", format!("has {other} properties; there must be 0, 9, 24 or 45")),
     };
-    // The column of each row of the table. Files have the harmonics by channel, the table by function.
+    // The column of each row of the table. Files order the harmonics by channel, the table by basis function.
     let named = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>();
     let mut columns = named(&["x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"])?;
     columns.extend(named(&["opacity", "f_dc_0", "f_dc_1", "f_dc_2"])?);
@@ -226,7 +226,7 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         // Checked before anything is allocated.
         if count.checked_mul(stride).is_none_or(|size| size > data.len()) {
             let there = data.len() / stride.max(1);
-            return problem("data", format!("hold {there} of {count} Gaussians; the file is cut short, copy it again"));
+            return problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"));
         }
         let offsets: Vec<usize> = columns
             .iter()
@@ -245,7 +245,7 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
 }
 
 fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f32>, Problem> {
-    let Ok(text) = std::str::from_utf8(data) else { return problem("data", "are not text, as the format says") };
+    let Ok(text) = std::str::from_utf8(data) else { return problem("data", "is not text, but the format is ascii") };
     let mut numbers = Vec::new();
     for (i, line) in text.lines().take(header.count).enumerate() {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -262,7 +262,7 @@ fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f3
     let there = numbers.len() / columns.len();
     if there < header.count {
         let count = header.count;
-        return problem("data", format!("hold {there} of {count} Gaussians; the file is cut short, copy it again"));
+        return problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"));
     }
     Ok((0..columns.len()).flat_map(|row| numbers.iter().skip(row).step_by(columns.len()).copied()).collect())
 }
@@ -271,7 +271,7 @@ fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f3
 mod tests {
     use super::*;
 
-    /// A file of two Gaussians of degree 1 with an unused property, and the table that it stands for.
+    /// A file of two Gaussians of degree 1 with an unused property, and the table expected from it.
     fn file(ascii: bool) -> (Vec<u8>, Vec<f32>) {
         let mut names =
             vec!["x", "y", "z", "nx", "f_dc_0", "f_dc_1", "f_dc_2"].into_iter().map(String::from).collect::<Vec<_>>();
@@ -311,14 +311,14 @@ mod tests {
             .map(column)
             .to_vec();
         order.extend(["f_dc_0", "f_dc_1", "f_dc_2"].map(column));
-        // Function by function: red, green, blue of the first, then of the second.
+        // By basis function: red, green, blue of the first, then of the second.
         order.extend([0, 3, 6, 1, 4, 7, 2, 5, 8].map(|k| column(&format!("f_rest_{k}"))));
         let table = order.iter().flat_map(|column| (0..2).map(|i| value(i, *column))).collect();
         (bytes, table)
     }
 
     #[test]
-    fn both_encodings_are_read_with_the_harmonics_function_by_function() {
+    fn both_encodings_are_read_with_harmonics_ordered_by_basis_function() {
         for ascii in [false, true] {
             let (bytes, table) = file(ascii);
             assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table });
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_refused_with_the_part() {
+    fn errors_for_damaged_files_name_the_part() {
         let (bytes, _) = file(false);
         let replaced = |from: &str, to: &str| -> Vec<u8> {
             let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
@@ -351,7 +351,7 @@ mod tests {
             assert!(format!("{field}: {text}").contains(expected), "wanted {expected:?}, got {field}: {text}");
         }
         for length in 0..bytes.len() {
-            assert!(parse(&bytes[..length]).is_err(), "{length} of {} bytes were taken", bytes.len());
+            assert!(parse(&bytes[..length]).is_err(), "{length} of {} bytes were accepted", bytes.len());
         }
     }
 }

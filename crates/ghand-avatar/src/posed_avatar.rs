@@ -1,4 +1,4 @@
-//! An avatar on the device, posed into its part of a splatter's table.
+//! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -13,15 +13,15 @@ use crate::properties::PropertyModel;
 pub struct PosedAvatar {
     /// Its deformation: poses, joints, properties.
     pub deformation: Deformation,
-    /// What fills the properties.
+    /// The property model, which fills the properties.
     pub model: Box<dyn PropertyModel>,
     joint_count: usize,
     frames: usize,
 }
 
 impl PosedAvatar {
-    /// Puts an avatar on the device, with room for `frames` poses (at least one). Its Gaussians go to `place` in the table
-    /// `gaussians`.
+    /// Puts an avatar on the device, with space for `frames` poses (at least one). Its Gaussians go to `place` in the
+    /// table `gaussians`.
     pub(crate) fn new(
         gpu: &Gpu,
         avatar: &Avatar,
@@ -50,10 +50,10 @@ impl PosedAvatar {
         PosedAvatar { deformation, model, joint_count: template.joint_count(), frames }
     }
 
-    /// Stores a pose as frame number `frame`.
+    /// Sets the pose of frame number `frame`.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the pose has another number of joints than the avatar, or there is no such frame.
+    /// [`RenderError::Invalid`] if the pose does not have the avatar's number of joints, or the frame does not exist.
     pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &Pose) -> Result<(), RenderError> {
         if pose.rotations.len() != self.joint_count {
             return Err(RenderError::Invalid(format!(
@@ -63,7 +63,7 @@ impl PosedAvatar {
             )));
         }
         if frame >= self.frames {
-            return Err(RenderError::Invalid(format!("frame {frame}, but there is room for {} poses", self.frames)));
+            return Err(RenderError::Invalid(format!("frame {frame}, but there are only {} poses", self.frames)));
         }
         let vectors = pose.rotations.iter().chain(std::iter::once(&pose.translation));
         let values: Vec<f32> = vectors.flat_map(|v| v.as_vec3().to_array()).collect();
@@ -72,7 +72,7 @@ impl PosedAvatar {
         Ok(())
     }
 
-    /// Encodes the posing of the current frame: after it the avatar's part of the table is that of the pose.
+    /// Encodes the posing of the current frame, which fills the avatar's part of the table.
     ///
     /// # Errors
     /// [`RenderError`] if the property model fails.
@@ -83,11 +83,11 @@ impl PosedAvatar {
         Ok(())
     }
 
-    /// Makes the backward half: gradients of deformation and property model. `d_gaussians` is the gradient of the table,
-    /// `mobility` 1 for each joint whose rotation gets a gradient and 0 for the others.
+    /// Makes the backward pass: gradients of deformation and property model. `d_gaussians` is the gradient of the
+    /// table; `mobility` is 1 for each joint whose rotation gets a gradient, else 0.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     pub fn prepare_training(
         &mut self,
         gpu: &Gpu,

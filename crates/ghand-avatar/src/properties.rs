@@ -1,10 +1,10 @@
-//! Property models: what gives every Gaussian its properties in a pose.
+//! Property models, which compute the properties of every Gaussian in a pose.
 //!
-//! This is the seam between what an avatar has learned and how it is deformed and drawn. On disk a model is a variant of
-//! [`PropertyTables`]; on the device it is a [`PropertyModel`], which fills the [`Properties`] of a [`Deformation`].
-//! Everything before it (files, poses) and behind it (deformation, splatting, loss) does not know which model it serves.
-//! A new model is a folder here with its tables, device part and tensors, a variant and its match arms in this file, and a
-//! tag in `file.rs`.
+//! This is the interface between what an avatar has learned and how it is deformed and drawn. On disk a model is a
+//! variant of [`PropertyTables`]; on the device it is a [`PropertyModel`], which fills the [`Properties`] of a
+//! [`Deformation`]. The stages before it (files, poses) and after it (deformation, splatting, loss) do not depend on
+//! the kind of model. A new model needs a folder here with its tables, device part and tensors, a variant and its match
+//! arms in this file, and a tag in `file.rs`.
 //!
 //! [`Properties`]: ghand_render::deform::Properties
 
@@ -17,14 +17,14 @@ use glam::DVec3;
 use crate::template::{AvatarConfig, Template};
 use direct::{DirectModel, DirectTables};
 
-/// What a property model has learned.
+/// The learned tables of a property model.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PropertyTables {
     /// Free tables with a local, linear dependence on the pose.
     Direct(DirectTables),
 }
 
-/// Learning rates of a step, after the schedule. 0 leaves what it is the rate of.
+/// Learning rates of a step, after the schedule. A rate of 0 leaves its parameters unchanged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PropertyRates {
     /// Number of the step, from 1.
@@ -37,26 +37,26 @@ pub struct PropertyRates {
     pub regressor: f64,
     /// Of the Gaussians' sizes, logits.
     pub scale: f64,
-    /// Of the colours that no pose changes, logits.
+    /// Of the pose-independent base colours, logits.
     pub color: f64,
-    /// Of the parts of colour that poses change.
+    /// Of the pose-dependent colour components.
     pub color_components: f64,
-    /// Of what the pose does to coefficients and colours.
+    /// Of the pose response of coefficients and colours.
     pub response: f64,
 }
 
-/// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters and
-/// of the pose out.
+/// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters
+/// and of the pose out.
 ///
-/// A frame runs [`PropertyModel::forward`] behind the skeleton and before the rest of the deformation. A step of training
-/// then runs splatting, loss and their backward passes in one submission, and once the host knows that the frame was
-/// complete, [`PropertyModel::backward`] and [`PropertyModel::update`]. All three may encode into the encoder that they are
-/// given, which is submitted when they return, or submit work of their own and wait for it, as a network on the host does.
+/// A frame runs [`PropertyModel::forward`] after the skeleton and before the rest of the deformation. A training step
+/// then runs splatting, loss and their backward passes in one submission and, once the host knows that the frame was
+/// complete, [`PropertyModel::backward`] and [`PropertyModel::update`]. All three can encode into the given encoder,
+/// which is submitted after they return, or submit their own work and wait for it, as a network on the host does.
 pub trait PropertyModel {
-    /// Makes what training needs beside the forward pass: gradients and moments.
+    /// Makes the buffers and pipelines that only training needs, such as gradients and moments.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     fn prepare_training(
         &mut self,
         gpu: &Gpu,
@@ -64,20 +64,20 @@ pub trait PropertyModel {
         backward: &DeformationBackward,
     ) -> Result<(), RenderError>;
 
-    /// Fills the properties for the pose of the deformation's frame. The posed chain is there.
+    /// Fills the properties for the pose of the deformation's frame. The posed joint chain has been computed before.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     fn forward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
 
-    /// Carries the gradients of the properties to the parameters, and adds what the pose gets through the model to
-    /// [`DeformationBackward::d_local`]. The frame was complete.
+    /// Propagates the gradients of the properties to the parameters, and adds the pose's gradient through the model to
+    /// [`DeformationBackward::d_local`]. Called only after a complete frame.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the model is not prepared for training.
     fn backward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
 
-    /// Steps the parameters along their gradients.
+    /// Updates the parameters from their gradients.
     ///
     /// # Errors
     /// As [`PropertyModel::backward`].
@@ -88,14 +88,14 @@ pub trait PropertyModel {
         rates: &PropertyRates,
     ) -> Result<(), RenderError>;
 
-    /// Reads back what the model has learned.
+    /// Reads back the learned tables.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError>;
 
-    /// Reads back the few numbers by which all Gaussians depend on the pose: once one of them is not finite, training is
-    /// lost.
+    /// Reads back the few parameters that map the pose to all Gaussians: if one of them is not finite, training has
+    /// failed.
     ///
     /// # Errors
     /// As [`PropertyModel::tables`].
@@ -135,14 +135,14 @@ impl PropertyTables {
         direct::bytes_per_gaussian(joints, config)
     }
 
-    /// Sets the colours that no pose changes (display values 0..1), one per Gaussian.
+    /// Sets the pose-independent base colours (display values 0..1), one per Gaussian.
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         match self {
             PropertyTables::Direct(tables) => tables.set_base_colors(colors),
         }
     }
 
-    /// All learned numbers, with what they are called in messages.
+    /// All learned tables, with their names in messages.
     pub fn parts(&self) -> Vec<(&'static str, &[f32])> {
         match self {
             PropertyTables::Direct(tables) => vec![
@@ -155,7 +155,7 @@ impl PropertyTables {
         }
     }
 
-    /// Puts the model on the device, where it fills the properties of `deformation`.
+    /// Puts the model on the device; it fills the properties of `deformation`.
     pub fn on_device(
         &self,
         gpu: &Gpu,

@@ -1,9 +1,9 @@
-//! A scene of posed avatars and the protocol of its frames.
+//! A scene of posed avatars, and the protocol for rendering its frames.
 //!
-//! A frame is, in this order: poses ([`Scene::set_pose`], [`Scene::set_frame`]), a view ([`Scene::set_view`]), the commands
-//! ([`Scene::encode`]), and, once the device has run them, whether the frame was complete
-//! ([`Splatter::complete_for`]); if not there is room for it now, and it is encoded again. [`Scene::run_frame`] does this and
-//! waits; a window encodes, lets the device work, and asks later.
+//! A frame takes these steps: set poses ([`Scene::set_pose`], [`Scene::set_frame`]), set a view ([`Scene::set_view`]),
+//! encode the commands ([`Scene::encode`]), and, once the device has run them, check whether the frame was complete
+//! ([`Splatter::complete_for`]). If not, the buffers have grown, and the frame is encoded again. [`Scene::run_frame`]
+//! does this and waits; a window submits the commands and checks later.
 
 use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
@@ -17,7 +17,7 @@ use crate::posed_avatar::PosedAvatar;
 /// Opacity of every Gaussian of an avatar; fixed, as in the paper.
 pub const OPACITY: f32 = 1.0;
 
-/// What one splatter draws: any number of posed avatars, or Gaussians that stand still.
+/// The contents of one splatter: any number of posed avatars, or static Gaussians.
 ///
 /// ```no_run
 /// use ghand_avatar::{Avatar, Scene};
@@ -39,17 +39,17 @@ pub struct Scene {
     avatars: Vec<PosedAvatar>,
 }
 
-/// Encodes the posing of avatars: after it the splatter's table is that of the frame.
+/// Encodes the posing of all avatars, which fills the splatter's table for the frame.
 fn encode_poses(avatars: &mut [PosedAvatar], gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
     avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))
 }
 
 impl Scene {
-    /// Puts avatars on the device, each with room for `frames` poses, for images of at most `max_size` pixels. What is
-    /// only looked at needs no gradients, and far less memory.
+    /// Puts avatars on the device, each with space for `frames` poses, for images of at most `max_size` pixels.
+    /// Rendering without gradients needs far less memory.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     pub fn new(
         gpu: &Gpu,
         avatars: &[&Avatar],
@@ -71,7 +71,7 @@ impl Scene {
         Ok(Scene { splatter, avatars: posed })
     }
 
-    /// Puts Gaussians that stand still on the device, for images of at most `max_size` pixels.
+    /// Puts static Gaussians on the device, for images of at most `max_size` pixels.
     ///
     /// # Errors
     /// As [`Scene::new`].
@@ -82,17 +82,17 @@ impl Scene {
         Ok(Scene { splatter, avatars: Vec::new() })
     }
 
-    /// The splatter; its image is the picture.
+    /// The splatter, which holds the rendered image.
     pub fn splatter(&self) -> &Splatter {
         &self.splatter
     }
 
-    /// The same, to be changed.
+    /// The splatter, mutable.
     pub fn splatter_mut(&mut self) -> &mut Splatter {
         &mut self.splatter
     }
 
-    /// The splatter alone, with the last frame in its table.
+    /// Drops the avatars and returns the splatter, with the last frame in its table.
     pub fn into_splatter(self) -> Splatter {
         self.splatter
     }
@@ -102,34 +102,34 @@ impl Scene {
         &self.avatars
     }
 
-    /// The same, to be changed.
+    /// The avatars, mutable.
     pub fn avatars_mut(&mut self) -> &mut [PosedAvatar] {
         &mut self.avatars
     }
 
-    /// The splatter beside the avatars, to make gradients of both.
+    /// The splatter and the avatars, borrowed together to make gradients of both.
     pub fn parts_mut(&mut self) -> (&Splatter, &mut [PosedAvatar]) {
         (&self.splatter, &mut self.avatars)
     }
 
-    /// Stores a pose of an avatar as frame number `frame`.
+    /// Sets the pose of an avatar in frame number `frame`.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if there is no such avatar or frame, or the pose has another number of joints.
+    /// [`RenderError::Invalid`] if the avatar or frame does not exist, or the pose has the wrong number of joints.
     pub fn set_pose(&self, gpu: &Gpu, avatar: usize, frame: usize, pose: &Pose) -> Result<(), RenderError> {
         let posed = self.avatars.get(avatar);
         let posed = posed.ok_or_else(|| {
-            RenderError::Invalid(format!("a pose for avatar {avatar}, but the scene has {}", self.avatars.len()))
+            RenderError::Invalid(format!("pose for avatar {avatar}, but the scene has {} avatars", self.avatars.len()))
         })?;
         posed.set_pose(gpu, frame, pose)
     }
 
-    /// Chooses the frame whose poses are used by what is submitted from now on.
+    /// Sets the frame whose poses later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
         self.avatars.iter_mut().for_each(|avatar| avatar.deformation.set_frame(gpu, frame));
     }
 
-    /// Chooses the view of what is submitted from now on.
+    /// Sets the view of later submissions.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the image is too large.
@@ -147,7 +147,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Runs a frame to its end, with what `behind` encodes behind the drawing, as often as it takes until it is complete.
+    /// Runs a frame, with the commands that `behind` encodes after drawing, and repeats it until it is complete.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the view needs more memory than it has.
@@ -168,7 +168,7 @@ impl Scene {
     /// Renders frame `frame` from a camera and waits for the picture.
     ///
     /// # Errors
-    /// As [`Scene::run_frame`]; or if the image is too large.
+    /// As [`Scene::run_frame`], or if the image is too large.
     pub fn render(
         &mut self,
         gpu: &Gpu,
@@ -182,7 +182,8 @@ impl Scene {
         self.splatter.read_image(gpu)
     }
 
-    /// As [`Scene::render`] for a picture of any height, in bands that the scene holds: see [`Splatter::render_bands`].
+    /// As [`Scene::render`], for a picture of any height, in bands no larger than `max_size`: see
+    /// [`Splatter::render_bands`].
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the image is too wide.
@@ -198,7 +199,7 @@ impl Scene {
         self.splatter.render_bands(gpu, View::new(camera, self.splatter.count(), background, OPACITY), sink)
     }
 
-    /// Leaves the Gaussians of frame `frame` in the splatter's table.
+    /// Fills the splatter's table with the Gaussians of frame `frame`, without drawing.
     fn pose_only(&mut self, gpu: &Gpu, frame: usize) -> Result<(), RenderError> {
         self.set_frame(gpu, frame);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());

@@ -1,4 +1,4 @@
-//! The sampled hand model that an avatar is made on, and the choices that fix the shape of its tables.
+//! The sampled hand model of an avatar, and the configuration that fixes the shape of its tables.
 
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Largest standard deviation of a Gaussian in multiples of the mean spacing.
 const MAX_SCALE: f32 = 4.0;
 
-/// Choices that fix the shape of an avatar's tables and what they mean.
+/// Configuration that fixes the shape and interpretation of an avatar's tables.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AvatarConfig {
@@ -24,9 +24,9 @@ pub struct AvatarConfig {
     pub coefficients: CoefficientLayout,
     /// Number of pose-dependent colour components of a Gaussian.
     pub color_components: usize,
-    /// What the residual skinning weights mean.
+    /// How the residual skinning weights are interpreted.
     pub residual_weights: ResidualWeights,
-    /// Where the residual skeleton stands.
+    /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
 }
 
@@ -43,7 +43,7 @@ impl Default for AvatarConfig {
     }
 }
 
-/// Left out of files: they stay as they were before there was a choice.
+/// Whether a value is the default, which files omit: they stay as before the field existed.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -60,12 +60,12 @@ impl AvatarConfig {
     }
 }
 
-/// The hand model as an avatar needs it: its skeleton and its N sampled surface points.
+/// The parts of a hand model that an avatar needs: its skeleton and N sampled surface points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Template {
     /// Name of the hand model.
     pub name: String,
-    /// Which hand it is.
+    /// Left or right hand.
     pub side: Side,
     /// Names of the `n_b` joints.
     pub joint_names: Vec<String>,
@@ -77,7 +77,7 @@ pub struct Template {
     pub rest: Vec<f32>,
     /// Skinning weights `[n_b][N]`.
     pub weights: Vec<f32>,
-    /// Size of the surface that each Gaussian stands for, N, metres.
+    /// Size of the surface patch of each Gaussian, N, metres.
     pub spacings: Vec<f32>,
 }
 
@@ -85,7 +85,7 @@ impl Template {
     /// Samples a hand model.
     ///
     /// # Errors
-    /// [`HandModelError`] if the model has no usable UV atlas at that resolution.
+    /// [`HandModelError`] if the model has no usable UV atlas at this resolution.
     pub fn sample(model: &HandModel, uv_resolution: u32) -> Result<Template, HandModelError> {
         Ok(Template::from_samples(model, &surface::sample_surface(model, uv_resolution)?))
     }
@@ -119,7 +119,7 @@ impl Template {
         self.joints.len()
     }
 
-    /// Mean size of the surface of one Gaussian, metres.
+    /// Mean size of a Gaussian's surface patch, metres.
     pub fn mean_spacing(&self) -> f32 {
         self.spacings.iter().sum::<f32>() / self.len().max(1) as f32
     }

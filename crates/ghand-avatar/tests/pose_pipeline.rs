@@ -21,7 +21,7 @@ use glam::DVec3;
 const OFFSET_WEIGHT: f32 = 0.7;
 const SCALE_WEIGHT: f32 = 0.3;
 
-/// What both sides compute, flat: posed table, then the gradients of the five tables and of the pose.
+/// Results of either side, flattened: the posed table, then the gradients of the five tables and of the pose.
 struct Outcome {
     parts: Vec<(&'static str, Vec<f64>)>,
 }
@@ -156,7 +156,7 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     }
 }
 
-/// L2 error relative to the larger of the exact values' norm and 0.1: near the rest pose some gradients vanish.
+/// L2 error relative to the norm of the exact values, but at least 0.1: near the rest pose some gradients vanish.
 fn relative_error(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let difference: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
@@ -164,12 +164,12 @@ fn relative_error(a: &[f64], b: &[f64]) -> f64 {
     (difference / norm.max(0.01)).sqrt()
 }
 
-/// Some terms of the response are held at a limit and some are not.
+/// Asserts that some terms of the response are at a limit and some are not.
 fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
     let response = tables_of(avatar).pose_response(avatar.config.channels());
     let features = pose_features(pose);
     let (free, held) = (response.unlimited_terms(&features), response.joint_terms(&features));
-    // Not counting the root, whose term does not vary.
+    // Except the root, whose term is constant.
     let limited = free.iter().zip(&held).enumerate().filter(|(i, (a, b))| i % JOINTS != 0 && a != b).count();
     assert!((5..free.len() - 10).contains(&limited), "{limited} of {} terms are limited", free.len());
 }
@@ -224,7 +224,7 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
 }
 
 #[test]
-fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
+fn an_avatar_file_is_read_back_bit_for_bit_and_damage_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ghand");
     let config = AvatarConfig { uv_resolution: 32, shape_bases: 2, color_components: 1, ..Default::default() };
@@ -246,7 +246,7 @@ fn an_avatar_file_is_read_back_to_the_last_bit_and_refuses_damage() {
         let message = Avatar::load(&damaged).unwrap_err().to_string();
         assert!(message.contains("damaged.ghand") && !message.contains('\n'), "{message}");
     }
-    // The limits ascend from -0.5 in steps of 0.01: an upper one is found by its neighbours, and falls below its lower one.
+    // The limits ascend from -0.5 in steps of 0.01: an upper limit is found by its neighbours and set below the lower.
     let limits: Vec<u8> = tables_of(&avatar).response_limits[..8].iter().flat_map(|v| v.to_le_bytes()).collect();
     let at = bytes.windows(limits.len()).position(|window| window == limits).unwrap();
     for bad in [-0.9f32, f32::NAN, f32::INFINITY] {

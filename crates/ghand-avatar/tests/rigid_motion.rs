@@ -1,4 +1,4 @@
-//! Turning and moving the whole hand moves it as it is.
+//! Rotating and translating the whole hand moves it rigidly.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -16,8 +16,8 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;
 
-/// Metres. Coordinates of a random avatar reach some 0.5 m and are sums of some fifty products in f32, whose rounding is
-/// 3e-8 m each. The largest error on lavapipe is 1.2e-7 m.
+/// Metres. Coordinates of a random avatar reach about 0.5 m and are sums of about fifty products in f32, with a
+/// rounding error of 3e-8 m each. The largest error on lavapipe is 1.2e-7 m.
 const ROUNDING: f64 = 5e-7;
 
 /// The posed Gaussians, `[7][COUNT]`: mean, scale, colour.
@@ -34,7 +34,7 @@ fn vectors(seed: u64, count: usize, size: f32) -> Vec<DVec3> {
 }
 
 #[test]
-fn a_motion_of_the_root_moves_all_gaussians_rigidly_and_changes_neither_size_nor_colour() {
+fn root_motion_moves_all_gaussians_rigidly_and_keeps_sizes_and_colours() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     for seed in 0..40 {
         let config = AvatarConfig {
@@ -51,7 +51,7 @@ fn a_motion_of_the_root_moves_all_gaussians_rigidly_and_changes_neither_size_nor
         let before = posed(&gpu, &mut scene, &pose);
 
         let drawn = vectors(2000 + seed, 2, 1.0);
-        // Angles spread over 0 to a whole turn, rounded to f32 as the device gets them.
+        // Angles cover a full turn and are rounded to f32, as the device receives them.
         let turn = (drawn[0].normalize() * TAU * (seed as f64 + 0.5) / 40.0).as_vec3().as_dvec3();
         pose.rotations[0] = turn;
         pose.translation = drawn[1] * 0.5;
@@ -64,6 +64,6 @@ fn a_motion_of_the_root_moves_all_gaussians_rigidly_and_changes_neither_size_nor
             let error = (point(&after, p) - expected).length();
             assert!(error <= ROUNDING, "seed {seed}, {config:?}: Gaussian {p} is {error} m off");
         }
-        assert!(before[3 * COUNT..] == after[3 * COUNT..], "seed {seed}: sizes or colours have changed");
+        assert!(before[3 * COUNT..] == after[3 * COUNT..], "seed {seed}: sizes or colours changed");
     }
 }

@@ -43,11 +43,11 @@ fn every_avatar_of_a_scene_is_posed_as_if_it_were_alone() {
         }
     }
     let swapped = table(&gpu, &avatars.each_ref(), &[poses[1].clone(), poses[0].clone(), poses[2].clone()]);
-    assert!(swapped != together, "the poses do not matter");
+    assert!(swapped != together, "the poses have no effect");
 }
 
 #[test]
-fn poses_that_fit_no_avatar_or_frame_are_rejected_with_one_sentence() {
+fn poses_without_a_matching_avatar_or_frame_are_rejected_with_one_sentence() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let avatar = random_avatar(1, &AvatarConfig { shape_bases: 1, color_components: 0, ..Default::default() });
     let scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 2, [16, 16]).unwrap();

@@ -6,7 +6,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::shader_sources;
 
-/// Number of each binding of `@group(0)` that some entry points use, by its name in the WGSL, and their workgroups.
+/// The binding numbers in `@group(0)` that some entry points use, by name in the WGSL, and the size of their workgroups.
 #[derive(Debug, Clone, Default)]
 pub struct Bindings {
     numbers: BTreeMap<String, u32>,
@@ -17,12 +17,13 @@ impl Bindings {
     /// The bindings that any of these entry points of a shader uses.
     ///
     /// # Panics
-    /// Panics if there is no shader of that name.
+    /// Panics if no shader has this name.
     pub fn new(shader: &str, entry_points: &[&str]) -> Bindings {
         Bindings::in_source(shader_sources::source(shader), entry_points)
     }
 
-    /// The bindings that any of these entry points of a WGSL source uses. None if it is not valid, which the device reports.
+    /// The bindings that any of these entry points of a WGSL source uses. Empty if the source is invalid, which the
+    /// device reports.
     pub fn in_source(source: &str, entry_points: &[&str]) -> Bindings {
         let Ok(module) = naga::front::wgsl::parse_str(source) else { return Bindings::default() };
         let Ok(info) = Validator::new(ValidationFlags::empty(), Capabilities::all()).validate(&module) else {
@@ -43,11 +44,11 @@ impl Bindings {
         self.workgroup_size
     }
 
-    /// The bind group of those of `resources` that are used; others are left aside, so that all stages of a shader can be
-    /// given the same list.
+    /// The bind group of the used `resources`. Others are ignored, so that all stages of a shader can be given the same
+    /// list.
     ///
     /// # Panics
-    /// Panics if a resource that is used is missing: the program is wrong, not its input.
+    /// Panics if a used resource is missing, which is a bug in the program.
     pub fn group(
         &self,
         device: &wgpu::Device,

@@ -1,4 +1,4 @@
-//! Storage buffers: making, filling and reading them.
+//! Creating, filling and reading storage buffers.
 
 use std::sync::mpsc;
 use std::time::Duration;
@@ -10,10 +10,10 @@ use crate::{Gpu, RenderError};
 const USAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
 
-/// Buffers to read from larger than this can fail for lack of memory, bytes.
+/// Readback buffers larger than this are checked for lack of memory, bytes.
 const LARGE: u64 = 1 << 20;
 
-/// How often, and how long each time, the answer to a mapping is awaited that should be there.
+/// Number and duration of the waits for the result of a mapping, once the device has finished.
 const ANSWER_TRIES: u32 = 100;
 const ANSWER_PAUSE: Duration = Duration::from_millis(100);
 
@@ -30,7 +30,7 @@ pub fn zeroed(gpu: &Gpu, label: &str, words: usize) -> wgpu::Buffer {
 /// A storage buffer with these contents.
 pub fn filled<T: Pod>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(contents);
-    // Not `create_buffer_init`: that panics where the buffer cannot be made.
+    // Not `create_buffer_init`, which panics if the buffer cannot be made.
     let buffer = zeroed(gpu, label, bytes.len().div_ceil(4));
     write(gpu, &buffer, bytes);
     buffer
@@ -49,7 +49,7 @@ pub fn uniform<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer {
     buffer
 }
 
-/// Writes bytes to the start of a buffer that has room for them, rounded up to whole words.
+/// Writes bytes, padded to whole words, to the start of a buffer that is large enough.
 fn write(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: &[u8]) {
     let (words, rest) = bytes.split_at(bytes.len() / 4 * 4);
     gpu.queue.write_buffer(buffer, 0, words);
@@ -63,7 +63,7 @@ fn write(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: &[u8]) {
 /// Reads the first `count` values of a buffer; waits for the device.
 ///
 /// # Errors
-/// [`RenderError`] if the device failed or was lost, or has no room to read so much at once.
+/// [`RenderError`] if the device failed or was lost, or has too little memory to read that much at once.
 pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, RenderError> {
     let size = (count * size_of::<T>()) as u64;
     if size == 0 {
@@ -77,7 +77,7 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
             mapped_at_creation: false,
         })
     };
-    // Training reads a few words in every step; those need no scope.
+    // Training reads a few words in every step, without the cost of a scope.
     let staging = if size <= LARGE { make() } else { gpu.scoped(&format!("reading {size} bytes back"), make)? };
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size.next_multiple_of(4));
@@ -90,20 +90,20 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
     Ok(values)
 }
 
-/// Maps a buffer for reading and waits until it is. Several threads may do so on one device.
+/// Maps a buffer for reading and waits until it is mapped. Several threads can do this on one device.
 ///
 /// # Errors
-/// [`RenderError`] if the device failed or was lost, or never answers.
+/// [`RenderError`] if the device failed or was lost, or does not respond.
 pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-        // The receiver outlives the wait below; if it is gone nobody waits for the answer.
+        // The receiver outlives the wait below; if it is gone, nobody needs the result.
         let _ = sender.send(result);
     });
     for _ in 0..ANSWER_TRIES {
         gpu.wait()?;
-        // By now the answer is on its way, but another thread that waits may be the one to bring it. Not `recv`: after a loss
-        // some answers never come.
+        // By now the mapping is done, but another waiting thread may be the one that runs the callback. Not `recv`:
+        // after a loss some callbacks are never called.
         match receiver.recv_timeout(ANSWER_PAUSE) {
             Ok(result) => {
                 return result.map_err(|e| RenderError::Device(format!("a buffer could not be read: {e}")));
@@ -113,5 +113,5 @@ pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
         }
     }
     gpu.check()?;
-    Err(RenderError::Device("a buffer could not be read: the device does not answer".into()))
+    Err(RenderError::Device("a buffer could not be read: the device does not respond".into()))
 }

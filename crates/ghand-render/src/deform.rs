@@ -1,8 +1,9 @@
-//! From the properties of a hand's Gaussians and a pose to posed Gaussians, and the gradient back (paper eq. 7 to 11).
+//! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back
+//! (paper eq. 7 to 11).
 //!
-//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin; backwards in the opposite order. One file
-//! for each stage, named as its shaders and its twin in `ghand-core`. All tables are joint- or component-major
-//! (`[rows][N]`), so that neighbouring invocations touch neighbouring words.
+//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin; the backward pass runs in the
+//! opposite order. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or
+//! component-major (`[rows][N]`), so that neighbouring invocations access neighbouring words.
 
 mod blend_shapes;
 mod joint_sums;
@@ -32,10 +33,10 @@ pub const CHAIN_STRIDE: usize = 33;
 const OFFSET_ROWS: usize = 6;
 /// Rows of the table of skinning gradients.
 const SKIN_GRADIENT_ROWS: usize = 15;
-/// First of the rows of moments in it, as in `shaders/shared/pose.wgsl`, and how many there are.
+/// First row of the moments in that table, as in `shaders/shared/pose.wgsl`, and their number.
 pub const ROW_MOMENT: u32 = 3;
 const MOMENT_ROWS: usize = 12;
-/// Rows of the splatter's table that the properties give: standard deviation and colour, behind the mean.
+/// First rows of standard deviation and colour in the splatter's table, after the mean.
 const ROW_SCALE: u64 = 3;
 const ROW_COLOR: u64 = 4;
 
@@ -49,19 +50,19 @@ pub struct PoseUniforms {
     pub joint_count: u32,
     /// n.
     pub basis_count: u32,
-    /// Where the frame's pose starts in the poses, floats.
+    /// Offset of the frame's pose in the poses, floats.
     pub pose_offset: u32,
-    /// Whether the residual skeleton stands on the rest joints.
+    /// Whether the residual skeleton is anchored at the rest joints.
     pub anchored: u32,
-    /// Whether the mean over joints is taken off the residual weights.
+    /// Whether the mean over joints is subtracted from the residual weights.
     pub zero_sum: u32,
-    /// Columns of the splatter's table.
+    /// Number of columns of the splatter's table.
     pub table_columns: u32,
     /// The hand's first column in it.
     pub table_first: u32,
 }
 
-/// The hand that a deformation is made for.
+/// The hand to be deformed.
 #[derive(Debug, Clone, Copy)]
 pub struct Template<'a> {
     /// Rest positions, `[3][N]`, metres.
@@ -78,25 +79,25 @@ pub struct Template<'a> {
     pub basis_count: usize,
     /// Layout of the blend coefficients.
     pub coefficients: CoefficientLayout,
-    /// How many poses the pose table holds.
+    /// Number of poses in the pose table.
     pub frames: usize,
-    /// Whether the residual skeleton stands on the rest joints.
+    /// Whether the residual skeleton is anchored at the rest joints.
     pub anchored: bool,
-    /// Whether the mean over joints is taken off the residual weights.
+    /// Whether the mean over joints is subtracted from the residual weights.
     pub zero_sum: bool,
 }
 
-/// Where a hand's Gaussians lie in a splatter's table, `[rows][columns]`.
+/// The position of a hand's Gaussians in a splatter's table, `[rows][columns]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TablePlace {
-    /// Columns of the table: all Gaussians of the scene.
+    /// Number of columns of the table: all Gaussians of the scene.
     pub columns: usize,
     /// The hand's first column.
     pub first: usize,
 }
 
 impl TablePlace {
-    /// The only hand of a scene, with so many Gaussians.
+    /// The place of the only hand in a scene.
     pub fn alone(gaussians: usize) -> TablePlace {
         TablePlace { columns: gaussians, first: 0 }
     }
@@ -107,7 +108,7 @@ impl TablePlace {
     }
 }
 
-/// Number of floats of a pose of `joint_count` joints: a rotation each, and the translation.
+/// Number of floats of a pose of `joint_count` joints: one rotation per joint, and the translation.
 pub fn pose_stride(joint_count: usize) -> usize {
     3 * joint_count + 3
 }
@@ -165,8 +166,8 @@ pub struct Deformation {
 }
 
 impl Deformation {
-    /// A deformation that fills the rows of mean, standard deviation and colour of `gaussians`, the table of a splatter of
-    /// round Gaussians with plain colours, at `place`.
+    /// A deformation that fills the rows of mean, standard deviation and colour at `place` in `gaussians`, the table of
+    /// a splatter of isotropic Gaussians with plain colours.
     pub fn new(gpu: &Gpu, template: &Template, gaussians: &wgpu::Buffer, place: TablePlace) -> Deformation {
         let joints = template.parents.len();
         let count = template.rest.len() / 3;
@@ -212,7 +213,7 @@ impl Deformation {
         }
     }
 
-    /// The properties, for a property model to fill.
+    /// The properties, which a property model fills.
     pub fn properties(&self) -> &Properties {
         &self.buffers.properties
     }
@@ -222,7 +223,7 @@ impl Deformation {
         &self.buffers.pose
     }
 
-    /// The posed chain, see `shaders/shared/pose.wgsl`. A property model may depend on it.
+    /// The posed joint chain, see `shaders/shared/pose.wgsl`. Property models can read it.
     pub fn chain(&self) -> &wgpu::Buffer {
         &self.buffers.chain
     }
@@ -258,18 +259,18 @@ impl Deformation {
         &self.buffers.poses
     }
 
-    /// Chooses the frame whose pose is used by what is submitted from now on.
+    /// Sets the frame whose pose later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
         self.current.pose_offset = (frame * pose_stride(self.current.joint_count as usize)) as u32;
         gpu.queue.write_buffer(&self.buffers.pose, 0, bytemuck::bytes_of(&self.current));
     }
 
-    /// Encodes the chain, which a property model may read.
+    /// Encodes the skeleton stage, whose chain a property model can read.
     pub fn encode_skeleton(&self, encoder: &mut wgpu::CommandEncoder) {
         self.skeleton.encode(&mut compute_pass(encoder, "skeleton"));
     }
 
-    /// Encodes everything behind the property model.
+    /// Encodes the stages after the property model.
     pub fn encode_skin(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "deform");
         self.blend_shapes.encode(&mut pass);
@@ -293,7 +294,7 @@ fn row_bytes(uniforms: &PoseUniforms) -> u64 {
     u64::from(uniforms.gaussian_count) * size_of::<f32>() as u64
 }
 
-/// Every buffer that the backward stages add.
+/// The additional buffers of the backward stages.
 struct BackwardBuffers {
     d_gaussians: wgpu::Buffer,
     d_skin: wgpu::Buffer,
@@ -325,8 +326,8 @@ impl BackwardBuffers {
     }
 }
 
-/// The backward half of a [`Deformation`]. In order: [`DeformationBackward::encode_points`], what a loss says of offsets
-/// and properties themselves, [`DeformationBackward::encode_properties`], the property model's backward pass, which adds to
+/// The backward pass of a [`Deformation`]. In this order: [`DeformationBackward::encode_points`], penalties on offsets
+/// and properties, [`DeformationBackward::encode_properties`], the property model's backward pass, which adds to
 /// [`DeformationBackward::d_local`], and [`DeformationBackward::encode_pose`].
 pub struct DeformationBackward {
     buffers: BackwardBuffers,
@@ -339,8 +340,8 @@ pub struct DeformationBackward {
 }
 
 impl DeformationBackward {
-    /// The backward half of `forward`; `d_gaussians` is the gradient of the table of Gaussians. `mobility` is 1 for each
-    /// joint whose rotation gets a gradient and 0 for the others.
+    /// The backward pass of `forward`; `d_gaussians` is the gradient of the table of Gaussians. `mobility` is 1 for
+    /// each joint whose rotation gets a gradient, else 0.
     pub fn new(gpu: &Gpu, forward: &Deformation, d_gaussians: &wgpu::Buffer, mobility: &[f32]) -> DeformationBackward {
         let b = &forward.buffers;
         let sizes = b.properties.sizes;
@@ -365,7 +366,7 @@ impl DeformationBackward {
         }
     }
 
-    /// Gradients of the properties, shaped like them.
+    /// Gradients of the properties, with the same shapes.
     pub fn gradients(&self) -> &Properties {
         &self.buffers.gradients
     }
@@ -386,13 +387,13 @@ impl DeformationBackward {
         &self.buffers.d_local
     }
 
-    /// In its first three rows dL/d(offset), `[3][N]`, between [`DeformationBackward::encode_points`] and
-    /// [`DeformationBackward::encode_properties`]: what a loss says of the offsets themselves is added to it.
+    /// Its first three rows are dL/d(offset), `[3][N]`, between [`DeformationBackward::encode_points`] and
+    /// [`DeformationBackward::encode_properties`]: penalties on the offsets are added there.
     pub fn d_offsets(&self) -> &wgpu::Buffer {
         &self.buffers.d_skin
     }
 
-    /// Encodes the way from the table of Gaussians to scale, colour, residual weights and points.
+    /// Encodes the gradients from the table of Gaussians to scale, colour, residual weights and points.
     pub fn encode_points(&self, encoder: &mut wgpu::CommandEncoder) {
         let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
         encoder.copy_buffer_to_buffer(&b.d_gaussians, self.place.byte(ROW_SCALE), &g.scale, 0, row);
@@ -403,14 +404,15 @@ impl DeformationBackward {
         self.skin.encode(&mut compute_pass(encoder, "deform backward"));
     }
 
-    /// Encodes the way from the points to all other properties; the local rotations get the residual skeleton's part.
+    /// Encodes the gradients from the points to all other properties, and the residual skeleton's part of the local
+    /// rotations' gradient.
     pub fn encode_properties(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "property gradients");
         self.residual_skeleton.encode(&mut pass);
         self.blend_shapes.encode(&mut pass);
     }
 
-    /// Encodes the way to pose and rest joints.
+    /// Encodes the gradients of pose and rest joints.
     pub fn encode_pose(&self, encoder: &mut wgpu::CommandEncoder) {
         self.skeleton.encode(&mut compute_pass(encoder, "pose gradient"));
     }

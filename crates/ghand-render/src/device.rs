@@ -1,4 +1,4 @@
-//! The GPU: opening a device, and what becomes of it.
+//! The GPU: opening a device, its failures, and recovery after its loss.
 
 mod adapter;
 mod failure;
@@ -26,18 +26,18 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// What the adapter is.
+    /// Name, type and driver of the adapter.
     pub info: wgpu::AdapterInfo,
-    /// How much of it is used.
+    /// The set of device features that is used.
     pub tier: Tier,
     failure: Arc<Failure>,
 }
 
 impl Gpu {
-    /// Opens a device without a window, of the tier in [`Tier::VARIABLE`], else of the one that suits the adapter best.
+    /// Opens a device without a window, of the tier in [`Tier::VARIABLE`], else of the best tier for the adapter.
     ///
     /// # Errors
-    /// [`DeviceError`] when no adapter fits or the adapter gives no device.
+    /// [`DeviceError`] if no adapter fits or the adapter does not give a device.
     pub fn new(choice: &AdapterChoice) -> Result<Gpu, DeviceError> {
         Gpu::with_instance(instance(), choice)
     }
@@ -45,7 +45,7 @@ impl Gpu {
     /// Opens a device of a tier without a window.
     ///
     /// # Errors
-    /// As [`Gpu::new`], and when the adapter lacks what the tier needs.
+    /// As [`Gpu::new`], and if the adapter lacks what the tier needs.
     pub fn with_tier(choice: &AdapterChoice, tier: Tier) -> Result<Gpu, DeviceError> {
         memory_limit::check()?;
         let instance = instance();
@@ -53,7 +53,7 @@ impl Gpu {
         Gpu::open(instance, adapter, Some(tier))
     }
 
-    /// Opens a device of an instance that the caller made (one with a display handle, for a window).
+    /// Opens a device of the caller's instance (one with a display handle, for a window).
     ///
     /// # Errors
     /// As [`Gpu::new`].
@@ -63,7 +63,7 @@ impl Gpu {
         Gpu::open(instance, adapter, Tier::from_env()?)
     }
 
-    /// Opens a device of an adapter, of a tier or of the one that suits it best.
+    /// Opens a device of an adapter, of the given or the best tier.
     fn open(instance: wgpu::Instance, adapter: wgpu::Adapter, tier: Option<Tier>) -> Result<Gpu, DeviceError> {
         let info = adapter.get_info();
         let tier = match tier {
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_adapter_that_is_not_there_is_one_clear_sentence() {
+    fn a_missing_adapter_is_one_clear_sentence() {
         let error = Gpu::new(&AdapterChoice::Named("no such adapter".into())).unwrap_err().to_string();
         let there = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}")).info.name;
         assert!(error.contains("no such adapter") && error.contains(&there), "{error}");

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::pipeline::{Bound, Module, compute_pass};
 use crate::{Gpu, RenderError, buffers};
 
-/// Strands of the value's sum, as in the shader.
+/// Number of strands (partial sums) of the loss value, as in the shader.
 const STRANDS: usize = 256;
 
 /// See `shaders/image_loss.wgsl`.
@@ -18,26 +18,26 @@ pub struct LossUniforms {
     pub l1_weight: f32,
     /// Weight of 1 - mean SSIM.
     pub ssim_weight: f32,
-    /// One over the number of values that the means are over.
+    /// One over the number of values in the means.
     pub inverse_count: f32,
     /// Weight of mean (x - y)^2.
     pub squared_weight: f32,
-    /// Whether pixels count by their mask.
+    /// Whether pixels are weighted by their mask.
     pub masked: u32,
     /// Unused.
     pub padding: u32,
 }
 
-/// What the loss is: `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2`.
+/// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LossWeights {
     /// Weight of the absolute error.
     pub l1: f32,
-    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside of the image).
+    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside the image).
     pub ssim: f32,
     /// Weight of the squared error.
     pub squared: f32,
-    /// Whether a pixel counts by its mask / 255. SSIM counts by the mask in the middle of its window.
+    /// Whether a pixel is weighted by its mask / 255. SSIM is weighted by the mask in the middle of its window.
     pub masked: bool,
 }
 
@@ -77,10 +77,10 @@ enum Direction {
 }
 
 impl ImageLoss {
-    /// A loss that reads `image` and writes `d_image` (one `vec4` a pixel each) for images of at most `max_pixels`.
+    /// A loss that reads `image` and writes `d_image` (one `vec4` per pixel each) for images of at most `max_pixels`.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     pub fn new(
         gpu: &Gpu,
         image: &wgpu::Buffer,
@@ -120,8 +120,8 @@ impl ImageLoss {
         ImageLoss { uniforms, target, strand_sums, stages, sums, max_pixels, size: [0, 0] }
     }
 
-    /// Sets the target and the weights of the passes encoded from now on. `pixels` holds the target's bytes (red, green,
-    /// blue, mask) row by row; the means are over `value_count` values (with masks: three times the sum of mask / 255).
+    /// Sets the target and the weights of later passes. `pixels` holds the target's bytes (red, green, blue, mask) row
+    /// by row; the means are over `value_count` values (with masks: three times the sum of mask / 255).
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the target has the wrong length or is too large.
@@ -136,7 +136,7 @@ impl ImageLoss {
         let count = size[0] as usize * size[1] as usize;
         if pixels.len() != count || count > self.max_pixels || count == 0 {
             return Err(RenderError::Invalid(format!(
-                "a target of {} x {} pixels with {} values, the loss is for at most {} pixels",
+                "a target of {} x {} pixels with {} values, but the loss is for at most {} pixels",
                 size[0],
                 size[1],
                 pixels.len(),
@@ -158,7 +158,7 @@ impl ImageLoss {
         Ok(())
     }
 
-    /// Encodes the loss and its gradient to the image.
+    /// Encodes the loss and its gradient with respect to the image.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "loss");
         let [w, h] = self.size;

@@ -1,4 +1,4 @@
-//! Offscreen rendering of triangle meshes with depth: textured or coloured, lit or not, their edges as lines.
+//! Offscreen rendering of triangle meshes with depth: textured or coloured, lit or unlit, with edges as lines.
 //!
 //! Draws the truth of synthetic captures and the mesh layers of viewers. The CPU twin is [`crate::reference::mesh`].
 
@@ -25,7 +25,7 @@ pub use self::input::{
 pub use self::resolve::ResolveUniforms;
 pub use self::wireframe::WireframeUniforms;
 
-/// What is nearer to the camera than this is cut, metres (the near plane of the splatter).
+/// Geometry nearer to the camera than this is clipped, metres (the near plane of the splatter).
 pub const NEAR_PLANE: f64 = 0.01;
 
 /// Draws meshes on one device.
@@ -37,7 +37,7 @@ pub struct MeshRenderer {
     resolve: resolve::Resolve,
 }
 
-/// What the stages of an image make their buffers and textures with.
+/// The device with which the stages of an image make buffers and textures.
 #[derive(Debug)]
 struct Context {
     gpu: Gpu,
@@ -45,17 +45,17 @@ struct Context {
     queue: wgpu::Queue,
 }
 
-/// What the stages of an image hand to each other, at k times its size and with a margin for lines.
+/// The textures passed between the stages of an image, at k times its size and with a margin for lines.
 struct Targets {
-    /// Columns and rows, samples.
+    /// Width and height, samples.
     size: [u32; 2],
     /// Premultiplied colours of the faces.
     color: wgpu::TextureView,
-    /// Camera z of the faces, metres; 0 where there are none.
+    /// Camera z of the faces, metres; 0 in samples without a face.
     face_depth: wgpu::TextureView,
-    /// Coverage by lines in sight and by lines behind faces; one sample if there are no lines.
+    /// Coverage by visible lines and by lines behind faces; one sample if there are no lines.
     coverage: wgpu::TextureView,
-    /// Near plane over the camera z of lines, 0 where there are none; one sample if there are no lines.
+    /// Near plane over the camera z of lines, 0 in samples without a line; one sample if there are no lines.
     line_depth: wgpu::TextureView,
 }
 
@@ -63,7 +63,7 @@ impl MeshRenderer {
     /// Builds the pipelines.
     ///
     /// # Errors
-    /// [`MeshError::Device`] when the device refuses the shaders.
+    /// [`MeshError::Device`] if the device rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<MeshRenderer, MeshError> {
         let context = Context { gpu: gpu.clone(), device: gpu.device.clone(), queue: gpu.queue.clone() };
         let (faces, lines, resolve) = gpu.scoped("the mesh rasteriser", || {
@@ -73,7 +73,7 @@ impl MeshRenderer {
         Ok(MeshRenderer { context, faces, lines, resolve })
     }
 
-    /// Draws an image of input that has been checked, in one piece, and waits for it.
+    /// Draws an image of validated input in one piece and waits for it.
     fn render_block(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
         let k = style.supersample;
         let margin = style.wireframe.map_or(0, |w| w.margin());
@@ -102,13 +102,13 @@ impl MeshRenderer {
     }
 }
 
-/// The camera of an image with `margin` more pixels on every side.
+/// The camera of an image extended by `margin` pixels on every side.
 pub(crate) fn with_margin(camera: &Camera, margin: u32) -> Camera {
     let offset = -(margin as i32);
     camera.cropped(offset, offset, camera.width + 2 * margin, camera.height + 2 * margin)
 }
 
-/// A color attachment that is cleared to nothing and kept.
+/// A color attachment that is cleared to zero and stored.
 fn color_target(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachment<'_>> {
     Some(wgpu::RenderPassColorAttachment {
         view,
@@ -146,7 +146,7 @@ impl Context {
     }
 
     fn buffer(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        // Not `create_buffer_init`: that panics where the buffer cannot be made.
+        // Not `create_buffer_init`, which panics if the buffer cannot be made.
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("mesh"),
             size: contents.len() as u64,

@@ -9,11 +9,11 @@ use crate::{Gpu, RenderError, buffers};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct AdamUniforms {
-    /// How many parameters.
+    /// Number of parameters.
     pub count: u32,
-    /// The first in the parameter table.
+    /// Offset of the first parameter in the parameter table.
     pub parameter_offset: u32,
-    /// The first in the gradient table.
+    /// Offset of the first gradient in the gradient table.
     pub gradient_offset: u32,
     /// Step size.
     pub learning_rate: f32,
@@ -67,16 +67,16 @@ pub struct Adam {
     vectors: Stage,
 }
 
-/// What shares a second moment.
+/// Which parameters share a second moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grouping {
-    /// Every parameter has its own.
+    /// Every parameter has its own second moment.
     Scalars,
-    /// Vectors of three parameters have one together; ranges must be multiples of three.
+    /// Vectors of three parameters share one; ranges must be multiples of three.
     Vectors,
 }
 
-/// Adam bound to one parameter table; each range of the table that has its own learning rate is a slot.
+/// Adam bound to one parameter table; each range of the table with a separate learning rate is a slot.
 pub struct AdamTable {
     /// Both moments of each parameter.
     pub moments: wgpu::Buffer,
@@ -87,7 +87,7 @@ impl Adam {
     /// Compiles the stage.
     ///
     /// # Errors
-    /// [`RenderError`] if the device refuses it or was lost.
+    /// [`RenderError`] if the device rejects it or was lost.
     pub fn new(gpu: &Gpu) -> Result<Adam, RenderError> {
         gpu.scoped("the optimizer", || {
             let module = Module::new(gpu, "adam");
@@ -98,7 +98,7 @@ impl Adam {
     /// Binds a table of `length` parameters with `slots` ranges.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for the moments or was lost.
+    /// [`RenderError`] if the device has too little memory for the moments or was lost.
     pub fn table(
         &self,
         gpu: &Gpu,
@@ -133,7 +133,8 @@ impl Adam {
 }
 
 impl AdamTable {
-    /// Encodes a step of one slot. A slot may be encoded once a submission, since its uniforms are written at once.
+    /// Encodes a step of one slot. A slot can be encoded only once per submission, since its uniforms are written
+    /// immediately.
     pub fn encode(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, uniforms: &AdamUniforms) {
         if let Some((buffer, bound)) = self.slots.get(slot) {
             gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(uniforms));

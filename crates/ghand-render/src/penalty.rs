@@ -1,4 +1,4 @@
-//! Host part of `penalty.wgsl`: what a loss says of a table of values themselves.
+//! Host part of `penalty.wgsl`: a quadratic penalty on a table of values.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,7 +9,7 @@ use crate::{Gpu, buffers};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct PenaltyUniforms {
-    /// How many values.
+    /// Number of values.
     pub count: u32,
     /// The gradient as a multiple of the value.
     pub weight: f32,
@@ -26,7 +26,7 @@ pub struct Penalty {
 }
 
 impl Penalty {
-    /// A penalty on the first `count` numbers of `values`, whose gradients are the first of `gradients`. Its weight is 0.
+    /// A penalty on the first `count` numbers of `values`, added to the first of `gradients`. Its initial weight is 0.
     pub fn new(gpu: &Gpu, values: &wgpu::Buffer, gradients: &wgpu::Buffer, count: usize) -> Penalty {
         let uniforms = buffers::uniform(gpu, "penalty", &PenaltyUniforms::zeroed());
         let buffers = [("penalty", &uniforms), ("values", values), ("gradients", gradients)];
@@ -34,14 +34,14 @@ impl Penalty {
         Penalty { uniforms, stage, count: count as u32, weight: 0.0 }
     }
 
-    /// Sets the weight of what is submitted from now on.
+    /// Sets the weight of later submissions.
     pub fn set_weight(&mut self, gpu: &Gpu, weight: f32) {
         self.weight = weight;
         let uniforms = PenaltyUniforms { count: self.count, weight, padding: [0; 2] };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
     }
 
-    /// Encodes it, unless the weight is 0.
+    /// Encodes the penalty, unless its weight is 0.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         if self.weight != 0.0 {
             self.stage.dispatch_invocations(&mut compute_pass(encoder, "penalty"), self.count);

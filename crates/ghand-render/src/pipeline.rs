@@ -3,7 +3,7 @@
 use crate::bindings::Bindings;
 use crate::{Gpu, shader_sources};
 
-/// The buffers of a stage: for each name in the WGSL the buffer that it stands for.
+/// The buffers of a stage, by name in the WGSL.
 pub type Buffers<'a> = [(&'a str, &'a wgpu::Buffer)];
 
 /// One entry point of one shader, ready to be bound and dispatched.
@@ -32,23 +32,23 @@ pub struct Module {
 }
 
 impl Module {
-    /// Compiles the shader of that name: see [`shader_sources::source`]. One that does not compile is an error of the
-    /// [`Gpu::scoped`] around this call, else one of [`Gpu::check`]; so are stages that the device refuses.
+    /// Compiles the shader of this name: see [`shader_sources::source`]. Compile errors, and stages that the device
+    /// rejects, are reported by the [`Gpu::scoped`] around this call, else by [`Gpu::check`].
     ///
     /// # Panics
-    /// Panics if there is no shader of that name.
+    /// Panics if no shader has this name.
     pub fn new(gpu: &Gpu, name: &str) -> Module {
         Module::from_source(gpu, name, shader_sources::source(name))
     }
 
-    /// As [`Module::new`] for a source of the caller's own.
+    /// As [`Module::new`], for the caller's own source.
     pub fn from_source(gpu: &Gpu, name: &str, source: &str) -> Module {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
         Module { module: gpu.device.create_shader_module(descriptor), source: source.to_owned() }
     }
 
-    /// The stage with that entry point. `constants` are the source's `override` values.
+    /// The stage of an entry point. `constants` are the source's `override` values.
     pub fn stage(&self, gpu: &Gpu, entry: &'static str, constants: &[(&str, f64)]) -> Stage {
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
@@ -66,11 +66,11 @@ impl Module {
 }
 
 impl Stage {
-    /// Binds buffers by their names in the WGSL. The entry point takes those that it uses, so that all stages of a shader
-    /// can be given the same list.
+    /// Binds buffers by their names in the WGSL. Buffers that the entry point does not use are ignored, so that all
+    /// stages of a shader can be given the same list.
     ///
     /// # Panics
-    /// Panics if a buffer that the entry point uses is missing: the program is wrong, not its input.
+    /// Panics if a buffer that the entry point uses is missing, which is a bug in the program.
     pub fn bind(&self, gpu: &Gpu, buffers: &Buffers) -> Bound {
         let resources: Vec<_> = buffers.iter().map(|(name, buffer)| (*name, buffer.as_entire_binding())).collect();
         let layout = self.pipeline.get_bind_group_layout(0);
@@ -89,7 +89,7 @@ impl Stage {
     }
 }
 
-/// Most workgroups in one dimension that every WebGPU device takes.
+/// Maximum number of workgroups per dimension that every WebGPU device supports.
 const MAX_GROUPS: u32 = 65_535;
 
 impl Bound {
@@ -98,13 +98,13 @@ impl Bound {
         self.label
     }
 
-    /// Dispatches as many workgroups as `invocations` fill, as [`Bound::dispatch`] does.
+    /// Dispatches the workgroups for `invocations` as [`Bound::dispatch`] does.
     pub fn dispatch_invocations(&self, pass: &mut wgpu::ComputePass<'_>, invocations: u32) {
         self.dispatch(pass, invocations.div_ceil(self.workgroup));
     }
 
-    /// Dispatches at least `groups` workgroups, folded into two dimensions where they are many: shaders count them as
-    /// `workgroup_id.x + workgroup_id.y * num_workgroups.x` and ignore those beyond their work.
+    /// Dispatches at least `groups` workgroups, in two dimensions if there are many: shaders number them as
+    /// `workgroup_id.x + workgroup_id.y * num_workgroups.x` and ignore the surplus.
     pub fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, groups: u32) {
         if groups == 0 {
             return;

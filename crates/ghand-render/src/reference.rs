@@ -1,4 +1,4 @@
-//! CPU twins of the GPU stages, in f64 and without tricks: what the shaders are held against.
+//! CPU twins of the GPU stages, in plain f64, against which tests compare the shaders.
 
 pub mod adam;
 pub mod bin;

@@ -1,8 +1,8 @@
-//! The splatter: Gaussians in, an image out, and the gradient back.
+//! The splatter: renders Gaussians to an image, and computes gradients.
 //!
 //! project + cull -> sort by depth -> count tiles -> prefix sum -> emit -> stable sort by tile -> tile ranges ->
-//! rasterise; backwards: rasterise_backward -> project_backward. Nothing is read back on the way: the intersection
-//! buffer has a capacity, the number that was wanted is left in a counter, and the caller grows and repeats.
+//! rasterise; backwards: rasterise_backward -> project_backward. Nothing is read back in between: the intersection
+//! buffer has a capacity, a counter holds the required number, and the caller grows the buffers and repeats the frame.
 
 mod bands;
 mod bin;
@@ -31,7 +31,7 @@ pub const TILE_SIZE: u32 = 8;
 /// Near plane, metres.
 pub const NEAR: f32 = 0.01;
 
-/// What a splatter is for. Less takes less memory.
+/// The outputs of a splatter. Fewer outputs take less memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Purpose {
     /// Images.
@@ -39,7 +39,7 @@ pub enum Purpose {
     /// Images and gradients of the Gaussians.
     #[default]
     Gradients,
-    /// The camera's gradient, too.
+    /// Images, gradients of the Gaussians, and the camera's gradient.
     CameraGradients,
 }
 
@@ -49,19 +49,19 @@ impl Purpose {
     }
 }
 
-/// What a splatter is made for. The default trains hands.
+/// Options of a splatter. The default is for training hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SplatOptions {
     /// The kind of the Gaussians.
     pub model: SplatModel,
-    /// Images, or gradients too.
+    /// Images only, or also gradients.
     pub purpose: Purpose,
-    /// Whether the expected depth is wanted beside the image.
+    /// Whether the expected depth is rendered along with the image.
     pub depth: bool,
 }
 
 impl SplatOptions {
-    /// Largest buffer entry of one intersection, bytes: what limits how many there may be.
+    /// Largest buffer entry of one intersection, bytes, which limits the number of intersections.
     fn bytes_per_intersection(&self, tier: Tier) -> u64 {
         if self.purpose.has_gradients() { 32 * u64::from(frame_buffers::gradient_cells(tier)) } else { 4 }
     }
@@ -101,7 +101,7 @@ impl FrameStage {
     /// The stages of its gradient, in order.
     pub const BACKWARD: [FrameStage; 2] = [FrameStage::RasterizeBackward, FrameStage::ProjectBackward];
 
-    /// Name for people and JSON.
+    /// Name for display and JSON.
     pub fn name(self) -> &'static str {
         match self {
             FrameStage::Project => "project",
@@ -116,8 +116,7 @@ impl FrameStage {
     }
 }
 
-/// Numbers that the splatter's shaders and its host code both have: stage, name in the WGSL, value here. A test compares
-/// them.
+/// Constants shared by the splatter's shaders and host code: stage, name in the WGSL, value here. A test compares them.
 pub fn shared_constants() -> Vec<(&'static str, &'static str, u32)> {
     let others = [
         ("project", "TILE_SIZE", TILE_SIZE),
@@ -155,13 +154,13 @@ pub struct View {
     pub slope_max: [f32; 2],
     /// N.
     pub gaussian_count: u32,
-    /// How many intersections the buffers hold.
+    /// Capacity of the intersection buffers.
     pub intersection_capacity: u32,
     /// Near plane, metres.
     pub near: f32,
     /// Opacity of all Gaussians.
     pub opacity: f32,
-    /// First row of the frame in the image that the principal point is of; see [`View::band`].
+    /// First row of the frame in the image to which the principal point refers; see [`View::band`].
     pub first_row: u32,
     /// Unused.
     pub padding_1: u32,
@@ -235,7 +234,7 @@ pub struct Image {
     pub rgba: Vec<[f32; 4]>,
 }
 
-/// A splatter for a fixed number of Gaussians and any image up to a size. `examples/splat_a_scene.rs` trains one.
+/// A splatter for a fixed number of Gaussians and images up to a size. See `examples/splat_a_scene.rs`.
 pub struct Splatter {
     pipelines: Pipelines,
     shared: Shared,
@@ -247,12 +246,12 @@ pub struct Splatter {
     options: SplatOptions,
 }
 
-/// A splatter as errors call it.
+/// Description of a splatter in errors.
 fn description(count: usize, [width, height]: [u32; 2]) -> String {
     format!("a splatter of {count} Gaussians and images up to {width} x {height} pixels")
 }
 
-/// Buffers that callers see and that live as long as the splatter.
+/// Buffers visible to callers, which live as long as the splatter.
 #[derive(Debug, Clone)]
 struct Shared {
     view: wgpu::Buffer,
@@ -266,17 +265,17 @@ struct Shared {
 }
 
 impl Splatter {
-    /// A splatter for `count` Gaussians of the kind that `options` say, and images of at most `max_size` pixels.
+    /// A splatter for `count` Gaussians of the kind in `options`, and images of at most `max_size` pixels.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] for an image larger than any splatter takes, [`RenderError::OutOfMemory`] for one that
-    /// this device has no room for, [`RenderError::Lost`] if the device is lost.
+    /// [`RenderError::Invalid`] for images larger than any splatter supports, [`RenderError::OutOfMemory`] if this
+    /// device has too little memory, [`RenderError::Lost`] if the device is lost.
     pub fn new(gpu: &Gpu, options: SplatOptions, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
         let [width, height] = max_size;
-        // The loss keeps 64 bytes a pixel in one buffer; this bound keeps every buffer of the frame below that.
+        // The loss keeps 64 bytes per pixel in one buffer; this bound keeps every buffer of the frame below that.
         if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
             return Err(RenderError::Invalid(format!(
-                "an image of {width} x {height} pixels is not between 1 and 16384"
+                "an image of {width} x {height} pixels; both must be between 1 and 16384"
             )));
         }
         gpu.scoped(&description(count, max_size), || Splatter::make(gpu, options, count, max_size))
@@ -298,14 +297,14 @@ impl Splatter {
             d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
             d_camera: buffers::zeroed(gpu, "d_camera", frame_buffers::CAMERA_ROWS),
         };
-        // Hand Gaussians touch three to four tiles each; a view that needs more grows the buffer.
+        // Each Gaussian of a hand touches three to four tiles; the buffer grows for views that need more.
         let capacity = (4 * count as u32).max(1024);
         let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
         let frame = Frame::new(gpu, &pipelines, &buffers);
         Splatter { pipelines, shared, frame, count, max_size, capacity, current, options }
     }
 
-    /// What it was made for.
+    /// The options of the splatter.
     pub fn options(&self) -> &SplatOptions {
         &self.options
     }
@@ -320,7 +319,7 @@ impl Splatter {
         &self.shared.d_gaussians
     }
 
-    /// The image: one `vec4` a pixel, colour over the background and coverage.
+    /// The image: one `vec4` per pixel, colour over the background and coverage.
     pub fn image(&self) -> &wgpu::Buffer {
         &self.shared.image
     }
@@ -330,13 +329,13 @@ impl Splatter {
         &self.shared.d_image
     }
 
-    /// Expected camera z of what covers each pixel, metres, 0 where nothing does; empty if it was not asked for.
+    /// Expected camera z of each pixel, metres, 0 in pixels without coverage; empty if it was not requested.
     pub fn depths(&self) -> &wgpu::Buffer {
         &self.shared.depths
     }
 
-    /// dL/d(turn, translation): the gradient to a small turn w and translation t that take the camera coordinates x to
-    /// x + w x x + t. Zero if it was not asked for.
+    /// dL/d(rotation, translation): the gradient with respect to a small rotation w and translation t that take the
+    /// camera coordinates x to x + w x x + t. Zero if it was not requested.
     pub fn d_camera(&self) -> &wgpu::Buffer {
         &self.shared.d_camera
     }
@@ -346,17 +345,17 @@ impl Splatter {
         &self.shared.counters
     }
 
-    /// How many Gaussians.
+    /// Number of Gaussians.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// How many intersections fit.
+    /// Capacity of the intersection buffers.
     pub fn capacity(&self) -> u32 {
         self.capacity
     }
 
-    /// Sets the view of the frames encoded from now on.
+    /// Sets the view of later frames.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the image is larger than the splatter was made for.
@@ -365,7 +364,7 @@ impl Splatter {
         if w == 0 || h == 0 || w > self.max_size[0] || h > self.max_size[1] {
             let [max_w, max_h] = self.max_size;
             return Err(RenderError::Invalid(format!(
-                "an image of {w} x {h} pixels, the splatter is for {max_w} x {max_h}"
+                "an image of {w} x {h} pixels, but the splatter is for {max_w} x {max_h}"
             )));
         }
         self.current = View { intersection_capacity: self.capacity, gaussian_count: self.count as u32, ..view };
@@ -380,7 +379,7 @@ impl Splatter {
         FrameStage::FORWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
-    /// Encodes what the forward pass finds empty.
+    /// Encodes clearing the buffers that the forward pass accumulates into.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.shared.counters, Counters::CLEARED_FROM, None);
     }
@@ -399,8 +398,8 @@ impl Splatter {
         }
     }
 
-    /// Runs one frame, backward too if there are gradients, and tells how long each stage took, milliseconds: by the
-    /// device's clock where it has one, else by waiting for each.
+    /// Runs one frame, with the backward pass if there are gradients, and returns the time of each stage, milliseconds:
+    /// by timestamps if the device supports them, else by waiting for each.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
@@ -415,7 +414,7 @@ impl Splatter {
     }
 
     /// Encodes the backward pass: dL/d(image) to dL/d(table of Gaussians). The forward pass of the same view must have
-    /// been encoded before. Does nothing in a splatter made for images.
+    /// been encoded before. Does nothing in a splatter without gradients.
     pub fn backward(&self, encoder: &mut wgpu::CommandEncoder) {
         if !self.options.purpose.has_gradients() {
             return;
@@ -433,26 +432,26 @@ impl Splatter {
         Ok(buffers::read(gpu, &self.shared.counters, 1)?.first().copied().unwrap_or_default())
     }
 
-    /// Whether the frame of these counters was complete; if not, the buffers are grown and the frame must be encoded again.
-    /// Where they cannot grow they stay as they were, and smaller frames can be rendered still.
+    /// Whether the frame of these counters was complete. If not, the buffers are grown, and the frame must be encoded
+    /// again. If growing fails, the buffers are unchanged, and smaller frames can still be rendered.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the device cannot hold that many intersections, or cannot go through a tile's Gaussians;
-    /// [`RenderError::OutOfMemory`] if it has no room for them now, [`RenderError::Lost`] if it is lost.
+    /// [`RenderError::Invalid`] if the device cannot hold that many intersections or process a tile's Gaussians;
+    /// [`RenderError::OutOfMemory`] if it has too little memory now, [`RenderError::Lost`] if it is lost.
     pub fn complete_for(&mut self, gpu: &Gpu, counters: &Counters) -> Result<bool, RenderError> {
         let &Counters { intersections_wanted: wanted, cut_short, too_wide, .. } = counters;
         if cut_short > 0 {
-            // Mesa's software rasteriser ends the loops of a shader after 65,535 rounds, of two or eight Gaussians.
+            // Mesa's software rasteriser ends shader loops after 65,535 iterations, here of two or eight Gaussians.
             return Err(RenderError::Invalid(format!(
-                "{cut_short} Gaussians lie on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render \
-                 a larger image, fewer Gaussians, or on a GPU",
+                "{cut_short} Gaussians are on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} can process; \
+                 render a larger image or fewer Gaussians, or use a GPU",
                 gpu.info.name
             )));
         }
         if too_wide > 0 {
             return Err(RenderError::Invalid(format!(
-                "a Gaussian lies on {too_wide} tiles of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} goes through; render a \
-                 smaller image, or on a GPU",
+                "a Gaussian covers {too_wide} tiles of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} can process; \
+                 render a smaller image, or use a GPU",
                 gpu.info.name
             )));
         }
@@ -463,7 +462,8 @@ impl Splatter {
         let limit = u32::try_from(limit).unwrap_or(u32::MAX);
         if wanted > limit {
             return Err(RenderError::Invalid(format!(
-                "the view needs {wanted} tile intersections and the device can hold {limit}; use fewer or smaller Gaussians or a smaller image"
+                "the view needs {wanted} tile intersections, but the device can hold {limit}; use fewer or smaller \
+                 Gaussians or a smaller image"
             )));
         }
         let capacity = wanted.saturating_add(wanted / 2).min(limit);
@@ -477,12 +477,12 @@ impl Splatter {
         Ok(false)
     }
 
-    /// Runs one frame to its end: submits what `encode` encodes, which must contain [`Splatter::forward`], and submits it
-    /// again with more room for intersections until none was left out. Whatever else is encoded sees a frame that may be
-    /// incomplete, and is repeated.
+    /// Runs one frame: submits the commands of `encode`, which must include [`Splatter::forward`], and repeats this
+    /// with a larger intersection buffer until the frame is complete. Other commands of `encode` can run on an
+    /// incomplete frame, and are repeated.
     ///
     /// # Errors
-    /// As [`Splatter::complete_for`]; and what `encode` returns.
+    /// As [`Splatter::complete_for`], or the error of `encode`.
     pub fn run_frame(
         &mut self,
         gpu: &Gpu,

@@ -1,27 +1,27 @@
-//! What a device can do, in two steps and no more: every stage runs on both.
+//! Two tiers of device features; every stage runs on both.
 
 use crate::DeviceError;
 
-/// How much of a device is used.
+/// A set of device features that the stages use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Tier {
-    /// What every WebGPU device has.
+    /// The features of every WebGPU device.
     Baseline,
     /// Subgroups of eight invocations or more, and 32 KiB of workgroup memory.
     Fast,
 }
 
 impl Tier {
-    /// Environment variable that chooses the tier: `baseline` or `fast`.
+    /// Environment variable that selects the tier: `baseline` or `fast`.
     pub const VARIABLE: &'static str = "GHAND_TIER";
 
     /// Workgroup memory of the fast tier, bytes: a block of pairs in `fast/sort.wgsl`.
     const WORKGROUP_BYTES: u32 = 32_768;
 
-    /// Fewest invocations of a subgroup on the fast tier: in the rasteriser eight share what they load.
+    /// Minimum subgroup size on the fast tier: in the rasteriser, eight invocations share what they load.
     const SUBGROUP_SIZE: u32 = 8;
 
-    /// `baseline` or `fast`, whatever the case.
+    /// Reads `baseline` or `fast`, ignoring case.
     pub fn parse(text: &str) -> Option<Tier> {
         match text.trim().to_lowercase().as_str() {
             "baseline" => Some(Tier::Baseline),
@@ -33,7 +33,7 @@ impl Tier {
     /// The tier in [`Tier::VARIABLE`], if it is set.
     ///
     /// # Errors
-    /// [`DeviceError::UnknownTier`] if it holds something else.
+    /// [`DeviceError::UnknownTier`] if it has another value.
     pub(crate) fn from_env() -> Result<Option<Tier>, DeviceError> {
         match std::env::var_os(Tier::VARIABLE).map(|text| text.to_string_lossy().into_owned()) {
             Some(text) if !text.is_empty() => Tier::parse(&text).map(Some).ok_or(DeviceError::UnknownTier { text }),
@@ -41,7 +41,7 @@ impl Tier {
         }
     }
 
-    /// What is of this tier, of two things for one purpose.
+    /// Selects the value for this tier.
     pub(crate) fn choose<T>(self, baseline: T, fast: T) -> T {
         match self {
             Tier::Baseline => baseline,
@@ -69,13 +69,13 @@ impl Tier {
         }
     }
 
-    /// The tier that suits an adapter best.
+    /// The best tier that an adapter supports.
     pub fn best_for(adapter: &wgpu::Adapter) -> Tier {
         if Tier::Fast.is_offered_by(adapter) { Tier::Fast } else { Tier::Baseline }
     }
 
-    /// The device to ask an adapter for. Both tiers have timestamps where they are offered, and buffers and images as large
-    /// as the adapter takes: no stage depends on them.
+    /// The device to request from an adapter. Both tiers request timestamps if offered, and the adapter's largest
+    /// buffers and images; no stage depends on these.
     pub(crate) fn descriptor(self, adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         let offered = adapter.limits();
         let default = wgpu::Limits::default();

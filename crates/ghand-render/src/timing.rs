@@ -1,10 +1,10 @@
-//! How long passes and frames take.
+//! Measures the time of passes and frames.
 
 use std::time::Instant;
 
 use crate::{Gpu, RenderError, buffers};
 
-/// The device's clock around a frame that nobody waits for.
+/// Measures a frame with the device's timestamps, without waiting for it.
 pub struct FrameClock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
@@ -12,10 +12,10 @@ pub struct FrameClock {
 }
 
 impl FrameClock {
-    /// Bytes of what [`FrameClock::finish`] leaves: two timestamps.
+    /// Bytes that [`FrameClock::finish`] writes: two timestamps.
     pub const BYTES: u64 = 16;
 
-    /// A clock, if the device has one.
+    /// A clock, if the device supports timestamps.
     pub fn new(gpu: &Gpu) -> Option<FrameClock> {
         gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| FrameClock {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -45,7 +45,7 @@ impl FrameClock {
         });
     }
 
-    /// For the frame's last pass, whose end is that of the frame.
+    /// Timestamp writes for the frame's last pass, whose end is the end of the frame.
     pub fn end(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
@@ -54,7 +54,7 @@ impl FrameClock {
         }
     }
 
-    /// Encodes the copy of the timestamps to `offset` in a buffer to be read.
+    /// Encodes the copy of the timestamps to `offset` in a buffer.
     pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, offset: u64) {
         encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, FrameClock::BYTES);
@@ -68,8 +68,8 @@ impl FrameClock {
     }
 }
 
-/// Submits what is encoded, then `count` compute passes that `encode` fills, and tells how long each took, milliseconds: by
-/// timestamps where the device has them, else by waiting for each.
+/// Submits the encoded commands, then `count` compute passes filled by `encode`, and returns the time of each pass,
+/// milliseconds: by timestamps if the device supports them, else by waiting for each.
 ///
 /// # Errors
 /// [`RenderError`] if the device failed or was lost.

@@ -1,4 +1,4 @@
-//! Pictures in pieces are the pictures that one piece gives.
+//! Pictures rendered in pieces equal those rendered at once.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod common;
@@ -11,7 +11,7 @@ use ghand_render::splat::{Image, Purpose, SplatModel, SplatOptions, Splatter, Vi
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
-/// A splatter that holds a scene and frames of a size.
+/// A splatter with a scene, for frames of this size.
 fn splatter(gpu: &Gpu, model: SplatModel, table: &[f32], size: [u32; 2]) -> Splatter {
     let options = SplatOptions { model, purpose: Purpose::Images, depth: false };
     let splatter = Splatter::new(gpu, options, table.len() / model.rows(), size).unwrap();
@@ -19,12 +19,12 @@ fn splatter(gpu: &Gpu, model: SplatModel, table: &[f32], size: [u32; 2]) -> Spla
     splatter
 }
 
-/// The picture of a view in bands of at most so many rows, and how many bands there were.
+/// The picture of a view rendered in bands that fit the splatter, and the number of bands.
 fn in_bands(gpu: &Gpu, splatter: &mut Splatter, view: View) -> Result<(Image, usize), RenderError> {
     let [width, height] = view.size;
     let (mut image, mut bands) = (Image { width, height, rgba: vec![] }, 0);
     splatter.render_bands(gpu, view, |row, band| {
-        assert_eq!((row as usize * width as usize, band.width), (image.rgba.len(), width), "bands follow each other");
+        assert_eq!((row as usize * width as usize, band.width), (image.rgba.len(), width), "bands are contiguous");
         image.rgba.extend(&band.rgba);
         bands += 1;
     })?;
@@ -32,7 +32,7 @@ fn in_bands(gpu: &Gpu, splatter: &mut Splatter, view: View) -> Result<(Image, us
 }
 
 #[test]
-fn bands_have_the_bits_of_the_whole_picture() {
+fn bands_equal_the_whole_picture_bit_for_bit() {
     for gpu in devices() {
         let camera = camera(101, 75);
         let kinds = [
@@ -55,7 +55,7 @@ fn bands_have_the_bits_of_the_whole_picture() {
                 assert_eq!(bands, count, "{rows} rows");
                 assert!(bits(&image) == bits(&expected), "{rows} rows");
             }
-            // The comparison sees a band in the wrong place.
+            // The comparison detects a band in the wrong place.
             let mut small = splatter(&gpu, model, &table, [101, 8]);
             small.set_view(&gpu, view.band(8, 8)).unwrap();
             assert!(*bits(&small.render(&gpu).unwrap()) != bits(&expected)[..101 * 8 * 4]);
@@ -68,7 +68,7 @@ fn bits(image: &Image) -> &[u32] {
 }
 
 #[test]
-fn the_gradient_of_a_band_is_that_of_its_rows() {
+fn the_gradient_of_a_band_equals_that_of_its_rows() {
     for gpu in devices() {
         let (camera, scene) = (camera(50, 40), random_scene(3, 300, 0.002..0.02));
         let table = table(&scene, &SplatModel::HAND);
@@ -100,10 +100,10 @@ fn the_gradient_of_a_band_is_that_of_its_rows() {
 }
 
 #[test]
-fn a_gaussian_over_more_tiles_than_a_driver_goes_through_is_rendered_in_lower_bands() {
+fn a_gaussian_over_more_tiles_than_a_driver_can_process_is_rendered_in_smaller_bands() {
     let gpu = gpu();
     let camera = Camera::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, 0.5, 2112, 2112);
-    // 264 x 264 tiles: more than the 65,535 rounds that Mesa's software rasteriser goes through.
+    // 264 x 264 tiles: more than the 65,535 loop iterations of Mesa's software rasteriser.
     let scene = random_scene(5, 1, 3.0..4.0);
     let table = table(&scene, &SplatModel::HAND);
     let mut splatter = splatter(&gpu, SplatModel::HAND, &table, [2112, band_rows(&gpu, [2112, 2112])]);
@@ -111,7 +111,7 @@ fn a_gaussian_over_more_tiles_than_a_driver_goes_through_is_rendered_in_lower_ba
     println!("{bands} bands");
     assert_eq!(image.rgba.len(), 2112 * 2112);
     assert!(image.rgba.iter().all(|p| p[3] > 0.5), "a part is missing");
-    // One row of tiles that is too wide cannot be halved.
+    // A single row of tiles that is too wide cannot be halved.
     let mut narrow = self::splatter(&gpu, SplatModel::HAND, &table, [64, 8]);
     let error = in_bands(&gpu, &mut narrow, View::new(&camera, 1, [0.0; 3], 1.0)).unwrap_err().to_string();
     assert!(error.contains("2112"), "{error}");
@@ -133,10 +133,10 @@ fn a_band_fits_the_device() {
 }
 
 #[test]
-fn the_blocks_of_a_large_mesh_fit_together_without_a_seam() {
+fn the_blocks_of_a_large_mesh_image_join_without_a_seam() {
     let (torus, renderer) = (torus(40, 24), MeshRenderer::new(&gpu()).unwrap());
     let far = Camera::look_at(DVec3::new(0.25, -0.2, 0.3), DVec3::ZERO, DVec3::Y, 0.5, 75, 61);
-    // Wide enough for two blocks, with the torus where they meet.
+    // Wide enough for two blocks, with the torus at their border.
     let camera = Camera { focal: far.focal * 1.5, ..far.cropped(-984, -20, 1060, 100) };
     let style = lines(2, lights(), 1.5, None);
     let whole = renderer.render(&torus.textured(), &camera, &style).unwrap();
@@ -154,8 +154,8 @@ fn the_blocks_of_a_large_mesh_fit_together_without_a_seam() {
         }
     };
     let in_sight = |x: std::ops::Range<usize>| x.filter(|x| (0..100).any(|y| window.rgba[y * 80 + x][3] > 0.0)).count();
-    assert!(in_sight(30..44) > 10 && in_sight(44..58) > 10, "the torus lies on both sides of the seam");
-    // Samples within rounding of an edge.
+    assert!(in_sight(30..44) > 10 && in_sight(44..58) > 10, "the torus is on both sides of the border");
+    // Up to 8 samples within rounding of an edge can flip.
     compare(&window, &cut(0), 8).unwrap();
-    assert!(compare(&window, &cut(1), 8).is_err(), "the comparison sees a shift");
+    assert!(compare(&window, &cut(1), 8).is_err(), "the comparison detects a shift");
 }

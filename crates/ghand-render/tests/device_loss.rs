@@ -1,4 +1,4 @@
-//! Devices that are lost, have no room, or refuse a shader.
+//! Devices that are lost, run out of memory, or reject a shader.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod common;
@@ -16,7 +16,7 @@ use ghand_render::splat::{Counters, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{AdapterChoice, Gpu, RenderError, Tier, buffers};
 use glam::{DVec2, DVec3};
 
-/// Far longer than anything here takes.
+/// Far longer than any test here takes.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Runs `work` on another thread, so that a call that waits forever fails the test instead of stopping it.
@@ -26,7 +26,7 @@ fn in_time<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let result = receiver.recv_timeout(PATIENCE);
     match result {
         Ok(result) => result,
-        Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("it waits forever"),
+        Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("it never returns"),
         Err(_) => std::panic::resume_unwind(thread.join().unwrap_err()),
     }
 }
@@ -59,33 +59,33 @@ fn image_bits(gpu: &Gpu) -> Vec<[u32; 4]> {
 }
 
 #[test]
-fn a_loss_is_told_apart_from_other_errors() {
+fn a_loss_is_distinguished_from_other_errors() {
     let gpu = gpu();
     assert!(!is_loss(gpu.check()) && !is_loss::<()>(Err(RenderError::Device("lost".into()))));
     in_time(move || {
-        // No scope catches it, but the device goes on.
+        // No scope catches the error, but the device remains usable.
         let too_large = |label: &str| {
             let usage = wgpu::BufferUsages::STORAGE;
             let descriptor =
                 wgpu::BufferDescriptor { label: Some(label), size: u64::MAX, usage, mapped_at_creation: false };
             drop(gpu.device.create_buffer(&descriptor));
         };
-        too_large("outside of scopes");
+        too_large("outside scopes");
         let Err(RenderError::Device(first)) = gpu.check() else { panic!("{:?}", gpu.check()) };
-        assert!(first.contains("outside of scopes") && !first.contains('\n'), "{first}");
+        assert!(first.contains("outside scopes") && !first.contains('\n'), "{first}");
         assert!(!gpu.is_lost());
         ["second", "third"].iter().for_each(|label| too_large(label));
-        // The first is what matters; the others are counted.
+        // The first error is reported; the others are counted.
         let Err(RenderError::Device(later)) = gpu.wait() else { panic!("{:?}", gpu.wait()) };
         assert_eq!(later, format!("{first} (and 2 more errors after it)"));
         gpu.device.destroy();
-        // An error that was there before does not hide the loss.
+        // An earlier error does not hide the loss.
         assert!(is_loss(gpu.wait()) && gpu.is_lost());
     });
 }
 
 #[test]
-fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
+fn all_calls_that_wait_for_a_lost_device_fail_at_once_and_say_so() {
     in_time(|| {
         let gpu = gpu();
         let mut splatter = splatter(&gpu);
@@ -105,7 +105,7 @@ fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
         loss.encode(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
         assert!(is_loss(loss.value(&gpu)));
-        // Nothing new can be made, and trying does no harm.
+        // Nothing new can be made, and trying is harmless.
         assert!(is_loss(Splatter::new(&gpu, SplatOptions::default(), 10, SIZE)));
         assert!(is_loss(ImageLoss::new(&gpu, splatter.image(), splatter.d_image(), pixels)));
         assert!(is_loss(Adam::new(&gpu)));
@@ -129,7 +129,7 @@ fn all_that_waits_for_a_lost_device_fails_at_once_and_says_so() {
 }
 
 #[test]
-fn a_device_lost_with_a_frame_under_way_is_noticed_by_who_waits_for_it() {
+fn a_loss_during_a_frame_is_noticed_by_the_thread_that_waits_for_it() {
     in_time(|| {
         let gpu = gpu();
         let splatter = splatter(&gpu);
@@ -144,7 +144,7 @@ fn a_device_lost_with_a_frame_under_way_is_noticed_by_who_waits_for_it() {
 }
 
 #[test]
-fn a_mapping_under_way_when_the_device_is_lost_hangs_nobody() {
+fn a_loss_during_a_mapping_does_not_hang() {
     in_time(|| {
         let gpu = gpu();
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
@@ -158,7 +158,7 @@ fn a_mapping_under_way_when_the_device_is_lost_hangs_nobody() {
         buffer.map_async(wgpu::MapMode::Read, .., move |result| sender.send(result.is_ok()).unwrap_or(()));
         gpu.device.destroy();
         assert!(is_loss(gpu.wait()));
-        // Called or not: looking is safe, and what is mapped after the loss fails by itself.
+        // Whether the callback was called or not, checking is safe, and mapping after the loss fails.
         let _ = receiver.try_recv();
         let (sender, receiver) = channel();
         buffer.map_async(wgpu::MapMode::Read, .., move |result| sender.send(result.is_ok()).unwrap_or(()));
@@ -178,7 +178,7 @@ fn a_reopened_device_renders_the_same_bits() {
         assert_eq!(again.info, gpu.info);
         let after = image_bits(&again);
         assert!(before == after);
-        // The comparison sees a single bit.
+        // The comparison detects a single changed bit.
         let mut wrong = after;
         wrong[7][1] ^= 1;
         assert!(before != wrong);
@@ -186,7 +186,7 @@ fn a_reopened_device_renders_the_same_bits() {
 }
 
 #[test]
-fn work_is_begun_again_after_each_loss_until_there_are_too_many() {
+fn work_is_restarted_after_each_loss_until_there_are_too_many() {
     in_time(|| {
         #[derive(Debug, thiserror::Error)]
         enum Failed {
@@ -211,7 +211,7 @@ fn work_is_begun_again_after_each_loss_until_there_are_too_many() {
         let given_up = gpu.persist("counting", |gpu| lose(usize::MAX, &mut tries, gpu));
         assert!(matches!(given_up, Err(Failed::Render(RenderError::Lost(_)))), "{given_up:?}");
         assert_eq!(tries, 4);
-        // What failed otherwise is not repeated; a device lost earlier is replaced first.
+        // Work that failed for another reason is not repeated; a device lost earlier is replaced first.
         let mut tries = 0;
         let other = gpu.persist("failing", |gpu| -> Result<(), Failed> {
             tries += 1;
@@ -224,7 +224,7 @@ fn work_is_begun_again_after_each_loss_until_there_are_too_many() {
 }
 
 #[test]
-fn what_does_not_fit_is_one_sentence_and_the_device_goes_on_working() {
+fn too_little_memory_is_one_sentence_and_the_device_remains_usable() {
     in_time(|| {
         let gpu = gpu();
         let before = image_bits(&gpu);
@@ -232,10 +232,10 @@ fn what_does_not_fit_is_one_sentence_and_the_device_goes_on_working() {
         let sentence = |result: Result<(), RenderError>, part: &str| {
             let Err(error @ RenderError::OutOfMemory { .. }) = result else { panic!("{result:?}") };
             let text = error.to_string();
-            assert!(text.contains("no room") && text.contains(part) && !text.contains('\n'), "{text}");
+            assert!(text.contains("too little memory") && text.contains(part) && !text.contains('\n'), "{text}");
             println!("{text}");
         };
-        // A buffer that the device takes, but not as a whole for a shader; and one that it does not take at all.
+        // A buffer that the device allows, but cannot bind as a whole; and one that it does not allow.
         let bindable = limits.max_storage_buffer_binding_size / 16;
         let count = usize::try_from(bindable / 4 + 1000).unwrap();
         sentence(Splatter::new(&gpu, SplatOptions::default(), count * 4, SIZE).map(drop), "60 x 44 pixels");
@@ -246,23 +246,23 @@ fn what_does_not_fit_is_one_sentence_and_the_device_goes_on_working() {
     });
 }
 
-/// Counters of a frame that wants so many intersections.
+/// Counters of a frame that needs this many intersections.
 fn wanting(intersections_wanted: u32) -> Counters {
     Counters { intersections_wanted, ..Counters::default() }
 }
 
 #[test]
-fn a_frame_that_cannot_grow_leaves_the_splatter_as_it_was() {
+fn a_frame_that_cannot_grow_leaves_the_splatter_unchanged() {
     in_time(|| {
         let gpu = gpu();
         let mut splatter = splatter(&gpu);
         let before = splatter.render(&gpu).unwrap();
         let capacity = splatter.capacity();
-        // As many intersections as the limit allows, whose buffers together are more than any memory.
+        // The maximum number of intersections, whose buffers together exceed any memory.
         let bytes = if gpu.tier == Tier::Fast { 32 } else { 4 * 32 };
         let most = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / bytes).unwrap_or(u32::MAX);
         match splatter.complete_for(&gpu, &wanting(most)) {
-            // Software has as much memory as the machine.
+            // A software adapter has all of the machine's memory.
             Ok(grown) => assert!(!grown && splatter.capacity() == most),
             Err(e) => {
                 assert!(matches!(&e, RenderError::OutOfMemory { what, .. } if what.contains("intersections")), "{e}");
@@ -289,13 +289,13 @@ fn a_shader_that_does_not_compile_is_an_error_of_the_call_that_made_it() {
         let Err(RenderError::Device(message)) = make(source, entry) else { panic!("{source}") };
         assert!(message.contains("a stage under test") && !message.contains('\n'), "{message}");
     }
-    // The device has nothing left of it.
+    // The device has not recorded an error.
     assert_eq!(gpu.check(), Ok(()));
     assert_eq!(make(good, "run"), Ok(()));
 }
 
 #[test]
-fn an_adapter_choice_that_fits_nothing_lists_what_there_is() {
+fn an_adapter_choice_without_a_match_lists_the_available_adapters() {
     let gpu = gpu();
     let error = Gpu::new(&AdapterChoice::Named("no such adapter".into())).unwrap_err().to_string();
     assert!(

@@ -1,4 +1,4 @@
-//! The splatter at the limits of what it may meet, against its f64 twin.
+//! The splatter with extreme inputs, against its f64 twin.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -13,7 +13,7 @@ use ghand_render::splat::{Opacity, Purpose, SplatModel, SplatOptions, Splatter, 
 use glam::{DMat3, DVec2, DVec3, DVec4};
 use rand::RngExt;
 
-/// Plain numbers, so that the twin and the device are given the same.
+/// Sizes and opacities are stored without logarithms, so that twin and device get the same numbers.
 const GENERAL: SplatModel = SplatModel {
     stored: Stored::Plain,
     color: ghand_render::splat::Color::Rgb,
@@ -22,7 +22,7 @@ const GENERAL: SplatModel = SplatModel {
     antialias: false,
 };
 
-/// A camera at the origin that looks along z, with pixels so large that 1 m at a distance of 1 m is `focal` of them.
+/// A camera at the origin that looks along z; 1 m at a distance of 1 m is `focal` pixels.
 fn at_origin(size: u32, focal: f64) -> Camera {
     Camera {
         id: String::new(),
@@ -41,8 +41,8 @@ fn plain(mean: DVec3, scales: DVec3, opacity: f64) -> Gaussian {
     Gaussian { mean: rounded(mean), scales: rounded(scales), rotation, opacity: f64::from(opacity as f32), color }
 }
 
-/// Largest difference of the images of the devices of both tiers and of the twin, each with its Gaussians, and the worst
-/// relative L2 error of the gradient's parts. Panics where anything is not finite.
+/// Largest difference of the images of the devices of both tiers and of the twin, each with its Gaussians, and the
+/// worst relative L2 error of the gradient's parts. Panics if a value is not finite.
 fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera: &Camera) -> (f64, f64) {
     let pixels = (camera.width * camera.height) as usize;
     let weights = random_weights(11, pixels);
@@ -52,8 +52,8 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
     let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
     let gradient = scene.rasterize_vjp(&d_image).0;
     let expected = gradient_table(gaussians, &gradient, &model);
-    // Turning a round Gaussian changes nothing: there the terms of the rotation's gradient cancel, which are as large as
-    // those of the relative change of the sizes.
+    // Rotating an isotropic Gaussian changes nothing: the terms of the rotation's gradient cancel, but are as large as
+    // those of relative changes of the sizes.
     let of_sizes =
         gaussians.iter().zip(&gradient).map(|(g, d)| (g.scales * d.scales).length_squared()).sum::<f64>().sqrt();
     let mut worst = (0.0, 0.0);
@@ -70,7 +70,8 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
     worst
 }
 
-/// Worst relative L2 error of a gradient's parts. `of_sizes` is the norm of the gradient to relative changes of the sizes.
+/// Worst relative L2 error of a gradient's parts. `of_sizes` is the norm of the gradient with respect to
+/// relative changes of the sizes.
 fn gradient_error(model: SplatModel, expected: &[f64], gradient: &[f32], of_sizes: f64) -> f64 {
     let count = expected.len() / model.rows();
     parts(&model)
@@ -117,7 +118,8 @@ fn sizes_from_ten_nanometres_to_ten_metres() {
                 plain(vector(&mut rng) * 0.3 + DVec3::Z, size * (1.2 + vector(&mut rng)), rng.random_range(0.1..0.9))
             })
             .collect();
-        // Hundreds of times larger than the image, a Gaussian is nearly flat in it: its gradient is a small difference.
+        // A Gaussian hundreds of times larger than the image is nearly constant in it: its gradient is a small
+        // difference.
         let tolerance = if size >= 1.0 { 2e-4 } else { 1e-4 };
         check(&format!("sizes about {size:e} m"), GENERAL, &scene, &camera, 1e-4, tolerance);
         let antialiased = SplatModel { antialias: true, ..GENERAL };
@@ -126,7 +128,7 @@ fn sizes_from_ten_nanometres_to_ten_metres() {
 }
 
 #[test]
-fn ten_thousand_times_longer_than_wide() {
+fn gaussians_ten_thousand_times_longer_than_wide() {
     let camera = at_origin(64, 80.0);
     let mut rng = rng(2);
     for scales in [DVec3::new(1.0, 1e-4, 1e-4), DVec3::new(1.0, 1.0, 1e-4), DVec3::new(10.0, 1e-3, 0.1)] {
@@ -136,13 +138,13 @@ fn ten_thousand_times_longer_than_wide() {
                 Gaussian { rotation, ..plain(vector(&mut rng) * 0.2 + DVec3::Z, scales, 0.3) }
             })
             .collect();
-        // Up to 800 pixels long and one wide: along them the power is a difference of numbers 1e5 times as large.
+        // Up to 800 pixels long and one wide: the exponent is a difference of numbers 1e5 times as large.
         check(&format!("scales {scales}"), GENERAL, &scene, &camera, 1e-4, 2e-3);
     }
 }
 
 #[test]
-fn the_near_plane_is_sharp_and_nothing_behind_it_is_seen() {
+fn the_near_plane_is_sharp_and_nothing_nearer_is_drawn() {
     let camera = at_origin(24, 10.0);
     let near = 0.01f32;
     let at = |z: f32| vec![plain(DVec3::new(0.0, 0.0, f64::from(z)), DVec3::splat(0.002), 0.8)];
@@ -157,8 +159,8 @@ fn the_near_plane_is_sharp_and_nothing_behind_it_is_seen() {
 }
 
 #[test]
-fn at_and_beyond_the_edge_of_the_field_of_view() {
-    // Slopes are clamped at 15 % of the image beyond its edge: 0.65 of the size from the middle.
+fn gaussians_at_and_beyond_the_edge_of_the_field_of_view() {
+    // Slopes are clamped at 15 % of the image beyond its edge: at 0.65 of the size from the middle.
     let camera = at_origin(40, 40.0);
     for slope in [0.499, 0.5, 0.501, 0.649, 0.651, 2.0, 100.0] {
         let scene = vec![
@@ -188,7 +190,7 @@ fn one_gaussian_over_the_whole_image_and_one_pixel_images() {
 }
 
 #[test]
-fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_refused() {
+fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_rejected() {
     let camera = at_origin(8, 20.0);
     let mut rng = rng(3);
     let mut on_one_pixel = |count: u32| -> Vec<Gaussian> {
@@ -199,7 +201,7 @@ fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_refused(
         (0..count).map(gaussian).collect()
     };
     check("100,000 on one pixel", GENERAL, &on_one_pixel(100_000), &camera, 1e-4, 1e-3);
-    // So many a software rasteriser cannot go through where they leave a pixel uncovered, and says so.
+    // A software rasteriser cannot process this many where they leave a pixel uncovered, and reports it.
     for gpu in devices() {
         let count = if gpu.tier == Tier::Fast { 540_000 } else { 140_000 };
         let scene = on_one_pixel(count);
@@ -209,16 +211,16 @@ fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_refused(
         splatter.set_view(&gpu, View::new(&camera, scene.len(), BACKGROUND, 1.0)).unwrap();
         match splatter.render(&gpu) {
             Err(error) => {
-                let expected = format!("{count} Gaussians lie on one tile");
+                let expected = format!("{count} Gaussians are on one tile");
                 assert!(gpu.is_cpu() && error.to_string().contains(&expected), "{error}")
             }
-            Ok(_) => assert!(!gpu.is_cpu(), "{count} on one pixel: the driver's end of loops was not noticed"),
+            Ok(_) => assert!(!gpu.is_cpu(), "{count} on one pixel: the driver's loop limit was not detected"),
         }
     }
 }
 
 #[test]
-fn a_gaussian_on_more_tiles_than_a_driver_goes_through_is_drawn_or_refused() {
+fn a_gaussian_on_more_tiles_than_a_driver_can_process_is_drawn_or_rejected() {
     let camera = at_origin(2056, 1500.0);
     let scene = [plain(DVec3::Z, DVec3::splat(5.0), 0.7)];
     for gpu in devices() {
@@ -227,7 +229,7 @@ fn a_gaussian_on_more_tiles_than_a_driver_goes_through_is_drawn_or_refused() {
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table(&scene, &GENERAL)));
         splatter.set_view(&gpu, View::new(&camera, 1, BACKGROUND, 1.0)).unwrap();
         match splatter.render(&gpu) {
-            Err(error) => assert!(gpu.is_cpu() && error.to_string().contains("lies on 66049 tiles"), "{error}"),
+            Err(error) => assert!(gpu.is_cpu() && error.to_string().contains("covers 66049 tiles"), "{error}"),
             Ok(image) => assert!(!gpu.is_cpu() && image.rgba.iter().all(|p| p[3] > 0.5)),
         }
     }
@@ -247,10 +249,10 @@ fn equal_depths_are_drawn_in_the_order_of_the_table() {
 }
 
 #[test]
-fn opacities_about_the_cut_and_at_both_ends() {
+fn opacities_near_the_cut_and_at_both_ends() {
     let camera = at_origin(16, 20.0);
     let cut = 1.0f32 / 255.0;
-    // Behind a centre on a pixel's middle: alpha there is the opacity itself.
+    // The Gaussian's centre is at a pixel's centre, where alpha equals the opacity.
     let seen = |opacity: f32| {
         let gaussian = plain(DVec3::new(0.025, 0.025, 1.0), DVec3::splat(0.1), f64::from(opacity));
         let gpu = gpu();
@@ -260,7 +262,7 @@ fn opacities_about_the_cut_and_at_both_ends() {
         rendered.image.iter().filter(|p| p[3] > 0.0).count()
     };
     assert_eq!([0.0, cut.next_down()].map(seen), [0, 0]);
-    // Projected in f32 the centre may miss the pixel's middle by a rounding error, and alpha the cut with it.
+    // Projected in f32, the centre can miss the pixel's centre by a rounding error, and alpha the cut with it.
     assert!(seen(cut) <= 1 && seen(cut.next_up()) <= 1);
     assert!(seen(cut * 1.001) >= 1);
     assert!(seen(1.0) > 40);
@@ -269,7 +271,7 @@ fn opacities_about_the_cut_and_at_both_ends() {
 }
 
 #[test]
-fn quaternions_of_any_length_turn_alike_and_a_zero_one_is_dropped() {
+fn quaternions_of_any_norm_rotate_equally_and_zero_is_dropped() {
     let camera = at_origin(24, 30.0);
     let gaussian = plain(DVec3::Z, DVec3::new(0.2, 0.05, 0.01), 0.8);
     let gpu = gpu();
@@ -278,7 +280,7 @@ fn quaternions_of_any_length_turn_alike_and_a_zero_one_is_dropped() {
         render_table(&gpu, GENERAL, &table(&[scaled], &GENERAL), &camera, 1.0, &random_weights(1, 576))
     };
     let unit = image(1.0);
-    // Powers of two, so that rounding is the same. Gradients shrink with the length, as they must.
+    // Powers of two, so that rounding is the same. Gradients are inversely proportional to the norm.
     for exponent in [-100, -60, -20, 20, 60, 100] {
         let other = image(2f64.powi(exponent));
         assert_eq!(unit.image, other.image, "2^{exponent}");
@@ -294,14 +296,14 @@ fn quaternions_of_any_length_turn_alike_and_a_zero_one_is_dropped() {
 
 #[test]
 fn ten_kilometres_away() {
-    // A scene of that distance through a lens that makes it as large as a hand at arm's length.
+    // A scene at this distance, through a lens that magnifies it to the size of a hand at arm's length.
     let camera = at_origin(40, 40.0);
     let mut rng = rng(4);
     let scene: Vec<Gaussian> = (0..50)
         .map(|_| plain(1e4 * (vector(&mut rng) * 0.3 + DVec3::Z), 1e4 * 0.05 * (1.2 + vector(&mut rng)), 0.5))
         .collect();
     check("10 km away", GENERAL, &scene, &camera, 1e-4, 1e-4);
-    // A hand that far from the origin, and the camera beside it: coordinates of f32 are 1 mm apart there.
+    // A hand this far from the origin, with the camera next to it: f32 coordinates are 1 mm apart there.
     let offset = DVec3::new(1e4, 0.0, 0.0);
     let near: Vec<Gaussian> = (0..50)
         .map(|_| plain(offset + vector(&mut rng) * 0.3 + DVec3::Z, 0.05 * (1.2 + vector(&mut rng)), 0.5))
@@ -310,7 +312,7 @@ fn ten_kilometres_away() {
 }
 
 #[test]
-fn numbers_below_the_smallest_normal_one_count_as_zero_or_as_themselves() {
+fn subnormal_numbers_count_as_zero_or_as_themselves() {
     let camera = at_origin(16, 20.0);
     let denormal = f32::MIN_POSITIVE / 1024.0;
     let good = vec![plain(DVec3::Z, DVec3::splat(0.1), 0.8), plain(DVec3::new(0.1, 0.1, 1.2), DVec3::splat(0.2), 0.6)];
@@ -326,7 +328,7 @@ fn numbers_below_the_smallest_normal_one_count_as_zero_or_as_themselves() {
         let (tiny, zero) = (with(denormal), with(0.0));
         assert!(tiny.image.as_flattened().iter().chain(&tiny.gradient).all(|v| v.is_finite()), "row {row}");
         assert_eq!(tiny.image, zero.image, "row {row}");
-        // The neighbour.
+        // The second Gaussian is unaffected.
         let of_second = |r: &Rendered| r.gradient.iter().skip(1).step_by(2).copied().collect::<Vec<_>>();
         assert_eq!(of_second(&tiny), of_second(&zero), "row {row}");
     }

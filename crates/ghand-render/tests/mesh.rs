@@ -29,9 +29,9 @@ fn the_device_draws_what_the_twin_draws() {
 }
 
 #[test]
-fn weights_are_drawn_as_colours_that_the_twin_draws_too() {
+fn weight_colours_are_drawn_as_by_the_twin() {
     let (torus, camera, renderer) = (torus(40, 24), camera(), MeshRenderer::new(&gpu()).unwrap());
-    // Three joints around the ring, a third of it without the second.
+    // Three joints around the ring; a third of it does not follow the second.
     let row = |uv: &DVec2| {
         let second = (uv.x - 1.0 / 3.0).max(0.0);
         [uv.y * (1.0 - second), second, (1.0 - uv.y) * (1.0 - second)]
@@ -47,7 +47,7 @@ fn weights_are_drawn_as_colours_that_the_twin_draws_too() {
 }
 
 #[test]
-fn triangles_through_the_near_plane_are_cut_alike() {
+fn triangles_through_the_near_plane_are_clipped_as_by_the_twin() {
     let (torus, camera, renderer) = (torus(40, 24), camera_inside(), MeshRenderer::new(&gpu()).unwrap());
     for mesh in [torus.textured(), torus.colored()] {
         let expected = render(&mesh, &camera, &faces(2, lights())).unwrap();
@@ -81,7 +81,7 @@ fn the_comparator_rejects_wrong_images() {
 }
 
 #[test]
-fn a_pixel_centre_lies_where_the_camera_says() {
+fn pixel_centres_are_where_the_camera_projects_them() {
     // A square whose projection is exactly the pixels 3..7 x 2..5.
     let camera = Camera { focal: DVec2::new(20.0, 30.0), principal: DVec2::new(1.25, 9.0), ..camera() };
     let world = |x: f64, y: f64| at_pixel(&camera, x, y, 0.4);
@@ -103,7 +103,7 @@ fn a_pixel_centre_lies_where_the_camera_says() {
 }
 
 #[test]
-fn a_mesh_goes_before_and_behind_splats_by_the_depth_that_the_splatter_gives() {
+fn a_mesh_is_in_front_of_or_behind_splats_by_the_splatters_depth() {
     let (gpu, camera) = (gpu(), common::camera(64, 48));
     let model = SplatModel::default();
     // One opaque ball, some pixels wide, in the middle of the picture at 0.8 m.
@@ -122,17 +122,18 @@ fn a_mesh_goes_before_and_behind_splats_by_the_depth_that_the_splatter_gives() {
         let both = mesh.with_splats(&layer, 0.0).unwrap();
         let blue = both.rgba[middle][2];
         assert!(if mesh_is_seen { blue == 1.0 } else { blue < 0.2 }, "at {depth}: {blue}");
-        assert_eq!(both.rgba[0], [0.0, 0.0, 1.0, 1.0], "where no splat is the wall hides the background");
+        assert_eq!(both.rgba[0], [0.0, 0.0, 1.0, 1.0], "where there is no splat, the wall hides the background");
     }
 }
 
-/// Meshes at the extremes, with the camera that sees them, the flips allowed and whether anything is seen.
+/// Extreme meshes, with their camera, the number of allowed flips, and whether anything is visible with faces and
+/// lines.
 fn extremes() -> Vec<(&'static str, Model, Camera, usize, [bool; 2])> {
     let camera = camera();
     let at = |x: f64, y: f64, depth: f64| at_pixel(&camera, x, y, depth);
     let torus = torus(40, 24);
     let behind: Vec<DVec3> = torus.positions.iter().map(|p| *p + 2.0 * camera.center()).collect();
-    // A vertex inside of the outline lies on a pixel's centre, so that some sample sees the skin.
+    // A vertex inside the outline is at a pixel's centre, so that some sample hits the surface.
     let center = at(30.5, 20.5, 0.4) - torus.positions[106] * 5e-3;
     let fine: Vec<DVec3> = torus.positions.iter().map(|p| *p * 5e-3 + center).collect();
     let wide = [at(-1e4, -2e4, 0.3), at(3e4, -1e4, 0.5), at(0.0, 3e4, 0.7)];
@@ -144,14 +145,14 @@ fn extremes() -> Vec<(&'static str, Model, Camera, usize, [bool; 2])> {
         ("no triangles", Model::plain(&[], &[]), camera.clone(), 0, [false; 2]),
         ("vertices alone", Model::plain(&wide, &[]), camera.clone(), 0, [false; 2]),
         ("behind the camera", Model { positions: behind, ..torus.clone() }, camera.clone(), 0, [false; 2]),
-        // Samples of the skin flip between triangles smaller than they are, and between its colours.
+        // Samples of the surface flip between triangles smaller than a sample, and between its colours.
         ("smaller than a pixel", Model { positions: fine, ..torus.clone() }, camera.clone(), 4, [true; 2]),
         ("all over the image", Model::plain(&wide, &[[0, 1, 2]]), camera.clone(), 0, [true, false]),
         ("one pixel", torus.clone(), tiny, 0, [true; 2]),
         ("through the near plane", torus, inside, 16, [true; 2]),
         ("a point", Model::plain(&[point; 3], &[[0, 1, 2]]), camera.clone(), 0, [false, true]),
         ("one vertex", Model::plain(&[point], &[[0, 0, 0]]), camera.clone(), 0, [false, true]),
-        // Without area but for rounding, which may give it a sample or not.
+        // The area is zero except for rounding, which may or may not give it a sample.
         ("a line", Model::plain(&line, &[[0, 1, 2]]), camera, 8, [false, true]),
     ]
 }
@@ -200,7 +201,7 @@ fn unusable_input_is_named() {
     says(torus.with(Surface::VertexColors(&[])), &camera, &style, "vertex colors");
     says(torus.with(Surface::Color(DVec3::splat(1.1))), &camera, &style, "color");
 
-    // A number that is none, or is far beyond, at vertex 5.
+    // NaN, or a number far out of range, at vertex 5.
     let bad = |change: fn(&mut Model)| {
         let mut model = torus.clone();
         change(&mut model);
@@ -211,13 +212,13 @@ fn unusable_input_is_named() {
     let model = bad(|m| m.positions[5].y = 1e30);
     says(model.textured(), &camera, &style, "positions: vertex 5 is");
     let model = bad(|m| m.normals[5].x = f64::INFINITY);
-    says(model.textured(), &camera, &style, "normals: that of vertex 5");
+    says(model.textured(), &camera, &style, "normals: the normal of vertex 5");
     let model = bad(|m| m.exposure[5] = f64::NAN);
     says(model.textured(), &camera, &style, "exposure: vertex 5");
     let model = bad(|m| m.uvs[5].x = f64::NAN);
-    says(model.textured(), &camera, &style, "uvs: that of vertex 5");
+    says(model.textured(), &camera, &style, "uvs: the UV of vertex 5");
     let model = bad(|m| m.colors[5].x = f64::NAN);
-    says(model.colored(), &camera, &style, "vertex colors: that of vertex 5");
+    says(model.colored(), &camera, &style, "vertex colors: the color of vertex 5");
 
     for camera in [
         Camera { width: 0, ..camera.clone() },
@@ -233,7 +234,7 @@ fn unusable_input_is_named() {
     }
     says(mesh, &camera, &lines(1, lights(), 1.0, Some(DVec3::NAN)), "line color");
     for wrap in [-0.1, 1.1, f64::NAN] {
-        let Shading::Lit { ambient, lights, .. } = lights() else { panic!("it is lit") };
+        let Shading::Lit { ambient, lights, .. } = lights() else { panic!("not lit") };
         says(mesh, &camera, &faces(1, Shading::Lit { ambient, lights, wrap }), "wrap");
     }
     let huge = Camera { width: 100_000, ..camera };

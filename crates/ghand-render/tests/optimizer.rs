@@ -10,7 +10,7 @@ use rand::{RngExt, SeedableRng};
 const LENGTH: usize = 300;
 const RATE: f64 = 0.01;
 
-/// Parameters after a few steps on the device and in f64, the range `range` alone being stepped.
+/// Parameters after a few steps on the device and in f64, of which only `range` is updated.
 fn run(range: std::ops::Range<usize>, grouping: Grouping) -> (Vec<f32>, Vec<f64>, Vec<f32>) {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
@@ -22,7 +22,7 @@ fn run(range: std::ops::Range<usize>, grouping: Grouping) -> (Vec<f32>, Vec<f64>
     let mut twin: Vec<f64> = start.iter().map(|v| f64::from(*v)).collect();
     let mut moments = vec![[0.0; 2]; LENGTH];
     for step in 1..=5 {
-        // Gradients over many orders of magnitude, a third of them exactly zero.
+        // Gradients spread over many orders of magnitude, a third of them exactly zero.
         let gradient: Vec<f32> = (0..LENGTH)
             .map(|i| if i % 3 == 0 { 0.0 } else { rng.random_range(-1.0f32..1.0) * 10f32.powi(-((i % 10) as i32)) })
             .collect();
@@ -49,7 +49,7 @@ fn worst(device: &[f32], twin: &[f64]) -> f64 {
 }
 
 #[test]
-fn adam_agrees_with_its_twin_and_keeps_to_its_range() {
+fn adam_agrees_with_its_twin_and_updates_only_its_range() {
     for grouping in [Grouping::Scalars, Grouping::Vectors] {
         let (device, twin, start) = run(42..252, grouping);
         assert!(worst(&device, &twin) <= 1e-6, "{grouping:?}: {}", worst(&device, &twin));

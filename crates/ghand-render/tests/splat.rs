@@ -48,7 +48,7 @@ fn floats(file: &safetensors::SafeTensors, name: &str) -> Vec<f32> {
 }
 
 #[test]
-fn published_scenes_come_out_as_gsplat_renders_them() {
+fn published_scenes_match_the_pictures_of_gsplat() {
     let Some(folder) = ghand_test_support::shared("reference/gsplat") else { return };
     let gpu = gpu();
     for name in ["basic_case", "tiny_case"] {
@@ -123,12 +123,12 @@ fn two_runs_of_one_device(gpu: &Gpu) {
 fn a_full_intersection_buffer_grows_instead_of_truncating() {
     let gaussians = random_scene(6, 60, 0.2..0.4);
     let camera = camera(200, 160);
-    // Each covers most of the 500 tiles: far more than the first guess of 1024 intersections.
+    // Each covers most of the 500 tiles: far more than the initial capacity of 1024 intersections.
     check_against_twin(SplatModel::HAND, &gaussians, &camera, 0.3);
 }
 
 #[test]
-fn a_broken_number_in_any_field_drops_its_gaussian_and_touches_nobody() {
+fn a_broken_number_in_any_field_drops_its_gaussian_and_no_other() {
     for gpu in devices() {
         broken_numbers(&gpu);
     }
@@ -145,13 +145,13 @@ fn broken_numbers(gpu: &Gpu) {
     assert_eq!(before.broken, 0);
     let plain = row_values(&healthy[0], &model);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        // One broken Gaussian for each row of the table, after the healthy ones.
+        // One broken Gaussian per row of the table, after the valid ones.
         let mut worse = Vec::new();
         let mut expected = 0;
         for row in 0..rows {
             worse.extend(&good[row * healthy.len()..(row + 1) * healthy.len()]);
             worse.extend((0..rows).map(|broken| if broken == row { bad } else { plain[row] as f32 }));
-            // A logarithm of a size may be minus infinity, a logit either: no size, no or full opacity.
+            // The logarithm of a size can be minus infinity (size 0), a logit either infinity (opacity 0 or 1).
             let is_number = (model.opacity_row() == row)
                 || (bad == f32::NEG_INFINITY && (3..3 + model.scale_rows()).contains(&row));
             expected += u32::from(bad.is_nan() || !is_number);
@@ -171,7 +171,7 @@ fn broken_numbers(gpu: &Gpu) {
 }
 
 #[test]
-fn no_gaussian_at_all_gives_the_background() {
+fn a_scene_without_gaussians_gives_the_background() {
     let gpu = gpu();
     let mut splatter = Splatter::new(&gpu, SplatOptions::default(), 0, [1, 1]).unwrap();
     splatter.set_view(&gpu, View::new(&camera(1, 1), 0, [0.2, 0.3, 0.4], 1.0)).unwrap();

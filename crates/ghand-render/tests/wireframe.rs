@@ -1,6 +1,6 @@
-//! The mesh rasteriser's lines: on the device against their twin, and what they promise.
+//! The mesh rasteriser's lines: compared with their twin, and tests of their properties.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -69,13 +69,14 @@ fn draw(model: &Model, camera: &Camera, style: &MeshStyle) -> [MeshImage; 2] {
     [device, render(&model.textured(), camera, style).unwrap()]
 }
 
-/// 64 x 64 pixels, 100 of them a metre at a metre's distance.
+/// 64 x 64 pixels; 1 m at a distance of 1 m is 100 pixels.
 fn straight_camera() -> Camera {
     let camera = Camera::look_at(DVec3::ZERO, DVec3::Z, DVec3::NEG_Y, 1.0, 64, 64);
     Camera { focal: DVec2::splat(100.0), principal: DVec2::splat(32.0), ..camera }
 }
 
-/// How much of a color channel's distance to `background` the pixels of row `y` from `x0` to `x1` hold, pixels.
+/// Line coverage in row `y` from `x0` to `x1`, pixels: a colour channel's difference from `background`, relative to
+/// `ink`.
 fn ink(image: &MeshImage, channel: usize, background: f32, ink: f32, y: u32, [x0, x1]: [u32; 2]) -> f64 {
     let at =
         |x: u32| f64::from((image.rgba[(y * image.width + x) as usize][channel] - background) / (ink - background));
@@ -83,11 +84,11 @@ fn ink(image: &MeshImage, channel: usize, background: f32, ink: f32, y: u32, [x0
 }
 
 #[test]
-fn a_line_is_as_wide_as_asked_on_borders_between_faces_on_ridges_in_valleys_and_on_outlines() {
+fn a_line_has_the_set_width_between_faces_on_ridges_in_valleys_and_on_outlines() {
     let camera = straight_camera();
     let at = |x: f64, y: f64, z: f64| at_pixel(&camera, x, y, z);
-    // An upright edge at x = 30.3 that two faces share, whose other sides are far outside; the depths of the edge and of
-    // both sides, and where the sides are.
+    // A vertical edge at x = 30.3 that two faces share, whose other sides are far outside: depth of the edge, depths of
+    // the sides, and x of the sides.
     let shapes = [
         ("flat", 1.0, [1.0, 1.0], [-200.0, 260.0]),
         ("ridge", 0.5, [2.0, 2.0], [-200.0, 260.0]),
@@ -116,7 +117,7 @@ fn a_line_is_as_wide_as_asked_on_borders_between_faces_on_ridges_in_valleys_and_
                     let narrow = (x0 - 30.3).abs().min((x1 - 30.3).abs()) < 10.0;
                     for image in draw(&model, &camera, &transparent) {
                         for y in [1, 20, 31, 62] {
-                            // Where other lines are near they only add: the pixel of the middle must have its share.
+                            // Other lines nearby only add: the pixel in the middle must have at least its part.
                             let (found, right) = if narrow {
                                 let share = f64::min(31.0, 30.3 + width / 2.0) - f64::max(30.0, 30.3 - width / 2.0);
                                 let found = ink(&image, 3, 0.0, 1.0, y, [30, 31]);
@@ -131,7 +132,7 @@ fn a_line_is_as_wide_as_asked_on_borders_between_faces_on_ridges_in_valleys_and_
                     if name == "outline" || !shared || narrow {
                         continue;
                     }
-                    // On white faces lines take away blue.
+                    // On white faces, lines reduce blue.
                     let style = MeshStyle { shading: Shading::Unlit, ..transparent };
                     for image in draw(&model, &camera, &style) {
                         let found = ink(&image, 2, 1.0, 0.1, 31, [24, 38]);
@@ -144,7 +145,7 @@ fn a_line_is_as_wide_as_asked_on_borders_between_faces_on_ridges_in_valleys_and_
 }
 
 #[test]
-fn a_slanted_line_is_as_wide_as_asked_and_ends_round() {
+fn a_slanted_line_has_the_set_width_and_round_ends() {
     let camera = straight_camera();
     let at = |x: f64, y: f64| at_pixel(&camera, x, y, 1.0);
     // One line: a triangle without area.
@@ -154,7 +155,8 @@ fn a_slanted_line_is_as_wide_as_asked_and_ends_round() {
         for k in [1, 2, 4] {
             for image in draw(&model, &camera, &lines(k, Shading::Transparent, width, None)) {
                 let area: f64 = image.rgba.iter().map(|p| f64::from(p[3])).sum();
-                // The filter is one sample wide along the distance: it rounds ends and corners by part of a sample.
+                // The filter is one sample wide along the distance: it rounds ends and corners by a fraction of a
+                // sample.
                 let expected = a.distance(b) * width + std::f64::consts::PI * width * width / 4.0;
                 assert!((area - expected).abs() <= 0.01 * expected + 0.5, "{width}, {k}: {area}, not {expected}");
             }
@@ -163,10 +165,10 @@ fn a_slanted_line_is_as_wide_as_asked_and_ends_round() {
 }
 
 #[test]
-fn a_face_hides_the_lines_behind_it_and_they_are_shown_where_asked() {
+fn a_face_hides_the_lines_behind_it_unless_hidden_lines_are_drawn() {
     let camera = straight_camera();
     let at = |x: f64, y: f64, z: f64| at_pixel(&camera, x, y, z);
-    // A large face in front of a small one, which reaches out to the right.
+    // A large face in front of a small one, which extends beyond it to the right.
     let positions = [
         at(10.0, 10.0, 1.0),
         at(40.0, 10.0, 1.0),
@@ -180,7 +182,7 @@ fn a_face_hides_the_lines_behind_it_and_they_are_shown_where_asked() {
     let alpha = |image: &MeshImage, x: usize, y: usize| image.rgba[y * 64 + x];
     for k in [1, 3] {
         for image in draw(&model, &camera, &lines(k, Shading::Transparent, 1.0, None)) {
-            assert_eq!(alpha(&image, 36, 29)[3], 0.0, "the line behind is left out");
+            assert_eq!(alpha(&image, 36, 29)[3], 0.0, "the line behind is not drawn");
             assert!((alpha(&image, 56, 36)[3] - 1.0).abs() < 1e-3, "beside the face it is drawn");
             assert!((image.depth[36 * 64 + 56] - 1.5).abs() < 1e-5);
             assert_eq!(image.depth[29 * 64 + 36], f32::INFINITY);
@@ -201,7 +203,8 @@ fn a_face_hides_the_lines_behind_it_and_they_are_shown_where_asked() {
 
 #[test]
 fn nothing_hidden_shows_through_a_closed_surface() {
-    // The near half of a torus hides the far half: the same lines as of the near triangles alone, as far as these reach.
+    // The near half of a torus hides the far half: the lines equal those of only the near triangles, as far as these
+    // reach.
     let (full, camera) = (torus(20, 12), camera());
     let facing = |t: &&[u32; 3]| {
         let [a, b, c] = t.map(|i| full.positions[i as usize]);
@@ -214,15 +217,15 @@ fn nothing_hidden_shows_through_a_closed_surface() {
         let [front, _] = draw(&near, &camera, &style);
         let ink = |image: &MeshImage| image.rgba.iter().map(|p| f64::from(p[3])).sum::<f64>();
         let more = ink(&all) / ink(&front) - 1.0;
-        // A line goes on for up to a sample after it went behind a face.
+        // A line continues for up to a sample after it passes behind a face.
         assert!(more.abs() < 0.02, "{k}: {more} more ink with the triangles that face away");
         let [shown, _] = draw(&full, &camera, &lines(k, Shading::Transparent, 1.0, Some(HIDDEN)));
-        assert!(ink(&shown) > 1.1 * ink(&all), "the check sees lines that show through");
+        assert!(ink(&shown) > 1.1 * ink(&all), "the check detects lines that show through");
     }
 }
 
 #[test]
-fn one_sample_a_pixel_draws_nearly_what_sixteen_draw() {
+fn one_sample_per_pixel_gives_nearly_the_image_of_sixteen() {
     let (torus, camera) = (torus(16, 10), camera());
     for width in [0.5, 1.0, 3.0] {
         let [coarse, _] = draw(&torus, &camera, &lines(1, Shading::Transparent, width, None));

@@ -37,25 +37,25 @@ pub struct EvaluatedView {
     pub render: Vec<[u8; 3]>,
     /// The floor's picture.
     pub floor: Vec<[u8; 3]>,
-    /// How like the truth the avatar's picture is.
+    /// Similarity of the avatar's picture to the truth.
     pub likeness: Likeness,
-    /// How like the truth the floor's picture is.
+    /// Similarity of the floor's picture to the truth.
     pub floor_likeness: Likeness,
 }
 
 /// Means over the views of a split.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Evaluation {
-    /// How many views.
+    /// Number of views.
     pub views: usize,
-    /// The avatar's.
+    /// Similarity of the avatar's pictures to the truth.
     pub avatar: Likeness,
-    /// The floor's.
+    /// Similarity of the floor's pictures to the truth.
     pub floor: Likeness,
 }
 
-/// Renders every view of a split, the frames in the capture's own poses, and compares avatar and floor with the truth.
-/// `each` sees every view once.
+/// Renders every view of a split in the capture's own poses and compares avatar and floor with the truth. `each` is
+/// called once per view.
 ///
 /// # Errors
 /// [`EvaluateError`] if an image is unusable or the device failed.
@@ -116,10 +116,10 @@ pub fn evaluate(
 /// Contents of `metrics.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Metrics {
-    /// The figures on images; absent where there was none to evaluate on.
+    /// The figures on images; absent if there were no images to evaluate.
     #[serde(flatten)]
     pub images: Option<ImageMetrics>,
-    /// Mean joint-angle error of the training poses, degrees, where the truth is known.
+    /// Mean joint-angle error of the training poses, degrees, if the true poses are known.
     pub pose_error_deg: Option<PoseError>,
     /// Wall-clock time of training, seconds.
     pub seconds: f64,
@@ -144,7 +144,7 @@ pub struct ImageMetrics {
     pub psnr_hand: f64,
     /// Mean SSIM.
     pub ssim: f64,
-    /// The floor's.
+    /// The same figures for the floor.
     pub floor: FloorMetrics,
     /// Whether the avatar's PSNR is above the floor's.
     pub beats_floor: bool,

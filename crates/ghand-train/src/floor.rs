@@ -1,4 +1,5 @@
-//! The floor that an avatar must beat: the template mesh, posed as its model says, with mean texel colours.
+//! The floor: the baseline that an avatar must beat. It is the template mesh, posed by its hand model, with mean texel
+//! colours.
 
 use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::mesh::{RenderMesh, Texture};
@@ -31,18 +32,18 @@ pub enum FloorError {
     Mesh(#[from] MeshError),
 }
 
-/// Resolution of the floor's texture: far finer than the blur that its mean over frames has anyway.
+/// Resolution of the floor's texture: far finer than the blur from averaging over frames.
 pub const FLOOR_RESOLUTION: u32 = 256;
 
-/// A hand model's vertices in a pose, and its normals there.
+/// A hand model's vertices and vertex normals in a pose.
 fn pose_mesh(model: &HandModel, pose: &Pose) -> Result<(Vec<DVec3>, Vec<DVec3>), InvalidHandModel> {
     let positions = pose_hand(model, &[], pose)?.vertices;
     let normals = model.vertex_normals(&positions);
     Ok((positions, normals))
 }
 
-/// Surface samples in a pose: `distance` metres out along their normals, moved by the pose correctives of the triangles
-/// that they lie on, then skinned with their own weights.
+/// Surface samples in a pose: offset by `distance` metres along their normals, moved by the pose correctives of their
+/// triangles, then skinned with their own weights.
 fn pose_samples(
     model: &HandModel,
     samples: &SurfaceSamples,
@@ -104,20 +105,21 @@ impl<'a> MeshPainter<'a> {
 /// Mean colours of a surface's texels, display values 0..1.
 #[derive(Debug, Clone)]
 pub struct TexelColors {
-    /// One colour a sampled texel; texels that no view sees get the mean of those that are seen.
+    /// One colour per sampled texel; texels that no view sees get the mean of the visible ones.
     pub colors: Vec<[f64; 3]>,
     /// Index of each texel in its raster.
     pub texels: Vec<u32>,
-    /// Edge of the raster.
+    /// Width and height of the raster, texels.
     pub resolution: u32,
 }
 
-/// How far in front of a texel the drawn surface may be before the texel counts as hidden, metres.
+/// A texel counts as hidden if the rendered surface is more than this in front of it, metres.
 const DEPTH_TOLERANCE: f64 = 0.002;
-/// Texels seen at a flatter angle than this cosine are left out.
+/// Texels seen at a more grazing angle than this cosine are skipped.
 const MIN_COSINE: f64 = 0.3;
 
-/// Mean colours over at most `view_count` of a split's views, chosen at random but always the same, with the split's frames in `poses`.
+/// Mean colours over at most `view_count` of a split's views, chosen at random with a fixed seed. `poses` holds the
+/// poses of the split's frames.
 ///
 /// # Errors
 /// [`FloorError`] if an image or the model is unusable.
@@ -134,7 +136,7 @@ pub fn texel_colors(
     let painter = MeshPainter::new(gpu, model)?;
     let plain = Texture::plain([255; 3]);
     let mut views = split.views.clone();
-    // Shuffled, so that every camera and every frame has its turn whatever their numbers.
+    // Shuffled, so that the chosen views spread over all cameras and frames.
     views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
     views.truncate(view_count);
     let mut sums = vec![[0.0f64; 4]; samples.len()];
@@ -143,7 +145,7 @@ pub fn texel_colors(
         let view = capture.load_view(camera_index, frame)?;
         let depth = painter.paint(&poses[position], camera, &plain, 1)?.depth;
         let points = pose_samples(model, &samples, &poses[position], 0.0)?;
-        // The normal is carried by posing a point a little way out along it.
+        // The posed normal comes from posing a second point, a small distance along the rest normal.
         let tips = pose_samples(model, &samples, &poses[position], 1e-4)?;
         sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
             let (at, z) = camera.project(points[t]);
@@ -171,8 +173,8 @@ pub fn texel_colors(
 }
 
 impl TexelColors {
-    /// The colours as a texture; texels outside the atlas' charts take the colour of a neighbour, so that filtering at
-    /// the charts' edges does not darken.
+    /// The colours as a texture. Texels next to the charts get a neighbour's colour, so that filtering does not darken
+    /// the charts' edges.
     pub fn texture(&self) -> Texture {
         let n = self.resolution as usize;
         let mut grid: Vec<Option<[f64; 3]>> = vec![None; n * n];
@@ -200,14 +202,14 @@ impl TexelColors {
     }
 }
 
-/// The floor: a texture and the means to draw it.
+/// The floor: a mesh with a texture, and the renderer that draws it.
 pub struct Floor<'a> {
     painter: MeshPainter<'a>,
     texture: Texture,
 }
 
 impl<'a> Floor<'a> {
-    /// The floor of a capture, its colours averaged over `view_count` views of a split in the given poses.
+    /// The floor of a capture. Its colours are means over `view_count` views of a split in the given poses.
     ///
     /// # Errors
     /// [`FloorError`] if an image or the model is unusable.
@@ -222,10 +224,10 @@ impl<'a> Floor<'a> {
         Ok(Floor { painter: MeshPainter::new(gpu, &capture.template)?, texture: colors.texture() })
     }
 
-    /// The floor's picture over a background, row-major.
+    /// Renders the floor over a background; pixels are row-major.
     ///
     /// # Errors
-    /// [`FloorError`] if it cannot be drawn, or the pose does not fit.
+    /// [`FloorError`] if it cannot be drawn, or the pose does not fit the hand model.
     pub fn render(&self, pose: &Pose, camera: &Camera, background: [f64; 3]) -> Result<Vec<[f32; 3]>, FloorError> {
         let image = self.painter.paint(pose, camera, &self.texture, 3)?;
         let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * background[c] as f32);

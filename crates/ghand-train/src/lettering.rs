@@ -16,12 +16,12 @@ use image::{Rgb, RgbImage};
 pub const LINE: u32 = 18;
 const FONT: MonoFont = FONT_7X13;
 
-/// Width of a letter, pixels; all have the same.
+/// Width of a letter, pixels; the font is monospaced.
 pub fn letter_width() -> u32 {
     FONT.character_size.width + FONT.character_spacing
 }
 
-/// A picture to draw letters in; what lies outside of it is not drawn.
+/// A picture to draw letters in, which clips them.
 struct Canvas<'a>(&'a mut RgbImage);
 
 impl OriginDimensions for Canvas<'_> {
@@ -45,8 +45,8 @@ impl DrawTarget for Canvas<'_> {
     }
 }
 
-/// Writes a line of text with its top left corner at (x, y). What does not fit into `width` pixels is taken out of its middle,
-/// since ids differ at their ends.
+/// Writes a line of text with its top left corner at (x, y). Text wider than `width` pixels is shortened in its middle,
+/// because ids differ at their ends.
 pub fn write(sheet: &mut RgbImage, [x, y]: [u32; 2], width: u32, color: Rgb<u8>, text: &str) {
     let letters: String = shortened(text, (width / letter_width().max(1)) as usize).into_iter().collect();
     let [r, g, b] = color.0;
@@ -56,7 +56,7 @@ pub fn write(sheet: &mut RgbImage, [x, y]: [u32; 2], width: u32, color: Rgb<u8>,
         Text::with_baseline(&letters, Point::new(x as i32, y as i32), style, Baseline::Top).draw(&mut Canvas(sheet));
 }
 
-/// At most `most` letters of a text, `..` in place of what is taken out.
+/// At most `most` letters of a text, with `..` in place of the removed ones.
 fn shortened(text: &str, most: usize) -> Vec<char> {
     let letters: Vec<char> = text.chars().collect();
     if letters.len() <= most {

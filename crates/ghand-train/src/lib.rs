@@ -1,5 +1,5 @@
-//! Training of hand avatars: settings, the training step, evaluation against held-out views, the floor to beat, and the
-//! report.
+//! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
+//! beat), and the report.
 
 pub mod evaluate;
 pub mod floor;

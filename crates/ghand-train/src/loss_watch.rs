@@ -1,11 +1,11 @@
-//! Tells when training goes wrong: numbers that are no longer finite, or a loss that has risen.
+//! Detects failed training: numbers that are no longer finite, or a loss that has risen.
 
 use ghand_avatar::PropertyTables;
 use ghand_core::Pose;
 
 use crate::settings::TrainSettings;
 
-/// How a stage went wrong.
+/// Why a stage failed.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Fault {
     /// Something is infinite or not a number.
@@ -47,22 +47,22 @@ fn check_values(learned: &[(&'static str, &[f32])]) -> Result<(), Fault> {
     }
 }
 
-/// Fails unless what is learned for the whole hand is finite: little enough to be read now and then.
+/// Fails unless the numbers learned for the whole hand are finite. They are few enough to be read regularly.
 pub(crate) fn check_hand(response: &[f32], joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Fault> {
     check_values(&[("the pose response", response), ("the rest joints", joints.as_flattened())])?;
     let is_finite = |p: &Pose| p.translation.is_finite() && p.rotations.iter().all(|r| r.is_finite());
     if poses.iter().all(is_finite) { Ok(()) } else { Err(Fault::NotFinite("a pose")) }
 }
 
-/// Fails unless what is learned for each Gaussian is finite.
+/// Fails unless the numbers learned for each Gaussian are finite.
 pub(crate) fn check_gaussians(tables: &PropertyTables) -> Result<(), Fault> {
     check_values(&tables.parts())
 }
 
-/// A setting so many times above its default is the likely reason.
+/// A setting more than this many times its default is the likely reason.
 const SUSPICIOUS: f64 = 2.0;
 
-/// What to do about a fault: the setting that is furthest above its default, if there is one.
+/// What to do about a fault: lower the setting that is furthest above its default, if there is one.
 pub(crate) fn remedy(settings: &TrainSettings) -> String {
     let numbers = |s: &TrainSettings| {
         [
@@ -92,7 +92,7 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
         Some((name, value, default, _)) => {
             format!("most likely `{name}` is too high: it is {value:?}, its default is {default:?}; lower it")
         }
-        None => "lower the rates (such as --set rate_shape_basis=5e-5), and look over the capture's poses and masks \
+        None => "lower the rates (such as --set rate_shape_basis=5e-5), and check the capture's poses and masks \
                  with `ghand inspect`"
             .into(),
     }
@@ -105,7 +105,7 @@ mod tests {
     use glam::DVec3;
 
     #[test]
-    fn a_loss_may_fall_or_stay_but_not_rise_or_be_no_number() {
+    fn a_loss_must_not_rise_and_must_be_finite() {
         check_change(0.5, 0.5).unwrap();
         check_change(0.5, 0.1).unwrap();
         assert_eq!(check_change(0.5, 0.51), Err(Fault::Risen { from: 0.5, to: 0.51 }));
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn every_learned_number_is_looked_at() {
+    fn every_learned_number_is_checked() {
         let tables = DirectTables {
             shape_basis: vec![0.0; 3],
             residual_weights: vec![0.0; 3],

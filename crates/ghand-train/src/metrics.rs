@@ -1,11 +1,11 @@
-//! PSNR and SSIM of pictures, and distances of poses.
+//! PSNR and SSIM of pictures, and angles between poses.
 
 use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::{Gpu, RenderError, buffers};
 
-/// How like its truth a picture is.
+/// Similarity of a picture to its truth.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Likeness {
     /// PSNR over all pixels, dB, on 8-bit values.
@@ -16,7 +16,7 @@ pub struct Likeness {
     pub ssim: f64,
 }
 
-/// Compares pictures of up to a size; SSIM runs on the device.
+/// Compares pictures up to a given size; SSIM runs on the device.
 pub struct Comparator {
     image: wgpu::Buffer,
     loss: ImageLoss,
@@ -28,8 +28,8 @@ pub fn quantize(rgb: [f32; 3]) -> [u8; 3] {
 }
 
 fn psnr(sum: f64, values: usize) -> f64 {
-    // Two equal 8-bit pictures would be infinitely alike; the mean over views stays finite with half a grey level in one
-    // value.
+    // Equal 8-bit pictures would have infinite PSNR. An error of at least half a grey level in one value keeps the mean
+    // over views finite.
     let mean = sum / values.max(1) as f64;
     -10.0 * mean.max((0.5f64 / 255.0).powi(2) / values.max(1) as f64).log10()
 }
@@ -38,7 +38,7 @@ impl Comparator {
     /// A comparator for pictures of at most `max_pixels`.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     pub fn new(gpu: &Gpu, max_pixels: usize) -> Result<Comparator, RenderError> {
         let make = |label| buffers::zeroed(gpu, label, 4 * max_pixels);
         let what = format!("comparing images up to {max_pixels} pixels");
@@ -47,10 +47,10 @@ impl Comparator {
         Ok(Comparator { image, loss })
     }
 
-    /// Likeness of an 8-bit picture to its truth (red, green, blue, mask).
+    /// Similarity of an 8-bit picture to its truth (red, green, blue, mask).
     ///
     /// # Errors
-    /// [`RenderError`] if the sizes do not fit or the device failed.
+    /// [`RenderError`] if the sizes do not match or the device failed.
     pub fn compare(
         &mut self,
         gpu: &Gpu,
@@ -80,8 +80,8 @@ impl Comparator {
     }
 }
 
-/// Mean angle between the local rotations of two sequences of poses, degrees, over the frames and the joints that
-/// `counts`.
+/// Mean angle between the local rotations of two sequences of poses, degrees, over all frames and the joints for which
+/// `counts` is true.
 pub fn pose_error_degrees(poses: &[Pose], truth: &[Pose], counts: &[bool]) -> f64 {
     let (mut sum, mut n) = (0.0, 0usize);
     for (a, b) in poses.iter().zip(truth) {

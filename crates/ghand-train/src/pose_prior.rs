@@ -1,22 +1,22 @@
-//! A prior on poses, fitted to the capture's own: most joints turn about fewer than three axes.
+//! A prior on poses, fitted to the capture's own poses: most joints rotate about fewer than three axes.
 //!
-//! Over the frames of a capture, a joint's axis-angle vectors spread widely along the axes it really turns about and only
-//! by the noise of the pose estimate along the others. Taking the smallest spread for noise, the best linear estimate of
-//! the true rotation shrinks each principal component towards the mean by (spread - noise) / spread.
+//! Over the frames of a capture, a joint's axis-angle vectors vary widely along the axes it really rotates about, and
+//! along the others only by the noise of the pose estimate. With the smallest variance as the noise, the best linear
+//! estimate of the true rotation shrinks each principal component towards the mean by (variance - noise) / variance.
 
 use ghand_core::Pose;
 use glam::{DMat3, DVec3};
 
-/// Fewer frames than this say too little about how a joint moves.
+/// With fewer frames, the statistics of a joint's motion are not reliable.
 const MIN_FRAMES: usize = 8;
-/// A joint whose smallest spread is above this part of its largest turns freely about all axes: its smallest spread is
-/// motion, not noise.
+/// A joint whose smallest standard deviation is above this fraction of its largest rotates freely about all axes: its
+/// smallest deviation is motion, not noise.
 const FREE_RATIO: f64 = 0.3;
 
 /// Eigenvalues and orthonormal eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 fn eigen(mut a: DMat3) -> (DVec3, DMat3) {
     let mut vectors = DMat3::IDENTITY;
-    // Convergence is quadratic: a handful of sweeps reaches rounding.
+    // Convergence is quadratic: a few sweeps reach rounding error.
     for _ in 0..12 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = a.col(q)[p];
@@ -38,8 +38,8 @@ fn eigen(mut a: DMat3) -> (DVec3, DMat3) {
     (DVec3::new(a.x_axis.x, a.y_axis.y, a.z_axis.z), vectors)
 }
 
-/// Shrinks every joint's rotations towards its mean along the axes about which it hardly turns. Frames of a sequence are
-/// its samples; with few frames, and for joints that turn freely, nothing changes.
+/// Shrinks every joint's rotations towards their mean along the axes about which it hardly rotates. The frames are the
+/// samples. With few frames, and for joints that rotate freely, nothing changes.
 pub fn shrink(poses: &mut [Pose]) {
     let frames = poses.len();
     let joints = poses.iter().map(|p| p.rotations.len()).min().unwrap_or(0);
@@ -72,7 +72,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn noise_across_a_hinge_is_taken_off_and_a_free_joint_is_left() {
+    fn noise_across_a_hinge_is_reduced_and_a_free_joint_is_unchanged() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let axis = DVec3::new(0.6, 0.0, 0.8);
         let mut noise = |size: f64| DVec3::from_array(std::array::from_fn(|_| rng.random_range(-size..size)));

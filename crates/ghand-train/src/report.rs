@@ -5,26 +5,26 @@ use image::{Rgb, RgbImage};
 use crate::evaluate::EvaluatedView;
 use crate::lettering::{LINE, letter_width, write};
 
-/// Gap between pictures, pixels.
+/// Gap between columns, pixels.
 const GAP: u32 = 4;
-/// Around the sheet and between views, pixels.
+/// Space around the sheet and between views, pixels.
 const MARGIN: u32 = 12;
 /// Factor on the error column.
 const ERROR_GAIN: u32 = 4;
-/// What the columns show.
+/// Heads of the columns.
 const HEADS: [&str; 4] = ["truth", "rendering", "error x4", "floor"];
-/// Grey of the sheet, and the colours of what is written.
+/// Grey of the sheet, and the colours of its text.
 const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// One row for each view: truth, rendering, absolute error times four and floor, below the names of camera and frame. Each
-/// column has its head, each rendering its PSNR on the hand.
+/// One row per view: truth, rendering, absolute error times four and floor, below the names of camera and frame. Each
+/// column has a head; above rendering and floor is their PSNR on the hand.
 pub fn report(views: &[EvaluatedView]) -> RgbImage {
     let widest_head = HEADS.iter().map(|head| head.len() as u32 * letter_width()).max().unwrap_or(0);
     let width = views.iter().map(|v| v.size[0]).max().unwrap_or(1).max(widest_head);
     let sheet_width = 4 * (width + GAP) - GAP + 2 * MARGIN;
-    // Above each view: its name, and the figures of its pictures.
+    // The two lines above each view are its name and its PSNR figures.
     let height: u32 = views.iter().map(|v| v.size[1] + 2 * LINE + MARGIN).sum();
     let mut sheet = RgbImage::from_pixel(sheet_width, MARGIN + LINE + height, PAPER);
     let left = |column: u32| MARGIN + column * (width + GAP);
@@ -53,7 +53,7 @@ pub fn report(views: &[EvaluatedView]) -> RgbImage {
     sheet
 }
 
-/// Draws a picture with its left top corner at a pixel of the sheet.
+/// Draws a picture with its top left corner at a pixel of the sheet.
 fn place(sheet: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], color: impl Fn(usize) -> [u8; 3]) {
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
         sheet.put_pixel(left + x, top + y, Rgb(color((y * width + x) as usize)));
@@ -79,14 +79,14 @@ mod tests {
         }
     }
 
-    /// Rows of the sheet with letters in a range of columns.
+    /// Pixel rows of the sheet that have letters in a range of pixel columns.
     fn lettered(sheet: &RgbImage, columns: std::ops::Range<u32>) -> Vec<u32> {
         let is_letter = |x: u32, y: u32| [INK, FAINT].contains(sheet.get_pixel(x, y));
         (0..sheet.height()).filter(|y| columns.clone().any(|x| is_letter(x, *y))).collect()
     }
 
     #[test]
-    fn every_column_has_its_head_and_every_view_its_name() {
+    fn every_column_has_a_head_and_every_view_a_name() {
         let views = [view([80, 20], 31.5), view([60, 30], 7.0)];
         let sheet = report(&views);
         assert_eq!(sheet.dimensions(), (4 * 84 - 4 + 24, 12 + 18 + (20 + 36 + 12) + (30 + 36 + 12)));
@@ -100,15 +100,15 @@ mod tests {
         }
         let names = lettered(&sheet, 12..90);
         assert!(names.iter().any(|y| (30..48).contains(y)) && names.iter().any(|y| (98..116).contains(y)));
-        assert!(lettered(&sheet, 96..176).iter().any(|y| (48..66).contains(y)), "no figure over the rendering");
-        // Another name is other letters.
+        assert!(lettered(&sheet, 96..176).iter().any(|y| (48..66).contains(y)), "no PSNR above the rendering");
+        // A different name gives different letters.
         let mut renamed = views.clone();
         renamed[1].name[1] = "0013".into();
         assert_ne!(report(&renamed), sheet);
     }
 
     #[test]
-    fn a_report_of_narrow_pictures_or_of_none_has_room_for_its_heads() {
+    fn a_report_of_narrow_pictures_or_none_still_fits_its_heads() {
         assert!(report(&[view([4, 4], 1.0)]).width() >= 4 * 9 * letter_width());
         assert!(report(&[]).height() > 0);
     }

@@ -1,30 +1,30 @@
-//! What each training setting may be, and how to say so.
+//! Allowed values of each training setting, and their description in messages.
 
 use serde_json::Value;
 
-/// The values that a setting takes.
+/// The allowed values of a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Rule {
-    /// Whole numbers between two, both included.
+    /// Whole numbers between two bounds, both included.
     Whole(u64, u64),
-    /// Numbers between two, both included.
+    /// Numbers between two bounds, both included.
     Number(f64, f64),
     /// Numbers from 0 to below 1.
     BelowOne,
     /// Numbers above 0, up to 1.
     AboveZero,
-    /// One of some words.
+    /// One of these words.
     Word(&'static [&'static str]),
 }
 
-/// Beyond this, the f32 of the device would be infinite.
+/// Larger numbers would be infinite as f32 on the device.
 const LARGEST: f64 = 1e38;
-/// A run of so many iterations takes years.
+/// A run of this many iterations takes years.
 const MOST_ITERATIONS: u64 = 1_000_000_000;
-/// Up to here every whole number is an f64.
+/// 2^53: up to here an f64 represents every whole number exactly.
 const LARGEST_EXACT: f64 = 9_007_199_254_740_992.0;
 
-/// What the setting of that name may be; `None` if there is none.
+/// The rule of a setting; `None` if no setting has this name.
 pub(crate) fn rule(name: &str) -> Option<Rule> {
     Some(match name {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
@@ -35,7 +35,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "seed" => Rule::Whole(0, u64::MAX),
         "shape_bases" => Rule::Whole(1, 32),
         "color_components" => Rule::Whole(0, 32),
-        // As large as the largest image.
+        // The size of the largest image.
         "crop_margin" => Rule::Whole(0, 16_384),
         "final_rate" => Rule::AboveZero,
         "coefficients" => Rule::Word(&["per_basis", "per_component"]),
@@ -48,7 +48,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
 }
 
 impl Rule {
-    /// Reads a value; `None` if it is not of the kind or out of range.
+    /// Reads a value; `None` if it has the wrong type or is out of range.
     pub fn parse(self, text: &str) -> Option<Value> {
         let value = match self {
             Rule::Whole(..) => Value::from(whole(text)?),
@@ -58,7 +58,7 @@ impl Rule {
         self.allows(&value).then_some(value)
     }
 
-    /// Whether a value is of the kind and in range.
+    /// Whether a value has the right type and is in range.
     pub fn allows(self, value: &Value) -> bool {
         match self {
             Rule::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
@@ -91,14 +91,14 @@ fn whole(text: &str) -> Option<u64> {
     })
 }
 
-/// How alike two names must be, from 0 to 1, for one to be taken for a slip of the other.
+/// Similarity of two names, from 0 to 1, above which one counts as a misspelling of the other.
 const ALIKE: f64 = 0.6;
 
-/// What to say where no setting has the name `key`.
+/// The message for a `key` that is not a setting.
 pub(crate) fn unknown(key: &str, names: &[String]) -> String {
     let plain = key.to_lowercase().replace('-', "_");
     let likeness = |name: &String| strsim::normalized_damerau_levenshtein(&plain, name);
     let nearest = names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|n| likeness(n) >= ALIKE);
     let question = nearest.map_or(String::new(), |name| format!("did you mean `{name}`? "));
-    format!("there is no such setting; {question}The settings are {}", names.join(", "))
+    format!("unknown setting; {question}The settings are {}", names.join(", "))
 }

@@ -1,4 +1,4 @@
-//! What can be chosen about a training run.
+//! The settings of a training run.
 
 use ghand_avatar::AvatarConfig;
 use ghand_core::blend_shapes::CoefficientLayout;
@@ -12,17 +12,17 @@ use crate::setting_rules::{rule, unknown};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
-    /// Iterations of both stages together; one view each.
+    /// Iterations of both stages together; each trains on one view.
     pub iterations: u64,
-    /// Part of the iterations that belongs to stage 1, where poses are refined.
+    /// Fraction of the iterations in stage 1, which refines the poses.
     pub pose_stage: f64,
-    /// How often, evenly over stage 1 and first at its start, the poses are drawn to a prior fitted to themselves.
+    /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
     pub pose_prior_rounds: u64,
     /// Resolution of the UV raster in stage 1.
     pub pose_uv_resolution: u32,
     /// How many times smaller the images of stage 1 are.
     pub pose_image_reduction: u32,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Resolution of the UV raster whose texels are the Gaussians.
     pub uv_resolution: u32,
@@ -30,13 +30,13 @@ pub struct TrainSettings {
     pub shape_bases: usize,
     /// Number of pose-dependent colour components.
     pub color_components: usize,
-    /// How far inside of the template's surface the Gaussians start, in their standard deviations.
+    /// Initial depth of the Gaussians below the template's surface, in their standard deviations.
     pub start_inset: f64,
-    /// Numbers of a blend coefficient: one per basis, or one per component of it, as in the paper.
+    /// Layout of the blend coefficients: one per basis, or one per component of each basis, as in the paper.
     pub coefficients: CoefficientLayout,
-    /// What the residual skinning weights mean.
+    /// How the residual skinning weights are interpreted.
     pub residual_weights: ResidualWeights,
-    /// Where the residual skeleton stands.
+    /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
     /// Weight of the mean absolute colour difference.
     pub l1_weight: f64,
@@ -48,7 +48,7 @@ pub struct TrainSettings {
     pub scale_weight: f64,
     /// Pixels kept around the mask when a view is cropped to the hand.
     pub crop_margin: u32,
-    /// All rates fall exponentially to this part of themselves at the end.
+    /// All rates decay exponentially to this fraction of their initial value.
     pub final_rate: f64,
     /// Rate of the shape bases, metres.
     pub rate_shape_basis: f64,
@@ -84,7 +84,7 @@ impl Default for TrainSettings {
             uv_resolution: 160,
             shape_bases: 8,
             color_components: 4,
-            // A little too thin at first does better than a little too fat: nothing outside of the hand needs unlearning.
+            // Starting slightly too thin is better than slightly too thick: nothing outside the hand must be unlearned.
             start_inset: 3.0,
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
@@ -115,7 +115,7 @@ impl Default for TrainSettings {
 pub struct SettingsError {
     /// The setting.
     pub setting: String,
-    /// What is wrong and what would be right.
+    /// What is wrong, and what is allowed.
     pub problem: String,
 }
 
@@ -127,10 +127,10 @@ fn default_assignment(key: &str) -> String {
 }
 
 impl TrainSettings {
-    /// Applies `key=value`. The settings stay as they were if that fails.
+    /// Applies `key=value`. If that fails, the settings are unchanged.
     ///
     /// # Errors
-    /// [`SettingsError`] if there is no such key or the value does not fit.
+    /// [`SettingsError`] if the key is unknown or the value is not allowed.
     pub fn set(&mut self, assignment: &str) -> Result<(), SettingsError> {
         let fail = |setting: &str, problem: String| SettingsError { setting: setting.into(), problem };
         let (key, text) = assignment
@@ -143,7 +143,7 @@ impl TrainSettings {
             return Err(fail(key, unknown(key, &names)));
         };
         *slot = rule.parse(text).ok_or_else(|| {
-            let given = if text.is_empty() { "nothing was given, it".into() } else { format!("`{text}`") };
+            let given = if text.is_empty() { "no value was given; it".into() } else { format!("`{text}`") };
             fail(key, format!("{given} {}", rule.wanted(&default_assignment(key))))
         })?;
         *self = serde_json::from_value(fields).map_err(|e| fail(key, e.to_string()))?;
@@ -168,7 +168,7 @@ impl TrainSettings {
         Ok(())
     }
 
-    /// The part of the settings that the avatar keeps.
+    /// The settings that are stored in the avatar.
     pub fn avatar(&self) -> AvatarConfig {
         AvatarConfig {
             uv_resolution: self.uv_resolution,
@@ -180,8 +180,8 @@ impl TrainSettings {
         }
     }
 
-    /// The settings of stage 1: one constant basis and constant colours, and no residual weights or skeleton, so that
-    /// the poses alone explain how frames differ.
+    /// The settings of stage 1: one constant basis, constant colours, and no residual weights or skeleton, so that only
+    /// the poses can explain the differences between frames.
     pub fn pose_stage_settings(&self) -> TrainSettings {
         TrainSettings {
             uv_resolution: self.pose_uv_resolution,
@@ -195,7 +195,7 @@ impl TrainSettings {
         }
     }
 
-    /// Iterations of stage 1. At least one is left for stage 2, which makes the avatar.
+    /// Iterations of stage 1. At least one remains for stage 2, which makes the avatar.
     pub fn pose_iterations(&self) -> u64 {
         let rounded = (self.iterations as f64 * self.pose_stage).round() as u64;
         rounded.min(self.iterations.saturating_sub(1))
@@ -210,12 +210,12 @@ mod tests {
         let mut settings = TrainSettings::default();
         let message = settings.set(assignment).unwrap_err().to_string();
         assert!(!message.contains('\n'), "{message}");
-        assert_eq!(settings, TrainSettings::default(), "{assignment} has changed something");
+        assert_eq!(settings, TrainSettings::default(), "{assignment} changed the settings");
         message
     }
 
     #[test]
-    fn settings_are_set_by_name_and_refused_by_name() {
+    fn settings_are_set_by_name_and_errors_name_them() {
         let mut s = TrainSettings::default();
         s.set("iterations=7").unwrap();
         s.set("residual_weights = paper").unwrap();
@@ -233,25 +233,25 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_may_be_written_as_any_number_that_is_whole() {
+    fn whole_numbers_can_be_written_with_exponent_or_fraction() {
         let mut s = TrainSettings::default();
         for (text, value) in [("1e2", 100), ("100.0", 100), (" 100 ", 100), ("+3", 3), ("1.5e1", 15)] {
             s.set(&format!("iterations={text}")).unwrap();
             assert_eq!(s.iterations, value, "{text}");
         }
-        // Above 2^53 not every whole number is an f64: the digits count.
+        // Above 2^53 an f64 is not exact: the digits are read directly.
         s.set("seed=18446744073709551615").unwrap();
         assert_eq!(s.seed, u64::MAX);
     }
 
     #[test]
-    fn a_refusal_says_in_plain_words_what_is_wanted() {
+    fn an_error_describes_the_allowed_values_in_plain_words() {
         for (bad, wanted) in [
             ("iterations=1.5", "`1.5` must be a whole number, from 1 to 1000000000, as in iterations=3400"),
             ("iterations=0", "must be a whole number, from 1"),
             ("iterations=1e30", "must be a whole number, from 1"),
             ("iterations=many", "must be a whole number, from 1"),
-            ("iterations=", "nothing was given, it must be a whole number"),
+            ("iterations=", "no value was given; it must be a whole number"),
             ("iterations=[3]", "must be a whole number"),
             ("uv_resolution=4", "must be a whole number, from 8 to 2048, as in uv_resolution=160"),
             ("uv_resolution=-8", "must be a whole number, from 8 to 2048"),
@@ -260,7 +260,7 @@ mod tests {
             ("shape_bases=0", "must be a whole number, from 1 to 32"),
             ("pose_stage=1", "must be a number, at least 0 and below 1, as in pose_stage=0.62"),
             ("final_rate=0", "must be a number, above 0 and at most 1"),
-            // More than the device's numbers hold.
+            // Beyond the range of the device's f32.
             ("rate_color=1e39", "must be a number, from 0 to 1e38, as in rate_color=0.02"),
             ("rate_color=-1", "must be a number, from 0 to 1e38"),
             ("rate_color=inf", "must be a number"),
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn every_setting_has_a_range_and_its_default_lies_in_it() {
+    fn every_setting_has_a_range_that_contains_its_default() {
         TrainSettings::default().check().unwrap();
         let fields = serde_json::to_value(TrainSettings::default()).unwrap();
         for (key, value) in fields.as_object().unwrap() {

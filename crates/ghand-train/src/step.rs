@@ -1,4 +1,4 @@
-//! One training step on the device: pose, splat, loss, all the way back, and the update. Nothing but counters is read back.
+//! One training step on the device: pose, splat, loss, the backward pass and the update. Only counters are read back.
 
 use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_render::deform::{DeformationBackward, pose_stride};
@@ -12,7 +12,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 use crate::settings::TrainSettings;
 use crate::views::TrainView;
 
-/// Everything of a step that lives on the device.
+/// The device's buffers and pipelines for training steps.
 pub struct Step {
     scene: Scene,
     loss: ImageLoss,
@@ -25,7 +25,7 @@ pub struct Step {
     joint_count: usize,
 }
 
-/// The rates of one step, after the schedule.
+/// The learning rates of one step, after the schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates {
     /// Number of the step, from 1.
@@ -34,7 +34,7 @@ pub struct Rates {
     pub tables: f64,
     /// Factor on pose and translation; 0 keeps the pose.
     pub pose: f64,
-    /// How often this frame's pose has been stepped, this time included.
+    /// Number of updates of this frame's pose, this one included.
     pub pose_step: u64,
     /// Weight of the scale term.
     pub scale_weight: f64,
@@ -57,10 +57,10 @@ impl Rates {
 }
 
 impl Step {
-    /// Puts an avatar and `frames` poses on the device. `mobility` is 1 for joints whose rotation may be refined.
+    /// Puts an avatar and `frames` poses on the device. `mobility` is 1 for joints whose rotation is refined, else 0.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has no room for it or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost.
     pub fn new(
         gpu: &Gpu,
         avatar: &Avatar,
@@ -91,10 +91,10 @@ impl Step {
         Ok(Step { scene, loss, backward, offset_penalty, scale_penalty, poses, joints, count, joint_count })
     }
 
-    /// Stores a pose as that of frame number `frame`.
+    /// Sets the pose of frame number `frame`.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the pose does not fit.
+    /// [`RenderError::Invalid`] if the pose does not fit the avatar.
     pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &ghand_core::Pose) -> Result<(), RenderError> {
         self.scene.set_pose(gpu, 0, frame, pose)
     }
@@ -102,7 +102,7 @@ impl Step {
     /// The avatar on the device.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] never: a step has one.
+    /// Never: a step always has an avatar.
     fn avatar(&self) -> Result<&PosedAvatar, RenderError> {
         self.scene.avatars().first().ok_or_else(no_avatar)
     }
@@ -112,7 +112,7 @@ impl Step {
         &self.scene
     }
 
-    /// Reads back what the property model has learned.
+    /// Reads back the learned tables of the property model.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
@@ -120,8 +120,7 @@ impl Step {
         self.avatar()?.model.tables(gpu)
     }
 
-    /// Reads back what is learned for the whole hand: how it depends on the pose, the rest joints (`n_b`, metres), and the
-    /// poses as `[frames][n_b * 3 + 3]` numbers.
+    /// Reads back the numbers learned for the whole hand.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
@@ -134,8 +133,8 @@ impl Step {
         })
     }
 
-    /// Runs one step on one view. `value_count` is the number of values that the loss is a mean over (those of the whole
-    /// image, so that crops of all sizes weigh the same).
+    /// Runs one step on one view. The loss is a mean over `value_count` values: those of the whole image, so that crops
+    /// of all sizes have the same weight per pixel.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the view needs more memory than it has.
@@ -161,7 +160,7 @@ impl Step {
         self.learn(gpu, view.frame, settings, rates)
     }
 
-    /// What follows a complete frame: the property model's gradients and the pose's, and the update of all.
+    /// The part after a complete frame: the gradients of the property model and the pose, and all updates.
     fn learn(&mut self, gpu: &Gpu, frame: usize, settings: &TrainSettings, rates: &Rates) -> Result<(), RenderError> {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let model = &mut first(self.scene.avatars_mut())?.model;
@@ -173,7 +172,7 @@ impl Step {
         Ok(())
     }
 
-    /// The loss of one view, as a mean over its crop; nothing is learned from it.
+    /// The loss of one view, as a mean over its crop, without an update.
     ///
     /// # Errors
     /// As [`Step::run`].
@@ -191,7 +190,7 @@ impl Step {
         Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim)
     }
 
-    /// Makes a view the one that is worked on.
+    /// Sets the view for the next frame.
     fn aim(
         &mut self,
         gpu: &Gpu,
@@ -212,7 +211,7 @@ impl Step {
         self.scene.set_view(gpu, &view.camera, background)
     }
 
-    /// Steps the rest joints and the frame's pose.
+    /// Updates the rest joints and the frame's pose.
     fn update_hand(
         &self,
         gpu: &Gpu,
@@ -253,10 +252,10 @@ impl Step {
     }
 }
 
-/// What is learned for the whole hand.
+/// The numbers learned for the whole hand.
 #[derive(Debug, Clone)]
 pub struct HandNumbers {
-    /// How all Gaussians depend on the pose.
+    /// The pose response, shared by all Gaussians.
     pub response: Vec<f32>,
     /// Rest joints, metres.
     pub joints: Vec<[f32; 3]>,

@@ -1,4 +1,5 @@
-//! Glue between the synthetic capture, which knows no GPU, and the mesh rasteriser, which knows no captures.
+//! Connects the synthetic capture, which does not use the GPU, with the mesh rasteriser, which does not depend on
+//! captures.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,18 +20,18 @@ pub enum SyntheticError {
     Mesh(#[from] MeshError),
 }
 
-/// Samples a pixel has along each axis.
+/// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 3;
 
 /// Makes a synthetic capture in an empty or absent folder.
 ///
 /// # Errors
-/// [`SyntheticError`] if the folder is taken or cannot be written, or drawing fails.
+/// [`SyntheticError`] if the folder is not empty or cannot be written, or drawing fails.
 pub fn make_capture(gpu: &Gpu, options: &SyntheticOptions, folder: &Path) -> Result<(), SyntheticError> {
     make_capture_unless(gpu, options, folder, &AtomicBool::new(false)).map(|_| ())
 }
 
-/// As [`make_capture`], but gives up once `stop` is true: the result is then false, and there is no folder.
+/// As [`make_capture`], but stops once `stop` is true: it then returns false and leaves no folder.
 ///
 /// # Errors
 /// As [`make_capture`].

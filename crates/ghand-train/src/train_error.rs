@@ -1,4 +1,4 @@
-//! Why there is no avatar.
+//! Errors of training.
 
 use ghand_capture::CaptureError;
 use ghand_hand_model::HandModelError;
@@ -20,7 +20,7 @@ pub enum TrainError {
     /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The device was lost and there is no other.
+    /// The device was lost and could not be replaced.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// A setting is out of range.
@@ -42,27 +42,27 @@ pub enum TrainError {
         /// "cameras", "frames" or "images".
         what: &'static str,
     },
-    /// The host's memory has no room.
+    /// The host has too little memory.
     #[error(
-        "not enough memory for {gaussians} Gaussians, which need about {mebibytes} MiB; close other programs or choose \
-         fewer Gaussians than with uv_resolution={uv_resolution}"
+        "not enough memory for {gaussians} Gaussians, which need about {mebibytes} MiB; close other programs, or lower \
+         uv_resolution={uv_resolution} for fewer Gaussians"
     )]
     NoMemory {
         /// Number of Gaussians.
         gaussians: usize,
         /// What they need, MiB.
         mebibytes: u64,
-        /// The setting that decides on the number.
+        /// The setting that determines the number of Gaussians.
         uv_resolution: u32,
     },
-    /// Numbers became infinite, or the loss rose: what was learned is worth nothing.
+    /// Numbers became infinite, or the loss rose: the result is unusable.
     #[error("training failed in stage {stage}, iteration {iteration} of {iterations}: {fault}; {remedy}")]
     Diverged {
         /// The stage.
         stage: u32,
         /// Iterations done, of both stages.
         iteration: u64,
-        /// Iterations that were to be done.
+        /// Total number of iterations.
         iterations: u64,
         /// What went wrong.
         fault: String,
@@ -71,13 +71,13 @@ pub enum TrainError {
     },
     /// The run was told to stop before there was an avatar.
     #[error(
-        "stopped after {iteration} of {iterations} iterations, before stage 2 had begun to make the avatar: there is no \
+        "stopped after {iteration} of {iterations} iterations, before stage 2, which makes the avatar: there is no \
          avatar to save yet"
     )]
     Stopped {
         /// Iterations done.
         iteration: u64,
-        /// Iterations that were to be done.
+        /// Total number of iterations.
         iterations: u64,
     },
 }

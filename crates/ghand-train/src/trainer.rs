@@ -23,16 +23,16 @@ use crate::step::{Rates, Step};
 use crate::train_error::TrainError;
 use crate::views::{TrainView, TrainViews};
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Iterations done.
     pub iteration: u64,
-    /// Iterations in all.
+    /// Total number of iterations.
     pub iterations: u64,
     /// 1 while poses are refined, then 2.
     pub stage: u32,
-    /// Running mean of L1 over the crops, where it has been read.
+    /// Running mean of L1 over the crops, once it has been read.
     pub l1: Option<f64>,
 }
 
@@ -43,7 +43,7 @@ pub struct Trained {
     pub avatar: Avatar,
     /// Refined poses of the split's frames.
     pub poses: Vec<Pose>,
-    /// Iterations done, of both stages: fewer than the settings' if the run was told to stop.
+    /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
     pub iterations: u64,
     /// Wall-clock time of the iterations, seconds.
     pub seconds: f64,
@@ -74,36 +74,36 @@ pub struct Trainer<'a> {
     stop: Option<&'a AtomicBool>,
 }
 
-/// Views over which the loss before and after a stage is compared.
+/// Number of views on which the loss before and after a stage is compared.
 const WATCHED_VIEWS: usize = 8;
-/// How often the loss is read for the progress bar; reading waits for the device.
+/// Iterations between two readings of the loss for the progress bar; reading waits for the device.
 const LOSS_EVERY: u64 = 25;
-/// Views that are decoded ahead of their use, where not all of them fit into memory.
+/// Number of views decoded ahead of their use, if not all fit into memory.
 const PREFETCHED: usize = 16;
-/// Views that the first texel colours are taken from.
+/// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
-/// The joints that the capture moves at all: where every pose of it has exactly 0, the capture says that the joint does
-/// not move, and refinement leaves it.
+/// Which joints move. A joint whose rotation is exactly 0 in every pose is fixed in this capture, and refinement does
+/// not change it.
 pub fn moving_joints(poses: &[Pose]) -> Vec<bool> {
     let joints = poses.first().map_or(0, |p| p.rotations.len());
     (0..joints).map(|k| poses.iter().any(|p| p.rotations.get(k).is_some_and(|r| *r != DVec3::ZERO))).collect()
 }
 
-/// What a stage trains, and on what.
+/// One stage of training.
 struct Stage {
     number: u32,
     settings: TrainSettings,
     iterations: u64,
-    /// Iterations of the stages before.
+    /// Iterations of the previous stages.
     done: u64,
     refine_poses: bool,
-    /// Images are this many times smaller than the capture's.
+    /// The images are this many times smaller than the capture's.
     reduction: u32,
     scale_weight: f64,
 }
 
-/// What a stage ends with.
+/// The result of a stage.
 struct StageResult {
     avatar: Avatar,
     poses: Vec<Pose>,
@@ -118,7 +118,7 @@ impl<'a> Trainer<'a> {
     /// Loads the views of a split.
     ///
     /// # Errors
-    /// [`TrainError`] names what cannot be used.
+    /// [`TrainError`] if the settings, the capture or its hand model cannot be used.
     pub fn new(
         gpu: &'a Gpu,
         capture: &'a Capture,
@@ -153,8 +153,8 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Has the run stop after the iteration in which `stop` becomes true. In stage 2 that ends the run with the avatar as
-    /// it is then, before that with [`TrainError::Stopped`].
+    /// Stops the run after the iteration in which `stop` becomes true. In stage 2 the run then returns the present
+    /// avatar, before that [`TrainError::Stopped`].
     #[must_use]
     pub fn stop_when(self, stop: &'a AtomicBool) -> Trainer<'a> {
         Trainer { stop: Some(stop), ..self }
@@ -165,17 +165,17 @@ impl<'a> Trainer<'a> {
         self.gaussians
     }
 
-    /// Runs both stages, telling `progress` after each iteration.
+    /// Runs both stages and calls `progress` after each iteration.
     ///
-    /// Stage 1 refines the poses with a light avatar on smaller images: what it is for is the poses, and with little else
-    /// to explain the images they move where they should. Stage 2 starts afresh from the refined poses, which then stay.
+    /// Stage 1 refines the poses with a simple avatar on smaller images: with little else to explain the images, the
+    /// poses move to where they belong. Stage 2 starts a new avatar from the refined poses, which are then fixed.
     ///
-    /// A stage whose device is lost is repeated on a new one, and ends as it would have; `progress` then starts once more
+    /// If the device is lost, the stage is repeated on a new one, with the same result; `progress` then starts again
     /// from the stage's first iteration.
     ///
     /// # Errors
     /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
-    /// [`TrainError::Diverged`] if a stage has made things worse than they were at its start.
+    /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
         let start = Instant::now();
         let mut gpu = self.gpu.clone();
@@ -210,13 +210,13 @@ impl<'a> Trainer<'a> {
         Ok(Trained { avatar, poses: self.poses, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// The poses of the frames that training has images of.
+    /// The poses of the frames with training images.
     fn seen_poses(&self) -> Vec<Pose> {
         let seen = |position: usize| self.split.views.iter().any(|view| view.position == position);
         self.poses.iter().enumerate().filter(|(position, _)| seen(*position)).map(|(_, pose)| pose.clone()).collect()
     }
 
-    /// The avatar that a stage starts from: the template's surface with mean texel colours.
+    /// The initial avatar of a stage: the template's surface with mean texel colours.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
         let mut avatar = Avatar::untrained_inset(
             &self.capture.template,
@@ -237,7 +237,7 @@ impl<'a> Trainer<'a> {
         Ok(avatar)
     }
 
-    /// Runs one stage: a view an iteration, in shuffled passes over all views.
+    /// Runs one stage: one view per iteration, in shuffled passes over all views.
     fn run(&self, gpu: &Gpu, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let avatar = self.start(gpu, settings)?;
@@ -247,7 +247,7 @@ impl<'a> Trainer<'a> {
             step.set_pose(gpu, frame, pose)?;
         }
         let background = self.capture.background.map(|b| b as f32);
-        // The means of the loss are over the whole image, so that crops of all sizes weigh the same.
+        // The loss is a mean over the whole image, so that crops of all sizes have the same weight per pixel.
         let value_count = |view: &TrainView| {
             let camera = &self.capture.cameras[view.camera_index];
             3.0 * f64::from(camera.width) * f64::from(camera.height) / f64::from(stage.reduction.pow(2))
@@ -268,7 +268,7 @@ impl<'a> Trainer<'a> {
         let mut mean: Option<f64> = None;
         for iteration in 0..stage.iterations {
             if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                // An avatar without a single iteration is no result either.
+                // An avatar without a single iteration is not a result either.
                 if stage.refine_poses || iteration == 0 {
                     let (iteration, iterations) = (stage.done + iteration, self.settings.iterations);
                     return Err(TrainError::Stopped { iteration, iterations });
@@ -305,7 +305,7 @@ impl<'a> Trainer<'a> {
             step.run(gpu, view, value_count(view), background, settings, &rates)?;
             if (iteration + 1) % LOSS_EVERY == 0 {
                 let [l1, _] = step.loss(gpu, view)?;
-                // Gaussians without a place are not drawn: the loss alone would stay finite.
+                // Gaussians at positions that are not finite are not drawn, so the loss would stay finite.
                 let (response, joints, poses) = self.read_hand(gpu, &step)?;
                 let checked = check_loss(l1).and_then(|()| check_hand(&response, &joints, &poses));
                 checked.map_err(|fault| diverged(fault, iteration + 1))?;
@@ -331,14 +331,14 @@ impl<'a> Trainer<'a> {
         Ok(StageResult { avatar: Avatar { tables, provenance, ..avatar }, poses, iterations: done })
     }
 
-    /// What a step has learned for the whole hand: the pose response, the rest joints and the poses.
+    /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.
     fn read_hand(&self, gpu: &Gpu, step: &Step) -> Result<LearnedHand, RenderError> {
         let numbers = step.hand_numbers(gpu, self.poses.len())?;
         let poses = poses_of(&numbers.poses, numbers.joints.len());
         Ok((numbers.response, numbers.joints, poses))
     }
 
-    /// The mean loss over some of the views, always the same, evenly over all of them.
+    /// The mean loss over a fixed, evenly spaced selection of the views.
     fn watched_loss(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, background: [f32; 3]) -> Result<f64, TrainError> {
         let count = self.views.len().min(WATCHED_VIEWS);
         let mut sum = 0.0;
@@ -350,8 +350,8 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// Whether the prior on hinges acts before an iteration (from 0): `rounds` times, evenly over a stage's iterations from the
-/// first one on; before every iteration where there are fewer of them.
+/// Whether the pose prior is applied before an iteration (from 0): `rounds` times, evenly over a stage's iterations
+/// from the first one on, or before every iteration if there are fewer than `rounds`.
 fn is_prior_round(iteration: u64, iterations: u64, rounds: u64) -> bool {
     if rounds == 0 {
         return false;
@@ -360,11 +360,11 @@ fn is_prior_round(iteration: u64, iterations: u64, rounds: u64) -> bool {
     iteration.is_multiple_of(between) && iteration / between < rounds
 }
 
-/// Takes the mean correction off the translations.
+/// Subtracts the mean correction from the translations.
 ///
-/// Moving all points and joints of the rest hand one way and all translations the other changes no image, so refinement
-/// drifts along; poses from elsewhere, such as those of a test, would then be off by as much. The given translations
-/// err from frame to frame, but hardly in the mean.
+/// Moving all points and joints of the rest hand one way and all translations the opposite way changes no image, so
+/// refinement can drift; other poses, such as those of a test split, would then be off by the drift. The given
+/// translations have errors in single frames, but hardly in their mean.
 fn recenter(refined: &mut [Pose], given: &[Pose]) {
     let drift = refined.iter().zip(given).map(|(r, g)| r.translation - g.translation).sum::<DVec3>();
     let drift = drift / refined.len().max(1) as f64;
@@ -387,11 +387,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_prior_acts_as_often_as_it_should() {
+    fn the_prior_is_applied_as_often_as_set() {
         for (iterations, rounds) in [(1400, 3), (1402, 3), (1, 1), (186, 3), (7, 7), (1000, 1), (100, 0)] {
             let acts: Vec<u64> = (0..iterations).filter(|i| is_prior_round(*i, iterations, rounds)).collect();
             assert_eq!(acts.len() as u64, rounds, "{iterations} iterations: {acts:?}");
-            // None so late that nothing can follow it.
+            // Enough iterations follow each round.
             assert!(acts.iter().all(|i| *i == 0 || iterations - i >= iterations / rounds), "{iterations}: {acts:?}");
         }
         assert_eq!((0..2).filter(|i| is_prior_round(*i, 2, 5)).count(), 2, "fewer iterations than rounds");

@@ -1,4 +1,4 @@
-//! Training views, cut to the hand, from a store that keeps a bounded part of them in memory.
+//! Training views, cropped to the hand, from a store that keeps a bounded part of them in memory.
 
 use ghand_capture::{Capture, CaptureError, Split, SplitView, ViewStore, ViewStoreOptions};
 use ghand_core::Camera;
@@ -19,7 +19,7 @@ pub struct TrainView {
 }
 
 impl TrainView {
-    /// The view at an integer fraction of its resolution, by box filter; what does not fill a whole pixel is cut off.
+    /// The view at an integer fraction of its resolution, by box filter; partial pixels at the edges are dropped.
     pub fn reduced(&self, factor: u32) -> TrainView {
         let [width, height] = self.size;
         let size = [(width / factor).max(1), (height / factor).max(1)];
@@ -49,8 +49,7 @@ impl TrainView {
     }
 }
 
-/// The views of a split. Which views there are and in which order they are used is the trainer's; what a view holds does
-/// not depend on it.
+/// The views of a split. The trainer decides in which order they are used.
 pub struct TrainViews {
     store: ViewStore,
     views: Vec<SplitView>,
@@ -59,11 +58,11 @@ pub struct TrainViews {
 }
 
 impl TrainViews {
-    /// Decodes every view of a split once, so that a broken image is an error here and not in the middle of a training, and
-    /// keeps what fits.
+    /// Decodes every view of a split once, so that a broken image fails here and not in the middle of training, and
+    /// keeps as many as fit.
     ///
     /// # Errors
-    /// A [`CaptureError`] of one of the images.
+    /// [`CaptureError`] if one of the images is unusable.
     pub fn new(capture: &Capture, split: &Split, margin: u32) -> Result<TrainViews, CaptureError> {
         let store = ViewStore::new(capture, &ViewStoreOptions { margin, ..Default::default() })?;
         let pairs: Vec<(usize, usize)> = split.views.iter().map(|v| (v.camera, v.frame)).collect();
@@ -72,12 +71,12 @@ impl TrainViews {
         Ok(TrainViews { store, views: split.views.clone(), largest })
     }
 
-    /// How many views there are.
+    /// Number of views.
     pub fn len(&self) -> usize {
         self.views.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no views.
     pub fn is_empty(&self) -> bool {
         self.views.is_empty()
     }
@@ -90,7 +89,7 @@ impl TrainViews {
     /// One view at an integer fraction of its resolution.
     ///
     /// # Errors
-    /// [`CaptureError`] when the image has become unreadable.
+    /// [`CaptureError`] if the image has become unreadable.
     pub fn get(&self, index: usize, reduction: u32) -> Result<TrainView, CaptureError> {
         let SplitView { position, frame, camera } = self.views[index];
         let view = self.store.get(camera, frame)?;
@@ -104,7 +103,7 @@ impl TrainViews {
         Ok(if reduction > 1 { train_view.reduced(reduction) } else { train_view })
     }
 
-    /// Has a view decoded in the background.
+    /// Starts decoding a view in the background.
     pub fn prefetch(&self, index: usize) {
         if let Some(view) = self.views.get(index) {
             self.store.prefetch(view.camera, view.frame);

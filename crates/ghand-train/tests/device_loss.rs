@@ -17,7 +17,7 @@ use ghand_train::trainer::moving_joints;
 use ghand_train::views::TrainViews;
 use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
 
-/// Far longer than anything here takes.
+/// Far longer than any test here takes.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Runs `work` on another thread, so that a call that waits forever fails the test instead of stopping it.
@@ -28,7 +28,7 @@ fn in_time(work: impl FnOnce() + Send + 'static) {
         sender.send(()).unwrap();
     });
     if let Err(std::sync::mpsc::RecvTimeoutError::Timeout) = receiver.recv_timeout(PATIENCE) {
-        panic!("it waits forever");
+        panic!("it never returns");
     }
     thread.join().unwrap_or_else(|e| std::panic::resume_unwind(e));
 }
@@ -55,14 +55,14 @@ fn settings() -> TrainSettings {
     TrainSettings { iterations: 20, pose_stage: 0.5, uv_resolution: 40, pose_uv_resolution: 32, ..Default::default() }
 }
 
-/// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it told of.
+/// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it reported.
 fn train(capture: &Capture, lost_at: Option<u64>) -> (Trained, Vec<u64>) {
     let gpu = gpu();
     let mut iterations = Vec::new();
     let trained = Trainer::new(&gpu, capture, "train", &settings()).unwrap().train(|p| {
         iterations.push(p.iteration);
         if Some(p.iteration) == lost_at {
-            // Of the first device: the run's next one is its own.
+            // This is the first device: the run makes the next one itself.
             gpu.device.destroy();
         }
     });
@@ -71,13 +71,13 @@ fn train(capture: &Capture, lost_at: Option<u64>) -> (Trained, Vec<u64>) {
 }
 
 #[test]
-fn a_run_whose_device_is_lost_ends_with_the_avatar_of_one_that_kept_it() {
+fn a_run_that_loses_its_device_ends_with_the_same_avatar() {
     in_time(|| {
         let folder = tempfile::tempdir().unwrap();
         let capture = small_capture(&gpu(), &folder.path().join("capture"));
         let (whole, iterations) = train(&capture, None);
         assert_eq!(iterations, (1..=20).collect::<Vec<_>>());
-        // The tenth ends stage 1, but its poses are still on the device.
+        // Iteration 10 is the last of stage 1, but its poses are still on the device.
         for (lost_at, first_of_stage) in [(4, 1), (10, 1), (11, 11), (18, 11)] {
             let (trained, iterations) = train(&capture, Some(lost_at));
             let repeated: Vec<u64> = (1..=lost_at).chain(first_of_stage..=20).collect();
@@ -85,7 +85,7 @@ fn a_run_whose_device_is_lost_ends_with_the_avatar_of_one_that_kept_it() {
             assert!(trained.avatar.tables == whole.avatar.tables, "lost at {lost_at}: another avatar");
             assert!(trained.poses == whole.poses, "lost at {lost_at}: other poses");
         }
-        // The comparison sees a single number.
+        // The comparison detects a single changed number.
         let mut wrong = whole.avatar.tables.clone();
         let PropertyTables::Direct(tables) = &mut wrong;
         tables.regressor[3] += f32::EPSILON;
@@ -94,7 +94,7 @@ fn a_run_whose_device_is_lost_ends_with_the_avatar_of_one_that_kept_it() {
 }
 
 #[test]
-fn a_step_an_evaluation_and_a_capture_without_their_device_fail_and_say_why() {
+fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
     in_time(|| {
         let gpu = gpu();
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! A trained avatar in poses far outside of what training saw.
+//! A trained avatar in poses far outside those of training.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -14,7 +14,7 @@ use ghand_train::{TrainSettings, Trainer};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
-/// Lengths of all Gaussians' offsets in a pose, metres, and their colours' logits.
+/// Lengths of all Gaussians' offsets in a pose, metres, and the logits of their colours.
 fn offsets_and_logits(avatar: &Avatar, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
     let (count, config) = (avatar.template.len(), &avatar.config);
     let PropertyTables::Direct(tables) = &avatar.tables;
@@ -43,7 +43,7 @@ fn largest(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
+fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let folder = tempfile::tempdir().unwrap();
     let options = SyntheticOptions {
@@ -62,7 +62,7 @@ fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
         pose_stage: 0.2,
         uv_resolution: 48,
         pose_uv_resolution: 32,
-        // The response has little time.
+        // A high rate, because the response has few iterations to learn.
         rate_response: 3e-2,
         ..TrainSettings::default()
     };
@@ -71,7 +71,7 @@ fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
     let PropertyTables::Direct(tables) = &mut free.tables;
     tables.response_limits = unlimited(tables.response_limits.len() / 2);
 
-    // Training poses are drawn as without limits.
+    // The limits do not change training poses.
     for pose in &trained.poses {
         assert_eq!(offsets_and_logits(&trained.avatar, pose), offsets_and_logits(&free, pose));
     }
@@ -87,10 +87,10 @@ fn extreme_poses_keep_offsets_and_colours_about_as_training_had_them() {
         .collect();
     let [seen, held, unheld] = [over(&free, &trained.poses), over(&trained.avatar, &extreme), over(&free, &extreme)];
     let figures = format!("training {seen:?}, extreme {held:?}, extreme without limits {unheld:?}");
-    // Each joint stays within its range and its margin of a fifth. Measured is 1.14 times the training's offset and 1.12 times
-    // its logit, and without limits 3.0 and 1.3 times.
+    // Each joint stays within its range plus a margin of a fifth. Measured: 1.14 times the offset and 1.12 times the
+    // logit of training; without limits 3.0 and 1.3 times.
     for i in 0..2 {
         assert!(held[i] <= 1.3 * seen[i], "{figures}");
-        assert!(unheld[i] > 1.1 * held[i], "the limits hold nothing back: {figures}");
+        assert!(unheld[i] > 1.1 * held[i], "the limits have no effect: {figures}");
     }
 }

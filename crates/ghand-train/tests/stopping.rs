@@ -1,4 +1,4 @@
-//! Training runs that end before their time: by request, or because they go wrong.
+//! Training runs that end early: by request, or because they fail.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,7 +34,7 @@ fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Result<Train
 }
 
 #[test]
-fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() {
+fn a_stop_in_stage_2_returns_the_avatar_and_a_stop_before_returns_none() {
     with_capture(|gpu, capture| {
         let run = |stop_at: u64| {
             let stop = AtomicBool::new(false);
@@ -43,7 +43,7 @@ fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() 
                 last = p.iteration;
                 stop.store(p.iteration >= stop_at, Ordering::Relaxed);
             });
-            assert_eq!(last, stop_at.min(40), "the run went on after the stop");
+            assert_eq!(last, stop_at.min(40), "the run continued after the stop");
             trained
         };
         for stop_at in [3, 20] {
@@ -58,7 +58,7 @@ fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() 
         assert_eq!((stopped.iterations, stopped.avatar.provenance.iterations), (30, 30));
         let whole = run(41).unwrap();
         assert_eq!((whole.iterations, whole.avatar.provenance.iterations), (40, 40));
-        // In the last iteration there is nothing left to stop.
+        // A stop in the last iteration has no effect.
         assert!(run(40).unwrap().avatar.tables == whole.avatar.tables);
         assert!(stopped.avatar.tables != whole.avatar.tables);
     });
@@ -67,7 +67,7 @@ fn a_stop_in_stage_2_ends_with_the_avatar_of_then_and_one_before_it_with_none() 
 #[test]
 fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
     with_capture(|gpu, capture| {
-        // Long before its end.
+        // The run ends long before its last iteration.
         let endless = TrainSettings { iterations: 100_000, pose_stage: 0.0, rate_response: 1e38, ..settings() };
         let error = train(gpu, capture, &endless).unwrap_err();
         assert!(matches!(error, TrainError::Diverged { iteration: 25, .. }), "{error}");
@@ -98,7 +98,7 @@ fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
 }
 
 #[test]
-fn runs_of_a_few_iterations_do_not_count_as_going_wrong() {
+fn runs_of_a_few_iterations_do_not_count_as_failed() {
     with_capture(|gpu, capture| {
         for (iterations, pose_stage) in [(1, 0.62), (2, 0.62), (4, 0.62), (4, 0.0), (10, 0.5)] {
             for seed in 1..=3 {
@@ -110,7 +110,7 @@ fn runs_of_a_few_iterations_do_not_count_as_going_wrong() {
 }
 
 #[test]
-fn looking_at_the_loss_changes_nothing_that_is_learned() {
+fn measuring_the_loss_does_not_change_what_is_learned() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
         let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
@@ -136,7 +136,7 @@ fn looking_at_the_loss_changes_nothing_that_is_learned() {
         };
         let tables = learn(false);
         assert!(tables == learn(true));
-        assert!(tables != avatar.tables, "nothing was learned at all");
+        assert!(tables != avatar.tables, "nothing was learned");
     });
 }
 
@@ -146,7 +146,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
         let split = capture.split("train").unwrap();
         let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
         let mut avatar = Avatar::untrained(&capture.template, &settings().avatar(), [0.8, 0.6, 0.5], 1).unwrap();
-        // Gaussians as large as they can be lie on more tiles than there is room for at first.
+        // Gaussians of the largest possible size cover more tiles than the initial capacity.
         let PropertyTables::Direct(tables) = &mut avatar.tables;
         tables.appearance[..avatar.template.len()].fill(5.0);
         let joints = avatar.template.joint_count();
@@ -173,7 +173,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
 }
 
 #[test]
-fn a_capture_that_is_stopped_while_it_is_made_leaves_nothing() {
+fn a_capture_stopped_while_being_made_leaves_no_files() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(true);

@@ -34,7 +34,7 @@ fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Trained {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_file_and_another_seed_another() {
+fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
@@ -51,7 +51,7 @@ fn the_same_seed_gives_the_same_file_and_another_seed_another() {
 }
 
 #[test]
-fn training_beats_the_floor_on_new_poses_and_views_and_mends_the_poses() {
+fn training_beats_the_floor_on_new_poses_and_views_and_improves_the_poses() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
@@ -68,7 +68,7 @@ fn training_beats_the_floor_on_new_poses_and_views_and_mends_the_poses() {
     let mut seen = 0;
     let evaluation = evaluate(&gpu, &trained.avatar, &capture, "test", &floor, |_| seen += 1).unwrap();
     assert_eq!((evaluation.views, seen), (4, 4));
-    // A training of a few seconds: half a thousand steps for the avatar. The full demo reaches several times as much.
+    // Training takes a few seconds, about 500 steps for the avatar. The full demo gains several times as much.
     let (gain, hand_gain) =
         (evaluation.avatar.psnr - evaluation.floor.psnr, evaluation.avatar.psnr_hand - evaluation.floor.psnr_hand);
     assert!(gain > 0.0 && hand_gain >= 1.0, "only {gain} dB, {hand_gain} dB on the hand, above the floor");

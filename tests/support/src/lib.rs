@@ -1,20 +1,20 @@
-//! Files that lie beside the checkout, in `../shared`, and the tests that are skipped without them.
+//! Files next to the checkout, in `../shared`, and the tests that are skipped without them.
 //!
-//! Cargo hides what a passing test prints through `println!`. A skipped test therefore writes its line to standard error itself,
-//! and appends it to the file named by `GHAND_SKIPPED_TESTS`, which `make test` sums up at its end.
+//! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
+//! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// What every line about a skipped test begins with.
+/// Prefix of every line about a skipped test.
 pub const PREFIX: &str = "SKIPPED TEST:";
 
-/// The environment variable that names the file of skipped tests.
+/// The environment variable with the path of the file of skipped tests.
 pub const RECORD: &str = "GHAND_SKIPPED_TESTS";
 
-/// The file or folder of that name in `../shared`, if it is there. If not, the calling test must return: the line that tells so
-/// is written here.
+/// The file or folder of this name in `../shared`, if it exists. If not, this function reports the test as skipped, and
+/// the calling test must return.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
     find(&folder, name, std::env::var_os(RECORD).as_deref().map(Path::new))
@@ -27,7 +27,7 @@ fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
     }
     let thread = std::thread::current();
     let line = format!("{PREFIX} {} needs shared/{name}\n", thread.name().unwrap_or("a test"));
-    // Nothing is lost but a notice where standard error is closed.
+    // If standard error is closed, only this notice is lost.
     let _ = io::stderr().write_all(line.as_bytes());
     if let Some(record) = record
         && let Err(error) = append(record, &line)
@@ -37,7 +37,7 @@ fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
     None
 }
 
-/// Appends a line in one write, since tests of several programs do so at the same time.
+/// Appends a line in one write, since several test programs do this at the same time.
 fn append(path: &Path, line: &str) -> io::Result<()> {
     OpenOptions::new().create(true).append(true).open(path)?.write_all(line.as_bytes())
 }
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_recorded_on_one_line_and_what_is_there_is_found() {
+    fn a_missing_file_is_recorded_on_one_line_and_an_existing_one_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("skipped");
         std::fs::write(folder.path().join("there"), b"").unwrap();

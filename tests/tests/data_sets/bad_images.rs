@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::fixtures::{assert_says, synthetic};
 
-/// The synthetic capture with its images in another folder, in files called `{frame}.{extension}`.
+/// The synthetic capture with its images in another folder.
 fn capture_in(folder: &Path, image: &str, mask: Option<&str>) -> Capture {
     Capture {
         root: folder.into(),
@@ -33,7 +33,7 @@ fn message(capture: &Capture) -> String {
 }
 
 #[test]
-fn exr_holds_linear_light_with_premultiplied_alpha() {
+fn exr_has_linear_light_and_premultiplied_alpha() {
     let (folder, path, capture) = sample("exr");
     let pixel = |x: u32, _: u32| match x {
         0 => Rgba([0.0f32, 0.5, 1.0, 1.0]),
@@ -43,7 +43,7 @@ fn exr_holds_linear_light_with_premultiplied_alpha() {
     };
     ImageBuffer::from_fn(128, 192, pixel).save(&path).unwrap();
     let view = capture.load_view(0, 0).unwrap();
-    // 0.5 of linear light is shown as 188; half of it in front of half of the background (0, 127.5, 255).
+    // 0.5 of linear light is displayed as 188; half of it is in front of half of the background (0, 127.5, 255).
     assert_eq!(view.rgba[0], [0, 188, 255, 255]);
     assert_eq!(view.rgba[1], [0, 158, 255, 255]);
     assert_eq!(view.rgba[2], [0, 128, 255, 0]);
@@ -67,7 +67,7 @@ fn sixteen_bit_png_and_grey_jpeg_are_read() {
 }
 
 #[test]
-fn a_header_that_claims_a_gigantic_image_is_refused_before_any_pixel_is_read() {
+fn a_header_of_a_gigantic_image_is_rejected_before_any_pixel_is_read() {
     let (_folder, path, capture) = sample("png");
     RgbImage::new(128, 192).save(&path).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
@@ -95,29 +95,29 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn an_exr_that_stores_more_than_it_shows_is_refused() {
+fn an_exr_with_more_data_than_its_window_shows_is_rejected() {
     let (_folder, path, capture) = sample("exr");
     ImageBuffer::from_pixel(128, 192, Rgb([0.5f32; 3])).save(&path).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
     let name = b"dataWindow\0box2i\0";
     let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
-    // The window's last column and row.
+    // The last column and row of the data window.
     bytes[at + 8..at + 16].copy_from_slice(&[0xFF, 0xFF, 0xFF, 0x0F, 0xFF, 0xFF, 0xFF, 0x0F]);
     std::fs::write(&path, &bytes).unwrap();
     assert_says(&message(&capture), &["image.exr", "replace the file"]);
 }
 
 #[test]
-fn a_file_far_longer_than_its_image_is_refused() {
+fn a_file_far_longer_than_its_image_is_rejected() {
     let (_folder, path, capture) = sample("jpg");
-    // Sparse: it takes no room on the disk.
+    // The file is sparse: it uses no disk space.
     let file = std::fs::File::create(&path).unwrap();
     file.set_len(1 << 40).unwrap();
     assert_says(&message(&capture), &["image.jpg", "128 x 192", "replace it"]);
 }
 
 #[test]
-fn truncated_images_are_refused_and_bytes_after_the_end_are_not() {
+fn truncated_images_are_rejected_and_bytes_after_the_end_are_ignored() {
     for extension in ["png", "jpg", "exr"] {
         let (_folder, path, capture) = sample(extension);
         let noisy = |x: u32, y: u32| Rgb([(x * 7) as f32 / 896.0, (y * 5 % 192) as f32 / 192.0, 0.3]);

@@ -1,4 +1,5 @@
-//! What makes training pointless and what is only odd, each in a capture that is damaged in exactly that way.
+//! Findings that make training pointless, and findings that are only odd, each in a capture damaged in exactly that
+//! way.
 
 use std::path::Path;
 
@@ -10,7 +11,7 @@ use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use crate::fixtures::{assert_says, synthetic};
 use crate::inspection::copy;
 
-/// What is found of the training split: what makes training pointless, and what is odd.
+/// The findings of the training split: those that make training pointless, and those that are only odd.
 fn found(capture: &Capture) -> [String; 2] {
     let found = CaptureInspection::of_split(capture, "train", 60).unwrap().findings;
     [Severity::Pointless, Severity::Odd].map(|severity| {
@@ -19,7 +20,7 @@ fn found(capture: &Capture) -> [String; 2] {
     })
 }
 
-/// Asserts what makes training pointless; no `parts`: nothing does.
+/// Asserts which findings make training pointless; none if `parts` is empty.
 fn assert_pointless(capture: &Capture, parts: &[&str]) {
     let [pointless, odd] = found(capture);
     assert_eq!(pointless.is_empty(), parts.is_empty(), "{pointless} / {odd}");
@@ -33,7 +34,7 @@ fn assert_only_odd(capture: &Capture, parts: &[&str]) {
     assert_eq!(odd.is_empty(), parts.is_empty(), "{odd}");
 }
 
-/// Writes other images, or masks, in place of the first `count` of the training split.
+/// Replaces the first `count` images or masks of the training split.
 fn rewrite(capture: &Capture, count: usize, write: impl Fn(&Path, &Path)) {
     for view in &capture.splits["train"].views[..count] {
         let mask = capture.mask_file(view.camera, view.frame).unwrap().unwrap();
@@ -42,21 +43,21 @@ fn rewrite(capture: &Capture, count: usize, write: impl Fn(&Path, &Path)) {
 }
 
 #[test]
-fn a_sound_capture_has_no_finding_and_the_sample_bounds_what_is_decoded() {
+fn a_valid_capture_has_no_findings_and_the_sample_limits_decoding() {
     assert_eq!(found(synthetic()), ["", ""]);
     let sampled = CaptureInspection::of_split(synthetic(), "train", 7).unwrap();
     assert_eq!(
         sampled.splits.iter().map(|split| (split.name.as_str(), split.views.len())).collect::<Vec<_>>(),
         [("train", 7)]
     );
-    // A split that is part of another one is looked at, too, where it is asked for.
+    // A split that is part of another one is checked, too, if it is requested.
     let part = CaptureInspection::of_split(synthetic(), "train5", 60).unwrap();
     assert!(!part.splits[0].is_part && part.splits[0].views.len() == 15);
     assert!(CaptureInspection::of_split(synthetic(), "exam", 60).is_err());
 }
 
 #[test]
-fn masks_of_zero_and_one_are_masks_and_said_to_be() {
+fn masks_of_zero_and_one_are_accepted_and_reported() {
     let (capture, _folder) = copy();
     let view = capture.splits["train"].views[3];
     let before = capture.load_view(view.camera, view.frame).unwrap();
@@ -70,7 +71,7 @@ fn masks_of_zero_and_one_are_masks_and_said_to_be() {
 }
 
 #[test]
-fn masks_in_any_depth_and_with_palettes_say_the_same() {
+fn masks_of_any_bit_depth_and_with_palettes_give_the_same_findings() {
     let (capture, _folder) = copy();
     let view = capture.splits["train"].views[0];
     let mask = capture.mask_file(view.camera, view.frame).unwrap().unwrap();
@@ -99,11 +100,11 @@ fn masks_in_any_depth_and_with_palettes_say_the_same() {
     same("a palette of the labels themselves");
 }
 
-/// A PNG of one bit a pixel: grey, or indices into a palette.
+/// A PNG with one bit per pixel: grey, or indices into a palette.
 fn packed_png(width: u32, height: u32, palette: Option<[[u8; 3]; 2]>, on: impl Fn(u32, u32) -> bool) -> Vec<u8> {
     let mut rows = Vec::new();
     for y in 0..height {
-        // No filter.
+        // Filter type 0: none.
         rows.push(0);
         for byte in 0..width.div_ceil(8) {
             rows.push((0..8).fold(0, |bits, i| bits << 1 | u8::from(on(8 * byte + i, y))));
@@ -116,7 +117,7 @@ fn packed_png(width: u32, height: u32, palette: Option<[[u8; 3]; 2]>, on: impl F
     let color = if palette.is_some() { 3 } else { 0 };
     let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[1, color, 0, 0, 0]].concat();
     let palette = palette.map_or(vec![], |palette| chunk(b"PLTE", palette.as_flattened()));
-    // Zlib's format without compression, in blocks of at most 65535 bytes: 3264 of them are one.
+    // Zlib's format without compression, in blocks of at most 65535 bytes: 3264 bytes fit into one.
     let length = (rows.len() as u16).to_le_bytes();
     let inverse = (!(rows.len() as u16)).to_le_bytes();
     let (a, b) = rows.iter().fold((1u32, 0u32), |(a, b), byte| {
@@ -129,7 +130,7 @@ fn packed_png(width: u32, height: u32, palette: Option<[[u8; 3]; 2]>, on: impl F
 }
 
 #[test]
-fn empty_and_full_masks_are_odd_and_pointless_where_nearly_all_are_so() {
+fn empty_and_full_masks_are_odd_and_pointless_if_nearly_all_are() {
     let (capture, _folder) = copy();
     rewrite(&capture, 3, |_, mask| GrayImage::new(128, 192).save(mask).unwrap());
     assert_only_odd(&capture, &["3 of 18 masks are empty"]);
@@ -141,7 +142,7 @@ fn empty_and_full_masks_are_odd_and_pointless_where_nearly_all_are_so() {
 }
 
 #[test]
-fn a_fault_of_one_split_is_not_lost_among_the_others() {
+fn a_fault_of_one_split_is_found_among_the_others() {
     let (capture, _folder) = copy();
     for view in &capture.splits["test"].views {
         let mask = capture.mask_file(view.camera, view.frame).unwrap().unwrap();
@@ -173,7 +174,7 @@ fn poses_in_degrees_are_pointless_and_a_single_long_rotation_is_odd() {
     }
     assert_pointless(&capture, &["joint rotations are longer than a whole turn", "radians"]);
     let mut capture = synthetic().clone();
-    // The same rotation, a turn further on.
+    // The same rotation plus a full turn.
     let rotation = &mut capture.frames[0].pose.rotations[1];
     *rotation += rotation.normalize() * std::f64::consts::TAU;
     assert_only_odd(&capture, &["1 of 48 joint rotations"]);
@@ -214,7 +215,7 @@ fn translations_of_the_hand_in_millimetres_are_pointless_with_and_without_masks(
 #[test]
 fn transposed_rotations_still_overlap_and_are_odd() {
     let mut capture = synthetic().clone();
-    // About the axis of sight the synthetic hand stays where it is.
+    // Rotated about the viewing axis, the synthetic hand stays in place.
     let quarter = DMat3::from_rotation_z(0.6);
     for camera in &mut capture.cameras {
         (camera.rotation, camera.translation) = (quarter * camera.rotation, quarter * camera.translation);
@@ -223,7 +224,7 @@ fn transposed_rotations_still_overlap_and_are_odd() {
 }
 
 #[test]
-fn exr_images_without_a_number_are_taken_out_and_single_pixels_become_black() {
+fn exr_images_of_nan_are_dropped_and_single_nan_pixels_become_black() {
     let (mut capture, folder) = copy();
     capture.images.image = "exr/{camera}-{frame}.exr".into();
     std::fs::create_dir(folder.path().join("exr")).unwrap();

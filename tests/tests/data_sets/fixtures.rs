@@ -1,4 +1,4 @@
-//! What the fixtures of all formats are made from.
+//! The data from which the fixtures of all formats are made.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -13,7 +13,8 @@ use tempfile::TempDir;
 
 use crate::support::hands::{Hand, as_pickle};
 
-/// The synthetic capture that the other formats are written from: 6 cameras and 3 frames train, 2 and 2 test.
+/// The synthetic capture from which the other formats are written: 6 cameras and 3 frames for training, 2 and 2 for
+/// testing.
 pub fn synthetic() -> &'static Capture {
     static CAPTURE: LazyLock<(Capture, TempDir)> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -55,7 +56,7 @@ fn silhouette(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String
     Ok(pixels)
 }
 
-/// A right hand in MANO's layout, of made-up shapes, correctives and mean pose on the built-in hand's mesh.
+/// A right hand in MANO's layout, with invented shapes, correctives and mean pose on the built-in hand's mesh.
 pub fn mano_hand() -> Hand {
     let count = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();
     Hand::procedural(count, (20, 10))
@@ -71,12 +72,12 @@ pub fn model_of(hand: &Hand, name: &str) -> HandModel {
     read_mano_bytes(name, &as_pickle(&hand.published()), None, &ManoOptions::default()).unwrap().model
 }
 
-/// Shape parameters of the fixtures: small, and another number for each.
+/// Shape parameters of the fixtures: small and distinct numbers.
 pub fn shape() -> Vec<f64> {
     (0..10).map(|i| 0.05 - 0.02 * f64::from(i)).collect()
 }
 
-/// The largest difference of any entry; NaN where one is.
+/// The largest difference of any entry; NaN if any is NaN.
 pub fn difference(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> f64 {
     let (a, b): (Vec<f64>, Vec<f64>) = (a.into_iter().collect(), b.into_iter().collect());
     assert_eq!(a.len(), b.len());
@@ -103,7 +104,7 @@ pub fn rows(matrix: DMat3) -> [[f64; 3]; 3] {
     matrix.transpose().to_cols_array_2d()
 }
 
-/// Asserts that a message is one line and says all parts.
+/// Asserts that a message is one line and contains all parts.
 pub fn assert_says(message: &str, parts: &[&str]) {
     assert!(!message.contains('\n'), "{message:?}");
     for part in parts {
@@ -111,7 +112,7 @@ pub fn assert_says(message: &str, parts: &[&str]) {
     }
 }
 
-/// Writes a file with the folders above it.
+/// Writes a file and creates its folders.
 pub fn write(path: &Path, bytes: &[u8]) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     std::fs::write(path, bytes).unwrap();
@@ -131,7 +132,7 @@ pub fn synthetic_image(camera: usize, frame: usize) -> image::RgbImage {
 }
 
 #[test]
-fn the_largest_difference_keeps_nan_and_sees_a_wrong_entry() {
+fn the_largest_difference_keeps_nan_and_detects_a_wrong_entry() {
     assert_eq!(difference([1.0, 2.0], [1.0, 2.5]), 0.5);
     assert!(difference([1.0, f64::NAN, 2.0], [1.0, 2.0, 2.0]).is_nan());
     let camera = &synthetic().cameras[0];

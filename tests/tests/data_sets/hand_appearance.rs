@@ -1,4 +1,4 @@
-//! The Hand Appearance dataset: what is read is what was written.
+//! The Hand Appearance dataset: the read data equal the written data.
 
 use ghand_capture::{Capture, OpenOptions};
 use ghand_core::Side;
@@ -25,7 +25,7 @@ fn message(folder: &TempDir) -> String {
 }
 
 #[test]
-fn camera_and_poses_are_those_that_were_written() {
+fn camera_and_poses_equal_the_written_ones() {
     let folder = subject();
     let opened = Capture::open_with(folder.path(), &options()).unwrap();
     let capture = opened.capture;
@@ -49,12 +49,12 @@ fn camera_and_poses_are_those_that_were_written() {
     }
     let view = capture.load_view(0, 0).unwrap();
     assert_eq!(view.rgba.iter().filter(|p| p[3] == 255).count(), 127 * 191);
-    // What is beside the hand stays as it is.
+    // Pixels outside the hand are unchanged.
     assert_eq!(view.rgba[0][..3], [255; 3]);
 }
 
 #[test]
-fn the_hand_is_where_the_world_camera_saw_it() {
+fn the_hand_is_projected_as_by_the_world_camera() {
     let folder = subject();
     let capture = Capture::open_with(folder.path(), &options()).unwrap().capture;
     let (world, camera) = (&synthetic().frames[0].pose, &synthetic().cameras[0]);
@@ -76,7 +76,7 @@ fn the_principal_point_can_be_chosen_and_unsmoothed_fits_are_read() {
 }
 
 #[test]
-fn frames_without_an_image_or_a_mask_are_left_out_and_counted() {
+fn frames_without_an_image_or_a_mask_are_skipped_and_counted() {
     let folder = subject();
     std::fs::remove_file(folder.path().join("1/unscreen_cropped/0001.jpg")).unwrap();
     std::fs::remove_file(folder.path().join("9/mask/0007_mask.jpg")).unwrap();
@@ -90,7 +90,7 @@ fn frames_without_an_image_or_a_mask_are_left_out_and_counted() {
 }
 
 #[test]
-fn what_cannot_be_is_named() {
+fn impossible_values_are_named() {
     let folder = subject();
     let file = folder.path().join("2/metro_mano_smooth/0001_mano.pkl");
     let good = frame_pickle(&poses()[1].1, mano(), true);
@@ -117,7 +117,7 @@ fn what_cannot_be_is_named() {
         entries.extend(value.map(|value| (name, value)));
         std::fs::write(&file, pickle(&dictionary(entries))).unwrap();
         if parts.is_empty() {
-            // Without joints, `trans` is what there is.
+            // Without joints, `trans` is used.
             Capture::open_with(folder.path(), &options()).unwrap();
         } else {
             assert_says(&message(&folder), &[&["0001_mano.pkl"], parts].concat());

@@ -20,14 +20,14 @@ fn in_camera(pose: &Pose, camera: usize, model: &HandModel) -> Pose {
     Pose { rotations, translation: camera.camera_from_world(wrist + pose.translation) - wrist }
 }
 
-/// Weak-perspective camera and what it moves the hand by.
+/// Weak-perspective camera: its scale, and its translation of the hand.
 const CAM: [f64; 3] = [5.5, 0.03, -0.02];
 
 fn moved() -> DVec3 {
     DVec3::new(CAM[1], CAM[2], 2.0 * 2000.0 / (448.0 * CAM[0]))
 }
 
-/// The pickle of a frame. Fits of MANO alone have its `trans`, those with an arm the wrist's place.
+/// The pickle of a frame. Fits of only MANO have `trans`, fits with an arm have the wrist's position.
 pub fn frame_pickle(pose: &Pose, model: &HandModel, with_arm: bool) -> Vec<(&'static str, Py)> {
     let mean = &model.pose_space.as_ref().unwrap().mean;
     let wrist = shape_hand(model, &shape()).unwrap().joints[0];
@@ -48,7 +48,7 @@ pub fn frame_pickle(pose: &Pose, model: &HandModel, with_arm: bool) -> Vec<(&'st
     ]
 }
 
-/// Poses as they are written: those of the synthetic frames, one a sequence.
+/// The written poses: those of the synthetic frames, one per sequence.
 pub fn poses() -> Vec<(u32, Pose)> {
     let frames = [(1, 0), (2, 1), (5, 2), (6, 3), (9, 4)];
     frames.map(|(sequence, frame)| (sequence, in_camera(&synthetic().frames[frame].pose, 0, mano()))).to_vec()

@@ -1,4 +1,4 @@
-//! What is no file, too large, or made to take memory or time, in place of each file that is read.
+//! Replaces each input file by something that is not a file, is too large, or is made to take memory or time.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use crate::fixtures::{assert_says, mano, rows, synthetic};
 use crate::hand_appearance_files::write_subject;
 use crate::interhand_files::{options, right};
 
-/// One camera and one frame of a MANO hand, which need not be built anew, in a folder of its own.
+/// One camera and one frame of a MANO hand in a separate folder; the hand model is built only once.
 fn small() -> (TempDir, Value) {
     let folder = tempfile::tempdir().unwrap();
     let camera = &synthetic().cameras[0];
@@ -50,7 +50,7 @@ fn open(folder: &Path) -> Result<Capture, CaptureError> {
     Capture::open_with(folder, &options()).map(|opened| opened.capture)
 }
 
-/// What can stand in place of a file.
+/// The replacements of a file.
 #[derive(Clone, Copy, Debug)]
 enum Harm {
     Nothing,
@@ -87,13 +87,13 @@ fn put(harm: Harm, path: &Path) {
         #[cfg(unix)]
         Harm::Pipe => assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success()),
         Harm::Utf16 => std::fs::write(path, b"\xff\xfe{\0}\0").unwrap(),
-        // Sparse: it takes no room on the disk.
+        // The file is sparse: it uses no disk space.
         Harm::Huge => std::fs::File::create(path).unwrap().set_len(2 << 30).unwrap(),
         Harm::Brackets => std::fs::write(path, b"[".repeat(1_000_000)).unwrap(),
     }
 }
 
-/// Puts each harm in place of a file and reads it: a sentence that names the file, soon.
+/// Replaces a file by each harm and reads it: the result must be one sentence that names the file, within seconds.
 fn harm(path: &Path, read: impl Fn() -> Result<(), String>) {
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     for harm in HARMS {
@@ -103,7 +103,7 @@ fn harm(path: &Path, read: impl Fn() -> Result<(), String>) {
         println!("{harm:?}: {said}");
         assert_says(&said, &[name.as_str()]);
         assert!(said.len() < 1000, "{harm:?}: {said}");
-        // Generous: other tests run beside it.
+        // The limit is generous because other tests run at the same time.
         assert!(start.elapsed() < Duration::from_secs(20), "{harm:?}: {:?}", start.elapsed());
     }
 }
@@ -113,7 +113,7 @@ fn said<T>(result: Result<T, impl std::fmt::Display>) -> Result<(), String> {
 }
 
 #[test]
-fn whatever_stands_in_place_of_a_file_of_the_own_format_is_named() {
+fn a_harmful_file_of_the_own_format_is_named() {
     let (folder, mut value) = small();
     let root = folder.path();
     harm(&save(root, &value), || said(open(root)));
@@ -136,7 +136,7 @@ fn whatever_stands_in_place_of_a_file_of_the_own_format_is_named() {
 }
 
 #[test]
-fn whatever_stands_in_place_of_a_model_or_of_poses_is_named() {
+fn a_harmful_file_of_a_model_or_poses_is_named() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["hand.pkl", "hand.glb", "hand.gltf", "hand.npz"] {
         let path = folder.path().join(name);
@@ -147,7 +147,7 @@ fn whatever_stands_in_place_of_a_model_or_of_poses_is_named() {
 }
 
 #[test]
-fn whatever_stands_in_place_of_a_file_of_a_data_set_is_named() {
+fn a_harmful_file_of_a_data_set_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let mut data = right();
     data.joints = Some(json!({}));
@@ -157,7 +157,7 @@ fn whatever_stands_in_place_of_a_file_of_a_data_set_is_named() {
         let whole = std::fs::read(&file).unwrap();
         let open = || said(Capture::open_with(folder.path(), &options()));
         if kind == "joint_3d" {
-            // It need not be there.
+            // The file is optional.
             put(Harm::Nothing, &file);
             open().unwrap();
             std::fs::write(&file, b"[").unwrap();
@@ -180,7 +180,7 @@ fn whatever_stands_in_place_of_a_file_of_a_data_set_is_named() {
 }
 
 #[test]
-fn annotations_that_are_null_are_errors_or_left_out() {
+fn null_annotations_are_errors_or_skipped() {
     type Change = fn(&mut crate::interhand_files::InterHand);
     let refused: [(Change, &[&str]); 5] = [
         (|d| d.camera["0"] = Value::Null, &["camera.json", "null", "line 1"]),
@@ -193,7 +193,7 @@ fn annotations_that_are_null_are_errors_or_left_out() {
         let (opened, _folder) = crate::interhand_files::open_after(change);
         assert_says(&opened.unwrap_err().to_string(), parts);
     }
-    // Cameras without a table, boxes without numbers and frames without a hand are some of many.
+    // Single cameras without a table, boxes without numbers and frames without a hand are skipped.
     let (opened, _folder) = crate::interhand_files::open_after(|d| {
         for table in ["campos", "camrot", "focal", "princpt"] {
             d.camera["0"][table][crate::interhand_files::camera_id(1)] = Value::Null;
@@ -207,7 +207,7 @@ fn annotations_that_are_null_are_errors_or_left_out() {
 }
 
 #[test]
-fn a_mark_of_the_encoding_is_read_over() {
+fn a_byte_order_mark_is_ignored() {
     let (folder, value) = small();
     let file = save(folder.path(), &value);
     std::fs::write(&file, format!("\u{feff}{value}")).unwrap();
@@ -217,7 +217,7 @@ fn a_mark_of_the_encoding_is_read_over() {
 }
 
 #[test]
-fn rotations_beyond_rounding_are_refused_with_their_error() {
+fn rotations_with_more_than_rounding_errors_are_rejected_with_their_error() {
     let off = |by: f64| {
         move |v: &mut Value| {
             let entry = &mut v["cameras"][0]["rotation"];
@@ -233,7 +233,7 @@ fn rotations_beyond_rounding_are_refused_with_their_error() {
 }
 
 #[test]
-fn ids_and_paths_stay_in_the_folder() {
+fn ids_and_paths_cannot_leave_the_folder() {
     for id in ["..", ".", "a/b", "../a", "/a", "a\\b", "C:", "", "a\0"] {
         assert_says(&message(|v| v["frames"][0]["id"] = json!(id)), &["frames", "cannot be part of a path"]);
         assert_says(&message(|v| v["cameras"][0]["id"] = json!(id)), &["cameras", "cannot be part of a path"]);
@@ -263,7 +263,7 @@ fn a_few_thousand_ids_do_not_become_millions_of_images() {
 }
 
 #[test]
-fn numbers_that_frames_share_are_not_copied_without_bound() {
+fn numbers_shared_by_frames_are_not_copied_without_limit() {
     let folder = tempfile::tempdir().unwrap();
     let message = |value: Value| {
         let path = folder.path().join("poses.json");

@@ -1,4 +1,4 @@
-//! Captures looked over: sound ones, ones with files that cannot be used, and ones that mean something else than they say.
+//! Inspection of captures: valid ones, ones with unusable files, and ones with wrong conventions.
 
 use std::path::{Path, PathBuf};
 
@@ -45,7 +45,7 @@ pub fn copy() -> (Capture, TempDir) {
     (capture, folder)
 }
 
-/// The files of the image and the mask number `index` of the training split.
+/// The files of image and mask number `index` of the training split.
 fn files(capture: &Capture, index: usize) -> [PathBuf; 2] {
     let view = capture.splits["train"].views[index];
     let mask = capture.mask_file(view.camera, view.frame).unwrap().unwrap();
@@ -53,7 +53,7 @@ fn files(capture: &Capture, index: usize) -> [PathBuf; 2] {
 }
 
 #[test]
-fn a_sound_capture_has_no_problems_and_its_true_poses_fit_best() {
+fn a_valid_capture_has_no_problems_and_its_true_poses_fit_best() {
     let capture = synthetic();
     let found = inspected(capture);
     assert_eq!((found.files.images, found.files.files), (6 * 3 + 2 * 2, 44));
@@ -66,7 +66,7 @@ fn a_sound_capture_has_no_problems_and_its_true_poses_fit_best() {
     assert_eq!(["train", "train5", "test"].map(|name| split(&found, name).is_part), [false, true, false]);
     let [given, truth] = [train.iou_given(), train.iou_true()].map(|spread| spread.unwrap());
     assert!(truth.mean > 0.9 && truth.mean > given.mean + 0.02 && given.mean > 0.6, "{given:?} {truth:?}");
-    // Test frames have their true poses.
+    // The poses of test frames are the true ones.
     assert_eq!(test.iou_given(), test.iou_true());
     let coverage = train.coverage().unwrap();
     let view = capture.load_view(train.views[0].camera, train.views[0].frame).unwrap();
@@ -80,14 +80,14 @@ fn a_sound_capture_has_no_problems_and_its_true_poses_fit_best() {
 }
 
 #[test]
-fn missing_truncated_and_wrongly_sized_files_are_named_and_the_rest_is_looked_at() {
+fn missing_truncated_and_wrongly_sized_files_are_named_and_the_rest_is_checked() {
     let (capture, _folder) = copy();
     let [missing, _] = files(&capture, 1);
     let [truncated, _] = files(&capture, 5);
     let [_, resized] = files(&capture, 9);
     std::fs::remove_file(&missing).unwrap();
     let bytes = std::fs::read(&truncated).unwrap();
-    // What its header says is whole.
+    // The header is complete.
     std::fs::write(&truncated, &bytes[..bytes.len() - 30]).unwrap();
     GrayImage::new(100, 192).save(&resized).unwrap();
     for sample in [0, 240] {
@@ -104,7 +104,7 @@ fn missing_truncated_and_wrongly_sized_files_are_named_and_the_rest_is_looked_at
 }
 
 #[test]
-fn what_is_broken_between_header_and_end_is_found_where_pixels_are_decoded() {
+fn damage_between_header_and_end_is_found_when_pixels_are_decoded() {
     let (capture, _folder) = copy();
     let [file, _] = files(&capture, 4);
     let mut bytes = std::fs::read(&file).unwrap();
@@ -118,7 +118,7 @@ fn what_is_broken_between_header_and_end_is_found_where_pixels_are_decoded() {
 }
 
 #[test]
-fn jpegs_may_have_something_behind_their_end_but_must_have_one() {
+fn jpegs_can_have_bytes_after_their_end_mark_but_must_have_the_mark() {
     let (mut capture, folder) = copy();
     capture.images.image = "{camera}-{frame}.jpg".into();
     let first = capture.splits["train"].views[0];
@@ -140,7 +140,7 @@ fn jpegs_may_have_something_behind_their_end_but_must_have_one() {
 }
 
 #[test]
-fn a_capture_without_any_file_is_counted_whole_and_told_in_part() {
+fn a_capture_without_files_is_counted_in_full_and_listed_in_part() {
     let capture = Capture { root: "/nowhere".into(), ..synthetic().clone() };
     let found = inspected(&capture);
     assert_eq!((found.files.missing, found.files.broken, found.files.problems.len()), (44, 0, 44));
@@ -149,7 +149,7 @@ fn a_capture_without_any_file_is_counted_whole_and_told_in_part() {
 }
 
 #[test]
-fn wrong_conventions_are_warned_of() {
+fn wrong_conventions_give_warnings() {
     let warned = |change: &dyn Fn(&mut Capture), parts: &[&str]| {
         let mut capture = synthetic().clone();
         change(&mut capture);
@@ -170,7 +170,7 @@ fn wrong_conventions_are_warned_of() {
 }
 
 #[test]
-fn images_without_masks_and_empty_masks_are_told_and_give_no_numbers() {
+fn images_without_masks_and_empty_masks_are_reported_and_give_no_figures() {
     let mut capture = synthetic().clone();
     capture.images.mask = None;
     let found = inspected(&capture);
@@ -186,7 +186,7 @@ fn images_without_masks_and_empty_masks_are_told_and_give_no_numbers() {
 }
 
 #[test]
-fn masks_that_are_made_from_the_poses_are_counted() {
+fn masks_made_from_the_poses_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     interhand_files::right().write(folder.path());
     let capture = Capture::open_with(folder.path(), &interhand_files::options()).unwrap().capture;
@@ -222,20 +222,20 @@ fn a_pose_that_does_not_fit_the_hand_model_is_an_error() {
 }
 
 #[test]
-fn the_path_traced_captures_template_fits_as_its_makers_measured() {
+fn the_path_traced_captures_template_fits_as_its_authors_measured() {
     let Some(folder) = shared("captures/blender-a") else { return };
     let found = CaptureInspection::of(&Capture::open(&folder).unwrap(), 40).unwrap();
     assert_eq!((found.files.files, found.files.missing, found.files.broken), (1840, 0, 0));
     assert!(found.findings.is_empty(), "{:?}", found.findings);
     let [given, truth] = [split(&found, "train").iou_given(), split(&found, "train").iou_true()].map(Option::unwrap);
     assert_eq!((given.count, truth.count), (40, 40));
-    // 0.802 and 0.941 on twenty images; single ones differ by 0.09 and 0.01.
+    // Measured are 0.802 and 0.941 on twenty images; single images differ by 0.09 and 0.01.
     assert!((given.mean - 0.802).abs() < 0.04, "{given:?}");
     assert!((truth.mean - 0.941).abs() < 0.02, "{truth:?}");
 }
 
 #[test]
-fn a_file_that_is_no_image_at_all_is_named() {
+fn a_file_that_is_not_an_image_is_named() {
     let (capture, _folder) = copy();
     let [image, mask] = files(&capture, 0);
     std::fs::write(&image, "no image").unwrap();
@@ -243,7 +243,7 @@ fn a_file_that_is_no_image_at_all_is_named() {
     std::fs::create_dir(&mask).unwrap();
     let found = inspected(&capture);
     assert_eq!((found.files.missing, found.files.broken), (0, 2));
-    // An image whose mask is sound is still no view.
+    // An unusable image with a valid mask is still not a view.
     let [resized, _] = files(&capture, 1);
     RgbImage::new(128, 191).save(&resized).unwrap();
     let found = inspected(&capture);

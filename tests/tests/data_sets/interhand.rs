@@ -1,4 +1,4 @@
-//! InterHand2.6M: what is read is what was written.
+//! InterHand2.6M: the read data equal the written data.
 
 use ghand_capture::capture::HandModelSource;
 use ghand_capture::{Capture, OpenOptions};
@@ -14,7 +14,7 @@ use crate::fixtures::{
 use crate::interhand_files::{InterHand, camera_id, number, open_after, options, parameters, right};
 
 #[test]
-fn cameras_and_poses_are_those_that_were_written() {
+fn cameras_and_poses_equal_the_written_ones() {
     let (opened, folder) = open_after(|_| ());
     let opened = opened.unwrap();
     let (capture, expected) = (opened.capture, synthetic());
@@ -36,7 +36,7 @@ fn cameras_and_poses_are_those_that_were_written() {
     }
     let shaped = shape_hand(mano(), &shape()).unwrap();
     assert!(difference(numbers(&capture.template.joints), numbers(&shaped.joints)) <= 1e-12);
-    // The image of a pair is the one that was written for it.
+    // The image of each pair is the one written for it.
     let (camera, frame) =
         (capture.camera_index(&camera_id(2)).unwrap(), capture.frame_index("ROM04_RT_Occlusion/20003"));
     let view = capture.splits["train"].views.iter().find(|v| v.camera == camera && Some(v.frame) == frame);
@@ -48,7 +48,7 @@ fn cameras_and_poses_are_those_that_were_written() {
 }
 
 #[test]
-fn the_root_turns_about_the_wrists_joint_and_trans_is_added_last() {
+fn the_root_rotates_about_the_wrist_joint_and_trans_is_added_last() {
     let (turn, trans) = (DVec3::new(0.4, -1.2, 0.7), DVec3::new(0.1, -0.3, 1.1));
     let mut rotations = vec![DVec3::ZERO; 16];
     rotations[0] = turn;
@@ -65,16 +65,16 @@ fn the_root_turns_about_the_wrists_joint_and_trans_is_added_last() {
     };
     let error = |expected: &[DVec3]| difference(numbers(&posed.vertices), numbers(expected));
     assert!(error(&about(wrist)) <= 1e-9);
-    assert!(error(&about(DVec3::ZERO)) > 1e-4, "the test could not tell the wrist from the origin");
+    assert!(error(&about(DVec3::ZERO)) > 1e-4, "the test cannot distinguish the wrist from the origin");
 }
 
-/// The annotation file of joints as the posed model has them: right hand first, each finger from tip to base, thumb to
-/// little finger, then the wrist.
+/// The annotation file of the posed model's joints: right hand first, each finger from tip to base, thumb to little
+/// finger, then the wrist.
 fn joints_of_posed_hands() -> serde_json::Value {
     let mut frames = json!({});
     for (i, frame) in synthetic().frames.iter().enumerate() {
         let joints = pose_hand(mano(), &shape(), &frame.pose).unwrap().joints;
-        // Tips are no joints of MANO; 13 to 15 are the thumb's, then index, middle, ring (10) and little finger (7).
+        // Tips are not joints of MANO; 13 to 15 are the thumb's, then index, middle, ring (10) and little finger (7).
         let finger = |base: usize| [joints[base + 2], joints[base + 2], joints[base + 1], joints[base]];
         let mut right: Vec<DVec3> = [13, 1, 4, 10, 7].into_iter().flat_map(finger).collect();
         right.push(joints[0]);
@@ -85,10 +85,10 @@ fn joints_of_posed_hands() -> serde_json::Value {
 }
 
 #[test]
-fn poses_that_are_far_from_the_annotated_joints_are_warned_of() {
+fn poses_far_from_the_annotated_joints_give_a_warning() {
     let (opened, _folder) = open_after(|data| data.joints = Some(joints_of_posed_hands()));
     assert_eq!(opened.unwrap().warnings, [""; 0]);
-    // Without their mean pose the fingers stand elsewhere.
+    // Without the mean pose, the fingers are at other positions.
     let (opened, _folder) = open_after(|data| {
         data.joints = Some(joints_of_posed_hands());
         for frame in synthetic().frames.iter().enumerate().map(|(i, _)| number(i).to_string()) {
@@ -99,7 +99,7 @@ fn poses_that_are_far_from_the_annotated_joints_are_warned_of() {
     });
     let warnings = opened.unwrap().warnings;
     assert_says(&warnings[0], &["joint_3d.json", "mm from the annotated", "MANO_RIGHT.pkl"]);
-    // Nulls, hands of another number of joints, and frames that are not there say nothing.
+    // Nulls, hands with another number of joints, and missing frames give no warning.
     let (opened, _folder) = open_after(|data| {
         let odd = json!({"world_coord": [[0, 0, 0]]});
         data.joints = Some(json!({"0": {(number(0).to_string()): null, (number(1).to_string()): odd}}));
@@ -108,7 +108,7 @@ fn poses_that_are_far_from_the_annotated_joints_are_warned_of() {
 }
 
 #[test]
-fn splits_are_handavatars_with_sparse_ones_and_every_200th_test_image() {
+fn splits_are_those_of_handavatar_plus_sparse_ones_and_every_200th_test_image() {
     let (opened, _folder) = open_after(|_| ());
     let capture = opened.unwrap().capture;
     let names: Vec<&str> = capture.splits.keys().map(String::as_str).collect();
@@ -139,13 +139,13 @@ fn a_left_hand_is_read_by_the_left_model() {
     let error = difference(numbers(&capture.frames[0].pose.rotations), numbers(&synthetic().frames[3].pose.rotations));
     let other = difference(numbers(&capture.frames[0].pose.rotations), numbers(&synthetic().frames[0].pose.rotations));
     assert!(error.min(other) <= 1e-6);
-    // The right hand is not there.
+    // The right hand is missing.
     let message = Capture::open_with(folder.path(), &options()).unwrap_err().to_string();
     assert_says(&message, &["data.json", "ROM04_RT_Occlusion", "ROM04_LT_Occlusion", "--train-sequences"]);
 }
 
 #[test]
-fn the_root_its_capture_folders_and_the_unpacked_archive_are_recognised() {
+fn root_folder_capture_folders_and_unpacked_archive_are_recognised() {
     let folder = tempfile::tempdir().unwrap();
     let mut data = right();
     data.image_folder = "InterHand2.6M_5fps_batch1/images";
@@ -164,7 +164,7 @@ fn the_root_its_capture_folders_and_the_unpacked_archive_are_recognised() {
 }
 
 #[test]
-fn a_capture_of_the_data_set_is_not_written_as_what_it_is_not() {
+fn a_capture_of_the_data_set_is_not_written_in_the_own_format() {
     let (opened, _folder) = open_after(|_| ());
     let message = opened.unwrap().capture.save().unwrap_err().to_string();
     assert_says(&message, &["capture.json", "masks"]);

@@ -1,4 +1,4 @@
-//! InterHand2.6M: nulls, images of no use, and annotations that cannot be.
+//! InterHand2.6M: nulls, unusable images, and impossible annotations.
 
 use ghand_capture::skipped_images::SkipReason;
 use ghand_capture::{Capture, OpenOptions};
@@ -11,10 +11,10 @@ use crate::interhand_files::{InterHand, camera_id, number, open_after, options, 
 const SEQUENCE: &str = "ROM04_RT_Occlusion";
 
 #[test]
-fn images_of_no_use_are_counted_by_reason() {
+fn unusable_images_are_counted_by_reason() {
     let (opened, folder) = open_after(|data| {
         let last = number(2).to_string();
-        // Both forms of null, and a frame that is not there at all.
+        // Both forms of null, and a missing frame.
         data.mano["0"][&last]["right"] = Value::Null;
         data.mano["0"][number(4).to_string()] = Value::Null;
         data.mano["0"].as_object_mut().unwrap().remove(&number(3).to_string());
@@ -24,16 +24,16 @@ fn images_of_no_use_are_counted_by_reason() {
         data.annotations[3]["bbox"] = json!([10, 50, 60, 79]);
         data.annotations[4]["bbox"] = Value::Null;
         data.images[5]["width"] = json!(127);
-        // Of the other captures and of grey cameras nothing is counted.
+        // Images of other captures and of grey cameras are not counted.
         let other = data.add(SEQUENCE, &camera_id(0), 77, [20, 20, 90, 90]);
         data.images[other]["capture"] = json!(1);
         data.add(SEQUENCE, "410001", number(0), [20, 20, 90, 90]);
         data.add("ROM05", &camera_id(0), number(0), [20, 20, 90, 90]);
-        // No camera, and no file.
+        // An image without a camera, and one without a file.
         data.add(SEQUENCE, "400999", number(0), [20, 20, 90, 90]);
         data.add(SEQUENCE, &camera_id(0), number(3), [20, 20, 90, 90]);
     });
-    // Nothing is left of the test sequence: both of its frames have lost their poses.
+    // The test sequence is empty: both of its frames have lost their poses.
     let message = opened.unwrap_err().to_string();
     assert_says(&message, &["data.json", "\"test\"", "without a pose"]);
     drop(folder);
@@ -58,13 +58,13 @@ fn images_of_no_use_are_counted_by_reason() {
     let reasons: Vec<(SkipReason, usize)> = opened.skipped_images.reasons.into_iter().collect();
     let expected = [
         (SkipReason::NoCamera, 1),
-        // Six of the last training frame, two of the last test frame.
+        // Six images of the last training frame, two of the last test frame.
         (SkipReason::NoPose, 8),
         (SkipReason::OtherHand, 1),
         (SkipReason::AtBorder, 2),
         (SkipReason::Small, 2),
         (SkipReason::Missing, 1),
-        // The camera of the image whose width is another has its size from its first image: this one.
+        // The image with another width: it is the first of its camera, whose size it determines.
         (SkipReason::Broken, 1),
     ];
     assert_eq!(reasons, expected);
@@ -74,7 +74,7 @@ fn images_of_no_use_are_counted_by_reason() {
 }
 
 #[test]
-fn annotations_may_stand_before_the_images() {
+fn annotations_can_precede_the_images() {
     let folder = tempfile::tempdir().unwrap();
     let data = right();
     data.write(folder.path());
@@ -85,7 +85,7 @@ fn annotations_may_stand_before_the_images() {
 }
 
 #[test]
-fn annotations_that_cannot_be_are_named_with_their_place() {
+fn impossible_annotations_are_named_with_their_location() {
     type Change = fn(&mut InterHand);
     let cases: [(Change, &[&str]); 15] = [
         (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "no rotation"]),
@@ -126,7 +126,7 @@ fn annotations_that_cannot_be_are_named_with_their_place() {
 }
 
 #[test]
-fn rotations_are_made_orthonormal_up_to_a_thousandth() {
+fn rotations_with_errors_up_to_a_thousandth_are_made_orthonormal() {
     let (opened, _folder) = open_after(|d| {
         let entry = &mut d.camera["0"]["camrot"][camera_id(1)][0][0];
         *entry = json!(entry.as_f64().unwrap() + 3e-4);
@@ -160,7 +160,7 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
 }
 
 #[test]
-fn poses_beyond_all_hands_are_named_with_file_frame_and_joint() {
+fn impossible_poses_are_named_with_file_frame_and_joint() {
     let message = |field: &str, index: usize| {
         let (opened, _folder) =
             open_after(|data| data.mano["0"][number(2).to_string()]["right"][field][index] = json!(1e30));

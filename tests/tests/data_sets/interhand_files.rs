@@ -9,12 +9,12 @@ use tempfile::TempDir;
 
 use crate::fixtures::{mano, rows, shape, synthetic, synthetic_image, write, write_jpeg};
 
-/// Number in the data set of a frame of the synthetic capture.
+/// Number of a synthetic frame in the data set.
 pub fn number(frame: usize) -> u64 {
     20_000 + 3 * frame as u64
 }
 
-/// Id in the data set of a camera of the synthetic capture.
+/// Id of a synthetic camera in the data set.
 pub fn camera_id(camera: usize) -> String {
     format!("4002{camera:02}")
 }
@@ -25,7 +25,7 @@ pub struct InterHand {
     pub images: Vec<Value>,
     pub annotations: Vec<Value>,
     pub mano: Value,
-    /// Without it, the file is not written.
+    /// The file of joints; not written if `None`.
     pub joints: Option<Value>,
     /// `right` or `left`, and `RT` or `LT`.
     pub side: [&'static str; 2],
@@ -34,7 +34,7 @@ pub struct InterHand {
 }
 
 impl InterHand {
-    /// Capture 0 of the subset `test`, all images of use.
+    /// Capture 0 of the subset `test`, with only usable images.
     pub fn new(model: &HandModel, side: [&'static str; 2]) -> InterHand {
         let capture = synthetic();
         let mut data = InterHand {
@@ -74,13 +74,13 @@ impl InterHand {
         data
     }
 
-    /// The sequences that train and test.
+    /// The sequences for training and testing.
     pub fn sequences(&self) -> [String; 2] {
         let word = self.side[1];
         [format!("ROM04_{word}_Occlusion"), format!("ROM03_{word}_No_Occlusion")]
     }
 
-    /// Adds an image and its annotation; gives its place in both lists.
+    /// Adds an image and its annotation; returns its index in both lists.
     pub fn add(&mut self, sequence: &str, camera: &str, number: u64, bbox: [u32; 4]) -> usize {
         let id = 1000 + self.images.len();
         self.images.push(json!({
@@ -112,7 +112,7 @@ impl InterHand {
         }
     }
 
-    /// File of an image of the synthetic capture; `sequence` is 0 for those that train, 1 for those that test.
+    /// File of an image of the synthetic capture; `sequence` is 0 for training, 1 for testing.
     pub fn image_file(&self, root: &Path, sequence: usize, camera: usize, frame: usize) -> PathBuf {
         let (folder, sequence) = (self.image_folder, &self.sequences()[sequence]);
         let (camera, number) = (camera_id(camera), number(frame));
@@ -120,7 +120,7 @@ impl InterHand {
     }
 }
 
-/// MANO's parameters of a pose, the mean pose taken off.
+/// MANO's parameters of a pose, without the mean pose.
 pub fn parameters(pose: &Pose, model: &HandModel) -> Value {
     let mean = &model.pose_space.as_ref().unwrap().mean;
     let mut rotations = pose.rotations.clone();
@@ -138,7 +138,7 @@ pub fn options() -> OpenOptions {
     OpenOptions { mano: Some(mano().clone()), ..Default::default() }
 }
 
-/// The data set after a change, opened; and its folder.
+/// Opens the data set after a change; also returns its folder.
 pub fn open_after(change: impl FnOnce(&mut InterHand)) -> (Result<Opened, CaptureError>, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let mut data = right();

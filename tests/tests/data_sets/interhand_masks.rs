@@ -1,4 +1,4 @@
-//! InterHand2.6M: masks are made, kept and made anew; images of no use by their content are found.
+//! InterHand2.6M: masks are made, cached and remade; images with unusable content are found.
 
 use std::path::{Path, PathBuf};
 
@@ -25,14 +25,14 @@ fn mask_of(capture: &Capture, camera: usize) -> Vec<bool> {
     capture.load_view(camera, frame).unwrap().rgba.iter().map(|p| p[3] == 255).collect()
 }
 
-/// Pixels in both over pixels in either.
+/// Intersection over union of two masks.
 fn overlap(a: &[bool], b: &[bool]) -> f64 {
     let count = |f: fn((&bool, &bool)) -> bool| a.iter().zip(b).filter(|(a, b)| f((a, b))).count() as f64;
     count(|(a, b)| *a && *b) / count(|(a, b)| *a || *b)
 }
 
 #[test]
-fn made_masks_lie_on_the_hand_and_hide_what_is_around_it() {
+fn made_masks_cover_the_hand_and_exclude_its_surroundings() {
     let (opened, _folder) = open_after(|_| ());
     let capture = opened.unwrap().capture;
     let (camera, frame) = pair(&capture, 1);
@@ -42,7 +42,7 @@ fn made_masks_lie_on_the_hand_and_hide_what_is_around_it() {
     let synthetic_frame = synthetic().splits["train"].frames[0];
     let truth = image::open(synthetic().mask_file(1, synthetic_frame).unwrap().unwrap()).unwrap().into_luma8();
     let truth: Vec<bool> = truth.pixels().map(|p| p.0[0] == 255).collect();
-    // The pose has 4 degrees of noise, the hand another shape; what is black in the image is never hand.
+    // The pose has 4 degrees of noise, and the hand another shape; black pixels of the image are never hand.
     let same = overlap(&mask, &truth);
     assert!(same > 0.7, "{same}");
     let shifted: Vec<bool> = truth.iter().cycle().skip(40).take(truth.len()).copied().collect();
@@ -52,22 +52,22 @@ fn made_masks_lie_on_the_hand_and_hide_what_is_around_it() {
 }
 
 #[test]
-fn masks_are_kept_and_made_anew_for_another_pose_or_image() {
+fn masks_are_cached_and_remade_for_another_pose_or_image() {
     let (opened, folder) = open_after(|_| ());
     let mut capture = opened.unwrap().capture;
     let first = mask_of(&capture, 1);
     let file = kept_file(folder.path(), 1);
     let bytes = std::fs::read(&file).unwrap();
-    // Any program can look at it.
+    // The cached file is an ordinary image.
     let kept = image::load_from_memory(&bytes).unwrap().into_luma8();
     assert!(kept.pixels().zip(&first).all(|(p, m)| (p.0[0] == 255) == *m));
-    // It is used: another picture with the same end is taken for the mask.
+    // The cache is used: another picture with the same end is read as the mask.
     let mut other = Vec::new();
     GrayImage::new(128, 192).write_to(&mut std::io::Cursor::new(&mut other), image::ImageFormat::Png).unwrap();
     other.extend(&bytes[bytes.len() - 22..]);
     std::fs::write(&file, &other).unwrap();
     assert!(mask_of(&capture, 1).iter().all(|m| !m));
-    // Cut short, or of another image, pose or camera, it is made anew.
+    // A mask that is truncated, or of another image, pose or camera, is remade.
     std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
     assert_eq!(mask_of(&capture, 1), first);
     assert_eq!(std::fs::read(&file).unwrap(), bytes);
@@ -86,7 +86,7 @@ fn masks_are_kept_and_made_anew_for_another_pose_or_image() {
 }
 
 #[test]
-fn masks_that_are_there_are_read() {
+fn existing_masks_are_read() {
     let (opened, folder) = open_after(|_| ());
     let mut capture = opened.unwrap().capture;
     let (camera, frame) = pair(&capture, 1);
@@ -100,14 +100,14 @@ fn masks_that_are_there_are_read() {
     assert!(!kept_file(folder.path(), 1).exists());
     let counts = capture.skip_unusable_images(&["train"]).unwrap();
     assert_eq!(counts.total(), 0, "{counts}");
-    // Only the facts of the image are kept then.
+    // Only the facts of the image are cached then.
     assert!(std::fs::metadata(kept_file(folder.path(), 1)).unwrap().len() < 100);
     RgbImage::new(127, 192).save(&file).unwrap();
     assert_says(&capture.load_view(camera, frame).unwrap_err().to_string(), &["masks_removeblack", "127 x 192"]);
 }
 
 #[test]
-fn images_of_no_use_by_their_content_are_dropped_and_counted() {
+fn images_with_unusable_content_are_dropped_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let data = right();
     data.write(folder.path());
@@ -115,7 +115,7 @@ fn images_of_no_use_by_their_content_are_dropped_and_counted() {
     let cameras = synthetic().splits["train"].cameras.clone();
     let frame = synthetic().splits["train"].frames[0];
     assert_eq!(frame, 0);
-    // Black, hardly any hand (a speck of it), truncated, of another size.
+    // A black image, one with hardly any hand, a truncated one, and one of another size.
     write_jpeg(&file(cameras[0]), &RgbImage::new(128, 192));
     let mut speck = RgbImage::new(128, 192);
     speck
@@ -128,7 +128,7 @@ fn images_of_no_use_by_their_content_are_dropped_and_counted() {
     write_jpeg(&file(cameras[3]), &RgbImage::from_pixel(64, 192, image::Rgb([120; 3])));
     let mut capture = Capture::open_with(folder.path(), &crate::interhand_files::options()).unwrap().capture;
     for pass in 0..2 {
-        // The second time from what was kept.
+        // The second pass uses the cache.
         let mut again = capture.clone();
         let counts = again.skip_unusable_images(&["train", "test"]).unwrap();
         let reasons: Vec<(SkipReason, usize)> = counts.reasons.into_iter().collect();
@@ -140,7 +140,7 @@ fn images_of_no_use_by_their_content_are_dropped_and_counted() {
         assert_eq!(counts.looked_at, 19);
         assert_eq!((again.splits["train"].views.len(), again.splits["train"].frames.len()), (14, 3));
     }
-    // Where nothing is left, that is said.
+    // A split without usable images is an error.
     for camera in synthetic().splits["test"].cameras.clone() {
         for frame in synthetic().splits["test"].frames.clone() {
             write_jpeg(&data.image_file(folder.path(), 1, camera, frame), &RgbImage::new(128, 192));

@@ -1,5 +1,5 @@
-//! Captures of all formats, written in exactly their layouts from the synthetic capture and read back; and what is wrong
-//! with such files is told.
+//! Captures of all formats, written in their exact layouts from the synthetic capture and read back; and errors for
+//! invalid files.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 #[path = "../../../crates/ghand-hand-model/tests/support/mod.rs"]

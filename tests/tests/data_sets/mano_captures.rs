@@ -1,4 +1,4 @@
-//! Captures of the own format whose poses are MANO's.
+//! Captures in ghand's own format with MANO poses.
 
 use ghand_capture::capture::{Frame, HandModelSource};
 use ghand_capture::{Capture, OpenOptions};
@@ -33,7 +33,7 @@ fn a_capture_with_mano_poses_is_written_and_read_with_the_users_file() {
 }
 
 #[test]
-fn a_folder_that_is_no_capture_lists_what_would_be_one() {
+fn the_error_for_a_folder_that_is_not_a_capture_lists_the_formats() {
     let folder = tempfile::tempdir().unwrap();
     let message = Capture::open(folder.path()).unwrap_err().to_string();
     assert_says(&message, &["capture.json", "InterHand2.6M", "Hand Appearance"]);

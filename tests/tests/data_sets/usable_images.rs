@@ -1,4 +1,4 @@
-//! What is found of images without decoding them, for captures that keep what is of use.
+//! Unusable images that are detected without decoding, so that captures keep only usable ones.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use image::{GrayImage, RgbImage};
 
 use crate::fixtures::{assert_says, synthetic, write};
 
-/// The synthetic capture with images and masks of its own in a folder.
+/// The synthetic capture with copies of its images and masks in a folder.
 fn copied(folder: &Path) -> Capture {
     let paths = ImagePaths::plain("{camera}/{frame}.png", Some("{camera}/{frame}_mask.png"));
     let capture = Capture { root: folder.into(), images: paths, ..synthetic().clone() };
@@ -23,7 +23,7 @@ fn copied(folder: &Path) -> Capture {
 }
 
 #[test]
-fn a_capture_that_is_whole_stays_as_it_is() {
+fn a_complete_capture_is_unchanged() {
     let mut capture = synthetic().clone();
     let counts = capture.skip_unusable_images(&["train", "test"]).unwrap();
     assert_eq!((counts.looked_at, counts.total()), (18 + 4, 0));
@@ -46,7 +46,7 @@ fn missing_and_broken_files_are_dropped_with_one_count() {
     write(&image(5), b"");
     std::fs::remove_file(image(6)).unwrap();
     std::fs::create_dir(image(6)).unwrap();
-    // A header alone, or a part of it.
+    // Only a header, or a part of it.
     let bytes = std::fs::read(image(7)).unwrap();
     write(&image(7), &bytes[..20]);
     let mut capture = whole.clone();
@@ -60,7 +60,7 @@ fn missing_and_broken_files_are_dropped_with_one_count() {
     expected.sort_unstable_by_key(|(camera, frame)| (*frame, *camera));
     assert_eq!(left, expected);
     assert_eq!(capture.splits["test"], whole.splits["test"]);
-    // Splits that were not asked for lose what is known to be of no use, and are not looked at otherwise.
+    // Splits that were not requested lose known unusable images, and are not checked otherwise.
     for (camera, frame) in left {
         std::fs::remove_file(whole.mask_file(camera, frame).unwrap().unwrap()).unwrap();
     }
@@ -73,7 +73,7 @@ fn missing_and_broken_files_are_dropped_with_one_count() {
 }
 
 #[test]
-fn images_that_are_cut_short_are_left_out() {
+fn truncated_images_are_skipped() {
     for extension in ["png", "jpg", "exr"] {
         let folder = tempfile::tempdir().unwrap();
         let name = format!("image.{extension}");
@@ -81,7 +81,7 @@ fn images_that_are_cut_short_are_left_out() {
         let images = ImagePaths::plain(&name, None);
         let mut capture = Capture { root: root.clone(), images, ..synthetic().clone() };
         let file = root.join(&name);
-        // More than is read for most headers.
+        // A file longer than the part that is read for most headers.
         let noise =
             |x: u32, y: u32| image::Rgb([(x * 7919 + y * 104_729) as u8, (x * y * 31) as u8, (x ^ (y * 17)) as u8]);
         let picture = image::DynamicImage::from(RgbImage::from_fn(128, 192, noise));
@@ -99,14 +99,14 @@ fn images_that_are_cut_short_are_left_out() {
 }
 
 #[test]
-fn a_header_behind_a_long_profile_is_found() {
+fn a_header_after_a_long_profile_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let images = ImagePaths::plain("image.jpg", None);
     let mut capture = Capture { root: folder.path().into(), images, ..synthetic().clone() };
     let file = folder.path().join("image.jpg");
     RgbImage::new(128, 192).save(&file).unwrap();
     let bytes = std::fs::read(&file).unwrap();
-    // Comments of 64 kB each behind the mark of the beginning.
+    // Comments of 64 kB each after the start marker.
     let comment = [&[0xFF, 0xFE, 0xFF, 0xFF][..], &[b' '; 65_533]].concat();
     let long = [&bytes[..2], &comment, &comment, &bytes[2..]].concat();
     std::fs::write(&file, long).unwrap();

@@ -9,7 +9,7 @@ fn pairs() -> Vec<(usize, usize)> {
 }
 
 #[test]
-fn views_are_those_of_the_capture_cut_to_the_hand_however_they_were_asked_for() {
+fn views_equal_those_of_the_capture_cropped_to_the_hand_in_any_request_order() {
     let capture = synthetic();
     for (capacity, threads) in [(1 << 30, 1), (1 << 30, 3), (200_000, 2), (0, 2)] {
         let options = ViewStoreOptions { margin: 4, capacity, threads: Some(threads) };
@@ -30,7 +30,7 @@ fn views_are_those_of_the_capture_cut_to_the_hand_however_they_were_asked_for() 
 }
 
 #[test]
-fn what_cannot_be_decoded_is_told_when_it_is_asked_for_and_again() {
+fn an_undecodable_view_is_an_error_on_every_request() {
     let mut capture = synthetic().clone();
     capture.images.image = "nowhere/{camera}/{frame}.png".into();
     let store = ViewStore::new(&capture, &ViewStoreOptions::default()).unwrap();

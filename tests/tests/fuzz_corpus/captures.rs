@@ -1,5 +1,5 @@
-//! The inputs of `fuzz/corpus`, and changes of them, through the readers that `fuzz/fuzz_targets` runs: something sound or an
-//! error, never a panic.
+//! Runs the readers of `fuzz/fuzz_targets` on the inputs of `fuzz/corpus` and changed copies of them: the result is
+//! valid or an error, never a panic.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use rand::{Rng, RngExt, SeedableRng};
 
 use crate::fixtures::mano;
 
-/// Changes of each input: enough that all parts of a reader are met, few enough that it takes a few seconds.
+/// Number of changed copies per input: enough to reach all parts of a reader, few enough to take only a few seconds.
 const CHANGES: usize = 1500;
 
 fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
@@ -22,7 +22,7 @@ fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
     paths.into_iter().map(|path| (path.display().to_string(), std::fs::read(path).unwrap())).collect()
 }
 
-/// One to four changes of the kinds that damage texts, or that a fuzzer tries.
+/// Applies one to four changes that typically damage text, or that a fuzzer tries.
 fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     const PIECES: [&str; 10] =
         ["null", "-1", "1e999", "[]", "{}", "\"\"", "[[", "NaN", "18446744073709551616", "\"../x\""];
@@ -37,7 +37,7 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
             0 => bytes[at] = random.random(),
             1 => drop(bytes.drain(at..end)),
             2 => {
-                // A whole number, word or string in place of another.
+                // Replaces a whole number, word or string.
                 let ends = |b: &u8| b",:[]{}".contains(b);
                 let end = bytes[at..].iter().position(ends).map_or(bytes.len(), |n| at + n);
                 bytes.splice(at..end, PIECES[random.random_range(0..PIECES.len())].bytes());
@@ -53,7 +53,7 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
-/// Runs inputs and changes of them; gives how many inputs were sound as they are.
+/// Runs inputs and changed copies; returns the number of valid inputs and the number of inputs.
 fn run(target: &str, read: impl Fn(&[u8]) -> bool) -> (usize, usize) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
     let inputs = corpus(target);
@@ -69,7 +69,7 @@ fn run(target: &str, read: impl Fn(&[u8]) -> bool) -> (usize, usize) {
 }
 
 #[test]
-fn captures_of_the_corpus_and_changes_of_them_give_a_sound_capture_or_an_error() {
+fn corpus_captures_and_changed_copies_give_a_valid_capture_or_an_error() {
     let (sound, inputs) = run("capture", |bytes| {
         let Ok(text) = std::str::from_utf8(bytes) else { return false };
         match read_capture_text(Path::new("/nowhere/capture.json"), text, Some(mano())) {
@@ -89,20 +89,20 @@ fn captures_of_the_corpus_and_changes_of_them_give_a_sound_capture_or_an_error()
             }
         }
     });
-    assert!(sound >= 2 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+    assert!(sound >= 2 && inputs > sound, "the corpus has {sound} valid of {inputs} inputs");
 }
 
 #[test]
-fn annotations_of_the_corpus_and_changes_of_them_are_read_or_refused() {
+fn corpus_annotations_and_changed_copies_are_read_or_rejected() {
     let (sound, inputs) = run("interhand", |bytes| {
         let counts = count_annotations(bytes);
         let found = [counts.cameras, counts.images, counts.poses];
         found.into_iter().any(|count| count.is_ok_and(|count| count > 0))
     });
-    assert!(sound >= 3 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+    assert!(sound >= 3 && inputs > sound, "the corpus has {sound} valid of {inputs} inputs");
 }
 
 #[test]
-fn pickles_of_the_corpus_are_poses_or_refused() {
+fn corpus_pickles_are_read_as_poses_or_rejected() {
     run("pickle", |bytes| read_pose("0001_mano.pkl", bytes, mano()).is_ok());
 }

@@ -1,7 +1,7 @@
-//! The inputs of `fuzz/corpus`, and changes of them, through the readers of captures and poses that the targets of
-//! `fuzz/fuzz_targets` run; those of hand models are in `ghand-hand-model`.
+//! Runs the capture and pose readers of `fuzz/fuzz_targets` on the inputs of `fuzz/corpus` and changed copies of them;
+//! the tests of hand model readers are in `ghand-hand-model`.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![allow(dead_code, reason = "the fixtures are those of `data_sets`, which needs more of them")]
+#![allow(dead_code, reason = "the fixtures are shared with `data_sets`, which uses more of them")]
 
 #[path = "../../../fuzz/src/lib.rs"]
 mod arrays;

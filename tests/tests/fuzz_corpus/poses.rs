@@ -1,5 +1,5 @@
-//! The inputs of `fuzz/corpus/poses` and `fuzz/corpus/pose_arrays`, and changes of them, through the readers that the targets of
-//! these names in `fuzz/fuzz_targets` run: finite poses or an error that names the file, never a panic.
+//! Runs the readers of the fuzz targets `poses` and `pose_arrays` on the inputs of their folders in `fuzz/corpus` and
+//! changed copies of them: the result is finite poses or an error that names the file, never a panic.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,11 @@ use rand::{Rng, RngExt, SeedableRng};
 
 use crate::arrays::read_pose_arrays;
 
-/// Changes of each input: enough that all readers see some hundred, few enough that it takes a few seconds.
+/// Number of changed copies per input: enough that every reader gets a few hundred, few enough to take only a few
+/// seconds.
 const CHANGES: usize = 300;
 
-/// One to four changes of the kinds that damage files, or that a fuzzer tries.
+/// Applies one to four changes that typically damage files, or that a fuzzer tries.
 fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..random.random_range(1..=4) {
@@ -39,11 +40,11 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
-/// Runs the inputs of a folder of the corpus, and changes of them; the names of all that are poses as they are must be all but
-/// the hopeless ones.
+/// Runs the inputs of a corpus folder and changed copies; all unchanged inputs must be readable except the `hopeless`
+/// ones.
 fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
-    // Those that libFuzzer adds have hashes as names.
+    // Inputs added by libFuzzer have hashes as names.
     let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some());
     paths.sort();
@@ -79,12 +80,12 @@ fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Resu
 }
 
 #[test]
-fn poses_of_the_corpus_and_changes_of_them_are_finite_or_an_error() {
+fn corpus_poses_and_changed_copies_give_finite_poses_or_an_error() {
     let hopeless = ["deep.json", "list_in_itself.pkl", "nan_of_python.json", "no_poses.json"];
     run("poses", &hopeless, |bytes, model| read_poses_bytes("file", bytes, model, &PoseOptions::default()));
 }
 
 #[test]
-fn arrays_of_the_corpus_and_changes_of_them_are_finite_poses_or_an_error() {
+fn corpus_arrays_and_changed_copies_give_finite_poses_or_an_error() {
     run("pose_arrays", &["frames_without_joints.arrays", "half_of_infinite_frames.arrays"], read_pose_arrays);
 }

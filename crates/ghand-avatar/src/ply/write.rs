@@ -7,8 +7,8 @@ use ghand_render::splat::SplatModel;
 
 use super::{PlyError, SplatScene};
 
-/// What an opacity of 1 becomes in a scene. Scenes store logits, and that of 1 is infinite; this one is so near to 1 that no
-/// 8-bit value of a picture changes by more than one.
+/// The exported opacity of an opaque Gaussian. Scenes store logits, and the logit of 1 is infinite; this value is so
+/// close to 1 that no 8-bit value of a picture changes by more than one.
 pub const EXPORTED_OPACITY: f64 = 0.99999;
 
 /// The logit of [`EXPORTED_OPACITY`], 11.513.
@@ -16,14 +16,15 @@ pub fn exported_logit() -> f32 {
     (EXPORTED_OPACITY / (1.0 - EXPORTED_OPACITY)).ln() as f32
 }
 
-/// The harmonic of degree 0, 1 / (2 sqrt(pi)).
+/// The spherical harmonic of degree 0, 1 / (2 sqrt(pi)).
 const SH_0: f64 = 0.282_094_791_773_878_14;
-/// The harmonics' sum is added to this grey.
+/// The sum of the harmonics is added to this grey.
 const GREY: f64 = 0.5;
 
 impl SplatScene {
-    /// The scene that looks like a table of [`SplatModel::HAND`], `[7][N]`: round Gaussians of opacity 1 and of one colour from
-    /// all sides become ones with three equal sizes, no rotation, the logit of [`EXPORTED_OPACITY`], and harmonics of degree 0.
+    /// Converts a table of [`SplatModel::HAND`], `[7][N]`, to a scene that looks the same. The isotropic, opaque
+    /// Gaussians with view-independent colour get three equal sizes, no rotation, the logit of [`EXPORTED_OPACITY`],
+    /// and harmonics of degree 0.
     pub fn of_hand(table: &[f32]) -> SplatScene {
         let (hand, model) = (SplatModel::HAND, SplatModel::trained(0));
         let count = table.len() / hand.rows();
@@ -42,13 +43,13 @@ impl SplatScene {
         SplatScene { degree: 0, count, table: scene }
     }
 
-    /// The contents of a `.ply` file with this scene: binary, little-endian, with the properties and in the order that trainers
-    /// of 3D Gaussian Splatting write, normals (all zero) included.
+    /// The contents of a `.ply` file with this scene: binary, little-endian, with the same properties in the same order
+    /// as trainers of 3D Gaussian Splatting write, including normals (all zero).
     pub fn to_ply(&self) -> Vec<u8> {
         let model = self.model();
         let rest = model.color_bases() - 1;
         let (rotation, opacity, color) = (model.rotation_row(), model.opacity_row(), model.color_row());
-        // Name and row of each property; normals have no row.
+        // Name and table row of each property; normals have no row.
         let named = |name: &str, rows: std::ops::Range<usize>| -> Vec<(String, Option<usize>)> {
             rows.enumerate().map(|(k, row)| (format!("{name}_{k}"), Some(row))).collect()
         };
@@ -57,7 +58,7 @@ impl SplatScene {
                 .map(|(name, row)| (name.to_owned(), row))
                 .to_vec();
         properties.extend(named("f_dc", color..color + 3));
-        // Files have the harmonics by channel, the table by function.
+        // Files order the harmonics by channel, the table by basis function.
         let functions = (0..3).flat_map(|channel| (1..=rest).map(move |function| color + 3 * function + channel));
         properties.extend(functions.enumerate().map(|(k, row)| (format!("f_rest_{k}"), Some(row))));
         properties.push(("opacity".into(), Some(opacity)));
@@ -78,7 +79,7 @@ impl SplatScene {
         bytes
     }
 
-    /// Writes [`SplatScene::to_ply`] to a file, whole or not at all.
+    /// Writes [`SplatScene::to_ply`] to a file, atomically.
     ///
     /// # Errors
     /// [`PlyError::Write`] names the file.
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_back_whatever_the_degree() {
+    fn a_written_scene_of_any_degree_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.ply");
         for degree in 0..=3 {
@@ -105,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn the_properties_are_those_of_trainers_in_their_order() {
+    fn the_properties_and_their_order_match_those_of_trainers() {
         let scene = SplatScene { degree: 1, count: 0, table: vec![] };
         let text = String::from_utf8(scene.to_ply()).unwrap();
         let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_becomes_a_scene_of_finite_numbers_that_stand_for_the_same_gaussians() {
+    fn an_exported_hand_is_a_finite_scene_of_the_same_gaussians() {
         let rows: [[f32; 2]; 7] =
             [[0.1, -0.2], [0.0, 0.3], [0.5, 0.4], [0.001, 0.0025], [0.0, 1.0], [0.25, 0.5], [0.75, 0.1]];
         let scene = SplatScene::of_hand(rows.as_flattened());

@@ -1,4 +1,4 @@
-//! The `direct` property model: free tables over the Gaussians, and a local, linear dependence on the pose within limits.
+//! The `direct` property model: free tables per Gaussian, and a local, linear dependence on the pose within limits.
 
 mod device;
 mod response_limits;

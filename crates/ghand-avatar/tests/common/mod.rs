@@ -1,4 +1,4 @@
-//! Avatars of random numbers: all that the pipeline does is visible in them, and nothing cancels.
+//! Avatars of random numbers: every stage of the pipeline has a visible effect, and nothing cancels.
 
 #![allow(dead_code, reason = "every test file is its own crate and uses the part that it needs")]
 
@@ -9,9 +9,9 @@ use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
-/// Gaussians of a random avatar.
+/// Number of Gaussians of a random avatar.
 pub const COUNT: usize = 333;
-/// Joints of a random avatar.
+/// Number of joints of a random avatar.
 pub const JOINTS: usize = 7;
 
 /// `count` numbers in -size..size.
@@ -31,7 +31,7 @@ fn random_limits(seed: u64, length: usize) -> Vec<f32> {
     limits.chunks_exact(2).flat_map(one).collect()
 }
 
-/// A random avatar; equal seeds give equal ones.
+/// A random avatar; equal seeds give equal avatars.
 pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
     let random = |table: u64, count: usize, size: f32| random(100 * seed + table, count, size);
     let mut weights: Vec<f32> = random(1, JOINTS * COUNT, 1.0).iter().map(|w| w.abs()).collect();

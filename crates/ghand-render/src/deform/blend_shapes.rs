@@ -4,7 +4,7 @@ use super::{BackwardBuffers, ForwardBuffers};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
-/// Bases and coefficients to offsets.
+/// From bases and coefficients to offsets.
 pub struct BlendShapes {
     blend: Bound,
     count: u32,
@@ -26,7 +26,7 @@ impl BlendShapes {
     }
 }
 
-/// Gradient of the offsets to those of bases and coefficients.
+/// From the gradient of the offsets to the gradients of bases and coefficients.
 pub struct BlendShapesBackward {
     blend: Bound,
     count: u32,

@@ -1,5 +1,5 @@
-//! Host part of `joint_sums.wgsl`: products of two tables summed over the Gaussians. How offsets reach joints, and
-//! gradients of points reach bones.
+//! Host part of `joint_sums.wgsl`: products of two tables, summed over the Gaussians. Maps offsets to joints, and
+//! gradients of points to bones.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -12,11 +12,11 @@ use crate::{Gpu, buffers};
 pub struct SumUniforms {
     /// N.
     pub count: u32,
-    /// Rows of the left table, all of which take part.
+    /// Number of rows of the left table; all are used.
     pub left_rows: u32,
-    /// Rows of the right table that take part.
+    /// Number of used rows of the right table.
     pub right_rows: u32,
-    /// The first of them.
+    /// The first used row of the right table.
     pub right_offset: u32,
 }
 
@@ -31,7 +31,7 @@ pub struct JointSums {
 }
 
 impl JointSums {
-    /// Strands of the sum, as in the shader.
+    /// Number of strands (partial sums), as in the shader.
     pub const STRANDS: usize = 64;
 
     /// Sums over the `count` columns of `left` (`left_rows` rows) and of `right_rows` rows of `right` from `offset` on.

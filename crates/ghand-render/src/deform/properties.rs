@@ -1,4 +1,4 @@
-//! What a property model fills and the deformation and the projection read.
+//! The properties of the Gaussians: written by a property model, read by the deformation and the projection.
 
 use ghand_core::blend_shapes::CoefficientLayout;
 
@@ -7,23 +7,23 @@ use crate::{Gpu, buffers};
 /// Sizes of the properties of one hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PropertySizes {
-    /// Gaussians, N.
+    /// Number of Gaussians, N.
     pub gaussians: usize,
-    /// Joints, `n_b`.
+    /// Number of joints, `n_b`.
     pub joints: usize,
-    /// Shape bases, n.
+    /// Number of shape bases, n.
     pub bases: usize,
     /// Layout of the blend coefficients.
     pub coefficients: CoefficientLayout,
 }
 
-/// The properties of N Gaussians in one pose, on the device: f32, row-major, and the same buffers for as long as the hand is
-/// there. A property model fills them before the deformation runs; what does not depend on the pose it may fill once.
+/// The properties of N Gaussians in one pose, on the device: f32, row-major, in buffers that exist as long as the hand.
+/// A property model fills them before the deformation runs; those that do not depend on the pose can be filled once.
 ///
-/// Gradients of the properties have the same layout, in buffers of their own.
+/// Gradients of the properties have the same layout, in separate buffers.
 #[derive(Debug, Clone)]
 pub struct Properties {
-    /// Sizes of all of them.
+    /// Sizes of the buffers.
     pub sizes: PropertySizes,
     /// Shape bases S, `[n][3][N]`, metres (paper eq. 7).
     pub shape_basis: wgpu::Buffer,
@@ -40,7 +40,7 @@ pub struct Properties {
 }
 
 impl Properties {
-    /// Buffers full of zeros.
+    /// Zeroed buffers.
     pub fn zeroed(gpu: &Gpu, sizes: PropertySizes) -> Properties {
         let PropertySizes { gaussians: n, joints, bases, coefficients } = sizes;
         Properties {

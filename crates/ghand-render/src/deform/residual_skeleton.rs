@@ -1,11 +1,12 @@
-//! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton (paper eq. 9).
+//! Host part of `residual_skeleton.wgsl` and `residual_skeleton_backward.wgsl`: the Neural Residual Skeleton
+//! (paper eq. 9).
 
 use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
-/// Offsets to residual joints and their chain.
+/// From offsets to residual joints and their chain.
 pub struct ResidualSkeleton {
     regress: JointSums,
     place: Bound,
@@ -40,7 +41,7 @@ impl ResidualSkeleton {
     }
 }
 
-/// Gradient of the residual bones to those of the regressor, the offsets and the local rotations.
+/// From the gradient of the residual bones to the gradients of the regressor, the offsets and the local rotations.
 pub struct ResidualSkeletonBackward {
     bone_sums: JointSums,
     chain: Bound,
@@ -69,7 +70,8 @@ impl ResidualSkeletonBackward {
         }
     }
 
-    /// Replaces the local rotations' gradient, fills the regressor's, and makes that of the points that of the offsets.
+    /// Overwrites the local rotations' gradient, fills the regressor's, and turns the points' gradient into the
+    /// offsets'.
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.bone_sums.encode(pass);
         self.chain.dispatch(pass, 1);

@@ -1,11 +1,12 @@
-//! Host part of `skeleton.wgsl` and `skeleton_backward.wgsl`: the pose's chain of joints, and the gradient of pose and joints.
+//! Host part of `skeleton.wgsl` and `skeleton_backward.wgsl`: the joint chain of a pose, and the gradients of pose and
+//! joints.
 
 use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
-/// Pose to chain.
+/// From pose to joint chain.
 pub struct Skeleton {
     skeleton: Bound,
 }
@@ -21,7 +22,7 @@ impl Skeleton {
     }
 }
 
-/// Gradient of the bones to that of joints and pose.
+/// From the gradient of the bones to the gradients of joints and pose.
 pub struct SkeletonBackward {
     bone_sums: JointSums,
     skeleton: Bound,
@@ -44,7 +45,7 @@ impl SkeletonBackward {
         }
     }
 
-    /// Adds to the local rotations' gradient, and fills those of joints and pose.
+    /// Adds to the local rotations' gradient, and fills the gradients of joints and pose.
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.bone_sums.encode(pass);
         self.skeleton.dispatch(pass, 1);

@@ -4,7 +4,7 @@ use super::{BackwardBuffers, ForwardBuffers};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
-/// Points and bones to posed means, in the splatter's table.
+/// From points and bones to posed means in the splatter's table.
 pub struct Skin {
     skin: Bound,
     count: u32,
@@ -21,7 +21,8 @@ impl Skin {
     }
 }
 
-/// Gradient of the posed means to those of points and residual weights, and to the moments that bones get theirs from.
+/// From the gradient of the posed means to the gradients of points and residual weights, and to the moments from which
+/// the bones' gradients are computed.
 pub struct SkinBackward {
     skin: Bound,
     count: u32,

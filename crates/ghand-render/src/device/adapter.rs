@@ -1,26 +1,26 @@
-//! Which graphics adapter to open.
+//! The choice of the graphics adapter.
 
 use crate::device::DeviceError;
 
 /// Which adapter to use.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum AdapterChoice {
-    /// The best that there is: discrete before integrated before virtual before software.
+    /// The best available: discrete before integrated before virtual before software.
     #[default]
     Best,
     /// A software rasteriser.
     Cpu,
     /// Real hardware only.
     Gpu,
-    /// The first adapter whose name contains this text, whatever the case.
+    /// The first adapter whose name contains this text, ignoring case.
     Named(String),
 }
 
 impl AdapterChoice {
-    /// Environment variable that chooses the adapter where the caller does not.
+    /// Environment variable that selects the adapter if the caller does not.
     pub const VARIABLE: &'static str = "GHAND_ADAPTER";
 
-    /// `cpu`, `gpu`, empty (best) or a part of an adapter's name.
+    /// Reads `cpu`, `gpu`, an empty text (best) or part of an adapter's name.
     pub fn parse(text: &str) -> AdapterChoice {
         match text.trim().to_lowercase().as_str() {
             "" | "best" => AdapterChoice::Best,
@@ -74,16 +74,16 @@ fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
 /// The best adapter that fits a choice.
 pub(super) fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Result<wgpu::Adapter, DeviceError> {
     let adapters = adapters(instance);
-    // An adapter may be there once for each of its drivers.
+    // An adapter can be listed once per driver.
     let mut found: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     found.dedup();
     let chosen = adapters.into_iter().find(|a| choice.fits(&a.get_info()));
     chosen.ok_or_else(|| DeviceError::NoAdapter { wanted: choice.wanted(), found })
 }
 
-/// The adapter that was opened before, if it is there.
+/// The adapter that was opened before, if it is available.
 pub(super) fn find_again(instance: &wgpu::Instance, before: &wgpu::AdapterInfo) -> Option<wgpu::Adapter> {
-    // Not by the driver's version: an update of the driver is one way to lose a device.
+    // The driver's version is not compared: a driver update is one way to lose a device.
     let identity = |i: &wgpu::AdapterInfo| {
         (i.name.clone(), i.vendor, i.device, i.device_type, i.backend, i.device_pci_bus_id.clone())
     };

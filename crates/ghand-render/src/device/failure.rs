@@ -1,8 +1,8 @@
-//! What can go wrong with a device, and how it is noticed.
+//! Errors of a device, and how they are detected.
 //!
-//! A device tells of its errors in four ways: the call that opens it fails; a scope catches what the calls inside of it
-//! did wrong ([`Gpu::scoped`]); errors outside of scopes come to a handler; and one day the device may be lost. The last
-//! two are remembered here, and every call that waits asks for them ([`Gpu::check`]).
+//! A device reports errors in four ways: the call that opens it fails; a scope catches the errors of the calls inside
+//! it ([`Gpu::scoped`]); errors outside scopes go to a handler; and the device can be lost. The last two are recorded
+//! here, and every call that waits checks them ([`Gpu::check`]).
 
 use std::error::Error;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,7 +13,7 @@ use wgpu::wgc::resource::CreateBufferError;
 use crate::device::{AdapterChoice, memory_limit};
 use crate::{Gpu, Tier};
 
-/// Why there is no device.
+/// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// No adapter fits the choice.
@@ -21,30 +21,31 @@ pub enum DeviceError {
     NoAdapter {
         /// What was asked for.
         wanted: String,
-        /// What there is.
+        /// The available adapters.
         found: Vec<String>,
     },
-    /// The process may not use the memory that any driver needs.
+    /// The process has less address space than any driver needs.
     #[error(
-        "this process may use only {limit_mib} MiB of address space (`ulimit -v`), and a graphics driver needs at least \
-         {least_mib}; raise the limit, as with `ulimit -v unlimited`"
+        "this process may use only {limit_mib} MiB of address space (`ulimit -v`), and a graphics driver needs at \
+         least {least_mib}; raise the limit, for example with `ulimit -v unlimited`"
     )]
     MemoryLimit {
-        /// What the process may use.
+        /// Address space of the process, MiB.
         limit_mib: u64,
-        /// What a driver needs.
+        /// Address space that a driver needs, MiB.
         least_mib: u64,
     },
-    /// The adapter refused a device.
+    /// The adapter did not give a device.
     #[error(
-        "the graphics adapter {adapter} gave no device: {reason}; update its driver or choose another adapter with {}{}",
+        "the graphics adapter {adapter} could not be opened: {reason}; update its driver or choose another adapter \
+         with {}{}",
         AdapterChoice::VARIABLE,
         memory_limit::hint()
     )]
     NoDevice {
         /// The adapter.
         adapter: String,
-        /// What the driver said.
+        /// The driver's message.
         reason: String,
     },
     /// The adapter lacks what a tier needs.
@@ -55,15 +56,15 @@ pub enum DeviceError {
         /// The tier.
         tier: &'static str,
     },
-    /// [`Tier::VARIABLE`] names no tier.
-    #[error("{}={text} is no tier; it may be `baseline` or `fast`", Tier::VARIABLE)]
+    /// [`Tier::VARIABLE`] is not the name of a tier.
+    #[error("{}={text} is not a tier; use `baseline` or `fast`", Tier::VARIABLE)]
     UnknownTier {
-        /// What it holds.
+        /// Its value.
         text: String,
     },
-    /// The adapter of a lost device does not come back.
+    /// The adapter of a lost device did not come back.
     #[error(
-        "the graphics adapter {adapter} was lost and does not come back; update its driver, restart the computer, or \
+        "the graphics adapter {adapter} was lost and did not come back; update its driver, restart the computer, or \
          choose another adapter with {}",
         AdapterChoice::VARIABLE
     )]
@@ -85,33 +86,33 @@ fn adapter_remedy(found: &[String]) -> String {
 /// Why rendering failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RenderError {
-    /// The device is gone, and with it all that was on it. [`Gpu::reopen`] opens another.
+    /// The device and its contents are lost. [`Gpu::reopen`] opens a new one.
     #[error(
         "the graphics device was lost ({0}); start again, and if it happens again update or reset the graphics driver"
     )]
     Lost(String),
-    /// The device has no room for what was asked of it. It goes on working.
+    /// The device has too little memory for a request. It remains usable.
     #[error(
-        "the graphics device has no room for {what} ({why}); use smaller images or fewer Gaussians, close other \
-         programs that use the graphics adapter, or choose another adapter with {}{}",
+        "the graphics device has too little memory for {what} ({why}); use smaller images or fewer Gaussians, close \
+         other programs that use the graphics adapter, or choose another adapter with {}{}",
         AdapterChoice::VARIABLE,
         memory_limit::hint()
     )]
     OutOfMemory {
         /// What was asked for.
         what: String,
-        /// What is short.
+        /// The reason, such as the exceeded limit.
         why: String,
     },
     /// The device reported an error.
     #[error("the graphics device failed: {0}")]
     Device(String),
-    /// The request cannot be met.
+    /// The request is invalid.
     #[error("{0}")]
     Invalid(String),
 }
 
-/// What a device has reported so far.
+/// The errors that a device has reported so far.
 #[derive(Debug, Default)]
 pub(super) struct Reports {
     lost: Option<String>,
@@ -119,35 +120,35 @@ pub(super) struct Reports {
     later: usize,
 }
 
-/// A place for the reports of one device, whatever thread they come on.
+/// Collects the reports of one device from all threads.
 #[derive(Debug, Default)]
 pub(super) struct Failure(Mutex<Reports>);
 
 impl Failure {
     fn reports(&self) -> MutexGuard<'_, Reports> {
-        // Whoever panicked meanwhile left nothing half done: every change is one assignment.
+        // A thread that panicked with the lock cannot have left a partial change: every change is one assignment.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps the first error and counts the others.
+    /// Records the first error and counts the others.
     pub fn record_error(&self, error: &wgpu::Error) {
         let message = one_line(&error.to_string());
         let mut reports = self.reports();
         if reports.first.is_some() {
             reports.later += 1;
-            log::debug!("another error of the graphics device: {message}");
+            log::debug!("another graphics device error: {message}");
         } else {
             log::error!("the graphics device failed: {message}");
             reports.first = Some(message);
         }
     }
 
-    /// Keeps the first reason of the loss.
+    /// Records the first reason of the loss.
     pub fn record_loss(&self, reason: wgpu::DeviceLostReason, message: &str) {
         let message = match (reason, one_line(message)) {
             (wgpu::DeviceLostReason::Destroyed, _) => "it was destroyed".to_owned(),
-            (_, message) if message.is_empty() => "the driver gave no reason".to_owned(),
-            // As the driver's sentences end, which here goes into brackets.
+            (_, message) if message.is_empty() => "no reason given by the driver".to_owned(),
+            // The message is put in parentheses, without its full stop.
             (_, message) => message.trim_end_matches('.').to_owned(),
         };
         if reason != wgpu::DeviceLostReason::Destroyed {
@@ -158,16 +159,17 @@ impl Failure {
 }
 
 impl Gpu {
-    /// Whether the device is known to be lost. It shows at the latest in the next [`Gpu::wait`] or [`Gpu::poll`].
+    /// Whether the device is known to be lost. A loss is detected at the latest in the next [`Gpu::wait`] or
+    /// [`Gpu::poll`].
     pub fn is_lost(&self) -> bool {
         self.failure.reports().lost.is_some()
     }
 
-    /// Fails if the device was lost or has reported an error outside of a scope.
+    /// Fails if the device was lost or has reported an error outside a scope.
     ///
     /// # Errors
-    /// [`RenderError::Lost`] with the reason, or [`RenderError::Device`] with the first message and the number of the
-    /// others.
+    /// [`RenderError::Lost`] with the reason, or [`RenderError::Device`] with the first message and the number of later
+    /// errors.
     pub fn check(&self) -> Result<(), RenderError> {
         let reports = self.failure.reports();
         if let Some(reason) = &reports.lost {
@@ -180,7 +182,7 @@ impl Gpu {
         }
     }
 
-    /// Takes note of what the device has finished, without waiting.
+    /// Runs the callbacks of finished work and checks for errors, without waiting.
     ///
     /// # Errors
     /// As [`Gpu::check`].
@@ -188,10 +190,10 @@ impl Gpu {
         self.look(false)
     }
 
-    /// Waits until everything submitted has run. Of a lost device nothing is waited for.
+    /// Waits until all submitted work has run. Returns at once if the device is lost.
     ///
-    /// A callback of a buffer's mapping may never be called on a device that is lost meanwhile: look, after this, whether
-    /// it was; do not wait for it.
+    /// If the device is lost meanwhile, the callback of a buffer mapping may never be called: after this call, check
+    /// whether it was, without waiting for it.
     ///
     /// # Errors
     /// As [`Gpu::check`].
@@ -200,30 +202,30 @@ impl Gpu {
     }
 
     fn look(&self, wait: bool) -> Result<(), RenderError> {
-        // Not before an error is told: it may be the first sign of a loss that shows only now.
+        // Before the check for errors: the first error can be a sign of a loss that only this call detects.
         if !self.is_lost() {
-            // Not `Device::poll`: that panics where the driver answers that the device is lost. This comes to the same,
-            // since an instance has one device here, and what the driver answers is recorded.
+            // Not `Device::poll`, which panics if the driver reports a lost device. This is equivalent, since an
+            // instance has one device here, and the driver's reports are recorded.
             self.instance.poll_all(wait);
         }
         self.check()
     }
 
-    /// Runs `make`, which makes `what` on the device (buffers, textures, pipelines), and fails if any of it could not be
-    /// made. Nothing of that is left behind as an error of the device, which goes on working unless it is lost.
+    /// Runs `make`, which makes `what` on the device (buffers, textures, pipelines), and fails if any part of it could
+    /// not be made. The failure is not recorded as an error of the device, which remains usable unless it is lost.
     ///
-    /// It looks at the device before and after: for what is done once, not for every frame.
+    /// It polls the device before and after: use it for setup, not in every frame.
     ///
     /// # Errors
-    /// [`RenderError::OutOfMemory`] if there is no room, [`RenderError::Device`] if the device refuses it for another
-    /// reason (a shader that does not compile), [`RenderError::Lost`] if the device is lost.
+    /// [`RenderError::OutOfMemory`] if there is too little memory, [`RenderError::Device`] if the device rejects it for
+    /// another reason (a shader that does not compile), [`RenderError::Lost`] if the device is lost.
     pub fn scoped<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, RenderError> {
-        // A lost device makes nothing and reports no error.
+        // On a lost device, calls have no effect and report no error.
         self.poll()?;
         let scopes = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory]
             .map(|filter| self.device.push_error_scope(filter));
         let made = make();
-        // The innermost first; what is missing for lack of memory is then invalid, so that the lack comes first, too.
+        // Innermost first, which is lack of memory: it is the cause of the validation errors that follow from it.
         let errors: Vec<wgpu::Error> =
             scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).collect();
         self.poll()?;
@@ -243,12 +245,12 @@ fn refusal(what: &str, error: &wgpu::Error) -> RenderError {
             (_, Some(CreateBindGroupError::BufferRangeTooLarge { given, limit, .. })) => (given, limit),
             _ => return None,
         };
-        Some(format!("a buffer of {bytes} bytes, it takes at most {most}"))
+        Some(format!("a buffer of {bytes} bytes, but it takes at most {most}"))
     });
     match (too_large, error) {
         (Some(why), _) => RenderError::OutOfMemory { what, why },
         (None, wgpu::Error::OutOfMemory { .. }) => RenderError::OutOfMemory { what, why: "its memory is full".into() },
-        (None, error) => RenderError::Device(format!("it refuses {what}: {}", one_line(&error.to_string()))),
+        (None, error) => RenderError::Device(format!("it rejects {what}: {}", one_line(&error.to_string()))),
     }
 }
 
@@ -256,7 +258,7 @@ fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn
     std::iter::successors(Some(error), |e| (*e).source())
 }
 
-/// A message of wgpu as a part of a sentence.
+/// A message of wgpu on one line, to be part of a sentence.
 fn one_line(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     words.strip_prefix("Validation Error Caused by: ").unwrap_or(&words).to_owned()

@@ -1,13 +1,13 @@
-//! The limit on a process's address space, as `ulimit -v` and batch systems set it. Graphics drivers reserve much and check
-//! little: below the limit they report no adapter, refuse a device or crash, and never name the cause.
+//! The limit on a process's address space, as set by `ulimit -v` and batch systems. Graphics drivers reserve a lot and
+//! check little: under a low limit they report no adapter, fail to open a device or crash, without naming the cause.
 
 use crate::device::DeviceError;
 
-/// Address space below which no driver is tried, MiB. Mesa's lavapipe crashes at 400, gives no device at 600, and renders small
-/// pictures at 1000.
+/// With less address space, no driver is tried, MiB. Mesa's lavapipe crashes at 400, does not open a device at 600, and
+/// renders small pictures at 1000.
 const LEAST_MIB: u64 = 1024;
 
-/// The most address space that this process may use, MiB, where there is a limit.
+/// The address space that this process can use, MiB, if it is limited.
 pub fn address_space_limit_mib() -> Option<u64> {
     limit_mib(&std::fs::read_to_string("/proc/self/limits").ok()?)
 }
@@ -19,14 +19,14 @@ fn limit_mib(table: &str) -> Option<u64> {
     Some(bytes >> 20)
 }
 
-/// What a message about missing memory or a missing adapter adds where there is a limit.
+/// A hint for messages about missing memory or a missing adapter; empty if there is no limit.
 pub(super) fn hint() -> String {
     address_space_limit_mib().map_or_else(String::new, |limit| {
         format!("; this process may use only {limit} MiB of address space (`ulimit -v`), which may be too little")
     })
 }
 
-/// Refuses to start a driver where it would have too little address space.
+/// Fails if a driver would have too little address space.
 pub(super) fn check() -> Result<(), DeviceError> {
     match address_space_limit_mib() {
         Some(limit_mib) if limit_mib < LEAST_MIB => Err(DeviceError::MemoryLimit { limit_mib, least_mib: LEAST_MIB }),

@@ -1,4 +1,4 @@
-//! Going on after the loss of a device.
+//! Recovery after the loss of a device.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -6,20 +6,20 @@ use std::time::Duration;
 use crate::Gpu;
 use crate::device::{DeviceError, adapter, instance};
 
-/// Pauses between the tries to open an adapter again, milliseconds: a driver that is being reset or updated is away for
-/// seconds.
+/// Pauses between attempts to open an adapter again, milliseconds: a driver that is being reset or updated is
+/// unavailable for seconds.
 const PAUSES_MS: [u64; 5] = [100, 300, 1000, 2000, 4000];
 
-/// How often one piece of work is begun again. What has made the device fail every time will do so once more.
+/// How often a piece of work is restarted. If it loses the device every time, it would do so again.
 const MOST_LOSSES: u32 = 3;
 
 impl Gpu {
-    /// Opens a new device of the same adapter, waiting some seconds if the adapter is away. Nothing that was made on the
-    /// old device can be used with the new one. Where the adapter speaks Direct3D 12, nothing of the old device should be
-    /// left by then: a system without independent devices gives no second one beside it.
+    /// Opens a new device of the same adapter, waiting some seconds if the adapter is unavailable. Objects of the old
+    /// device cannot be used with the new one. With Direct3D 12, all objects of the old device should be dropped first:
+    /// a system without independent devices does not open a second one.
     ///
     /// # Errors
-    /// [`DeviceError::Gone`] if the adapter does not come back, [`DeviceError::NoDevice`] if it gives no device.
+    /// [`DeviceError::Gone`] if the adapter does not come back, [`DeviceError::NoDevice`] if it does not give a device.
     pub fn reopen(&self) -> Result<Gpu, DeviceError> {
         with_pauses(&PAUSES_MS.map(Duration::from_millis), || {
             let instance = instance();
@@ -30,13 +30,13 @@ impl Gpu {
         })
     }
 
-    /// Does `work`, which is called `what`, and if the device is lost meanwhile begins it again on a new device, which
-    /// then takes the place of this one. `work` makes what it needs on the device that it is given, and keeps elsewhere
-    /// what it need not do twice.
+    /// Runs `work`, named `what` in messages. If the device is lost meanwhile, restarts it on a new device, which
+    /// replaces this one. `work` must make all device objects on the device that it is given, and keep results that
+    /// need not be repeated outside the device.
     ///
     /// # Errors
-    /// That of `work` if it failed for another reason or after the device was lost several times; [`DeviceError`] if no
-    /// new device can be had.
+    /// The error of `work` if it failed for another reason or after the device was lost several times; [`DeviceError`]
+    /// if no new device can be opened.
     pub fn persist<T, E: From<DeviceError>>(
         &mut self,
         what: &str,
@@ -48,17 +48,17 @@ impl Gpu {
                 *self = self.reopen()?;
             }
             let result = work(self);
-            // The error may be wrapped up in any other; the device itself tells best whether it is lost.
+            // The error can be wrapped in any other, so the device itself is asked whether it is lost.
             if result.is_ok() || !self.is_lost() || losses == MOST_LOSSES {
                 return result;
             }
             losses += 1;
-            log::warn!("the graphics device was lost: {what} goes on with a new one");
+            log::warn!("the graphics device was lost: {what} continues with a new one");
         }
     }
 }
 
-/// The first success of `attempt`, which is repeated after each pause; else its last error.
+/// Repeats `attempt` after each pause; returns its first success, or its last error.
 fn with_pauses<T, E>(pauses: &[Duration], mut attempt: impl FnMut() -> Result<T, E>) -> Result<T, E> {
     for pause in pauses {
         if let Ok(success) = attempt() {
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_comes_back_late_is_found_and_what_stays_away_is_given_up() {
+    fn attempts_are_repeated_until_a_success_or_the_last_pause() {
         let pauses = [Duration::ZERO; 3];
         for (back_at, expected) in [(1, Ok(1)), (3, Ok(3)), (4, Ok(4)), (5, Err(4))] {
             let mut tries = 0;

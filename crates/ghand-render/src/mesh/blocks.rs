@@ -1,10 +1,11 @@
-//! Images of meshes, in blocks: the samples of a large image at once would take gigabytes, or more than a texture may have.
+//! Renders images of meshes in blocks: the samples of a large image would take gigabytes, or exceed the texture size
+//! limit.
 
 use ghand_core::Camera;
 
 use super::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Surface, check_input};
 
-/// Largest edge of an image, pixels: as much as the splatter takes.
+/// Largest edge of an image, pixels: the same as for the splatter.
 const LARGEST_EDGE: u32 = 16_384;
 /// Largest edge of a block, pixels. With 4 x 4 samples of 24 bytes for each pixel a block takes 400 MB.
 const LARGEST_BLOCK: u32 = 1024;
@@ -13,8 +14,8 @@ impl MeshRenderer {
     /// Draws one image and waits for it.
     ///
     /// # Errors
-    /// [`MeshError::Invalid`] when the input is unusable, the image is larger than 16384 pixels along an edge, or a texture is
-    /// larger than the device takes; [`MeshError::Device`] when the device fails.
+    /// [`MeshError::Invalid`] if the input is unusable, an edge of the image is longer than 16384 pixels, or a texture
+    /// is larger than the device supports; [`MeshError::Device`] if the device fails.
     pub fn render(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
         let mut whole = None;
         self.render_blocks(mesh, camera, style, |[left, top], block| {
@@ -28,10 +29,10 @@ impl MeshRenderer {
         Ok(whole.unwrap_or_else(|| MeshImage::empty([camera.width, camera.height])))
     }
 
-    /// As [`MeshRenderer::render`], but hands the image to `sink` in blocks, row by row, each with its left column and top row.
-    /// For images that are to be converted, and need not be held as floats as a whole.
+    /// As [`MeshRenderer::render`], but passes the image to `sink` in blocks, row by row, each with its left column and
+    /// top row. For images that are converted and need not be held as floats as a whole.
     ///
-    /// The pixels of a block are those of the whole image but for samples within rounding of an edge.
+    /// The pixels of a block equal those of the whole image except for samples within rounding of an edge.
     ///
     /// # Errors
     /// As [`MeshRenderer::render`].
@@ -48,19 +49,20 @@ impl MeshRenderer {
         if let Surface::Texture { texture, .. } = mesh.surface
             && texture.width.max(texture.height) > largest
         {
-            let problem = format!("{} x {} texels; this device takes {largest}", texture.width, texture.height);
+            let problem = format!("{} x {} texels; this device supports {largest}", texture.width, texture.height);
             return MeshError::invalid("texture", problem);
         }
         if camera.width.max(camera.height) > LARGEST_EDGE {
             let problem = format!("{} x {} pixels; at most {LARGEST_EDGE} are drawn", camera.width, camera.height);
             return MeshError::invalid("size", problem);
         }
-        // No less than 2030 pixels on any device: WebGPU promises textures of 8192 samples, and a margin is 9 pixels at most.
+        // At least 2030 pixels on any device: WebGPU guarantees textures of 8192 samples, and a margin is at most 9
+        // pixels.
         let edge = (largest / style.supersample).saturating_sub(2 * margin).clamp(1, LARGEST_BLOCK);
         self.draw_blocks(mesh, camera, style, edge, sink)
     }
 
-    /// Draws blocks of at most `edge` pixels along their edges, of input that has been checked.
+    /// Draws validated input in blocks of at most `edge` x `edge` pixels.
     fn draw_blocks(
         &self,
         mesh: &MeshInstance,
@@ -80,13 +82,13 @@ impl MeshRenderer {
 }
 
 impl MeshImage {
-    /// An image of nothing.
+    /// An empty image.
     fn empty([width, height]: [u32; 2]) -> MeshImage {
         let pixels = width as usize * height as usize;
         MeshImage { width, height, rgba: vec![[0.0; 4]; pixels], depth: vec![f32::INFINITY; pixels] }
     }
 
-    /// Copies a block into this image, in which it must lie.
+    /// Copies a block into this image; it must be inside.
     fn place(&mut self, [left, top]: [u32; 2], block: &MeshImage) {
         let width = block.width as usize;
         for row in 0..block.height as usize {

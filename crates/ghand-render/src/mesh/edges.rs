@@ -1,36 +1,36 @@
-//! The edges of a mesh as lines on the screen, in f64.
+//! The edges of a mesh as screen-space lines, in f64.
 
 use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
 use super::NEAR_PLANE;
 
-/// How far, in samples, a face's depth may be taken from the place on a line that it is compared with: the nearest of the
-/// four samples around a place is at most half a sample's diagonal away.
+/// Largest distance, in samples, between a point on a line and the sample whose face depth it is compared with: the
+/// nearest of the four samples around a point is at most half a sample's diagonal away.
 const REACH: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Part of the larger inverse depth of a line's ends that f32 arithmetic and the device's interpolation may be wrong by:
+/// Error bound of f32 arithmetic and the device's interpolation, relative to the larger inverse depth of a line's ends:
 /// 80 units of rounding.
 const ROUNDING: f64 = 1e-5;
 
-/// An edge on the screen, cut to what can be seen.
+/// An edge on the screen, clipped to the visible region.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
     /// Ends, samples from the corner of the target.
     pub ends: [DVec2; 2],
     /// Inverse depth at the ends, 1/m; linear in between.
     pub inverse_depths: [f64; 2],
-    /// By how much less than a face's the inverse depth of the line may be where the line lies on the face, 1/m.
+    /// A line lies on a face if its inverse depth is at most this much less than the face's, 1/m.
     pub tolerance: f64,
 }
 
-/// An edge and how its faces lie.
+/// An edge and the depth tolerance from its faces.
 struct Edge {
     vertices: [u32; 2],
     tolerance: f64,
 }
 
-/// The visible edges of a mesh, each once, on a target of `camera.width * k` x `camera.height * k` samples. What is farther
-/// than `radius` samples outside of the target is cut off.
+/// The visible edges of a mesh, each once, on a target of `camera.width * k` x `camera.height * k` samples. Parts
+/// farther than `radius` samples outside the target are clipped.
 pub fn segments(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
@@ -52,7 +52,7 @@ pub fn segments(
     edges(&points, triangles, focal).iter().filter_map(cut).collect()
 }
 
-/// Each edge once, however many triangles share it.
+/// Each edge once, regardless of how many triangles share it.
 fn edges(points: &[DVec3], triangles: &[[u32; 3]], focal: DVec2) -> Vec<Edge> {
     let mut sides: Vec<([u32; 2], f64)> = Vec::with_capacity(3 * triangles.len());
     for triangle in triangles {
@@ -69,15 +69,15 @@ fn edges(points: &[DVec3], triangles: &[[u32; 3]], focal: DVec2) -> Vec<Edge> {
         .collect()
 }
 
-/// How much the inverse depth of a face (camera axes) changes within [`REACH`] samples. It is linear on the screen: with
-/// the plane n . x = d it is n . (ray of the sample) / d.
+/// Change of a face's inverse depth (camera axes) within [`REACH`] samples. The inverse depth is linear on the screen:
+/// for the plane n . x = d it is n . (ray of the sample) / d.
 fn tolerance(corners: [DVec3; 3], focal: DVec2) -> f64 {
     let [a, b, c] = corners;
     let normal = (b - a).cross(c - a);
     let slope = (normal.truncate() / focal / normal.dot(a)).length();
     let inverse = corners.map(|p| 1.0 / p.z.max(NEAR_PLANE));
     let range = inverse.iter().fold(0.0, |m: f64, s| m.max(*s)) - inverse.iter().fold(f64::INFINITY, |m, s| m.min(*s));
-    // Of a face seen edge on, or without area, the slope says nothing; no sample of it is beyond its corners. `min`
+    // For a face seen edge-on, or without area, the slope is not meaningful, but no sample is beyond the corners. `min`
     // ignores NaN.
     range.min(slope * REACH)
 }
@@ -85,7 +85,7 @@ fn tolerance(corners: [DVec3; 3], focal: DVec2) -> f64 {
 /// The part of an edge (camera axes) in front of the near plane.
 fn clip_near([a, b]: [DVec3; 2]) -> Option<[DVec3; 2]> {
     let (da, db) = (a.z - NEAR_PLANE, b.z - NEAR_PLANE);
-    // Exactly on the plane, whatever the rounding of the interpolation.
+    // Exactly on the plane, despite rounding of the interpolation.
     let crossing = || a.lerp(b, da / (da - db)).with_z(NEAR_PLANE);
     match (da >= 0.0, db >= 0.0) {
         (true, true) => Some([a, b]),
@@ -95,7 +95,8 @@ fn clip_near([a, b]: [DVec3; 2]) -> Option<[DVec3; 2]> {
     }
 }
 
-/// The part of a segment within `radius` samples of the target (Liang and Barsky 1984): f32 holds its coordinates well.
+/// The part of a segment within `radius` samples of the target (Liang and Barsky 1984), so that its coordinates are
+/// precise in f32.
 fn clip_to_target(segment: Segment, size: DVec2, radius: f64) -> Option<Segment> {
     let [a, b] = segment.ends;
     let along = b - a;
@@ -138,17 +139,17 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_is_listed_once_however_many_triangles_share_it() {
+    fn an_edge_shared_by_triangles_is_listed_once() {
         let square = [world(-0.1, 0.0, 1.0), world(0.1, 0.0, 1.0), world(0.1, 0.1, 1.0), world(-0.1, 0.1, 1.0)];
         let listed = all(&square, &[[0, 1, 2], [0, 2, 3], [2, 1, 0], [2, 2, 1]]);
-        // Four sides, one diagonal, and the side of no length of the degenerate triangle.
+        // Four sides, one diagonal, and the zero-length side of the degenerate triangle.
         assert_eq!(listed.len(), 6);
         assert_eq!(listed.iter().filter(|s| s.ends[0] == s.ends[1]).count(), 1);
         assert!(all(&square, &[]).is_empty());
     }
 
     #[test]
-    fn ends_lie_where_the_camera_sees_the_vertices() {
+    fn ends_are_at_the_projected_vertices() {
         let triangle = [world(-0.1, 0.02, 1.0), world(0.1, 0.05, 1.25), world(0.0, -0.1, 2.0)];
         let listed = all(&triangle, &[[0, 1, 2]]);
         for (segment, [i, j]) in listed.iter().zip([[0, 1], [0, 2], [1, 2]]) {
@@ -162,19 +163,19 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_cut_at_the_near_plane_and_around_the_target() {
+    fn lines_are_clipped_at_the_near_plane_and_around_the_target() {
         let crossing = [world(0.0, 0.0, 0.5), world(0.001, 0.0, -0.5), world(0.0, 0.001, -0.5)];
         let listed = all(&crossing, &[[0, 1, 2]]);
         assert_eq!(listed.len(), 2, "the side behind the camera is gone");
         assert!(listed.iter().all(|s| (s.inverse_depths[1] - 1.0 / NEAR_PLANE).abs() < 1e-9));
 
-        // From the middle far out to the right: to five samples beyond 120, with the depth that the line has there.
+        // From the middle far out to the right: clipped five samples beyond 120, with the line's depth there.
         let wide = [world(0.0, 0.0, 1.0), world(900.0, 0.0, 1.0), world(900.0, 900.0, 2.0)];
         let segment = all(&wide, &[[0, 1, 2]])[0];
         assert!((segment.ends[1] - DVec2::new(125.0, 40.0)).length() < 1e-9, "{segment:?}");
         assert!((segment.inverse_depths[1] - 1.0).abs() < 1e-9);
-        assert!(all(&wide.map(|p| p + DVec3::Y * 5.0), &[[0, 1, 2]]).len() < 3, "what is far outside is left out");
-        assert!(all(&crossing.map(|p| p - DVec3::Z * 5.0), &[[0, 1, 2]]).is_empty(), "so is what is behind");
+        assert!(all(&wide.map(|p| p + DVec3::Y * 5.0), &[[0, 1, 2]]).len() < 3, "edges far outside are skipped");
+        assert!(all(&crossing.map(|p| p - DVec3::Z * 5.0), &[[0, 1, 2]]).is_empty(), "those behind are skipped");
     }
 
     #[test]
@@ -187,7 +188,7 @@ mod tests {
         let inverse_at = |u: f64| (1.0 - 0.7 * u / focal.x) / 1.0;
         let change = (inverse_at(1.0) - inverse_at(0.0)).abs() * REACH;
         assert!((tolerance(slanted, focal) - change).abs() < 1e-12);
-        // Seen edge on, and without area: bounded by the corners.
+        // Seen edge-on, or without area: bounded by the corners.
         let edge_on = [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.0, 0.0, 2.0), DVec3::new(0.0, 0.1, 1.0)];
         assert_eq!(tolerance(edge_on, focal), 0.5);
         assert_eq!(tolerance([DVec3::Z; 3], focal), 0.0);

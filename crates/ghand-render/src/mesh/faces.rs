@@ -10,7 +10,7 @@ use super::{Context, MAX_LIGHTS, MeshInstance, NEAR_PLANE, Shading, Surface, Tar
 use crate::bindings::Bindings;
 use crate::shader_sources;
 
-/// Vertex as `mesh.wgsl` reads it.
+/// Vertex in the layout of `mesh.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct MeshVertex {
@@ -94,7 +94,7 @@ impl Faces {
         Faces { pipeline, bindings: Bindings::new("mesh", &["vertex", "fragment"]) }
     }
 
-    /// Fills `targets.color` and `targets.face_depth`. `camera` is that of the targets.
+    /// Fills `targets.color` and `targets.face_depth`. `camera` is the camera of the targets.
     pub fn encode(
         &self,
         context: &Context,
@@ -108,7 +108,7 @@ impl Faces {
         let uniforms = context.buffer(bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
         let texture = match mesh.surface {
             Surface::Texture { texture, .. } => context.upload_texture(texture),
-            // Bound, since the pipeline has a place for it, and not read.
+            // Bound because the pipeline requires a texture, but not read.
             Surface::VertexColors(_) | Surface::Color(_) => context.upload_texture(&Texture::plain([0; 3])),
         };
         let resources = [
@@ -161,7 +161,7 @@ impl Context {
 }
 
 fn vertices(mesh: &MeshInstance, camera: &Camera) -> Vec<MeshVertex> {
-    // To camera axes in f64: scenes far from the world's origin keep their precision.
+    // In f64, to keep the precision of scenes far from the world's origin.
     (mesh.positions.iter().zip(mesh.normals))
         .enumerate()
         .map(|(i, (p, n))| MeshVertex {
@@ -174,7 +174,7 @@ fn vertices(mesh: &MeshInstance, camera: &Camera) -> Vec<MeshVertex> {
 }
 
 impl Surface<'_> {
-    /// What is interpolated between vertices: UV and 0, or a colour.
+    /// The value interpolated between vertices: UV and 0, or a colour.
     pub(crate) fn at_vertex(&self, i: usize) -> DVec3 {
         match self {
             Surface::Texture { uvs, .. } => uvs[i].extend(0.0),

@@ -1,4 +1,4 @@
-//! The image of a mesh, and how it goes together with an image of splats.
+//! The image of a mesh, and its composition with an image of splats.
 
 use super::MeshError;
 use crate::splat::Image;
@@ -12,24 +12,24 @@ pub struct MeshImage {
     pub height: u32,
     /// Row-major pixels, premultiplied: (colour x coverage, coverage), each in `[0, 1]`.
     pub rgba: Vec<[f32; 4]>,
-    /// Smallest camera z (metres) of what is seen in each pixel, faces and lines; infinity where the pixel is empty. A
-    /// line has the depth of its middle.
+    /// Smallest camera z of the visible faces and lines in each pixel, metres; infinity in empty pixels. A line has the
+    /// depth of its centre line.
     pub depth: Vec<f32>,
 }
 
-/// An image of splats as the splatter leaves it.
+/// An image of splats from the splatter.
 #[derive(Debug, Clone, Copy)]
 pub struct SplatLayer<'a> {
     /// Colour over the background, and coverage.
     pub image: &'a Image,
-    /// Expected camera z of each pixel, metres; 0 where nothing is.
+    /// Expected camera z of each pixel, metres; 0 in empty pixels.
     pub depths: &'a [f32],
     /// The background of the image.
     pub background: [f32; 3],
 }
 
 impl MeshImage {
-    /// Straight-alpha 8-bit pixels: colour of the covered part (black where there is none) and coverage.
+    /// Straight-alpha 8-bit pixels: colour of the covered part (black without coverage) and coverage.
     pub fn to_straight_rgba8(&self) -> Vec<[u8; 4]> {
         let to_byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
         self.rgba
@@ -41,11 +41,11 @@ impl MeshImage {
             .collect()
     }
 
-    /// The mesh together with splats seen by the same camera: in each pixel the nearer of the two lies over the other.
-    /// Returns colour over the splats' background and coverage, as they have it.
+    /// Composites the mesh with splats seen by the same camera: in each pixel the nearer of the two is in front.
+    /// Returns colour over the splats' background, and coverage, in the splats' format.
     ///
-    /// The mesh counts as nearer by `bias` metres; a few millimetres keep the lines of an avatar's own template from
-    /// sinking into it. Expected depth is a mean: within a translucent splat a pixel is decided as a whole.
+    /// The mesh counts as nearer by `bias` metres; a few millimetres keep the lines of an avatar's own template
+    /// visible. Expected depth is a mean, so inside a translucent splat the order is decided for the whole pixel.
     ///
     /// # Errors
     /// [`MeshError::Invalid`] if the sizes differ or the bias is not finite.
@@ -56,7 +56,7 @@ impl MeshImage {
         let counts = [image.rgba.len(), depths.len(), self.depth.len()];
         if (image.width, image.height) != (width, height) || counts != [pixels; 3] {
             let found = format!("{} x {} with {} depths", image.width, image.height, depths.len());
-            return MeshError::invalid("splats", format!("{found} do not fit the mesh's {width} x {height} pixels"));
+            return MeshError::invalid("splats", format!("{found} do not match the mesh's {width} x {height} pixels"));
         }
         if !bias.is_finite() {
             return MeshError::invalid("bias", format!("{bias} is not finite; give metres"));
@@ -69,7 +69,7 @@ impl MeshImage {
                 out[c] = if mesh_is_nearer {
                     mesh[c] + (1.0 - mesh_coverage) * splat[c]
                 } else {
-                    // Of the background, which shows through the splats, the mesh hides its part.
+                    // The mesh hides its part of the background that shows through the splats.
                     splat[c] + (1.0 - splat_coverage) * (mesh[c] - mesh_coverage * background[c])
                 };
             }
@@ -91,7 +91,7 @@ mod tests {
         MeshImage { width: 1, height: 1, rgba: vec![rgba], depth: vec![z] }
     }
 
-    /// What one pixel of splats of a colour, a coverage and a depth becomes.
+    /// Composites the mesh with one pixel of splats of this colour, coverage and depth.
     fn together(mesh: &MeshImage, color: [f32; 3], coverage: f32, depth: f32, bias: f32) -> [f32; 4] {
         let over = |c: usize| coverage * color[c] + (1.0 - coverage) * BACKGROUND[c];
         let image = Image { width: 1, height: 1, rgba: vec![[over(0), over(1), over(2), coverage]] };
@@ -116,7 +116,7 @@ mod tests {
     const BLUE: [f32; 3] = [0.0, 0.3, 0.9];
 
     #[test]
-    fn the_nearer_of_mesh_and_splats_lies_over_the_other() {
+    fn the_nearer_of_mesh_and_splats_is_in_front() {
         for (mesh_coverage, splat_coverage) in [(1.0, 1.0), (0.3, 0.6), (1.0, 0.4), (0.5, 1.0), (0.25, 0.01)] {
             let [r, g, b] = RED.map(|v| v * mesh_coverage);
             let red = mesh([r, g, b, mesh_coverage], 0.5);
@@ -124,16 +124,16 @@ mod tests {
             let at = |depth, bias| together(&red, BLUE, splat_coverage, depth, bias);
             assert!(near(at(0.6, 0.0), expected(front, back)), "the mesh is in front");
             assert!(near(at(0.4, 0.0), expected(back, front)), "the splats are in front");
-            assert!(!near(at(0.4, 0.0), expected(front, back)), "the comparison sees the order");
-            assert!(near(at(0.5, 0.0), expected(front, back)), "at the same depth the mesh is seen");
-            assert!(near(at(0.499, 0.002), expected(front, back)), "within the bias the mesh is seen");
+            assert!(!near(at(0.4, 0.0), expected(front, back)), "the comparison detects the wrong order");
+            assert!(near(at(0.5, 0.0), expected(front, back)), "at the same depth the mesh is in front");
+            assert!(near(at(0.499, 0.002), expected(front, back)), "within the bias the mesh is in front");
             assert!(near(at(0.499, -0.002), expected(back, front)));
             assert!(near(at(0.51, -0.02), expected(back, front)));
         }
     }
 
     #[test]
-    fn where_one_is_empty_the_other_is_left_as_it_is() {
+    fn where_one_is_empty_the_other_is_unchanged() {
         let nothing = mesh([0.0; 4], f32::INFINITY);
         assert!(near(together(&nothing, BLUE, 0.7, 0.5, 0.01), expected((BLUE, 0.7), (RED, 0.0))));
         assert!(near(together(&nothing, BLUE, 0.0, 0.0, 0.01), expected((BLUE, 0.0), (RED, 0.0))));
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_do_not_fit_are_refused() {
+    fn images_of_different_sizes_are_rejected() {
         let red = mesh([1.0; 4], 0.5);
         let image = |width, rgba| Image { width, height: 1, rgba };
         let fails = |image: &Image, depths: &[f32], bias| {

@@ -1,18 +1,18 @@
-//! What is drawn and how: meshes, surfaces, lights, lines; and the check that all of it is usable.
+//! Input of the mesh renderer: meshes, surfaces, lights and lines, and their validation.
 
 use crate::RenderError;
 use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 
-/// The most lights of one [`Shading::Lit`].
+/// The largest number of lights in a [`Shading::Lit`].
 pub const MAX_LIGHTS: usize = 4;
 /// The largest supersampling factor.
 pub const MAX_SUPERSAMPLE: u32 = 4;
 /// The thinnest and the widest lines of a [`Wireframe`], pixels.
 pub const LINE_WIDTHS: [f64; 2] = [0.25, 16.0];
-/// Vertices may be this far from the camera along each of its axes, metres: beyond, f32 no longer tells a hand's parts
-/// apart, and something is wrong with the units.
+/// Largest distance of a vertex from the camera along each axis, metres: beyond it f32 cannot resolve a hand, and the
+/// units must be wrong.
 pub const FARTHEST: f64 = 1e5;
 
 /// Why a mesh could not be rendered.
@@ -23,10 +23,10 @@ pub enum MeshError {
     Invalid {
         /// The part that is wrong.
         field: &'static str,
-        /// What is wrong and what to do about it.
+        /// What is wrong and what to do.
         problem: String,
     },
-    /// The device failed while it drew or while the image was read back, or was lost.
+    /// The device failed while drawing or reading the image back, or was lost.
     #[error("mesh: {0}")]
     Device(#[from] RenderError),
 }
@@ -37,17 +37,18 @@ impl MeshError {
     }
 }
 
-/// Where the colours of a mesh come from; display values, no transfer curve is applied anywhere.
+/// The source of a mesh's colours, in display values; no transfer curve is applied.
 #[derive(Debug, Clone, Copy)]
 pub enum Surface<'a> {
     /// A texture, filtered bilinearly.
     Texture {
-        /// UV of each vertex, (0, 0) at the corner of the first texel; beyond `[0, 1]` the border texels repeat.
+        /// UV of each vertex, (0, 0) at the corner of the first texel; outside `[0, 1]` the border texels repeat.
         uvs: &'a [DVec2],
         /// Colours.
         texture: &'a Texture,
     },
-    /// A colour a vertex, `[0, 1]`, interpolated over the triangles. [`super::weights`] makes those of skinning weights.
+    /// One colour per vertex, `[0, 1]`, interpolated over the triangles. [`super::weights`] makes colours from skinning
+    /// weights.
     VertexColors(&'a [DVec3]),
     /// One colour, `[0, 1]`.
     Color(DVec3),
@@ -60,8 +61,8 @@ pub struct MeshInstance<'a> {
     pub positions: &'a [DVec3],
     /// Vertex normals, world axes; any length, normalised per pixel after interpolation.
     pub normals: &'a [DVec3],
-    /// The part of the light that arrives at each vertex past other geometry, `[0, 1]`; `None` for all of it. Unlit shading
-    /// ignores it.
+    /// The fraction of light that reaches each vertex past other geometry, `[0, 1]`; `None` for all of it. Unlit
+    /// shading ignores it.
     pub exposure: Option<&'a [f64]>,
     /// Triangles as vertex indices; both sides are drawn.
     pub triangles: &'a [[u32; 3]],
@@ -72,34 +73,34 @@ pub struct MeshInstance<'a> {
 /// A directional light fixed in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Direction from the scene towards the light, world axes; any length but zero.
+    /// Direction from the scene towards the light, world axes, with any non-zero length.
     pub direction: DVec3,
-    /// What it adds to the surface's factor where it falls in squarely, linear in display values.
+    /// Its contribution to the surface's factor at perpendicular incidence, linear in display values.
     pub color: DVec3,
 }
 
-/// How colours of the surface become pixel colours.
+/// How pixel colours are computed from the surface's colours.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shading {
-    /// The surface's colours as they are.
+    /// The surface's colours unchanged.
     Unlit,
     /// Lambert: colour x exposure x (ambient + sum of lights), clamped to 1.
     Lit {
-        /// Light from everywhere.
+        /// Ambient light.
         ambient: DVec3,
         /// At most [`MAX_LIGHTS`] lights.
         lights: Vec<Light>,
-        /// Softness of the terminator, in `[0, 1]`: the cosine c of a light counts as max(0, (c + wrap) / (1 + wrap)). Zero is
-        /// Lambert; skin, which scatters light below its surface, looks right near 0.3.
+        /// Softness of the terminator, in `[0, 1]`: the cosine c of a light counts as max(0, (c + wrap) / (1 + wrap)).
+        /// Zero is Lambert; skin, which scatters light below its surface, looks natural near 0.3.
         wrap: f64,
     },
-    /// Faces are not seen; they still hide the lines behind them.
+    /// Faces are invisible, but hide the lines behind them.
     Transparent,
 }
 
 impl Shading {
-    /// A light above the photographer's left shoulder, and `ambient`, `[0, 1]`, from everywhere; a little more than white where
-    /// it falls in squarely, since hardly any skin is there.
+    /// A light above the photographer's left shoulder, and `ambient` light, `[0, 1]`. Their sum is slightly above white
+    /// at perpendicular incidence, which is rare.
     pub fn soft(camera: &Camera, ambient: f64) -> Shading {
         let direction = camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0);
         let key = Light { direction, color: DVec3::splat(1.1 - ambient) };
@@ -109,20 +110,20 @@ impl Shading {
 
 /// The mesh's edges as lines.
 ///
-/// A line is as wide as it says everywhere, on the outline too, with round ends. Whether it is hidden is decided on its
-/// middle, along all of its width at once.
+/// A line has its full width everywhere, also on the outline, and round ends. Its visibility is decided at its centre
+/// line, for the whole width at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wireframe {
     /// Width, pixels of the image, within [`LINE_WIDTHS`].
     pub width: f64,
     /// Colour of lines that no face hides, display values.
     pub color: DVec3,
-    /// Colour of lines behind faces, drawn over these; `None` leaves them out.
+    /// Colour of lines behind faces, drawn over the faces; `None` to skip them.
     pub hidden: Option<DVec3>,
 }
 
 impl Wireframe {
-    /// Pixels that must be drawn around the image so that a line outside of it reaches in as it should.
+    /// Margin of pixels to draw around the image, so that lines outside it extend correctly into it.
     pub(crate) fn margin(&self) -> u32 {
         (self.width / 2.0).ceil() as u32 + 1
     }
@@ -131,15 +132,15 @@ impl Wireframe {
 /// How to draw a mesh. The background is transparent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshStyle {
-    /// Samples per pixel along each axis, 1 to [`MAX_SUPERSAMPLE`]. Lines are smooth with one; faces are not.
+    /// Samples per pixel along each axis, 1 to [`MAX_SUPERSAMPLE`]. Lines are antialiased even with 1, faces are not.
     pub supersample: u32,
-    /// How faces look.
+    /// Shading of the faces.
     pub shading: Shading,
     /// Lines over the faces.
     pub wireframe: Option<Wireframe>,
 }
 
-/// Checks what both the GPU and its twin rely on.
+/// Checks the input for both the GPU and its twin.
 ///
 /// # Errors
 /// [`MeshError::Invalid`] names the first field that is unusable.
@@ -168,7 +169,7 @@ fn check_camera(camera: &Camera) -> Result<(), MeshError> {
 fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
     let n = mesh.positions.len();
     if mesh.normals.len() != n {
-        let problem = format!("{n} positions but {} normals; give one of each a vertex", mesh.normals.len());
+        let problem = format!("{n} positions but {} normals; give one of each per vertex", mesh.normals.len());
         return MeshError::invalid("vertices", problem);
     }
     if let Some(exposure) = mesh.exposure {
@@ -192,10 +193,10 @@ fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
         }
     }
     if let Some(i) = mesh.normals.iter().position(|v| !v.as_vec3().is_finite()) {
-        return MeshError::invalid("normals", format!("that of vertex {i} is not finite; check the pose"));
+        return MeshError::invalid("normals", format!("the normal of vertex {i} is not finite; check the pose"));
     }
     if mesh.triangles.iter().flatten().any(|&i| i as usize >= n) {
-        return MeshError::invalid("triangles", format!("an index is beyond the {n} vertices"));
+        return MeshError::invalid("triangles", format!("an index is out of range ({n} vertices)"));
     }
     Ok(())
 }
@@ -207,10 +208,10 @@ fn check_surface(surface: &Surface, vertices: usize) -> Result<(), MeshError> {
                 return MeshError::invalid("uvs", format!("{} for {vertices} vertices; give one each", uvs.len()));
             }
             if let Some(i) = uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
-                return MeshError::invalid("uvs", format!("that of vertex {i} is not finite"));
+                return MeshError::invalid("uvs", format!("the UV of vertex {i} is not finite"));
             }
             if t.width == 0 || t.height == 0 || t.rgb.len() != t.width as usize * t.height as usize {
-                let problem = format!("{} x {} does not fit its {} texels", t.width, t.height, t.rgb.len());
+                let problem = format!("{} x {} does not match its {} texels", t.width, t.height, t.rgb.len());
                 return MeshError::invalid("texture", problem);
             }
         }
@@ -220,7 +221,7 @@ fn check_surface(surface: &Surface, vertices: usize) -> Result<(), MeshError> {
                 return MeshError::invalid("vertex colors", problem);
             }
             if let Some(i) = colors.iter().position(|c| !is_color(*c)) {
-                return MeshError::invalid("vertex colors", format!("that of vertex {i} is not within 0 to 1"));
+                return MeshError::invalid("vertex colors", format!("the color of vertex {i} is not within 0 to 1"));
             }
         }
         Surface::Color(color) if !is_color(*color) => {
@@ -262,7 +263,7 @@ fn check_style(style: &MeshStyle) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Whether all three are display values; NaN is none.
+/// Whether all three components are display values; NaN is not.
 fn is_color(color: DVec3) -> bool {
     color.to_array().iter().all(|v| (0.0..=1.0).contains(v))
 }

@@ -1,4 +1,4 @@
-//! Host part of `mesh_resolve.wgsl`: samples to the image, and the image to the host.
+//! Host part of `mesh_resolve.wgsl`: resolves the samples to the image, and reads it back.
 
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
@@ -16,9 +16,9 @@ pub struct ResolveUniforms {
     pub size: [u32; 2],
     /// Samples per pixel along each axis.
     pub supersample: u32,
-    /// Pixels around the image that were drawn and are left out.
+    /// Margin of pixels that were drawn around the image and are removed.
     pub margin: u32,
-    /// Colour of lines in sight.
+    /// Colour of visible lines.
     pub line_color: [f32; 4],
     /// Colour of lines behind faces.
     pub hidden_color: [f32; 4],
@@ -30,13 +30,13 @@ pub struct ResolveUniforms {
     pub padding: [u32; 2],
 }
 
-/// The image on its way to the host: colours, then depths.
+/// The readback buffer of the image: colours, then depths.
 pub(super) struct Readback {
     pixels: usize,
     buffer: wgpu::Buffer,
 }
 
-/// Makes images of samples.
+/// Resolves samples to images.
 #[derive(Debug)]
 pub(super) struct Resolve {
     pipeline: wgpu::ComputePipeline,
@@ -60,7 +60,7 @@ impl Resolve {
         Resolve { pipeline, bindings: Bindings::new("mesh_resolve", &["resolve"]) }
     }
 
-    /// Encodes the image of the samples; `margin` pixels around it are left out.
+    /// Encodes the resolve of the samples to an image, without the `margin` pixels around it.
     pub fn encode(
         &self,
         context: &Context,

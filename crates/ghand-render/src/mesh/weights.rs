@@ -7,16 +7,16 @@ use glam::{DVec2, DVec3};
 
 use super::MeshError;
 
-/// What [`heat`] shows where a weight is 0: a grey, which the ramp has none of.
+/// The colour of [`heat`] at weight 0: a grey that does not occur in the ramp.
 pub const NO_WEIGHT: DVec3 = DVec3::splat(0.72);
-/// Weights below this are shown partly in grey. A model's weights end at the edges of its triangles; without a fade the
-/// border of what follows a joint would be as jagged as these.
+/// Weights below this fade to grey. A model's weights end at the edges of its triangles; without a fade the border of a
+/// joint's region would be as jagged as these.
 pub const FADED_WEIGHT: f64 = 0.1;
-/// Texels of [`heat_texture`]: two neighbours differ by less than an 8-bit value.
+/// Number of texels of [`heat_texture`]: two neighbours differ by less than one 8-bit step.
 const HEAT_TEXELS: u32 = 1024;
 
-/// Viridis at 0, 1/8, ..., 1 (Smith and van der Walt, CC0): lightness grows evenly with the weight, for eyes that confuse
-/// red and green too.
+/// Viridis at 0, 1/8, ..., 1 (Smith and van der Walt, CC0): lightness increases evenly with the weight, also for
+/// viewers with red-green colour blindness.
 const VIRIDIS: [[u8; 3]; 9] = [
     [0x44, 0x01, 0x54],
     [0x47, 0x2c, 0x7a],
@@ -29,8 +29,8 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [0xfd, 0xe7, 0x25],
 ];
 
-/// The colour of a weight, display values: [`NO_WEIGHT`] at 0, fading up to [`FADED_WEIGHT`] into the ramp from dark violet to
-/// yellow, which is for 1 and beyond. NaN has no colour: it is black.
+/// The colour of a weight, display values: [`NO_WEIGHT`] at 0, fading until [`FADED_WEIGHT`] into the ramp from dark
+/// violet to yellow, which is for 1 and above. NaN is black.
 pub fn heat(weight: f64) -> DVec3 {
     if weight.is_nan() {
         return DVec3::ZERO;
@@ -40,47 +40,47 @@ pub fn heat(weight: f64) -> DVec3 {
     let low = (at as usize).min(VIRIDIS.len() - 2);
     let [a, b] = [low, low + 1].map(|i| DVec3::from(VIRIDIS[i].map(|v| f64::from(v) / 255.0)));
     let ramp = a.lerp(b, at - low as f64);
-    // Without a corner at either end.
+    // A smooth step, without a kink at either end.
     let t = (weight / FADED_WEIGHT).min(1.0);
     NO_WEIGHT.lerp(ramp, t * t * (3.0 - 2.0 * t))
 }
 
-/// [`heat`] as a texture one texel high, for [`joint_heat_uvs`]. With it a pixel has the colour of its weight; colours of
-/// vertices, interpolated, are not those of the weights in between.
+/// [`heat`] as a texture one texel high, for [`joint_heat_uvs`]. With it, every pixel has the colour of its
+/// interpolated weight, which interpolated vertex colours do not give.
 pub fn heat_texture() -> Texture {
     let color = |texel: u32| heat(f64::from(texel) / f64::from(HEAT_TEXELS - 1));
     let rgb = (0..HEAT_TEXELS).map(|texel| color(texel).to_array().map(|v| (v * 255.0).round() as u8)).collect();
     Texture { width: HEAT_TEXELS, height: 1, rgb }
 }
 
-/// Where each vertex finds the colour of one joint's weight in [`heat_texture`], of row-major weights `[V][joint_count]`.
+/// UVs of the colours of one joint's weights in [`heat_texture`], for row-major weights `[V][joint_count]`.
 ///
 /// # Errors
 /// As [`joint_heat`].
 pub fn joint_heat_uvs(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec2>, MeshError> {
     let texels = f64::from(HEAT_TEXELS);
-    // From the middle of the first texel to that of the last.
+    // From the centre of the first texel to the centre of the last.
     let uv = |weight: f64| DVec2::new((weight.clamp(0.0, 1.0) * (texels - 1.0) + 0.5) / texels, 0.5);
     Ok(joint_weights(weights, joint_count, joint)?.map(uv).collect())
 }
 
-/// Lightness of the joints' colours in OKLab, in turn: neighbours along a finger differ in lightness, too.
+/// Lightness of the joints' colours in OKLab, in rotation, so that neighbours along a finger also differ in lightness.
 const LIGHTNESSES: [f64; 4] = [0.5, 0.74, 0.62, 0.86];
-/// Their chroma: colourful, and mostly within what displays show.
+/// Their chroma: saturated, but mostly within the gamut of displays.
 const CHROMA: f64 = 0.15;
 /// Hue of the first joint, turns.
 const FIRST_HUE: f64 = 0.05;
-/// From joint to joint, turns. Of the whole degrees this one keeps the colours of 25 joints, as many as WebXR's, 0.087 or
-/// more apart in OKLab, and of any five in a row 0.16.
+/// Change of hue from joint to joint, turns. Among whole degrees, this one keeps the colours of 25 joints (as in WebXR)
+/// at least 0.087 apart in OKLab, and of any five consecutive joints 0.16.
 const HUE_STEP: f64 = 141.0 / 360.0;
 
-/// A colour of its own for each joint, display values.
+/// A distinct colour for each joint, display values.
 pub fn joint_color(joint: usize) -> DVec3 {
     let hue = TAU * (FIRST_HUE + HUE_STEP * joint as f64);
     display_from_oklab(LIGHTNESSES[joint % LIGHTNESSES.len()], CHROMA * hue.cos(), CHROMA * hue.sin())
 }
 
-/// Display values (sRGB) of a colour in OKLab (Ottosson 2020), clamped to what displays show.
+/// Display values (sRGB) of a colour in OKLab (Ottosson 2020), clamped to the gamut.
 fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
     let long = (lightness + 0.3963377774 * a + 0.2158037573 * b).powi(3);
     let medium = (lightness - 0.1055613458 * a - 0.0638541728 * b).powi(3);
@@ -94,10 +94,10 @@ fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
     DVec3::from(linear.clamp(DVec3::ZERO, DVec3::ONE).to_array().map(encode)).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Colours of the vertices by the weight of one joint ([`heat`]), of row-major weights `[V][joint_count]`.
+/// Colours of the vertices by the weight of one joint ([`heat`]), for row-major weights `[V][joint_count]`.
 ///
 /// # Errors
-/// [`MeshError::Invalid`] if the table has no such rows or joint, or a weight is not finite.
+/// [`MeshError::Invalid`] if the table's length does not match, the joint does not exist, or a weight is not finite.
 pub fn joint_heat(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec3>, MeshError> {
     Ok(joint_weights(weights, joint_count, joint)?.map(heat).collect())
 }
@@ -110,16 +110,16 @@ fn joint_weights(
 ) -> Result<impl Iterator<Item = f64> + '_, MeshError> {
     let rows = rows(weights, joint_count)?;
     if joint >= joint_count {
-        return MeshError::invalid("joint", format!("there is no {joint} among {joint_count}, counted from 0"));
+        return MeshError::invalid("joint", format!("{joint} does not exist; there are {joint_count}, counted from 0"));
     }
     Ok(rows.map(move |row| row[joint]))
 }
 
-/// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight. Weights as for
-/// [`joint_heat`].
+/// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight. Weights as
+/// for [`joint_heat`].
 ///
 /// # Errors
-/// [`MeshError::Invalid`] if the table has no such rows, or a weight is not finite.
+/// [`MeshError::Invalid`] if the table's length does not match, or a weight is not finite.
 pub fn joint_mix(weights: &[f64], joint_count: usize) -> Result<Vec<DVec3>, MeshError> {
     let colors: Vec<DVec3> = (0..joint_count).map(joint_color).collect();
     let mix = |row: &[f64]| {
@@ -131,7 +131,7 @@ pub fn joint_mix(weights: &[f64], joint_count: usize) -> Result<Vec<DVec3>, Mesh
 
 fn rows(weights: &[f64], joint_count: usize) -> Result<std::slice::ChunksExact<'_, f64>, MeshError> {
     if joint_count == 0 || !weights.len().is_multiple_of(joint_count) {
-        let problem = format!("{} numbers are no rows of {joint_count} joints", weights.len());
+        let problem = format!("{} numbers are not rows of {joint_count} joints", weights.len());
         return MeshError::invalid("weights", problem);
     }
     if let Some(i) = weights.iter().position(|w| !w.is_finite()) {
@@ -165,9 +165,9 @@ mod tests {
         let colors: Vec<DVec3> = (0..=1000).map(|i| oklab(heat(f64::from(i) / 1000.0))).collect();
         let faded = (1000.0 * FADED_WEIGHT) as usize;
         assert!(colors[faded..].windows(2).all(|pair| pair[1].x > pair[0].x));
-        // Two neighbouring patches are told apart from 0.02 on: there is no step to be seen anywhere.
+        // Neighbouring patches can be distinguished from 0.02 on: no step is visible.
         assert!(colors.windows(2).all(|pair| pair[0].distance(pair[1]) < 0.01));
-        // Half way through the fade it is plain to see, and beyond no colour of the ramp is the grey.
+        // Halfway through the fade the colour is clearly visible, and beyond it no colour of the ramp is the grey.
         assert!(colors[faded / 2..].iter().all(|color| color.distance(oklab(NO_WEIGHT)) > 0.1));
         assert_eq!(heat(0.0), NO_WEIGHT);
         assert_eq!((heat(1.5), heat(-1.0)), (heat(1.0), NO_WEIGHT));
@@ -180,7 +180,7 @@ mod tests {
         assert_eq!((texture.width, texture.height, texture.rgb.len()), (HEAT_TEXELS, 1, HEAT_TEXELS as usize));
         let weights: Vec<f64> = (0..=50).map(|i| f64::from(i) / 50.0).collect();
         for (uv, weight) in joint_heat_uvs(&weights, 1, 0).unwrap().iter().zip(&weights) {
-            // As a bilinear sampler finds it.
+            // As computed by a bilinear sampler.
             let at = uv.x * f64::from(HEAT_TEXELS) - 0.5;
             let texel = |i: f64| DVec3::from(texture.rgb[i as usize].map(|v| f64::from(v) / 255.0));
             let last = f64::from(HEAT_TEXELS - 1);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_have_colours_of_their_own() {
+    fn joints_have_distinct_colours() {
         let colors: Vec<DVec3> = (0..25).map(|k| oklab(joint_color(k))).collect();
         for i in 0..25 {
             for j in 0..i {
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn vertices_take_the_colours_of_their_rows() {
+    fn vertices_get_the_colours_of_their_rows() {
         let weights = [1.0, 0.0, 0.0, 0.25, 0.75, 0.0];
         assert_eq!(joint_heat(&weights, 3, 1).unwrap(), [NO_WEIGHT, heat(0.75)]);
         let mixed = 0.25 * joint_color(0) + 0.75 * joint_color(1);
@@ -219,7 +219,7 @@ mod tests {
         };
         says(joint_heat(&[1.0; 5], 3, 0), "5 numbers");
         says(joint_mix(&[1.0; 5], 0), "weights");
-        says(joint_heat(&[1.0; 6], 3, 3), "no 3 among 3");
+        says(joint_heat(&[1.0; 6], 3, 3), "joint: 3 does not exist; there are 3");
         says(joint_mix(&[0.5, 0.5, 0.0, f64::NAN], 2), "vertex 1 has NaN for joint 1");
     }
 }

@@ -7,7 +7,7 @@ use super::{Context, NEAR_PLANE, Targets, color_target};
 use crate::bindings::Bindings;
 use crate::shader_sources;
 
-/// A line as `wireframe.wgsl` reads it.
+/// A line in the layout of `wireframe.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct LineInstance {
@@ -26,7 +26,7 @@ pub struct WireframeUniforms {
     pub half_width: f32,
     /// Near plane, metres.
     pub near: f32,
-    /// 1 to draw lines behind faces, too.
+    /// 1 to also draw lines behind faces.
     pub hidden: u32,
     /// Unused.
     pub padding_1: u32,
@@ -36,7 +36,7 @@ pub struct WireframeUniforms {
     pub padding_3: u32,
 }
 
-/// Coverage by lines in sight and by hidden lines; blending must be possible on every device.
+/// Coverage by visible lines and by hidden lines, in a format that every device can blend.
 pub(super) const COVERAGE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg16Float;
 pub(super) const LINE_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
@@ -109,8 +109,8 @@ impl Lines {
         }
     }
 
-    /// Fills `targets.coverage` and `targets.line_depth`; `targets.face_depth` must have been drawn before. `half_width`
-    /// is in samples.
+    /// Fills `targets.coverage` and `targets.line_depth`; `targets.face_depth` must already be drawn. `half_width` is
+    /// in samples.
     pub fn encode(
         &self,
         context: &Context,
@@ -129,7 +129,7 @@ impl Lines {
         };
         let uniforms = context.buffer(bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
         let instances: Vec<LineInstance> = segments.iter().map(instance).collect();
-        // A buffer of nothing cannot be made.
+        // An empty buffer cannot be made.
         let lines = (!instances.is_empty())
             .then(|| context.buffer(bytemuck::cast_slice(&instances), wgpu::BufferUsages::VERTEX));
         let draw = |pass: &mut wgpu::RenderPass<'_>, pipeline: &wgpu::RenderPipeline| {

@@ -2,8 +2,8 @@
 
 use crate::optimizer::{BETAS, EPSILON};
 
-/// One Adam step number `step` (from 1) on parameters with their two moments. Parameters without a gradient, which no
-/// view saw, are left with their moments.
+/// Adam step number `step` (from 1) on parameters with their two moments. Parameters with zero gradient, which the view
+/// did not see, keep their values and moments.
 pub fn adam(parameters: &mut [f64], moments: &mut [[f64; 2]], gradients: &[f64], learning_rate: f64, step: u64) {
     let correction = BETAS.map(|b| 1.0 / (1.0 - b.powf(step as f64)));
     for ((p, m), g) in parameters.iter_mut().zip(moments).zip(gradients) {
@@ -16,7 +16,7 @@ pub fn adam(parameters: &mut [f64], moments: &mut [[f64; 2]], gradients: &[f64],
     }
 }
 
-/// The same on vectors of three that share their second moment, the mean of its components'.
+/// The same on vectors of three parameters that share a second moment, the mean over their components.
 pub fn adam_vectors(
     parameters: &mut [f64],
     moments: &mut [[f64; 2]],

@@ -1,11 +1,11 @@
-//! Twin of `bin.wgsl` with the sorts about it: the splats of each tile, front to back.
+//! Twin of `bin.wgsl` and the sorts before and after it: the splats of each tile, front to back.
 
 use ghand_core::Camera;
 
 use super::project::Splat;
 use crate::splat::TILE_SIZE;
 
-/// For each tile (row by row) the indices of the splats whose box touches it, by depth, ties by index.
+/// For each tile (row by row), the indices of the splats whose box touches it, ordered by depth, then by index.
 pub fn bin(splats: &[Option<Splat>], camera: &Camera) -> Vec<Vec<u32>> {
     let tiles = [camera.width.div_ceil(TILE_SIZE), camera.height.div_ceil(TILE_SIZE)];
     let mut lists = vec![Vec::new(); (tiles[0] * tiles[1]) as usize];

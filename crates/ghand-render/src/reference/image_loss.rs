@@ -22,7 +22,7 @@ fn window() -> [f64; 2 * RADIUS + 1] {
     raw.map(|w| w / sum)
 }
 
-/// Gaussian-window average of a picture-shaped array; outside counts as zero.
+/// Gaussian-window average of a picture-shaped array, with zeros outside.
 fn blur(values: &[[f64; 3]], width: usize, height: usize) -> Vec<[f64; 3]> {
     let weights = window();
     let pass = |from: &[[f64; 3]], horizontal: bool| -> Vec<[f64; 3]> {
@@ -46,7 +46,7 @@ fn blur(values: &[[f64; 3]], width: usize, height: usize) -> Vec<[f64; 3]> {
 
 struct Ssim {
     value: Vec<[f64; 3]>,
-    /// Derivatives of the value to the blurred x, x^2 and x y.
+    /// Derivatives of the value with respect to the blurred x, x^2 and x y.
     d: [Vec<[f64; 3]>; 3],
 }
 
@@ -79,13 +79,14 @@ fn ssim_map(x: &Picture, y: &Picture) -> Ssim {
     out
 }
 
-/// Mean SSIM of two pictures of one size (11x11 Gaussian window, sigma 1.5, zeros outside), over pixels and channels.
+/// Mean SSIM of two pictures of the same size (11x11 Gaussian window, sigma 1.5, zeros outside), over pixels and
+/// channels.
 pub fn ssim(x: &Picture, y: &Picture) -> f64 {
     let map = ssim_map(x, y).value;
     map.iter().flatten().sum::<f64>() / (3 * map.len()) as f64
 }
 
-/// Peak signal-to-noise ratio in dB (peak 1) over the pixels that `counts`; infinite for equal pictures.
+/// Peak signal-to-noise ratio in dB (peak 1) over the pixels for which `counts` is true; infinite for equal pictures.
 pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
     let (mut sum, mut n) = (0.0, 0usize);
     for (i, (a, b)) in x.rgb.iter().zip(&y.rgb).enumerate() {
@@ -97,8 +98,8 @@ pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
     -10.0 * (sum / n.max(1) as f64).log10()
 }
 
-/// `sum_p mask_p (l1 |x - y| + ssim (1 - SSIM) + squared (x - y)^2)`, over pixels and channels, times `inverse_count`, and
-/// its gradient to x. `mask` is one number a pixel in 0..1.
+/// `sum_p mask_p (l1 |x - y| + ssim (1 - SSIM) + squared (x - y)^2)`, over pixels and channels, times `inverse_count`,
+/// and its gradient with respect to x. `mask` has one number per pixel in 0..1.
 pub fn image_loss(
     x: &Picture,
     y: &Picture,

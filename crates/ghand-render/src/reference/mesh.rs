@@ -10,7 +10,7 @@ use crate::mesh::{
     with_margin,
 };
 
-/// Vertex in camera axes with what is interpolated over a triangle.
+/// Vertex in camera axes with the values that are interpolated over a triangle.
 #[derive(Clone, Copy)]
 struct Corner {
     camera: DVec3,
@@ -40,11 +40,11 @@ struct FaceSamples {
     depth: Vec<f64>,
 }
 
-/// Draws one image exactly as [`crate::mesh::MeshRenderer::render`] promises to, but for samples within rounding of a
-/// triangle's edge or of where a line goes behind a face, and for the device's f16 samples and f32 arithmetic.
+/// Draws the same image as [`crate::mesh::MeshRenderer::render`], except for samples within rounding of a triangle's
+/// edge or of the point where a line passes behind a face, and for the device's f16 samples and f32 arithmetic.
 ///
 /// # Errors
-/// [`MeshError::Invalid`] when the input is unusable.
+/// [`MeshError::Invalid`] if the input is unusable.
 pub fn render(mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
     check_input(mesh, camera, style)?;
     let margin = style.wireframe.map_or(0, |w| w.margin());
@@ -166,7 +166,7 @@ fn sample_color(texture: &Texture, uv: DVec2) -> DVec3 {
 
 fn shade(color: DVec3, normal: DVec3, exposure: f64, shading: &Shading) -> DVec3 {
     match shading {
-        // Transparent faces have no colour; the resolve leaves it out.
+        // The resolve ignores the colour of transparent faces.
         Shading::Unlit | Shading::Transparent => color,
         Shading::Lit { ambient, lights, wrap } => {
             let normal = normal.normalize_or_zero();

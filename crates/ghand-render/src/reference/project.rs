@@ -1,4 +1,4 @@
-//! Twin of `project.wgsl` and `project_backward.wgsl`, with matrices where the shaders have unrolled sums.
+//! Twin of `project.wgsl` and `project_backward.wgsl`, with matrices in place of the shaders' unrolled sums.
 
 use ghand_core::Camera;
 use glam::{DMat2, DMat3, DVec2, DVec3, DVec4};
@@ -11,37 +11,37 @@ pub(super) const BLUR: f64 = 0.3;
 /// Splats below this alpha are invisible.
 pub(super) const ALPHA_MIN: f64 = 1.0 / 255.0;
 
-/// A Gaussian in the world, of the most general kind. The other kinds are this one with some fields tied.
+/// A Gaussian in the world, of the most general kind. The other kinds are special cases of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian {
     /// Centre, metres.
     pub mean: DVec3,
     /// Standard deviations along the axes of `rotation`, metres.
     pub scales: DVec3,
-    /// Quaternion x, y, z, w of any length but 0.
+    /// Quaternion x, y, z, w of any non-zero norm.
     pub rotation: DVec4,
     /// Opacity, 0 to 1.
     pub opacity: f64,
-    /// One plain colour, or the coefficients of 1, 4, 9 or 16 harmonics.
+    /// A plain colour, or the coefficients of 1, 4, 9 or 16 spherical harmonics.
     pub color: Color,
 }
 
 /// The colour of a Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Color {
-    /// From all sides.
+    /// The same in all directions.
     Rgb(DVec3),
-    /// By direction.
+    /// Dependent on the viewing direction.
     SphericalHarmonics(Vec<DVec3>),
 }
 
 impl Gaussian {
-    /// A round one of one colour.
+    /// An isotropic Gaussian of one colour.
     pub fn round(mean: DVec3, scale: f64, opacity: f64, color: DVec3) -> Gaussian {
         Gaussian { mean, scales: DVec3::splat(scale), rotation: DVec4::W, opacity, color: Color::Rgb(color) }
     }
 
-    /// One whose gradient is to be summed: all zero.
+    /// The zero gradient of this Gaussian, to be summed into.
     pub(super) fn zero_like(&self) -> Gaussian {
         let color = match &self.color {
             Color::Rgb(_) => Color::Rgb(DVec3::ZERO),
@@ -50,7 +50,7 @@ impl Gaussian {
         Gaussian { mean: DVec3::ZERO, scales: DVec3::ZERO, rotation: DVec4::ZERO, opacity: 0.0, color }
     }
 
-    /// Plain colour, or the harmonics' coefficients.
+    /// The plain colour, or the harmonics' coefficients.
     pub fn coefficients(&self) -> &[DVec3] {
         match &self.color {
             Color::Rgb(color) => std::slice::from_ref(color),
@@ -68,7 +68,7 @@ pub struct Splat {
     pub depth: f64,
     /// Inverse covariance xx, xy, yy, pixels^-2.
     pub conic: DVec3,
-    /// Half size of the box beyond which alpha stays below 1/255, pixels.
+    /// Half size of the box outside which alpha is below 1/255, pixels.
     pub reach: DVec2,
     /// Opacity.
     pub opacity: f64,
@@ -81,7 +81,7 @@ pub struct Splat {
 pub struct SplatGradient {
     /// dL/d(centre).
     pub mean: DVec2,
-    /// dL/d(conic), as of three free numbers.
+    /// dL/d(conic), for three independent numbers.
     pub conic: DVec3,
     /// dL/d(opacity).
     pub opacity: f64,
@@ -92,14 +92,14 @@ pub struct SplatGradient {
 /// dL/d(camera).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraGradient {
-    /// dL/d(rotation), as of nine free numbers.
+    /// dL/d(rotation), for nine independent numbers.
     pub rotation: DMat3,
     /// dL/d(translation).
     pub translation: DVec3,
 }
 
 impl CameraGradient {
-    /// Where the sum starts.
+    /// The initial value of a sum.
     pub const ZERO: CameraGradient = CameraGradient { rotation: DMat3::ZERO, translation: DVec3::ZERO };
 }
 
@@ -118,7 +118,7 @@ struct Footprint {
     compensation: f64,
 }
 
-/// The rotation matrix of a quaternion of any length.
+/// The rotation matrix of a quaternion of any norm.
 fn rotation_matrix(q: DVec4) -> DMat3 {
     DMat3::from_quat(glam::DQuat::from_vec4(q.normalize()))
 }
@@ -143,7 +143,7 @@ fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
     Footprint { p, axes, jacobian, slope, free, sharp, covariance, compensation }
 }
 
-/// The splat of a Gaussian, or nothing where it is culled.
+/// The splat of a Gaussian, or `None` if it is culled.
 pub fn project(g: &Gaussian, camera: &Camera, antialias: bool) -> Option<Splat> {
     let finite = g.mean.is_finite()
         && g.scales.is_finite()
@@ -184,7 +184,7 @@ fn seen_color(g: &Gaussian, camera: &Camera) -> DVec3 {
     }
 }
 
-/// Gradient of a Gaussian's properties from that of its splat; what reaches the camera is added to `d_camera`.
+/// Gradient of a Gaussian's properties from that of its splat; the camera's gradient is added to `d_camera`.
 pub fn project_vjp(
     g: &Gaussian,
     camera: &Camera,
@@ -195,7 +195,8 @@ pub fn project_vjp(
     let f = footprint(g, camera, antialias);
     let mut gradient = g.zero_like();
     let mut d_p = DVec3::ZERO;
-    // Opacity, and with antialiasing the covariance behind it: c = sqrt(det S / det C), dc = c/2 (tr(S^-1 dS) - tr(C^-1 dC)).
+    // Opacity and, with antialiasing, the covariance that it depends on: c = sqrt(det S / det C), dc = c/2 (tr(S^-1 dS)
+    // - tr(C^-1 dC)).
     gradient.opacity = d.opacity * f.compensation;
     let conic = f.covariance.inverse();
     let d_conic = DMat2::from_cols_array(&[d.conic.x, 0.5 * d.conic.y, 0.5 * d.conic.y, d.conic.z]);

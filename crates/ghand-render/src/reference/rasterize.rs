@@ -10,16 +10,16 @@ use crate::splat::TILE_SIZE;
 pub(super) const ALPHA_MAX: f64 = 0.99;
 pub(super) const TRANSMITTANCE_MIN: f64 = 1e-4;
 
-/// The cut-offs of blending. Tests that take finite differences set them so that the image is smooth.
+/// The cut-offs of blending. Tests with finite differences set them so that the image is smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cuts {
-    /// Contributions below this are left out.
+    /// Contributions with a smaller alpha are skipped.
     pub alpha_min: f64,
-    /// Alpha never exceeds this.
+    /// Upper bound of alpha.
     pub alpha_max: f64,
-    /// A pixel ends before the splat that would bring its transmittance to this or less.
+    /// Blending of a pixel stops before the splat that would reduce its transmittance to this or less.
     pub transmittance_min: f64,
-    /// Whether splats are listed only in tiles that their box touches.
+    /// Whether splats are listed only in the tiles that their box touches.
     pub tiled: bool,
 }
 
@@ -29,16 +29,16 @@ impl Default for Cuts {
     }
 }
 
-/// What a scene is rendered with.
+/// A scene with its camera and settings.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     /// The Gaussians.
     pub gaussians: &'a [Gaussian],
     /// The camera.
     pub camera: &'a Camera,
-    /// Colour behind everything.
+    /// Background colour.
     pub background: DVec3,
-    /// Whether opacity makes up for the screen-space blur.
+    /// Whether opacity compensates for the screen-space blur.
     pub antialias: bool,
     /// The cut-offs.
     pub cuts: Cuts,
@@ -65,8 +65,8 @@ impl Scene<'_> {
         Lists { splats, tiles }
     }
 
-    /// The splats that a pixel takes, front to back, with their raw alpha and the transmittance before each, and the
-    /// final transmittance.
+    /// The splats that contribute to a pixel, front to back, with their raw alpha and the transmittance before each,
+    /// and the final transmittance.
     fn pixel<'l>(&self, lists: &'l Lists, x: u32, y: u32) -> (Vec<(u32, &'l Splat, f64, f64)>, f64) {
         let tile = (y / TILE_SIZE) * self.camera.width.div_ceil(TILE_SIZE) + x / TILE_SIZE;
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -106,8 +106,8 @@ impl Scene<'_> {
         image
     }
 
-    /// Expected depth: the camera z of each pixel's splats, weighted as their colours are and divided by the coverage; 0
-    /// where nothing is.
+    /// Expected depth: the camera z of each pixel's splats, with the same weights as their colours, divided by the
+    /// coverage; 0 in empty pixels.
     pub fn depth(&self) -> Vec<f64> {
         let lists = self.lists();
         let pixels = (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (x, y)));
@@ -153,7 +153,7 @@ impl Scene<'_> {
             }
         }
         let mut d_camera = CameraGradient::ZERO;
-        // A splat that is culled has no gradient, and a broken one must not be looked at.
+        // Culled splats have no gradient, and the gradient of a broken one must not be computed.
         let d_gaussians = self.gaussians.iter().zip(&lists.splats).zip(&d_splats).map(|((g, splat), d)| match splat {
             Some(_) => project_vjp(g, self.camera, self.antialias, d, &mut d_camera),
             None => g.zero_like(),
@@ -197,7 +197,7 @@ mod tests {
 
     fn random_scene(rng: &mut rand_chacha::ChaCha8Rng, bases: usize) -> Vec<Gaussian> {
         let mut v = || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
-        // Some lie far outside of the view, where the Jacobian is clamped; some colours are cut at 0.
+        // Some are far outside the view, where the Jacobian is clamped; some colours are clamped at 0.
         (0..12)
             .map(|i| Gaussian {
                 mean: v() * if i < 9 { 0.2 } else { 0.7 },
@@ -253,7 +253,7 @@ mod tests {
                 let moved =
                     |h| loss(&gaussians, &Camera { translation: camera.translation + step(h), ..camera.clone() });
                 check(d_camera.translation[axis], (moved(1e-6) - moved(-1e-6)) / 2e-6, format!("translation {axis}"));
-                // A rotation can only be turned: dR = [w]x R.
+                // The derivative along a rotation: dR = [w]x R.
                 let turned = |h| {
                     let rotation = rotation_from_axis_angle(step(h)) * camera.rotation;
                     loss(&gaussians, &Camera { rotation, ..camera.clone() })

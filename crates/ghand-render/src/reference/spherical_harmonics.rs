@@ -7,8 +7,8 @@ use glam::DVec3;
 pub fn basis(d: DVec3) -> [f64; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let (xx, yy, zz) = (x * x, y * y, z * z);
-    // K_lm of the normalised associated Legendre functions: sqrt((2l+1)/(4 pi) (l-|m|)!/(l+|m|)!), times sqrt(2) for m != 0
-    // and the constant factors of the polynomials.
+    // K_lm of the normalised associated Legendre functions: sqrt((2l+1)/(4 pi) (l-|m|)!/(l+|m|)!), times sqrt(2) for m
+    // != 0, and times the constant factors of the polynomials.
     let k = |factor: f64| (factor / std::f64::consts::PI).sqrt();
     [
         k(0.25),
@@ -30,7 +30,7 @@ pub fn basis(d: DVec3) -> [f64; 16] {
     ]
 }
 
-/// Gradients of the 16 polynomials of [`basis`] with respect to the direction's components, as if these were free.
+/// Gradients of the 16 polynomials of [`basis`] with respect to the direction's components, treated as independent.
 pub fn basis_gradient(d: DVec3) -> [DVec3; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_functions_are_orthonormal_on_the_sphere() {
-        // Gauss-Legendre would be exact; a fine midpoint grid in cos(theta) and phi is enough for 1e-3.
+        // Gauss-Legendre quadrature would be exact; a fine midpoint grid in cos(theta) and phi is enough for 1e-3.
         let (rows, columns) = (200, 200);
         let mut products = [[0.0; 16]; 16];
         for i in 0..rows {

@@ -6,9 +6,9 @@ use crate::mesh::Segment;
 
 /// The lines at k times the image's size.
 pub(super) struct LineSamples {
-    /// Coverage by lines in sight.
+    /// Coverage by visible lines.
     pub in_sight: Vec<f64>,
-    /// Coverage by lines behind faces; 0 if they are not wanted.
+    /// Coverage by lines behind faces; 0 if they are not drawn.
     pub hidden: Vec<f64>,
     /// Camera z of the nearest line, infinity where there is none.
     pub depth: Vec<f64>,
@@ -21,7 +21,7 @@ pub(super) struct FaceDepths<'a> {
     pub depth: &'a [f64],
 }
 
-/// Draws lines of `half_width` samples to both sides over faces.
+/// Draws lines over faces, `half_width` samples wide on each side.
 pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceDepths) -> LineSamples {
     let count = faces.width * faces.height;
     let mut lines =
@@ -52,19 +52,19 @@ pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, fa
     lines
 }
 
-/// Where on a segment, 0 to 1, the nearest point to a sample lies.
+/// Position on a segment, 0 to 1, of the point nearest to a sample.
 fn place_along(segment: &Segment, at: DVec2) -> f64 {
     let [a, b] = segment.ends;
     let squared = a.distance_squared(b);
     if squared > 1e-12 { ((at - a).dot(b - a) / squared).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// How much of [distance - 1/2, distance + 1/2] lies in [-half_width, half_width].
+/// Length of the part of [distance - 1/2, distance + 1/2] inside [-half_width, half_width].
 fn coverage(distance: f64, half_width: f64) -> f64 {
     ((distance + 0.5).min(half_width) - (distance - 0.5).max(-half_width)).clamp(0.0, 1.0)
 }
 
-/// Whether at one of the four samples around a place no face is nearer than an inverse depth.
+/// Whether at one of the four samples around `place` no face is nearer than `inverse_depth`.
 fn in_sight(place: DVec2, inverse_depth: f64, faces: &FaceDepths) -> bool {
     let base = (place - 0.5).floor();
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].iter().any(|(dx, dy)| {
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_has_as_much_ink_as_it_is_wide_wherever_it_lies() {
+    fn the_coverage_of_a_line_sums_to_its_width_at_any_position() {
         for half_width in [0.1, 0.25, 0.5, 1.0, 4.0, 16.0] {
             for shift in [0.0, 0.1, 0.37, 0.5, 0.9] {
                 let ink: f64 = (-40..40).map(|x| coverage((f64::from(x) + shift).abs(), half_width)).sum();

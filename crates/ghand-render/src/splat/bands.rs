@@ -1,17 +1,17 @@
-//! Pictures that are too large for one frame, in horizontal bands.
+//! Renders pictures that are too large for one frame in horizontal bands.
 //!
-//! A band starts at a whole row of tiles and keeps the projection of the whole picture, so that each tile holds the same
-//! Gaussians in the same order: the pixels are those of one frame, bit for bit.
+//! A band starts at a row of tiles and keeps the projection of the whole picture, so that each tile has the same
+//! Gaussians in the same order: the pixels equal those of a single frame, bit for bit.
 
 use super::{Image, Splatter, TILE_SIZE, View};
 use crate::{Gpu, RenderError};
 
-/// Bytes that the image of a band may take, even where one buffer may be larger: beyond it nothing gets faster.
+/// Maximum size of a band's image, bytes, even if the device allows larger buffers: larger bands are not faster.
 const LARGEST_BAND: u64 = 128 << 20;
-/// Bytes of a pixel of the image, the largest of the buffers that hold a number of bytes for each pixel.
+/// Bytes per pixel of the image, the largest per-pixel buffer.
 const BYTES_PER_PIXEL: u64 = 16;
 
-/// How many rows of a picture of this size one frame may have on this device: all, or a multiple of [`TILE_SIZE`].
+/// Maximum number of rows per frame for a picture of this size on this device: all, or a multiple of [`TILE_SIZE`].
 pub fn band_rows(gpu: &Gpu, [width, height]: [u32; 2]) -> u32 {
     let limits = gpu.device.limits();
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(LARGEST_BAND);
@@ -19,13 +19,13 @@ pub fn band_rows(gpu: &Gpu, [width, height]: [u32; 2]) -> u32 {
     if rows >= u64::from(height) { height } else { whole_tiles(rows as u32) }
 }
 
-/// The largest multiple of [`TILE_SIZE`] that is not more than `rows`, and one row of tiles at least.
+/// The largest multiple of [`TILE_SIZE`] that is at most `rows`, but at least one row of tiles.
 fn whole_tiles(rows: u32) -> u32 {
     (rows / TILE_SIZE).max(1) * TILE_SIZE
 }
 
 impl View {
-    /// The `rows` rows of this view's image from `first_row` on, which must be a multiple of [`TILE_SIZE`].
+    /// The view of `rows` rows of this view's image, from `first_row` on, which must be a multiple of [`TILE_SIZE`].
     pub fn band(&self, first_row: u32, rows: u32) -> View {
         View {
             size: [self.size[0], rows],
@@ -37,12 +37,12 @@ impl View {
 }
 
 impl Splatter {
-    /// Renders a view of any height in bands that the splatter holds, from the top down, and hands each to `sink` with its
-    /// first row. Where the device cannot render a band because too much lies on it, the band is halved.
+    /// Renders a view of any height in bands that fit the splatter, from top to bottom, and passes each to `sink` with
+    /// its first row. If a band has too many intersections for the device, it is halved.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed or was lost, if the view is wider than the splatter was made for, or if a single
-    /// row of tiles is more than the device can render.
+    /// [`RenderError`] if the device failed or was lost, if the view is wider than the splatter was made for, or if the
+    /// device cannot render a single row of tiles.
     pub fn render_bands(
         &mut self,
         gpu: &Gpu,

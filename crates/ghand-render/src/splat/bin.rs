@@ -1,12 +1,12 @@
-//! Host part of `bin.wgsl`: which Gaussians each tile draws, in order.
+//! Host part of `bin.wgsl`: lists the Gaussians of each tile, in order.
 
 use super::frame_buffers::FrameBuffers;
 use super::{Counters, sort};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
 
-/// On how many tiles a Gaussian may lie with Mesa's software rasteriser, which ends the loops of a shader after 65,535 rounds;
-/// the rows of tiles count, too.
+/// Maximum number of tiles per Gaussian on Mesa's software rasteriser, which ends shader loops after 65,535 iterations;
+/// rows of tiles are iterations, too.
 const SOFTWARE_TILES: u32 = 60_000;
 
 pub struct Pipelines {
@@ -89,7 +89,7 @@ impl Stages {
         }
     }
 
-    /// After the depth sort: the intersections, unsorted.
+    /// Encodes the emission of unsorted intersections, after the depth sort.
     pub fn emit(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.count_tiles.dispatch_invocations(pass, self.count);
         self.scan.encode(pass);
@@ -97,7 +97,7 @@ impl Stages {
         self.emit_intersections.dispatch_invocations(pass, self.count);
     }
 
-    /// After the tile sort: the range of each tile.
+    /// Encodes the search for the range of each tile, after the tile sort.
     pub fn find_ranges(&self, pass: &mut wgpu::ComputePass<'_>, tiles: [u32; 2]) {
         self.find_tile_ranges.dispatch_invocations(pass, tiles[0] * tiles[1]);
     }

@@ -1,24 +1,24 @@
-//! What a frame counts.
+//! The counters of a frame.
 
 use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
-/// What a frame of the splatter counts, see `shaders/shared/counters.wgsl`.
+/// The counters of a splatter's frame, see `shaders/shared/counters.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
-    /// Gaussians in the table.
+    /// Number of Gaussians in the table.
     pub gaussians: u32,
-    /// Intersections drawn: those wanted, as far as they fit.
+    /// Number of drawn intersections: the wanted ones, up to the capacity.
     pub intersections: u32,
-    /// Intersections of Gaussians with tiles. More wanted than drawn means that the frame is incomplete.
+    /// Number of intersections of Gaussians with tiles. If it is larger than the drawn number, the frame is incomplete.
     pub intersections_wanted: u32,
-    /// Gaussians that were dropped because of a number that is not finite, or a quaternion of 0.
+    /// Number of Gaussians dropped because of a number that is not finite, or a quaternion of 0.
     pub broken: u32,
-    /// Of the tiles with too many Gaussians for the driver, the largest number of Gaussians; 0 if there is none.
+    /// Largest number of Gaussians on a tile, if too many for the driver; else 0.
     pub cut_short: u32,
-    /// Of the Gaussians on too many tiles for the driver, the largest number of tiles; 0 if there is none.
+    /// Largest number of tiles of a Gaussian, if too many for the driver; else 0.
     pub too_wide: u32,
     /// Unused.
     pub padding_1: u32,
@@ -26,7 +26,7 @@ pub struct Counters {
     pub padding_2: u32,
 }
 
-/// A counter as the sort and the prefix sum address it: its index among the counters' words.
+/// Index of a counter among the counters' words, for the sort and the prefix sum.
 #[derive(Debug, Clone, Copy)]
 pub struct CounterIndex(pub u32);
 
@@ -37,7 +37,7 @@ impl Counters {
     pub const INTERSECTIONS: CounterIndex = index(offset_of!(Counters, intersections));
     /// Index of [`Counters::intersections_wanted`].
     pub const INTERSECTIONS_WANTED: CounterIndex = index(offset_of!(Counters, intersections_wanted));
-    /// Bytes before the counters that start at 0 in every frame, and that stages add to.
+    /// Byte offset of the counters that are cleared in every frame and incremented by the stages.
     pub(super) const CLEARED_FROM: u64 = offset_of!(Counters, broken) as u64;
 }
 

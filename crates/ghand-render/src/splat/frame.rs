@@ -7,7 +7,7 @@ use crate::Gpu;
 /// Bits of a depth key, as in `project.wgsl`.
 pub const DEPTH_BITS: u32 = 30;
 
-/// The compiled stages; they outlive the buffers, which grow.
+/// The compiled stages, which are kept when the buffers grow.
 pub struct Pipelines {
     pub project: project::Pipelines,
     pub sort: sort::Pipelines,

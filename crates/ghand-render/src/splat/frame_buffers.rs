@@ -5,7 +5,7 @@ use crate::{Gpu, Tier, buffers};
 
 /// Rows of the camera's gradient: rotation and translation.
 pub const CAMERA_ROWS: usize = 6;
-/// Strands of its sum, as in `camera_gradient.wgsl`.
+/// Strands (partial sums) of its sum, as in `camera_gradient.wgsl`.
 pub const CAMERA_STRANDS: usize = 64;
 
 /// Cells of an intersection's gradients: one per 4x4 pixels of the tile, or one in all where the invocations of a tile add
@@ -17,8 +17,8 @@ pub fn gradient_cells(tier: Tier) -> u32 {
     }
 }
 
-/// Everything that the stages of a frame hand to each other. Sizes: N Gaussians, `capacity` intersections, the tiles and
-/// pixels of the largest image.
+/// The buffers passed between the stages of a frame. Sizes: N Gaussians, `capacity` intersections, the tiles and pixels
+/// of the largest image.
 pub struct FrameBuffers {
     pub shared: Shared,
     pub splats: wgpu::Buffer,
@@ -70,7 +70,7 @@ impl FrameBuffers {
             slot_gaussians: make("slot gaussians", capacity),
             tile_keys: [make("tile keys", capacity), make("tile keys sorted", capacity)],
             slots: [make("slots", capacity), make("slots sorted", capacity)],
-            // As many bits as the largest tile index has, at least one.
+            // The number of bits of the largest tile index, at least one.
             tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
             tile_ranges: make("tile ranges", 2 * tiles),
             pixel_states: make("pixel states", 2 * pixels),

@@ -1,46 +1,46 @@
-//! What a scene's Gaussians are made of: "model only what the scene requires".
+//! The parameters of a scene's Gaussians: "model only what the scene requires".
 
-/// How the sizes of Gaussians are given.
+/// Parameters of the sizes of Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Shape {
     /// One standard deviation.
     #[default]
     Isotropic,
-    /// Three standard deviations along the axes of a rotation (a quaternion w, x, y, z of any length but 0).
+    /// Three standard deviations along the axes of a rotation (a quaternion w, x, y, z of any non-zero norm).
     Anisotropic,
 }
 
-/// Where opacity comes from.
+/// Source of the opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Opacity {
-    /// One for all Gaussians, in the view.
+    /// One for all Gaussians, set in the view.
     #[default]
     Shared,
-    /// One a Gaussian.
+    /// One per Gaussian.
     Free,
 }
 
-/// How colour is given.
+/// Parameters of the colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Color {
-    /// The same from all sides.
+    /// The same in all directions.
     #[default]
     Rgb,
-    /// Spherical harmonics of a degree of 0 to 3: `max(0, 0.5 + sum c_lm Y_lm(direction from camera to Gaussian))`.
+    /// Spherical harmonics of degree 0 to 3: `max(0, 0.5 + sum c_lm Y_lm(direction from camera to Gaussian))`.
     SphericalHarmonics(u32),
 }
 
-/// The form in which sizes and opacities are stored and get their gradients.
+/// The parametrisation in which sizes and opacities are stored and differentiated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Stored {
-    /// Metres, and 0 to 1.
+    /// Sizes in metres, opacities from 0 to 1.
     #[default]
     Plain,
-    /// Logarithms of metres, and logits: as trainers of Gaussian splats store them.
+    /// Logarithms of metres, and logits, as stored by trainers of Gaussian splats.
     Unbounded,
 }
 
-/// The kind of a scene's Gaussians. Pipelines are made for one kind; what it leaves out costs nothing.
+/// The kind of a scene's Gaussians. Pipelines are compiled for one kind; unused features cost nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SplatModel {
     /// Sizes.
@@ -51,12 +51,13 @@ pub struct SplatModel {
     pub color: Color,
     /// How sizes and free opacities are stored.
     pub stored: Stored,
-    /// Whether a Gaussian that the screen-space blur widens loses as much opacity, so that it adds the same light.
+    /// Whether opacity is reduced to compensate for the screen-space blur, so that a Gaussian's total contribution
+    /// stays the same.
     pub antialias: bool,
 }
 
 impl SplatModel {
-    /// The Gaussians of a hand: round, opaque, of one colour from all sides.
+    /// The Gaussians of a hand: isotropic, with one opacity for all, and view-independent colour.
     pub const HAND: SplatModel = SplatModel {
         shape: Shape::Isotropic,
         opacity: Opacity::Shared,
@@ -65,7 +66,7 @@ impl SplatModel {
         antialias: false,
     };
 
-    /// What a 3D Gaussian Splatting `.ply` holds, with harmonics of this degree.
+    /// The Gaussians of a 3D Gaussian Splatting `.ply` file, with spherical harmonics of this degree.
     pub fn trained(degree: u32) -> SplatModel {
         SplatModel {
             shape: Shape::Anisotropic,
@@ -76,7 +77,7 @@ impl SplatModel {
         }
     }
 
-    /// First row of the sizes (1 or 3) in the table of Gaussians; the mean is in the three before.
+    /// First row of the sizes (1 or 3 rows) in the table of Gaussians, after the three rows of the mean.
     pub const SCALE_ROW: usize = 3;
 
     /// Number of size rows.
@@ -84,12 +85,12 @@ impl SplatModel {
         if self.shape == Shape::Anisotropic { 3 } else { 1 }
     }
 
-    /// First row of the quaternion, where there is one.
+    /// First row of the quaternion, if the kind has one.
     pub fn rotation_row(&self) -> usize {
         Self::SCALE_ROW + self.scale_rows()
     }
 
-    /// Row of the opacity, where it is free.
+    /// Row of the opacity, if it is free.
     pub fn opacity_row(&self) -> usize {
         self.rotation_row() + if self.shape == Shape::Anisotropic { 4 } else { 0 }
     }
@@ -107,12 +108,12 @@ impl SplatModel {
         }
     }
 
-    /// Rows of the table of Gaussians.
+    /// Number of rows of the table of Gaussians.
     pub fn rows(&self) -> usize {
         self.color_row() + 3 * self.color_bases().max(1)
     }
 
-    /// The `override` constants of the shaders that know the table.
+    /// The `override` constants of the shaders that access the table.
     pub(super) fn constants(&self) -> Vec<(&'static str, f64)> {
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
@@ -128,7 +129,8 @@ impl SplatModel {
         ]
     }
 
-    /// Whether slots keep the gradient of the opacity: to hand it on, or because the opacity depends on the size.
+    /// Whether slots store the gradient of the opacity: because it is an output, or because the opacity depends on the
+    /// size.
     pub(super) fn slot_opacity(&self) -> bool {
         self.opacity == Opacity::Free || self.antialias
     }

@@ -5,10 +5,10 @@ use super::{Purpose, SplatModel};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
 
-/// What the backward pass needs, if there is one.
+/// The stages of the backward pass.
 struct Backward<T> {
     project_backward: T,
-    /// Strands and their sums, if the camera's gradient is wanted.
+    /// The strands and their sum, if the camera's gradient is computed.
     camera: Option<[T; 2]>,
 }
 

@@ -15,8 +15,8 @@ pub(super) const fn backward_invocations(tier: Tier) -> u32 {
     }
 }
 
-/// How many entries of a tile the backward pass goes through on Mesa's software rasteriser, which ends the loops of a shader
-/// after 65,535 rounds: one or eight entries each.
+/// Maximum number of entries of a tile in the backward pass on Mesa's software rasteriser, which ends shader loops
+/// after 65,535 iterations of one or eight entries each.
 fn software_entries(tier: Tier) -> u32 {
     match tier {
         Tier::Baseline => 65_535,
@@ -93,7 +93,7 @@ impl Stages {
         }
     }
 
-    /// What the backward pass does not mark has no gradient.
+    /// Encodes clearing the marks: slots that the backward pass does not mark have no gradient.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.slot_marks, 0, None);
     }

@@ -7,22 +7,22 @@ use super::counters::CounterIndex;
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier, buffers};
 
-/// Strands of a prefix sum, as in `scan.wgsl`.
+/// Number of strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
-/// Values of a block of a prefix sum, as in `fast/scan.wgsl`.
+/// Number of values in a block of a prefix sum, as in `fast/scan.wgsl`.
 const SCAN_BLOCK: u32 = 2048;
-/// Pairs of a block of the sort, as in `fast/sort.wgsl`.
+/// Number of pairs in a block of the sort, as in `fast/sort.wgsl`.
 const SORT_BLOCK: u64 = 2048;
-/// Most pairs of a strand: half of what the loops of software rasterisers go through.
+/// Maximum number of pairs in a strand: half of the iterations that software rasterisers allow in a loop.
 const MOST_PAIRS: u64 = 32_768;
 
 /// See `shaders/scan.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ScanUniforms {
-    /// How many values.
+    /// Number of values.
     pub length: u32,
-    /// Where in the totals the sum of all goes.
+    /// Index in the totals where the total is written.
     pub total_index: u32,
     /// Unused.
     pub padding: [u32; 2],
@@ -36,13 +36,13 @@ pub struct SortUniforms {
     pub shift: u32,
     /// Largest digit.
     pub mask: u32,
-    /// Into how many runs the keys are cut.
+    /// Number of strands into which the keys are divided.
     pub strands: u32,
-    /// Which counter holds the number of keys.
+    /// Index of the counter that holds the number of keys.
     pub counter: u32,
 }
 
-/// What the shaders have, too: stage, name, value.
+/// Constants shared with the shaders: stage, name, value.
 pub const SHARED_CONSTANTS: [(&str, &str, u32); 3] =
     [("scan", "STRANDS", SCAN_STRANDS), ("fast/scan", "BLOCK", SCAN_BLOCK), ("fast/sort", "BLOCK", SORT_BLOCK as u32)];
 
@@ -58,11 +58,11 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        // A software rasteriser runs a workgroup's invocations in turns: barriers cost it more than they save.
+        // A software rasteriser runs a workgroup's invocations in turn: barriers cost more than they save.
         Pipelines::of_kind(gpu, gpu.tier == Tier::Fast && !gpu.is_cpu())
     }
 
-    /// By blocks, which needs the fast tier, or by strands.
+    /// Pipelines that work by blocks, which need the fast tier, or by strands.
     fn of_kind(gpu: &Gpu, by_blocks: bool) -> Pipelines {
         let (sort, scan) = if by_blocks { ("fast/sort", "fast/scan") } else { ("sort", "scan") };
         let (sort, scan) = (Module::new(gpu, sort), Module::new(gpu, scan));
@@ -77,10 +77,10 @@ impl Pipelines {
         }
     }
 
-    /// Most bits of a digit.
+    /// Maximum number of bits in a digit.
     fn digit_bits(&self) -> u32 {
-        // By blocks, as many digits as `fast/sort.wgsl` counts. On a software rasteriser counting digits is cheap beside
-        // moving pairs, so that few passes are best.
+        // By blocks, the number of digits in `fast/sort.wgsl`. On a software rasteriser counting digits is cheap
+        // compared with moving pairs, so few passes are best.
         match (self.by_blocks, self.is_cpu) {
             (true, _) => 4,
             (false, false) => 8,
@@ -88,19 +88,20 @@ impl Pipelines {
         }
     }
 
-    /// Into how many pieces that are sorted on their own so many pairs are cut.
+    /// Number of separately sorted pieces into which `pairs` pairs are divided.
     fn pieces(&self, pairs: u64) -> u32 {
         let enough_for_all_cores = || std::thread::available_parallelism().map_or(8, |n| n.get() as u64) * 16;
         let pieces = match (self.by_blocks, self.is_cpu) {
             (true, _) => pairs.div_ceil(SORT_BLOCK).max(1),
-            // A strand takes a round of a loop for each pair.
+            // A strand needs one loop iteration per pair.
             (false, true) => pairs.div_ceil(MOST_PAIRS).max(enough_for_all_cores().clamp(32, 128)),
             (false, false) => pairs.div_ceil(MOST_PAIRS).max(4096),
         };
         u32::try_from(pieces).unwrap_or(u32::MAX)
     }
 
-    /// An exclusive prefix sum of the first `length` words of `values`; the total goes to `total` among the words of `totals`.
+    /// An exclusive prefix sum of the first `length` words of `values`; the total is written to word `total` of
+    /// `totals`.
     pub fn scan(
         &self,
         gpu: &Gpu,
@@ -154,8 +155,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Sorts as many pairs as `counters[counter]` says. The pairs start in the first of each two buffers and end in the
-    /// one that [`Stages::sorted`] names.
+    /// Sorts `counters[counter]` pairs. The pairs start in the first buffer of each two and end in the one with index
+    /// [`Stages::sorted`].
     pub fn new(
         gpu: &Gpu,
         pipelines: &Pipelines,
@@ -213,7 +214,7 @@ impl Stages {
         Stages { passes, groups }
     }
 
-    /// Which of the two buffers holds the sorted pairs.
+    /// Index (0 or 1) of the buffer with the sorted pairs.
     pub fn sorted(&self) -> usize {
         self.passes.len() % 2
     }
@@ -236,7 +237,7 @@ mod tests {
     use super::*;
     use crate::{AdapterChoice, reference};
 
-    /// Every kind of pipelines that the adapter runs.
+    /// All kinds of pipelines that the adapter supports.
     fn kinds() -> Vec<(Gpu, Pipelines)> {
         let open = |tier| Gpu::with_tier(&AdapterChoice::from_env(), tier);
         let baseline = open(Tier::Baseline).unwrap_or_else(|e| panic!("{e}"));
@@ -247,7 +248,7 @@ mod tests {
                 let blocks = Pipelines::of_kind(&gpu, true);
                 kinds.push((gpu, blocks));
             }
-            Err(e) => println!("left out: sorting by blocks: {e}"),
+            Err(e) => println!("skipped: sorting by blocks: {e}"),
         }
         kinds
     }
@@ -255,7 +256,7 @@ mod tests {
     fn sorted(gpu: &Gpu, pipelines: &Pipelines, pairs: &[(u32, u32)], room: usize, bits: u32) -> Vec<(u32, u32)> {
         let buffer = |of: fn(&(u32, u32)) -> u32| {
             let mut numbers: Vec<u32> = pairs.iter().map(of).collect();
-            // What lies behind the pairs must not be sorted among them.
+            // The numbers after the pairs must not be sorted among them.
             numbers.resize(room, 0);
             [buffers::filled(gpu, "test", &numbers), buffers::zeroed(gpu, "test", room)]
         };
@@ -271,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_come_out_as_the_twin_sorts_them() {
+    fn pairs_are_sorted_as_by_the_twin() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         for (gpu, pipelines) in kinds() {
             for (count, bits) in
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_come_out_as_the_twin_forms_them() {
+    fn prefix_sums_equal_those_of_the_twin() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(2);
         for (gpu, pipelines) in kinds() {
             for count in [1, 2, 1023, 1024, 2048, 2049, 600_001] {

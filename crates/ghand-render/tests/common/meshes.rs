@@ -1,11 +1,11 @@
-//! Meshes to draw, and how their images are compared.
+//! Meshes to draw, and the comparison of their images.
 
 use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use ghand_render::mesh::{Light, MeshImage, MeshInstance, MeshStyle, Shading, Surface, Wireframe};
 use glam::{DVec2, DVec3};
 
-/// A mesh with everything that a surface may need.
+/// A mesh with all attributes that a surface can need.
 #[derive(Clone)]
 pub struct Model {
     pub positions: Vec<DVec3>,
@@ -18,7 +18,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Vertices and triangles, the rest plain.
+    /// Vertices and triangles, with plain other attributes.
     pub fn plain(positions: &[DVec3], triangles: &[[u32; 3]]) -> Model {
         let n = positions.len();
         Model {
@@ -51,7 +51,7 @@ impl Model {
     }
 }
 
-/// A torus with a wavy skin: hides parts of itself, has UVs, colours and normals that vary fast, and a seam.
+/// A torus with a wavy surface: it occludes itself, its UVs, colours and normals vary fast, and it has a seam.
 pub fn torus(n: u32, m: u32) -> Model {
     let mut t = Model::plain(&[], &[]);
     t.texture =
@@ -76,13 +76,13 @@ pub fn torus(n: u32, m: u32) -> Model {
     t
 }
 
-/// Unequal focal lengths, an off-centre principal point, a size that is no multiple of a workgroup.
+/// Unequal focal lengths, an off-centre principal point, a size that is not a multiple of a workgroup.
 pub fn camera() -> Camera {
     let camera = Camera::look_at(DVec3::new(0.25, -0.2, 0.3), DVec3::ZERO, DVec3::Y, 0.5, 75, 61);
     Camera { focal: DVec2::new(123.0, 101.0), principal: DVec2::new(31.3, 36.9), ..camera }
 }
 
-/// In the hole of the torus, its skin on all sides.
+/// A camera in the hole of the torus, with the surface on all sides.
 pub fn camera_inside() -> Camera {
     Camera::look_at(DVec3::new(0.08, 0.0, 0.0), DVec3::new(0.0, 0.08, 0.0), DVec3::Z, 1.2, 48, 48)
 }
@@ -113,11 +113,11 @@ fn depths_agree(a: f32, b: f32) -> bool {
     a == b || (a - b).abs() <= 4e-6 * b
 }
 
-/// f16 samples carry 11 bits: 2^-12 of a value near 1, with as much again for f32 inside.
+/// f16 samples have 11 bits: a rounding error of 2^-12 for values near 1, plus as much again for f32 arithmetic.
 const COLOR_BOUND: f32 = 5e-4;
 
-/// Fails unless the images agree in all pixels but a few, which rounding may have moved across a triangle's edge or a
-/// line's end behind a face.
+/// Fails unless the images agree in all but `flips` pixels, where rounding can decide about a triangle's edge or the
+/// point where a line passes behind a face.
 pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<(), String> {
     if (image.width, image.height) != (expected.width, expected.height)
         || [image.rgba.len(), image.depth.len()] != [expected.rgba.len(), expected.depth.len()]
@@ -139,7 +139,7 @@ pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<
     }
 }
 
-/// Number of pixels that anything covers.
+/// Number of covered pixels.
 pub fn covered(image: &MeshImage) -> usize {
     image.rgba.iter().filter(|p| p[3] > 0.0).count()
 }

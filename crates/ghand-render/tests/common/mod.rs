@@ -1,7 +1,7 @@
-//! Scenes, and how the device is held against its twin.
+//! Scenes, and the comparison of the device with its twin.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
-#![allow(dead_code, reason = "no test file needs all of it")]
+#![allow(dead_code, reason = "no test file uses all of it")]
 
 pub mod meshes;
 
@@ -17,13 +17,13 @@ pub fn gpu() -> Gpu {
     Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A device of each tier that there is.
+/// A device of each supported tier.
 pub fn devices() -> Vec<Gpu> {
     let open = |tier| Gpu::with_tier(&AdapterChoice::from_env(), tier);
     let mut devices = vec![open(Tier::Baseline).unwrap_or_else(|e| panic!("{e}"))];
     match open(Tier::Fast) {
         Ok(gpu) => devices.push(gpu),
-        Err(e @ DeviceError::NoTier { .. }) => println!("left out: {e}"),
+        Err(e @ DeviceError::NoTier { .. }) => println!("skipped: {e}"),
         Err(e) => panic!("{e}"),
     }
     devices
@@ -33,7 +33,7 @@ pub fn rng(seed: u64) -> rand_chacha::ChaCha8Rng {
     rand_chacha::ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// A camera with unequal focal lengths, an off-centre principal point and a size that is no multiple of a tile.
+/// A camera with unequal focal lengths, an off-centre principal point and a size that is not a multiple of a tile.
 pub fn camera(width: u32, height: u32) -> Camera {
     let look = Camera::look_at(DVec3::new(0.2, -0.1, -0.9), DVec3::ZERO, DVec3::Y, 0.5, width, height);
     Camera { focal: look.focal * DVec2::new(1.0, 1.2), principal: look.principal + DVec2::new(3.3, -2.7), ..look }
@@ -97,7 +97,7 @@ pub fn row_values(g: &Gaussian, model: &SplatModel) -> Vec<f64> {
     values
 }
 
-/// As stored: `[rows][N]`.
+/// The Gaussians as a table, `[rows][N]`.
 pub fn table(gaussians: &[Gaussian], model: &SplatModel) -> Vec<f32> {
     let all: Vec<Vec<f64>> = gaussians.iter().map(|g| row_values(g, model)).collect();
     let stored = |row: usize, value: f64| -> f32 {
@@ -113,7 +113,7 @@ pub fn table(gaussians: &[Gaussian], model: &SplatModel) -> Vec<f32> {
     (0..model.rows()).flat_map(|row| all.iter().map(move |values| stored(row, values[row]))).collect()
 }
 
-/// The twin's gradient as the table has it.
+/// The twin's gradient in the layout of the table.
 pub fn gradient_table(gaussians: &[Gaussian], gradient: &[Gaussian], model: &SplatModel) -> Vec<f64> {
     let mut all: Vec<Vec<f64>> = Vec::new();
     for (g, d) in gaussians.iter().zip(gradient) {
@@ -173,13 +173,13 @@ pub fn random_weights(seed: u64, pixels: usize) -> Vec<[f32; 4]> {
     (0..pixels).map(|_| std::array::from_fn(|_| rng.random_range(-1.0f32..1.0))).collect()
 }
 
-/// The larger of two errors, where NaN is the largest of all and is never lost again.
+/// The larger of two errors; NaN counts as the largest.
 pub fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || b <= a { a } else { b }
 }
 
-/// How far two images are apart: the largest difference, leaving out pixels that differ by more than `flip`, and how
-/// many those are.
+/// The largest difference of two images, without pixels that differ by more than `flip`, and the number of those
+/// pixels.
 pub fn compare_images(image: &[[f32; 4]], twin: &[[f64; 4]], flip: f64) -> (f64, usize) {
     let (mut worst, mut flips) = (0.0, 0);
     for (a, b) in image.iter().zip(twin) {
@@ -200,7 +200,7 @@ pub fn relative_error(got: &[f32], expected: &[f64]) -> f64 {
     if norm == 0.0 { difference.sqrt() } else { (difference / norm).sqrt() }
 }
 
-/// Names of the parts of the table, with their rows.
+/// Names and rows of the parts of the table.
 pub fn parts(model: &SplatModel) -> Vec<(&'static str, std::ops::Range<usize>)> {
     let mut parts = vec![("means", 0..3), ("scales", 3..3 + model.scale_rows())];
     if model.shape == Shape::Anisotropic {
@@ -221,9 +221,9 @@ pub fn cosine(got: &[f32], expected: &[f64]) -> f64 {
     if norms == 0.0 { 1.0 } else { dot / norms.sqrt() }
 }
 
-/// Largest error of a gradient's part, and of the image away from flips.
+/// Largest error of a gradient's part, and of the image outside flipped pixels.
 pub const TOLERANCE: f64 = 1e-4;
-/// Rounding changes a pixel by less than this, unless it decides about a Gaussian: that changes it by up to 1/255.
+/// Rounding changes a pixel by less than this, unless it decides whether a Gaussian contributes: then by up to 1/255.
 pub const FLIP: f64 = 2e-5;
 
 /// Renders on the devices of both tiers and compares images, depths and gradients with the twin.
@@ -246,8 +246,8 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     let (twin, depth) = (scene.rasterize(), scene.depth());
     let mut weights = random_weights(3, twin.len());
     let first = render_table(&devices()[0], model, &numbers, camera, opacity, &weights);
-    // A contribution of just 1/255 may be taken on one side and left out on the other, and of two Gaussians at almost one depth
-    // either may be in front. Such pixels are counted, and not part of the loss.
+    // A contribution of just 1/255 can be used on one side and skipped on the other, and of two Gaussians at almost the
+    // same depth either can be in front. Such pixels are counted, and excluded from the loss.
     let flipped = |image: &[[f32; 4]], pixel: usize| {
         !(compare_images(&image[pixel..=pixel], &twin[pixel..=pixel], 1e9).0 <= FLIP)
     };
@@ -286,13 +286,13 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     }
 }
 
-/// What a model is, in a few words.
+/// A short description of a model.
 pub fn name(model: &SplatModel) -> String {
     let SplatModel { shape, opacity, color, stored, antialias } = model;
     format!("{shape:?}, {opacity:?} opacity, {color:?}, {stored:?}{}", if *antialias { ", antialiased" } else { "" })
 }
 
-/// The camera's gradient as the device gives it: to x + w x x + t of the camera coordinates x.
+/// The camera's gradient in the form of the device: with respect to w and t in x + w x x + t, for camera coordinates x.
 pub fn turn_gradient(camera: &Camera, d: &CameraGradient) -> [f64; 6] {
     let product = d.rotation * camera.rotation.transpose();
     let vee = DVec3::new(

@@ -6,7 +6,7 @@ use ghand_render::deform::CoefficientLayout;
 use crate::hand::{COUNT, Run, assert_same, planes};
 
 #[test]
-fn offsets_and_points_are_those_of_the_twin() {
+fn offsets_and_points_equal_those_of_the_twin() {
     Run::each(|run| {
         let offsets = blend_shapes(&run.shape_basis, &run.coefficients, COUNT);
         assert_same(run.kind, "offsets", &run.offsets[..], &offsets);
@@ -16,7 +16,7 @@ fn offsets_and_points_are_those_of_the_twin() {
 }
 
 #[test]
-fn gradients_of_bases_and_coefficients_are_those_of_the_twin() {
+fn gradients_of_bases_and_coefficients_equal_those_of_the_twin() {
     Run::each(|run| {
         let (d_basis, d_coefficients) = blend_shapes_vjp(&run.shape_basis, &run.coefficients, &run.d_offsets);
         assert_same(run.kind, "d shape basis", &run.d_shape_basis[..], &d_basis);
@@ -24,7 +24,7 @@ fn gradients_of_bases_and_coefficients_are_those_of_the_twin() {
             CoefficientLayout::PerComponent => {
                 assert_same(run.kind, "d coefficients", &planes(&run.d_coefficients, COUNT)[..], &d_coefficients);
             }
-            // One number stands for all three components.
+            // One number applies to all three components.
             CoefficientLayout::PerBasis => {
                 let sums: Vec<f64> = d_coefficients.iter().map(|d| d.element_sum()).collect();
                 assert_same(run.kind, "d coefficients", &run.d_coefficients[..], &sums);

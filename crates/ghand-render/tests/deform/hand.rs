@@ -1,4 +1,4 @@
-//! A hand of random numbers, deformed forward and backward on the device, with everything that the stages hand on.
+//! A hand of random numbers, deformed forward and backward on the device, with the intermediate results of all stages.
 
 use std::sync::LazyLock;
 
@@ -13,14 +13,14 @@ use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 
-/// Gaussians of the hand, and of the splatter's table around it.
+/// Number of Gaussians of the hand, and position and size of the splatter's table around it.
 pub const COUNT: usize = 333;
 pub const PLACE: TablePlace = TablePlace { columns: 400, first: 50 };
 pub const JOINTS: usize = 7;
 pub const BASES: usize = 3;
 pub const PARENTS: [Option<usize>; JOINTS] = [None, Some(0), Some(1), Some(2), Some(0), Some(4), Some(0)];
 
-/// What a hand is made with.
+/// The options of a hand.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
     pub coefficients: CoefficientLayout,
@@ -44,7 +44,7 @@ pub fn kinds() -> Vec<Kind> {
     kinds
 }
 
-/// What went in and what the device made of it.
+/// The inputs, and the device's results.
 pub struct Run {
     pub kind: Kind,
     pub pose: Pose,
@@ -58,7 +58,7 @@ pub struct Run {
     pub regressor: Vec<f64>,
     pub chain: Chain,
     pub residual_joints: Vec<DVec3>,
-    /// As skinning gets it: less its mean or its root's translation.
+    /// The input of skinning: without the mean, or without the root's translation.
     pub residual_bones: Vec<Affine>,
     pub offsets: Vec<DVec3>,
     pub points: Vec<DVec3>,
@@ -69,7 +69,7 @@ pub struct Run {
     pub color: Vec<f64>,
     /// Gradient of the posed means.
     pub d_posed: Vec<DVec3>,
-    /// dL/d(offset) before and behind the residual skeleton.
+    /// dL/d(offset) before and after the residual skeleton.
     pub d_points: Vec<DVec3>,
     pub d_offsets: Vec<DVec3>,
     pub d_moments: Vec<f64>,
@@ -98,7 +98,7 @@ pub fn widen(values: &[f32]) -> Vec<f64> {
     values.iter().map(|v| f64::from(*v)).collect()
 }
 
-/// Vectors of `count` columns from three rows each.
+/// Vectors of `count` columns, each from three rows.
 pub fn planes(values: &[f64], count: usize) -> Vec<DVec3> {
     let at = |row: usize, p: usize| values[row * count + p];
     (0..values.len() / (3 * count))
@@ -259,7 +259,7 @@ impl Run {
         RUNS.iter().for_each(check);
     }
 
-    /// dL/dB of bones whose weights are these, from the device's moments.
+    /// dL/dB of bones with these weights, from the device's moments.
     pub fn d_bones(&self, weights: &[f64]) -> Vec<Affine> {
         let bone = |row: &[f64]| {
             let moment = |m: usize| -> f64 { (0..COUNT).map(|p| row[p] * self.d_moments[m * COUNT + p]).sum() };
@@ -302,19 +302,19 @@ impl Flat for [f64] {
     }
 }
 
-/// Rounding of some hundred products in f32, relative to the whole table.
+/// Rounding error of a few hundred products in f32, relative to the whole table.
 const BOUND: f64 = 3e-6;
 
 pub fn norm<T: Flat + ?Sized>(values: &T) -> f64 {
     values.flat().iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// Fails unless the device's table is its twin's; and unless it would notice one wrong number.
+/// Fails unless the device's table equals its twin's, and unless a single wrong number would be detected.
 pub fn assert_same<T: Flat + ?Sized>(kind: Kind, name: &str, device: &T, twin: &T) {
     assert_near(kind, name, device, twin, 0.0);
 }
 
-/// As [`assert_same`] for differences of numbers of size `scale`, most of which cancels near the rest pose.
+/// As [`assert_same`] for differences of numbers of size `scale`, which nearly cancel near the rest pose.
 pub fn assert_near<T: Flat + ?Sized>(kind: Kind, name: &str, device: &T, twin: &T, scale: f64) {
     let (device, twin) = (device.flat(), twin.flat());
     assert_eq!(device.len(), twin.len(), "{name}");

@@ -7,7 +7,7 @@ use crate::hand::assert_same;
 use crate::hand::{gpu, kinds, random, widen};
 
 #[test]
-fn sums_of_products_are_those_of_the_twin() {
+fn sums_of_products_equal_those_of_the_twin() {
     let gpu = gpu();
     // Fewer columns than strands, one more than a multiple of them, and blocks that are not full.
     for (count, left_rows, right_rows, offset) in [(1, 1, 1, 0), (63, 4, 3, 0), (65, 5, 12, 3), (4097, 16, 7, 1)] {

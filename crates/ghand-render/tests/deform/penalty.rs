@@ -6,7 +6,7 @@ use ghand_render::{buffers, reference};
 use crate::hand::{assert_same, gpu, kinds, random, widen};
 
 #[test]
-fn a_penalty_is_added_to_the_first_gradients_and_to_no_others() {
+fn a_penalty_is_added_only_to_the_first_gradients() {
     let gpu = gpu();
     let (values, gradients) = (random(1, 130, 1.0), random(2, 130, 1.0));
     let [on_values, on_gradients] = [&values, &gradients].map(|v| buffers::filled(&gpu, "test", v));

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::hand::{JOINTS, PARENTS, Run, assert_near, assert_same, norm};
 
-/// The residual bones as skinning gets them: less their mean, or less the root's translation.
+/// The residual bones as input of skinning: without their mean, or without the root's translation.
 fn effective(run: &Run, bones: &[Affine]) -> Vec<Affine> {
     match run.kind.weights {
         ResidualWeights::ZeroSum => {
@@ -36,18 +36,18 @@ pub fn d_residual_bones(run: &Run) -> Vec<Affine> {
 }
 
 #[test]
-fn residual_joints_and_bones_are_those_of_their_twins() {
+fn residual_joints_and_bones_equal_those_of_their_twins() {
     Run::each(|run| {
         let twin = residual_joints(&run.regressor, &run.offsets, &run.joints, run.kind.skeleton);
         assert_same(run.kind, "residual joints", &run.residual_joints[..], &twin);
         let bones = effective(run, &run.exact_residual_chain().posed_from_rest);
-        // What is left of identities.
+        // The differences from identities are small.
         assert_near(run.kind, "residual bones", &run.residual_bones[..], &bones, 1.0);
     });
 }
 
 #[test]
-fn gradients_of_regressor_and_offsets_are_those_of_their_twins() {
+fn gradients_of_regressor_and_offsets_equal_those_of_their_twins() {
     Run::each(|run| {
         let chain = run.exact_residual_chain();
         let d_bones = d_residual_bones(run);

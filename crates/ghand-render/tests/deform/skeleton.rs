@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::hand::{PARENTS, Run, assert_near, assert_same, norm};
 
 #[test]
-fn the_chain_is_that_of_its_twin() {
+fn the_chain_equals_that_of_its_twin() {
     Run::each(|run| {
         let twin = pose_skeleton(&PARENTS, &run.joints, &run.pose.rotations);
         assert_same(run.kind, "local rotations", &run.chain.local[..], &twin.local);
@@ -18,7 +18,7 @@ fn the_chain_is_that_of_its_twin() {
 }
 
 #[test]
-fn gradients_of_joints_and_pose_are_those_of_their_twins() {
+fn gradients_of_joints_and_pose_equal_those_of_their_twins() {
     Run::each(|run| {
         let d_bones = run.d_bones(&run.weights);
         let d = pose_skeleton_vjp(&PARENTS, &run.joints, &run.chain, &d_bones, &[]);
@@ -45,7 +45,7 @@ fn residual_gradients(run: &Run) -> ghand_core::skeleton::ChainGradients {
     pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones, &[])
 }
 
-/// The two kinds of residual weights are not the same map.
+/// The two kinds of residual weights are different maps.
 #[test]
 fn kinds_of_residual_weights_differ() {
     let gpu = crate::hand::gpu();

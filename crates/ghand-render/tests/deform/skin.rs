@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use crate::hand::{COUNT, JOINTS, PLACE, Run, assert_same, planes};
 
-/// Skinning by the device's bones as they are: what was taken off the residual ones is taken off already, and taking it off
-/// again changes nothing.
+/// Skinning by the device's bones: the mean or translation is already subtracted from the residual ones, and
+/// subtracting it again changes nothing.
 pub fn skinning(run: &Run) -> Skinning<'_> {
     Skinning {
         rest: &run.points,
@@ -25,7 +25,7 @@ fn of_hand(table: &[f64], row: usize) -> &[f64] {
 }
 
 #[test]
-fn posed_means_are_those_of_the_twin_and_lie_in_the_hands_place() {
+fn posed_means_equal_those_of_the_twin_and_are_in_the_hands_columns() {
     Run::each(|run| {
         let t = &run.table;
         let posed = planes(&[of_hand(t, 0), of_hand(t, 1), of_hand(t, 2)].concat(), COUNT);
@@ -35,13 +35,13 @@ fn posed_means_are_those_of_the_twin_and_lie_in_the_hands_place() {
         for row in t.chunks_exact(PLACE.columns) {
             let outside = row[..PLACE.first].iter().chain(&row[PLACE.first + COUNT..]);
             assert!(outside.clone().count() == PLACE.columns - COUNT);
-            assert!(outside.copied().all(|v| v == 0.0), "another hand's part of the table was touched");
+            assert!(outside.copied().all(|v| v == 0.0), "another hand's part of the table was changed");
         }
     });
 }
 
 #[test]
-fn gradients_of_points_weights_scales_and_colors_are_those_of_the_twin() {
+fn gradients_of_points_weights_scales_and_colors_equal_those_of_the_twin() {
     Run::each(|run| {
         let d = skin_vjp(&skinning(run), &run.d_posed);
         assert_same(run.kind, "d points", &run.d_points[..], &d.rest);
@@ -53,7 +53,7 @@ fn gradients_of_points_weights_scales_and_colors_are_those_of_the_twin() {
 }
 
 #[test]
-fn what_is_taken_off_residual_bones_can_be_taken_off_twice() {
+fn subtracting_twice_from_residual_bones_changes_nothing() {
     Run::each(|run| {
         let bones = &run.residual_bones;
         let left = match run.kind.weights {

@@ -24,8 +24,8 @@ pub struct ResponseUniforms {
     pub padding: u32,
 }
 
-/// A `direct` model: response and appearance of its own, and the shape bases, residual weights and regressor, which are
-/// properties as they are.
+/// A `direct` model: the pose response and appearance, and the shape bases, residual weights and regressor, which are
+/// used as properties unchanged.
 pub struct DirectModel {
     config: AvatarConfig,
     count: usize,
@@ -33,14 +33,14 @@ pub struct DirectModel {
     sizes: wgpu::Buffer,
     joint_terms: wgpu::Buffer,
     color_channels: wgpu::Buffer,
-    /// Learned: shape basis, residual weights, regressor, appearance, response; then the response's limits, which are not.
+    /// Learned: shape basis, residual weights, regressor, appearance, response. Not learned: the response's limits.
     tables: [wgpu::Buffer; 6],
     response_terms: Bound,
     respond: Bound,
     training: Option<Training>,
 }
 
-/// What only training needs.
+/// Buffers and pipelines that only training needs.
 struct Training {
     gradients: [wgpu::Buffer; 5],
     respond_backward: Bound,
@@ -50,7 +50,7 @@ struct Training {
     adam: [AdamTable; 5],
 }
 
-/// Ranges of the appearance table with a learning rate of their own: scale, base colour, components.
+/// Parts of the appearance table with separate learning rates: scale, base colour, components.
 const APPEARANCE_SLOTS: usize = 3;
 
 impl DirectModel {
@@ -188,7 +188,7 @@ impl PropertyModel for DirectModel {
     fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
         let mut pass = compute_pass(encoder, "pose response");
         self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
-        // Four points an invocation.
+        // Four points per invocation.
         self.respond.dispatch_invocations(&mut pass, (self.count as u32).div_ceil(4));
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! How far an avatar's pose response may go: over the poses it was trained on, and a little further.
+//! Limits of an avatar's pose response: its range over the training poses, with a margin.
 
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, pose_features};
@@ -7,7 +7,7 @@ use super::tables::DirectTables;
 use crate::avatar::Avatar;
 use crate::properties::PropertyTables;
 
-/// How far the response may go beyond its range in training, as a part of the width of that range, at either end.
+/// Margin of the response beyond its range in training, at either end, as a fraction of the range's width.
 pub const RESPONSE_MARGIN: f64 = 0.2;
 
 impl DirectTables {
@@ -21,11 +21,11 @@ impl DirectTables {
 }
 
 impl Avatar {
-    /// Limits the pose response to its range over the poses that the avatar was trained on, with a margin of
-    /// [`RESPONSE_MARGIN`]. Beyond it the response would be a guess that grows with the angle.
+    /// Limits the pose response to its range over the training poses, with a margin of [`RESPONSE_MARGIN`]. Beyond it
+    /// the response would be an extrapolation that grows with the angle.
     ///
-    /// Each joint's part in each channel is limited by itself, since Gaussians feel single joints: a pose of which every
-    /// joint was seen, but not all at once, is not held back. Without poses there are no limits.
+    /// Each joint's term in each channel is limited separately, since Gaussians depend on single joints: a new
+    /// combination of joint rotations from training is not limited. Without poses there are no limits.
     pub fn limit_response(&mut self, poses: &[Pose]) {
         let channels = self.config.channels();
         let features: Vec<_> = poses.iter().map(pose_features).collect();

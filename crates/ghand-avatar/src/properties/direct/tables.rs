@@ -1,4 +1,4 @@
-//! The learned numbers of a `direct` avatar.
+//! The learned tables of a `direct` avatar.
 
 use rand::{RngExt, SeedableRng};
 
@@ -8,7 +8,7 @@ use crate::template::{AvatarConfig, Template};
 /// Rows of the appearance table before the colour components: scale logit and base colour.
 pub(super) const APPEARANCE_ROWS: usize = 4;
 
-/// The learned numbers of a direct avatar; all tables are row-major `[rows][N]` unless said otherwise.
+/// The learned tables of a direct avatar, row-major `[rows][N]` unless stated otherwise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DirectTables {
     /// S, `[n * 3][N]`, metres.
@@ -44,12 +44,12 @@ pub(in crate::properties) fn bytes_per_gaussian(joints: usize, config: &AvatarCo
     size_of::<f32>() * (shape_basis + residual_weights + regressor + appearance)
 }
 
-/// Limits of that many joint terms, `[terms][2]`, that hold nothing back. Finite, as all numbers of an avatar are.
+/// Limits for `terms` joint terms, `[terms][2]`, that have no effect. Finite, as all numbers of an avatar must be.
 pub fn unlimited(terms: usize) -> Vec<f32> {
     [f32::MIN, f32::MAX].repeat(terms)
 }
 
-/// Standard deviation of the bases that start without effect: far below what shows, enough to break symmetry.
+/// Standard deviation of the bases whose coefficient starts at 0: too small to be visible, enough to break symmetry.
 const BASIS_NOISE: f32 = 1e-4;
 /// The same for the colour components, in logits.
 const COMPONENT_NOISE: f32 = 0.1;
@@ -59,16 +59,16 @@ fn logit(x: f32) -> f32 {
 }
 
 impl DirectTables {
-    /// Tables under which the avatar is the template's plain surface in one colour. The first basis has a constant
-    /// coefficient of 1; all others and all colour components start with coefficient 0.
+    /// Tables that give the template's plain surface in one colour. The first basis has a constant coefficient of 1;
+    /// all others and all colour components start with coefficient 0.
     ///
-    /// Against its normal the first basis pushes each Gaussian inwards by its inset: splats reach beyond their centres, and
-    /// the silhouette should start where the surface ends.
+    /// The first basis moves each Gaussian inwards, against its normal, by its inset: splats extend beyond their centres, and
+    /// the initial silhouette should match the surface's.
     pub fn untrained(template: &Template, config: &AvatarConfig, start: &PropertyStart<'_>) -> DirectTables {
         let (count, joints) = (template.len(), template.joint_count());
         let lengths = table_lengths(count, joints, config);
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(start.seed);
-        // The sum of four uniform numbers: near enough to a normal one, and the same bits everywhere.
+        // The sum of four uniform numbers is close enough to a normal one, and has the same bits on every platform.
         let mut noise = |size: f32| -> f32 {
             let sum: f32 = (0..4).map(|_| rng.random_range(-1.0f32..1.0)).sum();
             sum * size * (3.0f32 / 4.0).sqrt()
@@ -91,7 +91,7 @@ impl DirectTables {
         }
         appearance.extend((0..lengths[3] - APPEARANCE_ROWS * count).map(|_| noise(COMPONENT_NOISE)));
         let mut response = vec![0.0; lengths[4]];
-        // The first basis has a coefficient of 1 in each of its rows.
+        // The first basis has a coefficient of 1 in each row.
         let rows = config.coefficients.rows().min(config.coefficient_rows());
         response.iter_mut().take(rows).for_each(|bias| *bias = 1.0);
         DirectTables {
@@ -106,7 +106,7 @@ impl DirectTables {
 }
 
 impl DirectTables {
-    /// Sets the base colour of each Gaussian (display values 0..1), as many as there are.
+    /// Sets the base colour of each Gaussian (display values 0..1).
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         let count = colors.len();
         for channel in 0..3 {

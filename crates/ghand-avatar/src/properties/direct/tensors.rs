@@ -7,7 +7,7 @@ use crate::file::{AvatarFileError, Reader, Tensors};
 use crate::template::{AvatarConfig, Template};
 
 impl DirectTables {
-    /// Adds the tables to the tensors of a file. This was the first model: its tensors have no prefix.
+    /// Adds the tables to the tensors of a file. This was the first model, so its tensors have no prefix.
     pub(crate) fn write(&self, template: &Template, config: &AvatarConfig, out: &mut Tensors) {
         let (count, joints) = (template.len(), template.joint_count());
         let channels = config.channels();
