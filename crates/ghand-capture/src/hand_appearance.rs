@@ -63,7 +63,7 @@ pub(crate) fn read_hand_appearance(
     let model = check_model(&validator, mano)?;
     let principal = principal.unwrap_or(DVec2::splat(f64::from(SIZE) / 2.0));
     if !principal.is_finite() {
-        return Err(validator.invalid("principal point", "is not finite; give pixels, as in 224,224"));
+        return Err(validator.invalid("principal point", "is not finite; give pixels, such as 224,224"));
     }
     let camera = Camera {
         id: "phone".into(),
