@@ -131,7 +131,7 @@ fn causes_of_hopeless_training_are_problems_and_oddities_are_warnings() {
     let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
     assert_says(
         &text,
-        &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"],
+        &["problem      8 of 8 cameras are not between", "problem      the posed template matches the masks"],
     );
     json["mask_path"] = serde_json::Value::Null;
     std::fs::write(&file, json.to_string()).unwrap();

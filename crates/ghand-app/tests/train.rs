@@ -56,7 +56,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     train("short", &[], &["capture.json", "pose", "16", "15"]);
     let gone = copy("gone");
     std::fs::remove_dir_all(gone.join("images")).unwrap();
-    train("gone", &[], &["gone", "nothing is left of split \"train\"", "11 without a file", "0000.png"]);
+    train("gone", &[], &["gone", "no images are left in split \"train\"", "11 without a file", "0000.png"]);
 }
 
 /// Changes every mask of a capture.
@@ -141,7 +141,7 @@ fn masks_of_0_and_1_give_the_same_avatar_as_0_and_255_and_one_warning() {
     change_masks(&capture, |value| value / 255);
     let (same, warned) = train("b");
     assert!(avatar == same, "another avatar");
-    assert_eq!(warned.matches("split \"train\": 10 of 10 masks hold 0 and 1").count(), 1, "{warned}");
+    assert_eq!(warned.matches("split \"train\": 10 of 10 masks have 0 and 1").count(), 1, "{warned}");
 }
 
 #[test]
@@ -158,10 +158,10 @@ fn unusable_images_are_skipped_with_one_warning() {
     let [said, warned] = assert_trained(&output);
     assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
     assert!(
-        warned.contains("3 of 11 images are left out: 1 without a file, 2 with a broken file; the first:"),
+        warned.contains("3 of 11 images are skipped: 1 without a file, 2 with a broken file; the first:"),
         "{warned}"
     );
-    assert_eq!(warned.matches("left out").count(), 1, "{warned}");
+    assert_eq!(warned.matches("are skipped").count(), 1, "{warned}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
-//! What data files hold, whatever they are written as: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy`
-//! arrays.
+//! What data files hold, whatever they are written as: JSON, JSON Lines, or Python's pickles, `.npz` archives and
+//! `.npy` arrays.
 //!
-//! Nothing that a file names is run. Memory is bounded: a file may hold so many bytes, numbers and other values, and what
-//! goes beyond is an error, not an attempt.
+//! Nothing that a file names is run. Memory is bounded: a file may hold so many bytes, numbers and other values, and
+//! what goes beyond is an error, not an attempt.
 
 mod budget;
 mod collect;
@@ -23,14 +23,14 @@ const MAX_BYTES: u64 = 1 << 29;
 pub enum Value {
     /// JSON's `null`, Python's `None`.
     Nothing,
-    /// A number (without axes), or numbers in an array whose rows are all alike. `true` is 1, `false` is 0, and a missing
-    /// number among others is NaN.
+    /// A number (without axes), or numbers in an array whose rows are all alike. `true` is 1, `false` is 0, and a
+    /// missing number among others is NaN.
     Numbers(NumericArray),
     /// Text.
     Text(String),
     /// Anything else in a row.
     List(Vec<Value>),
-    /// Values by name, in the order of the file; no name is there twice.
+    /// Values by name, in the order of the file; no name occurs twice.
     Map(Vec<(String, Value)>),
     /// What cannot be read, with the reason; no harm where nobody asks for it.
     Unreadable(String),

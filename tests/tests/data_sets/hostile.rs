@@ -239,7 +239,7 @@ fn ids_and_paths_stay_in_the_folder() {
         assert_says(&message(|v| v["cameras"][0]["id"] = json!(id)), &["cameras", "cannot be part of a path"]);
     }
     for path in ["../a.png", "/a.png", "images/../../a.png", "{camera}/..\\a.png"] {
-        assert_says(&message(|v| v["mask_path"] = json!(path)), &["mask_path", "leads out"]);
+        assert_says(&message(|v| v["mask_path"] = json!(path)), &["mask_path", "leaves the capture's folder"]);
     }
 }
 

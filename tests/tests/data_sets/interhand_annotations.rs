@@ -88,12 +88,12 @@ fn annotations_may_stand_before_the_images() {
 fn annotations_that_cannot_be_are_named_with_their_place() {
     type Change = fn(&mut InterHand);
     let cases: [(Change, &[&str]); 15] = [
-        (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "no rotation"]),
+        (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "is not a rotation"]),
         (|d| d.camera["0"]["camrot"][camera_id(1)][0] = json!([1, 0]), &["camera.json", "3 finite numbers", "line 1"]),
         (|d| d.camera["0"]["focal"][camera_id(1)] = json!([0.0, 900.0]), &["camera.json", "400201", "singular"]),
         (|d| d.camera["0"]["campos"][camera_id(1)][1] = json!("x"), &["camera.json", "the text \"x\"", "line 1"]),
-        (|d| d.camera = json!({"1": d.camera["0"]}), &["camera.json", "\"0\" is not there"]),
-        (|d| d.images[3]["id"] = d.images[2]["id"].clone(), &["data.json", "id 1002 is there twice"]),
+        (|d| d.camera = json!({"1": d.camera["0"]}), &["camera.json", "\"0\" is missing"]),
+        (|d| d.images[3]["id"] = d.images[2]["id"].clone(), &["data.json", "id 1002 occurs twice"]),
         (
             |d| {
                 let copy = d.images[2]["camera"].clone();

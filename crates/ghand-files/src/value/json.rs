@@ -1,4 +1,5 @@
-//! JSON and JSON Lines, with what Python's `json` makes of numbers that are not finite and JavaScript's of typed arrays.
+//! JSON and JSON Lines, with what Python's `json` makes of numbers that are not finite and JavaScript's of typed
+//! arrays.
 
 use std::borrow::Cow;
 use std::fmt::{self, Display};
@@ -166,7 +167,7 @@ impl<'de> Visitor<'de> for Seed<'_> {
         let mut names: Vec<&str> = entries.iter().map(|(name, _)| name.as_str()).collect();
         names.sort_unstable();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(A::Error::custom(format!("{:?} is there twice in one object", pair[0])));
+            return Err(A::Error::custom(format!("{:?} occurs twice in one object", pair[0])));
         }
         Ok(typed_array(&entries).map_or(Value::Map(entries), Value::Numbers))
     }

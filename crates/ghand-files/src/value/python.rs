@@ -24,7 +24,7 @@ pub(super) fn from_npz(bytes: &[u8]) -> Result<Value, String> {
     let mut entries: Vec<(String, Value)> = Vec::new();
     for name in npz.names() {
         if entries.iter().any(|(known, _)| *known == name) {
-            return Err(format!("{name:?} is there twice; write the .npz again"));
+            return Err(format!("{name:?} occurs twice; write the .npz again"));
         }
         let stored = npz.stored(&name).map_err(|error| error.to_string());
         entries.push((name, stored.and_then(|stored| array(stored, &budget)).unwrap_or_else(Value::Unreadable)));

@@ -44,7 +44,7 @@ fn numbers_that_are_missing_or_that_only_python_writes_are_nan() {
 
 #[test]
 fn damaged_or_endless_input_is_an_error_that_says_so() {
-    assert!(problem(b"{\"a\":1,\"a\":2}").contains("\"a\" is there twice"));
+    assert!(problem(b"{\"a\":1,\"a\":2}").contains("\"a\" occurs twice"));
     assert!(problem(b"{\"a\":[1,2").contains("ends too early"));
     assert!(problem(b"{} x").contains("trailing"));
     assert!(problem(b"hello").contains("neither JSON"));

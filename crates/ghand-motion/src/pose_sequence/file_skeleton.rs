@@ -50,14 +50,15 @@ pub(crate) struct FileSkeleton {
 }
 
 impl FileSkeleton {
-    /// Reads the description in `map`, whose members are called `prefix` and the name in messages. `None` when it names no joints.
+    /// Reads the description in `map`, whose members are called `prefix` and the name in messages. `None` when it names
+    /// no joints.
     pub fn read(source: &Source, map: &Value, prefix: &str) -> Result<Option<FileSkeleton>, PoseError> {
         let field = |name: &str| format!("{prefix}{name}");
         let Some(names) = map.get("joints") else { return Ok(None) };
         let joint_names = texts(source, &field("joints"), names)?;
         let count = joint_names.len();
         if let Some((k, name)) = joint_names.iter().enumerate().find(|(k, name)| joint_names[..*k].contains(name)) {
-            return Err(source.invalid(&field("joints"), format!("{name:?} is there twice (again as number {k})")));
+            return Err(source.invalid(&field("joints"), format!("{name:?} occurs twice (again as number {k})")));
         }
         let side = match map.get("side") {
             None => None,

@@ -1,11 +1,11 @@
 //! ghand's own poses, as JSON, JSON Lines and `.npz`.
 //!
-//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle rotations in
-//! radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing. The frames alone, as a list
-//! or one on each line, and one frame alone are read, too. `hand_model` describes the rig that the rows are for (`file_skeleton.rs`): they
-//! are matched to the model's joints by name, or carried over if the rig is another one. A capture's `capture.json` is such a file; its rig
-//! is that of its hand model. For a MANO model, rotations are measured from its mean pose, unless the file says
-//! `"flat_hand_mean":true` or is a capture.
+//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle
+//! rotations in radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing.
+//! The frames alone, as a list or one on each line, and one frame alone are read, too. `hand_model` describes the rig
+//! that the rows are for (`file_skeleton.rs`): they are matched to the model's joints by name, or carried over if the
+//! rig is another one. A capture's `capture.json` is such a file; its rig is that of its hand model. For a MANO model,
+//! rotations are measured from its mean pose, unless the file says `"flat_hand_mean":true` or is a capture.
 //!
 //! `.npz`: `pose` (T, n_b, 3), and optionally `translation` (T, 3), `shape` (T, n_s), `fps`, `flat_hand_mean`, `ids`
 //! (T), and the members of `hand_model`.
@@ -74,7 +74,7 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
             _ => id_of(frame, number),
         };
         if !ids.insert(id.clone()) {
-            return Err(source.invalid("frames", format!("the id {id:?} is there twice; give each frame its own")));
+            return Err(source.invalid("frames", format!("the id {id:?} occurs twice; give each frame its own")));
         }
         let field = |name: &str| format!("frames[{id:?}].{name}");
         let Some(pose) = frame.get("pose") else {
@@ -199,7 +199,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     }
     let mut seen = HashSet::new();
     if let Some(id) = ids.iter().find(|id| !seen.insert(id.as_str())) {
-        return Err(source.invalid("ids", format!("{id:?} is there twice; give each frame its own")));
+        return Err(source.invalid("ids", format!("{id:?} occurs twice; give each frame its own")));
     }
     let mut frames = Vec::with_capacity(count);
     for (k, id) in ids.iter().enumerate() {

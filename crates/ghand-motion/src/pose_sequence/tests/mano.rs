@@ -63,7 +63,7 @@ fn interhand_poses_get_the_mean_and_skip_what_is_missing() {
 }
 
 #[test]
-fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored() {
+fn hamer_estimates_are_read_in_every_layout_and_left_ones_are_mirrored() {
     let model = mano(Side::Right);
     let poses: Vec<Pose> = poses(&model, 2);
     let matrices = |rotations: &[DVec3]| -> Vec<[[f64; 3]; 3]> {
@@ -167,7 +167,7 @@ fn hawor_arctic_and_amass_arrays_are_read() {
 }
 
 #[test]
-fn mano_poses_drive_other_rigs_exactly_with_the_model_and_nearly_without() {
+fn mano_poses_drive_other_skeletons_exactly_with_the_model_and_nearly_without() {
     for side in [Side::Right, Side::Left] {
         let model = mano(side);
         for to in hands().iter().filter(|to| to.side == side) {
