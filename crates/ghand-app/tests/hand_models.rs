@@ -106,7 +106,7 @@ fn poses_of_any_kind_are_written_as_ghands_own_and_read_again() {
     std::fs::write(folder.path().join("hands.json"), estimates.to_string()).unwrap();
     let (hands, warnings) = written(&["--pose", "hands.json", "--out", "out.json"]);
     assert_eq!(hands["frames"].as_array().unwrap().len(), 1);
-    assert!(warnings.contains("1 of 2 frames is left out") && warnings.lines().count() == 1, "{warnings}");
+    assert!(warnings.contains("1 of 2 frames is skipped") && warnings.lines().count() == 1, "{warnings}");
 }
 
 /// Writes an avatar of the small built-in hand whose joints have WebXR's names.

@@ -27,7 +27,7 @@ pub enum CaptureError {
         /// The field, if known, its problem, and the line and column.
         problem: String,
     },
-    /// A field holds something unusable.
+    /// A field has an unusable value.
     #[error("{path}: {field}: {problem}")]
     Invalid {
         /// The file.

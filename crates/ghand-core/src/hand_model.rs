@@ -34,9 +34,9 @@ pub struct PoseSpace {
 
 /// A rigged hand at rest.
 ///
-/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent precedes
-/// its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend shapes
-/// and regressor are finite; all indices are in range.
+/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent
+/// precedes its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend
+/// shapes and regressor are finite; all indices are in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModel {
     /// Name for messages and files.
@@ -222,7 +222,7 @@ impl HandModel {
                 return fail("pose space", format!("does not fit {n} joints"));
             }
             if space.mean.iter().chain(&space.components).any(|r| !r.is_finite()) {
-                return fail("pose space", "holds a number that is not finite".into());
+                return fail("pose space", "has a number that is not finite".into());
             }
         }
         if self.source_vertices.iter().any(|&i| i as usize >= v) {

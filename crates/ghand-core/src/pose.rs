@@ -2,15 +2,15 @@
 
 use glam::DVec3;
 
-/// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. A rotation vector that
-/// was optimised or integrated may wind up by a few turns; beyond this it is in degrees, or not a rotation at all.
+/// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. A rotation vector
+/// that was optimised or integrated may wind up by a few turns; beyond this it is in degrees, or not a rotation at all.
 pub const LARGEST_ANGLE: f64 = 100.0;
-/// Largest global translation that [`Pose::check_range`] accepts, metres. Beyond a kilometre the f32 coordinates of the GPU are
-/// coarser than 0.06 mm, and millimetres or a broken track are likelier than a hand.
+/// Largest global translation that [`Pose::check_range`] accepts, metres. Beyond a kilometre the f32 coordinates of the
+/// GPU are coarser than 0.06 mm, and millimetres or a broken track are likelier than a hand.
 pub const LARGEST_TRANSLATION: f64 = 1000.0;
 
-/// Largest shape parameter that [`check_shape_range`] accepts. They count standard deviations, or weights from 0 to 1; fits stay
-/// below ten.
+/// Largest shape parameter that [`check_shape_range`] accepts. They count standard deviations, or weights from 0 to 1;
+/// fits stay below ten.
 pub const LARGEST_SHAPE: f64 = 100.0;
 
 /// Joint rotations and global translation of a hand.
@@ -28,7 +28,8 @@ pub struct Pose {
 pub enum PoseRangeError {
     /// A joint turns too far, or by a number that is not finite.
     #[error(
-        "joint {joint} turns by {angle:?} rad, at most {LARGEST_ANGLE} can be; give axis-angle rotations in radians"
+        "joint {joint} rotates by {angle:?} rad, at most {LARGEST_ANGLE} is allowed; give axis-angle rotations in \
+         radians"
     )]
     Rotation {
         /// The joint's name, or its number where it has none.
@@ -37,7 +38,7 @@ pub enum PoseRangeError {
         angle: f64,
     },
     /// The hand is too far away, or at a place that is not finite.
-    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} can be; give metres")]
+    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} is allowed; give metres")]
     Translation {
         /// Length of the translation, metres.
         distance: f64,
@@ -69,12 +70,13 @@ impl Pose {
         Pose { rotations: vec![DVec3::ZERO; joint_count], translation: DVec3::ZERO }
     }
 
-    /// Checks that every number is finite and within what a hand can do. Readers of files call this, so that a mistake is
-    /// found where it can be named: a rotation of 1e30 rad would be a picture of nothing later. `joint_names` are the model's,
-    /// for the message.
+    /// Checks that every number is finite and within what a hand can do. Readers of files call this, so that a mistake
+    /// is found where it can be named: a rotation of 1e30 rad would be a picture of nothing later. `joint_names` are
+    /// the model's, for the message.
     ///
     /// # Errors
-    /// [`PoseRangeError`] for the first joint beyond [`LARGEST_ANGLE`], else for a translation beyond [`LARGEST_TRANSLATION`].
+    /// [`PoseRangeError`] for the first joint beyond [`LARGEST_ANGLE`], else for a translation beyond
+    /// [`LARGEST_TRANSLATION`].
     pub fn check_range(&self, joint_names: &[String]) -> Result<(), PoseRangeError> {
         for (joint, rotation) in self.rotations.iter().enumerate() {
             let angle = rotation.length();
@@ -102,8 +104,8 @@ mod tests {
         pose.translation = DVec3::new(0.0, 0.0, -LARGEST_TRANSLATION);
         assert_eq!(pose.check_range(&names), Ok(()));
         for (joint, value, said) in [
-            (1, -101.0, "\"index1\" turns by 101.0 rad"),
-            (2, -1e30, "joint 2 turns by 1e30 rad"),
+            (1, -101.0, "\"index1\" rotates by 101.0 rad"),
+            (2, -1e30, "joint 2 rotates by 1e30 rad"),
             (1, f64::NAN, "NaN"),
         ] {
             let mut wrong = pose.clone();

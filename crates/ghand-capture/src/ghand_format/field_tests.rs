@@ -112,7 +112,7 @@ fn impossible_numbers_are_named_with_file_frame_and_joint() {
     change_file(&folder.path().join("truth.json"), |v| v["frames"][0]["pose"][15] = json!([500.0, 0.0, 0.0]));
     assert_contains(
         &Capture::open(folder.path()).unwrap_err().to_string(),
-        &["truth.json: frames[\"0001\"].pose: joint \"thumb3\" turns by 500.0 rad"],
+        &["truth.json: frames[\"0001\"].pose: joint \"thumb3\" rotates by 500.0 rad"],
     );
 }
 

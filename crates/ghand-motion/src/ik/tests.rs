@@ -131,10 +131,7 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
                 let components = (axes.transpose() * solution.pose.rotations[*joint]).to_array();
                 for (value, range) in components.iter().zip(&ik.ranges[3 * k..]) {
                     let slack = 1e-9;
-                    assert!(
-                        (range.low - slack..=range.high + slack).contains(value),
-                        "{value} is outside of {range:?}"
-                    );
+                    assert!((range.low - slack..=range.high + slack).contains(value), "{value} is outside {range:?}");
                 }
                 let [a, b] = [&pose, &solution.pose].map(|p| rotation_from_axis_angle(p.rotations[*joint]));
                 angles.push(axis_angle_from_rotation(&(a.transpose() * b)).length().to_degrees());

@@ -51,7 +51,7 @@ pub(crate) enum Motion {
     Landmarks { frames: Vec<LandmarkFrame> },
 }
 
-/// Rotations in the order of the joints of the model that they are used with, or of a rig that the file describes.
+/// Rotations in the order of the joints of the model that they are used with, or of a skeleton that the file describes.
 pub(crate) struct Rows {
     pub rig: Option<FileSkeleton>,
     pub frames: Vec<PoseFrame>,
@@ -59,7 +59,7 @@ pub(crate) struct Rows {
     pub capture_kind: Option<String>,
     /// Whether they are measured from the model's mean pose, if it has one.
     pub from_mean: bool,
-    /// Which hand it is, if the file says so outside the rig.
+    /// Which hand it is, if the file says so outside the skeleton.
     pub side: Option<Side>,
 }
 
@@ -82,8 +82,7 @@ impl Source<'_> {
         if numbers.checked_mul(frames).is_some_and(|copies| copies <= MOST_COPIES) {
             return Ok(());
         }
-        let problem =
-            format!("has {numbers} numbers for each of {frames} frames, which is far too much; give some ten");
+        let problem = format!("has {numbers} numbers for each of {frames} frames, which is too many; give about ten");
         Err(self.invalid(field, problem))
     }
 
@@ -96,8 +95,8 @@ impl Source<'_> {
             _ => {
                 let (low, high) = (FPS_RANGE.start(), FPS_RANGE.end());
                 let problem = format!(
-                    "is {}; give frames a second from {low} to {high}, or leave it away for {DEFAULT_FPS}: cameras and trackers \
-                     are within",
+                    "is {}; give frames per second from {low} to {high}, or omit it for {DEFAULT_FPS}; cameras and \
+                     trackers are in this range",
                     shown(fps)
                 );
                 Err(self.invalid(name, problem))
@@ -106,8 +105,7 @@ impl Source<'_> {
     }
 }
 
-/// Checks whether a hand can have this pose and shape; otherwise returns the field that is out of range and its
-/// problem.
+/// Checks that pose and shape are possible; otherwise returns the field that is out of range and its problem.
 pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
     pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
         let field = match error {
@@ -125,7 +123,7 @@ pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
     match distance.partial_cmp(&LARGEST_TRANSLATION) {
         Some(order) if order.is_le() => Ok(()),
         _ if !point.is_finite() => Err("is not finite".into()),
-        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} can be; give metres")),
+        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} is allowed; give metres")),
     }
 }
 
@@ -155,7 +153,7 @@ impl Skipped {
             return Err(source.invalid("frames", problem));
         }
         let are = if self.count == 1 { "is" } else { "are" };
-        Ok(Some(format!("{} of {total} frames {are} left out; the first, frame {id:?}: {problem}", self.count)))
+        Ok(Some(format!("{} of {total} frames {are} skipped; the first, frame {id:?}: {problem}", self.count)))
     }
 }
 

@@ -138,7 +138,7 @@ fn invalid_ghand_poses_are_errors_with_file_field_and_remedy() {
         (json!({"frames": [{"id": "a", "pose": good(), "shape": [1, null]}]}), &["frames[\"a\"].shape", "not finite"]),
         (json!({"format": "x", "frames": [{"pose": good()}]}), &["format", "ghand-capture"]),
         (json!({"format": "ghand-capture", "version": 2, "frames": [{"pose": good()}]}), &["version", "must be 1"]),
-        (json!({"hello": 1}), &["content", "\"hello\" (a number)", "no kind of poses"]),
+        (json!({"hello": 1}), &["content", "\"hello\" (a number)", "not a supported kind of poses"]),
     ] {
         let error = read(&file, right()).unwrap_err().to_string();
         assert!(error.starts_with("poses.json: ") && parts.iter().all(|part| error.contains(part)), "{error}");
@@ -282,7 +282,7 @@ fn world_landmarks_are_fitted_and_image_landmarks_are_rejected() {
         let sequence = read(&gaps, model).unwrap();
         assert_eq!(sequence.frames.len(), 2);
         assert!(
-            sequence.warnings.len() == 1 && sequence.warnings[0].contains("2 of 4 frames are left out"),
+            sequence.warnings.len() == 1 && sequence.warnings[0].contains("2 of 4 frames are skipped"),
             "{:?}",
             sequence.warnings
         );

@@ -19,7 +19,7 @@ fn difference(a: &DMat3, b: &DMat3) -> f64 {
     (*a - *b).to_cols_array().iter().map(|e| e.abs()).fold(0.0, larger)
 }
 
-/// Whether two poses are the same to 1e-6 on all joints of a role that both rigs have.
+/// Whether two poses are the same to 1e-6 on all joints of a role that both skeletons have.
 fn same(first: &RestSkeleton, second: &RestSkeleton, before: &Pose, after: &Pose) -> Result<(), String> {
     for (k, role) in first.roles.iter().enumerate() {
         if role.is_none_or(|role| second.joint(role).is_none()) {
@@ -139,7 +139,7 @@ fn named_poses_are_the_same_on_another_skeleton() {
         for role in to.roles.iter().flatten() {
             let k = to.joint(*role).unwrap();
             let angle = axis_angle_from_rotation(&(carried[k].transpose() * own[k])).length().to_degrees();
-            // The rigs' rest poses differ by so much.
+            // The rest poses differ by this much.
             assert!(angle < 35.0, "{name}: {role:?} by {angle} degrees");
         }
     }

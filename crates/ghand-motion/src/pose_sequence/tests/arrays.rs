@@ -69,7 +69,7 @@ fn arrays_of_manos_rotations_are_read_in_every_shape_and_wrapping() {
         }
         let one = read(&listed[1], &model).unwrap();
         assert_same(&one, &expected[1..2], 1e-9);
-        // They also transfer to another rig: the bones point the same way.
+        // They also transfer to another skeleton: the bones point the same way.
         assert_eq!(read(array, &webxr(Side::Right)).unwrap().frames.len(), 3);
     }
     let sequence = read(&arrays[3].0, &model).unwrap();
@@ -112,11 +112,11 @@ fn arrays_of_numpy_are_read_with_and_without_a_name() {
         let sequence = read_poses_bytes("poses.npz", &file, &model, &PoseOptions::default()).unwrap();
         assert_same(&sequence, &expected, 0.0);
     }
-    // Two arrays could be the pose, and the name of neither decides.
+    // Two arrays could be the pose, and neither name decides.
     let error =
         read_poses_bytes("poses.npz", &npz(&[("a", array.clone()), ("b", array)]), &model, &PoseOptions::default());
     assert!(error.unwrap_err().to_string().contains("\"a\" (numbers of the shape [2, 48])"));
-    // For a model with other joints, rows are its own.
+    // For a model with other joints, rows are for these joints.
     let own = webxr(Side::Right);
     let turned = super::poses(&own, 2);
     let file = npy("(2, 25, 3)", "<f8", &bytes(turned.iter().flat_map(row).collect()));

@@ -7,7 +7,7 @@ use super::*;
 fn says(file: &Json, model: &HandModel, parts: &[&str]) {
     let error = read(file, model).unwrap_err().to_string();
     assert!(error.starts_with("poses.json: "), "{error}");
-    parts.iter().for_each(|part| assert!(error.contains(part), "{part} is not in {error}"));
+    parts.iter().for_each(|part| assert!(error.contains(part), "{part} is missing in {error}"));
 }
 
 #[test]
@@ -19,7 +19,7 @@ fn impossible_numbers_are_named_by_frame_and_joint_in_every_format() {
     far.translation.z = 1e30;
     let own =
         |pose: &Pose| json!({"frames": [{"id": "a", "pose": rows(pose), "translation": pose.translation.to_array()}]});
-    says(&own(&huge), &model, &["frames[\"a\"].pose", "joint \"thumb1\" turns by 1e30 rad", "radians"]);
+    says(&own(&huge), &model, &["frames[\"a\"].pose", "joint \"thumb1\" rotates by 1e30 rad", "radians"]);
     says(&own(&far), &model, &["frames[\"a\"].translation", "1e30 m", "give metres"]);
     let shaped = |value: f64| json!({"frames": [{"id": "a", "pose": rows(&Pose::rest(16)), "shape": [0.0, value]}]});
     says(&shaped(1e4), &model, &["frames[\"a\"].shape", "number 1 is 10000.0", "from -100 to 100"]);
@@ -34,7 +34,7 @@ fn impossible_numbers_are_named_by_frame_and_joint_in_every_format() {
         json!({"handPose": numbers}),
         json!([{"right": {"mano_pose": numbers}}]),
     ] {
-        says(&file, &model, &["frame \"0000\"", "joint \"thumb1\" turns by 1e30 rad"]);
+        says(&file, &model, &["frame \"0000\"", "joint \"thumb1\" rotates by 1e30 rad"]);
     }
     let translated = json!([{"global_orient": [0, 0, 0], "hand_pose": vec![0; 45], "transl": [0, 0, 1e30]}]);
     says(&translated, &model, &["frame \"0000\"", "translation: is 1e30 m long"]);
@@ -61,7 +61,7 @@ fn untracked_xr_joints_are_reported_by_name_and_reason() {
     };
     for (bad, expected) in [
         (joint(json!([0, 0, 0]), json!([0, 0, 0, 0])), "quaternion is all zeros"),
-        (joint(json!([0, 0, 0]), json!([0, 0, 0, null])), "quaternion holds a number that is not finite"),
+        (joint(json!([0, 0, 0]), json!([0, 0, 0, null])), "quaternion has a number that is not finite"),
         (joint(json!([0, 0, 0]), json!([0, 0, 0, 9])), "quaternion has the length 9.0, expected 1"),
         (joint(json!([0, 0]), json!([0, 0, 0, 1])), "position is not 3 numbers"),
         (joint(json!([0, null, 0]), json!([0, 0, 0, 1])), "position is not finite"),

@@ -1,4 +1,4 @@
-//! Poses that ghand wrote for one rig, transferred to another.
+//! Poses that ghand wrote for one skeleton, transferred to another.
 
 use super::hands::{directions, webxr};
 use super::mano::mano;
@@ -66,7 +66,7 @@ fn an_avatar_with_learned_joints_uses_its_templates_rotations_unchanged() {
     learned.joints[5] += DVec3::new(0.006, 0.0, -0.004);
     let poses = poses(right(), 2);
     assert_same(&read(&written(right(), &poses), &learned).unwrap(), &poses, 0.0);
-    // The same names on a hand in other axes are another rig.
+    // The same names on a hand in other axes are another skeleton.
     let turned = read(&written(right(), &poses), &mano(Side::Right)).unwrap();
     assert!(difference(&turned.frames[0].pose, &poses[0]) > 0.1);
 }
@@ -118,7 +118,7 @@ fn an_impossible_description_is_rejected_with_its_field() {
         ("parents", json!([-1, 0]), "16 numbers"),
         ("parents", json!([-1, 0, 3, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]), "joint 2 has parent 3"),
         ("rest_joints", json!([[0, 0, 0]]), "16 rows of 3 numbers"),
-        ("rest_joints", json!(vec![[0.0, 1e9, 0.0]; 16]), "row 0 holds 1000000000"),
+        ("rest_joints", json!(vec![[0.0, 1e9, 0.0]; 16]), "row 0 has 1000000000"),
         ("tips", json!("long"), "5 rows"),
         ("side", json!("up"), "\"right\" or \"left\""),
         ("joints", json!(twice), "\"wrist\" occurs twice"),
@@ -127,7 +127,7 @@ fn an_impossible_description_is_rejected_with_its_field() {
         assert!(error.starts_with(&format!("poses.json: hand_model.{name}: ")) && error.contains(expected), "{error}");
     }
     // Joints at the same position have no direction.
-    assert!(with("rest_joints", json!(vec![[0.0; 3]; 16])).contains("lie in one place"));
+    assert!(with("rest_joints", json!(vec![[0.0; 3]; 16])).contains("are at one point"));
     let options = PoseOptions { side: Some(Side::Left), ..Default::default() };
     let error = read_with(&file, right(), &options).unwrap_err().to_string();
     assert!(error.contains("hand_model.side") && error.contains("right hand"), "{error}");
