@@ -237,7 +237,7 @@ fn exr_images_without_a_number_are_taken_out_and_single_pixels_become_black() {
         }
     };
     write(&capture, &|index, x| index == 0 && x == 64);
-    assert_only_odd(&capture, &["1 of 18 images hold pixels that are not a number"]);
+    assert_only_odd(&capture, &["1 of 18 images have NaN pixels"]);
     let view = capture.splits["train"].views[0];
     let row = &capture.load_view(view.camera, view.frame).unwrap().rgba[..128];
     assert!(row[64][0] == 0 && row[65][0] > 100 && row[64][1] == row[65][1], "{:?}", &row[64..66]);

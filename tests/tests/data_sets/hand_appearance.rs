@@ -98,7 +98,7 @@ fn what_cannot_be_is_named() {
     let cases: [(&str, Option<Py>, &[&str]); 10] = [
         ("pose", Some(floats(&[1, 44], &[0.0; 44])), &["pose", "[1, 44]", "45 numbers"]),
         ("rot", Some(floats(&[3], &[0.0, f64::NAN, 0.0])), &["rot", "NaN"]),
-        ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" turns by 512.0 rad", "radians"]),
+        ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" rotates by 512.0 rad", "radians"]),
         ("cam", Some(floats(&[3], &[1.0, 4096.0, 0.0])), &["joints, trans or cam", "metres"]),
         (
             "shape",

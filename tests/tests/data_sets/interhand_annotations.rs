@@ -148,7 +148,7 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
     assert_says(&message(&OpenOptions::default()), &["hand_model", "MANO_RIGHT.pkl", "--hand-model"]);
     let built_in = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let other = OpenOptions { mano: Some(built_in), ..Default::default() };
-    assert_says(&message(&other), &["hand_model", "no MANO model"]);
+    assert_says(&message(&other), &["hand_model", "not a MANO model"]);
     let sequences = OpenOptions { train_sequences: vec!["ROM09".into()], ..options() };
     assert_says(&message(&sequences), &["ROM09", "ROM03_RT_No_Occlusion", "ROM04_RT_Occlusion"]);
     let outside = OpenOptions { test_sequences: vec!["../../x".into()], ..options() };
