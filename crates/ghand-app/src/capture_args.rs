@@ -28,7 +28,7 @@ pub struct CaptureOptions {
     #[arg(long, value_name = "FILE", requires = "capture")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
-    /// How to read that file, or whatever hand model a command takes.
+    /// How to read that file, or any other hand model of a command.
     pub hand_model_args: HandModelArgs,
     /// InterHand2.6M: sequences to train on [default: ROM04_RT_Occlusion, LT for a left hand]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]

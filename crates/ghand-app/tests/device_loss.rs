@@ -19,7 +19,7 @@ const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
-/// A driver that fails, in a folder of its own.
+/// A driver that fails, in its own folder.
 struct FailingDriver {
     folder: tempfile::TempDir,
     loader: PathBuf,

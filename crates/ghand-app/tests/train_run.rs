@@ -1,4 +1,4 @@
-//! The life of a run of `train`: where it writes, what it keeps, how it is stopped and when it has failed.
+//! A run of `train`: its folder, what it keeps, how it is stopped and when it has failed.
 
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]

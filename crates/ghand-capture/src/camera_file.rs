@@ -1,4 +1,4 @@
-//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also hold one such object alone.
+//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also consist of one such object.
 //! [`crate::named_camera`] reads either.
 
 use std::path::Path;

@@ -123,7 +123,7 @@ impl Capture {
     /// File of the mask of a camera and a frame, if the capture has masks.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no such camera or frame.
+    /// [`CaptureError::Invalid`] if there is no such camera or frame.
     pub fn mask_file(&self, camera: usize, frame: usize) -> Result<Option<PathBuf>, CaptureError> {
         self.images.mask.as_ref().map(|template| self.file(template, camera, frame)).transpose()
     }

@@ -96,7 +96,7 @@ mod tests {
     fn a_slider_follows_a_click_or_drag_within_one_frame() {
         let at = pos2(50.0, 10.0);
         let click = [Event::PointerMoved(at), button(at, true), button(at, false)];
-        assert_eq!(show(false, &click).0, 0.0, "egui does it by itself now");
+        assert_eq!(show(false, &click).0, 0.0, "egui does this itself now");
         let (clicked, _) = show(true, &click);
         assert!((0.3..0.7).contains(&clicked), "{clicked}");
         let end = pos2(90.0, 10.0);
@@ -110,7 +110,7 @@ mod tests {
         let at = pos2(30.0, 60.0);
         let click = [Event::PointerMoved(at), button(at, true), button(at, false)];
         let click_and_go = [&click[..], &[Event::PointerMoved(pos2(150.0, 90.0))]].concat();
-        assert_eq!(show(false, &click_and_go).1, [0, 0], "egui does it by itself now");
+        assert_eq!(show(false, &click_and_go).1, [0, 0], "egui does this itself now");
         assert_eq!(show(true, &click_and_go).1, [1, 0]);
         assert_eq!(show(true, &[click.clone(), click].concat()).1, [2, 1]);
     }

@@ -69,7 +69,7 @@ fn the_programs_succeed_or_report_the_problem_in_one_sentence() {
             found.extend(problems);
         }
     });
-    println!("{count} cases: {succeeded} succeeded, {} ended as they should not", found.len());
+    println!("{count} cases: {succeeded} succeeded, {} ended badly", found.len());
     assert!(found.is_empty(), "{} of {count}:\n{}", found.len(), found.join("\n"));
     // An attack in which all commands succeed or all fail tests nothing.
     assert!(count < 100 || (succeeded > count / 20 && succeeded < count * 4 / 5), "{succeeded} of {count} succeeded");

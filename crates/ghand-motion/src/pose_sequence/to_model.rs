@@ -256,8 +256,8 @@ fn from_opengl(pose: &mut Pose, wrist: DVec3) {
 }
 
 fn mean_is_unknown() -> String {
-    "the poses are measured from MANO's mean pose, which only a MANO model's file tells; give it with --pose-model, or \
-     the hand stays too flat"
+    "the poses are measured from MANO's mean pose, which is only in a MANO file; give one with --pose-model, or the \
+     hand will be too flat"
         .into()
 }
 

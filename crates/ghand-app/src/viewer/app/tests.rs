@@ -110,7 +110,7 @@ fn a_picture_with_too_little_memory_is_rendered_again() {
     ui.frame(Vec::new());
     ui.viewer().camera.zoom(4.0);
     assert!(ui.frame(Vec::new()));
-    assert!(!ui.viewer().finish().unwrap(), "the picture had room; zoom in further");
+    assert!(!ui.viewer().finish().unwrap(), "the picture had enough memory; zoom in further");
     assert!(ui.frame(Vec::new()));
     assert!(ui.viewer().finish().unwrap());
     assert!(!ui.frame(Vec::new()));
@@ -148,7 +148,7 @@ fn every_control_has_a_name() {
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
     ui.click("Joints");
     ui.click("Index finger");
-    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are not there");
+    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are missing");
     ui.harness.check_accessibility();
 }
 

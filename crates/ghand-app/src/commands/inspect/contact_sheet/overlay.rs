@@ -107,9 +107,9 @@ mod tests {
     fn areas_covered_by_one_of_both_have_its_colour_and_the_rest_is_darkened() {
         let grey = Rgb([100; 3]);
         let [r, _, b] = blend(grey, 0.0, 1.0, 1.0).0;
-        assert!(r > b + 100, "the template alone is red");
+        assert!(r > b + 100, "only template is red");
         let [r, _, b] = blend(grey, 1.0, 0.0, 1.0).0;
-        assert!(b > r + 100, "the mask alone is blue");
+        assert!(b > r + 100, "only mask is blue");
         let both = blend(grey, 1.0, 1.0, 1.0).0;
         assert!(both.iter().all(|v| *v > 100) && both[1] > both[0].max(both[2]), "both are green: {both:?}");
         assert!(blend(grey, 1.0, 1.0, 0.3).0 < both, "shade is seen");

@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn small_hands_fill_their_window_and_large_ones_get_the_whole_image() {
-        // 39 of 200 rows between the outermost centres, over 0.8: 0.24375 of the image, which is rounded up.
+        // 39 of 200 rows between the outermost centres, over 0.8: 0.24375 of the image, rounded up.
         assert_eq!(of_box([100, 80, 40, 40], &[]), [71, 76, 98, 49]);
         assert_eq!(of_box([0, 0, 40, 40], &[]), [0, 0, 98, 49]);
         assert_eq!(of_box([360, 160, 40, 40], &[]), [302, 151, 98, 49]);
