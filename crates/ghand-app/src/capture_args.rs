@@ -13,8 +13,8 @@ use crate::say;
 /// A capture and what its own files do not say.
 #[derive(Debug, Clone, Default, Args)]
 pub struct CaptureArgs {
-    /// Folder of a capture or its capture.json; InterHand2.6M or one of its folders, such as images/test/Capture0; or a subject
-    /// of the Hand Appearance dataset.
+    /// Folder of a capture or its capture.json; InterHand2.6M or one of its folders, such as images/test/Capture0; or a
+    /// subject of the Hand Appearance dataset.
     #[arg(long)]
     pub capture: Option<PathBuf>,
     #[command(flatten)]
@@ -28,7 +28,7 @@ pub struct CaptureOptions {
     #[arg(long, value_name = "FILE", requires = "capture")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
-    /// How to read that file, or whatever hand model a command takes.
+    /// How to read that file, or any other hand model of a command.
     pub hand_model_args: HandModelArgs,
     /// InterHand2.6M: sequences to train on [default: ROM04_RT_Occlusion, LT for a left hand]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
@@ -56,7 +56,7 @@ impl CaptureArgs {
         let has_images = |name: &&&str| capture.splits.get(**name).is_some_and(|split| !split.views.is_empty());
         let splits: Vec<&str> = needed.iter().chain(optional.iter().filter(has_images)).copied().collect();
         if capture.images.made_masks.is_some() {
-            say!("looking at the images of {}; masks that are not there are made, once", splits.join(" and "));
+            say!("checking the images of {}; missing masks are made once", splits.join(" and "));
         }
         let dropped = capture.skip_unusable_images(&splits)?;
         for counts in [opened.skipped_images, dropped] {
@@ -110,7 +110,7 @@ fn parse_point(text: &str) -> anyhow::Result<DVec2> {
         let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
         Some(DVec2::new(number(x)?, number(y)?))
     });
-    point.ok_or_else(|| anyhow!("must be two numbers of pixels, as in 224,224"))
+    point.ok_or_else(|| anyhow!("must be two numbers in pixels, such as 224,224"))
 }
 
 #[cfg(test)]

@@ -30,8 +30,8 @@ pub fn check_before_training(
     if !refused.is_empty() {
         let reasons: Vec<String> = refused.iter().map(ToString::to_string).collect();
         bail!(
-            "{}: no avatar can come of the split {train_split:?}: {}; correct the capture (`ghand inspect` shows it), or train all \
-             the same with --ignore-checks",
+            "{}: training on the split {train_split:?} cannot succeed: {}; correct the capture (`ghand inspect` shows \
+             more), or train anyway with --ignore-checks",
             path.display(),
             reasons.join("; ")
         );

@@ -17,8 +17,8 @@ const LARGEST_EDGE: u32 = 16_384;
 /// Which graphics adapter to use.
 #[derive(Debug, Clone, Default, Args)]
 pub struct AdapterArgs {
-    /// Graphics adapter: `cpu`, `gpu` or a part of its name; a wrong name lists what there is [default: $GHAND_ADAPTER,
-    /// else the best]
+    /// Graphics adapter: `cpu`, `gpu` or part of its name; a wrong name lists the available ones [default:
+    /// $GHAND_ADAPTER, else the best]
     #[arg(long, global = true, value_name = "NAME")]
     adapter: Option<String>,
 }
@@ -162,7 +162,7 @@ pub fn parse_count(text: &str) -> Result<u32, String> {
 /// # Errors
 /// A description of the problem with the text.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let problem = || format!("must be WIDTHxHEIGHT in pixels, each from 1 to {LARGEST_EDGE}, as in 640x480");
+    let problem = || format!("must be WIDTHxHEIGHT in pixels, each from 1 to {LARGEST_EDGE}, such as 640x480");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
     let edge = |t: &str| t.trim().parse::<u32>().ok().filter(|v| (1..=LARGEST_EDGE).contains(v)).ok_or_else(problem);
     Ok([edge(width)?, edge(height)?])
@@ -173,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_read_and_nonsense_is_refused() {
+    fn sizes_are_parsed_and_invalid_ones_rejected() {
         assert_eq!(parse_size("334x512"), Ok([334, 512]));
         for text in ["", "x", "12", "0x4", "4x-1", "99999x4", "4x4x4"] {
             assert!(parse_size(text).is_err(), "{text}");
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn causes_are_told_once_and_on_one_line() {
+    fn causes_are_printed_once_and_on_one_line() {
         let inner = anyhow::anyhow!("no such\nfile");
         let error = inner.context("avatar.ghand: cannot read: no such file").context("loading");
         assert_eq!(sentence(&error), "loading: avatar.ghand: cannot read: no such file");

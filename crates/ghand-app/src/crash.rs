@@ -34,11 +34,12 @@ mod linux {
         let limit = address_space_limit_mib();
         let sentence = match limit {
             Some(limit) => format!(
-                "\nerror: not enough memory: this process may use only {limit} MiB of address space (`ulimit -v`); raise the \
-                 limit, or use smaller pictures or fewer Gaussians\n"
+                "\nerror: not enough memory: this process may use only {limit} MiB of address space (`ulimit -v`); \
+                 raise the limit, or use smaller pictures or fewer Gaussians\n"
             ),
-            None => "\nerror: the program crashed, in a graphics driver perhaps, or for want of memory; use smaller pictures or \
-                     fewer Gaussians, update the driver, or choose another adapter with GHAND_ADAPTER (`cpu` runs anywhere)\n"
+            None => "\nerror: the program crashed, perhaps in a graphics driver or for lack of memory; use smaller \
+                     pictures or fewer Gaussians, update the driver, or choose another adapter with GHAND_ADAPTER (`cpu` \
+                     runs anywhere)\n"
                 .to_owned(),
         };
         let before = SIGNALS.into_iter().filter_map(|signal| Some((signal, handler_of(signal)?))).collect();
@@ -72,8 +73,8 @@ mod linux {
     #[allow(unsafe_code, reason = "the standard library cannot handle signals")]
     extern "C" fn on_crash(signal: libc::c_int) {
         let Some(crash) = CRASH.get() else { return };
-        // SAFETY: `write`, `_exit`, `sigaction` and `raise` may be called in a signal handler; the sentence lives as long as
-        // the process.
+        // SAFETY: `write`, `_exit`, `sigaction` and `raise` may be called in a signal handler; the sentence lives as
+        // long as the process.
         unsafe {
             libc::write(libc::STDERR_FILENO, crash.sentence.as_ptr().cast(), crash.sentence.len());
             if crash.is_expected {

@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_told_by_their_first_bytes_and_else_by_their_names() {
+    fn files_are_recognised_from_their_first_bytes_or_else_their_names() {
         let folder = tempfile::tempdir().unwrap();
         let kind = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);

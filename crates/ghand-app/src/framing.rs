@@ -42,8 +42,8 @@ impl Upright {
     }
 }
 
-/// The model's vertices in a pose, world, metres. For a pose that does not fit the model they are those at rest: code that
-/// poses the hand reports it.
+/// The model's vertices in a pose, world, metres. For a pose that does not fit the model they are those at rest: code
+/// that poses the hand reports it.
 pub fn posed_vertices(model: &HandModel, pose: &Pose) -> Vec<DVec3> {
     pose_hand(model, &[], pose).map_or_else(|_| model.vertices.clone(), |posed| posed.vertices)
 }
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_that_lies_in_its_model_is_shown_upright() {
+    fn a_hand_that_is_horizontal_in_its_model_is_shown_upright() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         // A quarter turn, as in MANO's hands: the box around the hand turns with it.
         let turn = DMat3::from_rotation_z(-std::f64::consts::FRAC_PI_2);
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_portrait_fills_the_picture_with_the_back_of_the_hand_however_it_is_turned() {
+    fn a_portrait_shows_the_back_of_the_hand_for_any_rotation() {
         for left in [false, true] {
             let model = ProceduralHand { detail: 1, left, ..Default::default() }.build().unwrap();
             let mut pose = named_pose("fist", &model).unwrap();

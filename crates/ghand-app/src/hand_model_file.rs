@@ -33,7 +33,7 @@ impl HandModelArgs {
             return Ok(HandModelFile { model, kind: "built-in hand", warnings: vec![] });
         };
         if let (FileKind::Avatar, Some(uv)) = (file_kind(path), &self.uv) {
-            bail!("--uv {}: {} is an avatar and has UVs; leave --uv away", uv.display(), path.display());
+            bail!("--uv {}: {} is an avatar, which has UVs; omit --uv", uv.display(), path.display());
         }
         let left_shapes = if self.left_shapes_as_published { LeftShapes::AsPublished } else { LeftShapes::Fixed };
         load_hand_model(path, &ReadOptions { uv_obj: self.uv.clone(), left_shapes })
@@ -51,8 +51,8 @@ pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<Han
             Ok(HandModelFile { model, kind: "template mesh of an avatar", warnings: vec![] })
         }
         FileKind::Ply => bail!(
-            "{}: is a scene of Gaussians (.ply), not a hand model; give MANO (.pkl, .npz), a rigged glTF hand (.glb, .gltf) or an \
-             avatar (.ghand)",
+            "{}: is a scene of Gaussians (.ply), not a hand model; give MANO (.pkl, .npz), a rigged glTF hand (.glb, \
+             .gltf) or an avatar (.ghand)",
             path.display()
         ),
         FileKind::HandModel | FileKind::Other => Ok(read_hand_model(path, options)?),

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn styles_are_read_and_nonsense_is_refused() {
+    fn styles_are_parsed_and_invalid_ones_rejected() {
         assert_eq!("weights=index1".parse(), Ok(PictureStyle::JointWeights("index1".into())));
         assert_eq!("solid-wireframe".parse(), Ok(PictureStyle::SolidWireframe));
         for text in ["", "Solid", "weight", "wireframe=2", "=index1"] {

@@ -19,8 +19,8 @@ pub struct PoseReadingArgs {
     /// Which hand the poses are of, if a file has both or is wrong [default: the model's, else the other one, mirrored]
     #[arg(long, value_name = "left|right", value_parser = parse_side)]
     side: Option<Side>,
-    /// The hand model or avatar that the poses are for, to carry them over to another rig exactly: MANO's for MANO parameters, and
-    /// that of ghand's own poses where the file does not describe it
+    /// The hand model or avatar that the poses are for, for an exact transfer to another skeleton: a MANO model for
+    /// MANO parameters; for ghand's own poses, their model if the file does not describe it
     #[arg(long, value_name = "FILE")]
     pose_model: Option<PathBuf>,
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added
@@ -32,7 +32,7 @@ pub struct PoseReadingArgs {
     /// Keep the hand in its rest position: only the fingers move
     #[arg(long)]
     in_place: bool,
-    /// Frames a second, of a motion or, in between its frames, of a file [default: 30, or the file's]; and of a film
+    /// Frames per second of a motion, or of a file (interpolated) [default: 30, or the file's]; also of a film
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     pub(crate) fps: Option<f64>,
 }
@@ -47,7 +47,7 @@ fn parse_side(text: &str) -> Result<Side, String> {
 
 pub(crate) fn parse_fps(text: &str) -> Result<f64, String> {
     let fps = text.parse().ok().filter(|fps| (0.1..=1000.0).contains(fps));
-    fps.ok_or_else(|| "must be a number of frames a second from 0.1 to 1000".into())
+    fps.ok_or_else(|| "must be a number of frames per second from 0.1 to 1000".into())
 }
 
 impl PoseReadingArgs {
@@ -133,7 +133,9 @@ pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
         bail!(unknown_name(name));
     }
     named_pose(name, model).ok_or_else(|| {
-        anyhow!("pose {name:?} is for joints whose names tell the fingers, which this avatar lacks; give a pose file")
+        anyhow!(
+            "pose {name:?} needs joints whose names identify the fingers, which this avatar lacks; give a file of poses"
+        )
     })
 }
 
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn names_stand_for_poses_and_motions() {
+    fn poses_and_motions_are_found_by_name() {
         assert_eq!(load("fist").unwrap().frames.len(), 1);
         assert!(load("count").unwrap().frames.len() > 60);
         let error = load("salute").unwrap_err().to_string();

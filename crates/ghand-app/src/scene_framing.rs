@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_fills_the_picture_from_all_sides_whichever_axis_is_up() {
+    fn a_scene_fills_the_picture_from_all_sides_with_any_up_axis() {
         let hand = scene(&[]);
         for (up, size) in [("-y", [300, 300]), ("z", [200, 400]), ("x", [400, 200])] {
             let up: UpAxis = up.parse().unwrap();
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_strays_far_off_is_faint_or_broken_changes_nothing() {
+    fn outliers_and_faint_or_broken_gaussians_change_nothing() {
         let near = scene_turntable(&scene(&[]), 3, UpAxis(DVec3::NEG_Y), [64, 64]);
         let mut stray: Vec<(DVec3, f32, f32)> =
             (0..40).map(|k| (DVec3::new((f64::from(k)).sin(), 0.3, f64::from(k)) * 50.0, 0.0, 3.0)).collect();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_without_extent_have_cameras_too() {
+    fn scenes_without_extent_get_cameras_too() {
         for gaussians in [0, 1] {
             let table = vec![0.0; 14 * gaussians];
             let scene = SplatScene { degree: 0, count: gaussians, table };

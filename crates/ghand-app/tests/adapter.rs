@@ -1,6 +1,6 @@
-//! The choice of the graphics adapter as a user makes it.
+//! How users choose the graphics adapter.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -25,7 +25,7 @@ fn render(folder: &Path, variable: Option<&str>, flag: Option<&str>) -> Output {
 }
 
 #[test]
-fn the_option_goes_before_the_variable_and_the_variable_before_the_best_adapter() {
+fn the_option_overrides_the_variable_and_both_the_best_adapter() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let name = Gpu::new(&AdapterChoice::from_env()).unwrap().info.name;
@@ -37,7 +37,7 @@ fn the_option_goes_before_the_variable_and_the_variable_before_the_best_adapter(
     works(Some(&name.to_uppercase()), None);
     works(Some("nonsense"), Some(&name));
     works(Some("nonsense"), Some("best"));
-    // A wrong name lists what there is.
+    // A wrong name lists the available adapters.
     let refuses = |variable: Option<&str>, flag: Option<&str>, wrong: &str| {
         assert_one_sentence(&render(folder.path(), variable, flag), &[wrong, &name, "GHAND_ADAPTER"]);
     };
@@ -46,14 +46,14 @@ fn the_option_goes_before_the_variable_and_the_variable_before_the_best_adapter(
     refuses(Some(&name), Some("rubbish"), "`rubbish`");
     refuses(Some("nonsense"), Some("rubbish"), "`rubbish`");
     let kinds = ["cpu", "gpu"].map(|kind| render(folder.path(), None, Some(kind)));
-    assert!(kinds.iter().any(|output| output.status.success()), "the adapter is of neither kind");
+    assert!(kinds.iter().any(|output| output.status.success()), "the adapter has neither kind");
     for (kind, output) in ["cpu", "gpu"].iter().zip(&kinds).filter(|(_, output)| !output.status.success()) {
         assert_one_sentence(output, &[&format!("of kind `{kind}`"), &name]);
     }
 }
 
 #[test]
-fn a_machine_without_any_adapter_gets_one_sentence_with_the_remedy() {
+fn a_machine_without_adapters_gets_one_sentence_with_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let before = listing(folder.path());
@@ -61,7 +61,7 @@ fn a_machine_without_any_adapter_gets_one_sentence_with_the_remedy() {
         let nowhere = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|variable| (variable, "/nonexistent.json"));
         let output = run_in(program, folder.path(), arguments, &nowhere);
         if output.status.success() {
-            println!("left out: this system finds its graphics driver without Vulkan's loader");
+            println!("skipped: this system finds its graphics driver without Vulkan's loader");
             return;
         }
         assert_one_sentence(&output, &["no graphics adapter was found", "mesa-vulkan-drivers"]);

@@ -1,6 +1,6 @@
 //! `ghand capture` makes captures that `train` starts from.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -14,7 +14,7 @@ const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const SMALL: [&str; 10] =
     ["--views", "2", "--train-frames", "2", "--test-views", "1", "--test-frames", "1", "--size", "160x240"];
 
-/// Makes a small capture and gives what was said.
+/// Makes a small capture and returns the output.
 fn make(folder: &Path, name: &str, more: &[&str]) -> String {
     let output = run(GHAND, folder, &[&["capture", "--out", name], more, &SMALL[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -46,8 +46,8 @@ fn a_capture_is_made_the_same_each_time_and_differs_by_identity() {
     assert_eq!(a.keys().collect::<Vec<_>>(), c.keys().collect::<Vec<_>>());
     assert!(a == b && a != c);
     assert!(a["truth.json"] == c["truth.json"], "the same motion");
-    assert_eq!(listing(folder.path()), ["a", "b", "c"], "nothing is left beside them");
-    // The hand is there, and looks like skin over black.
+    assert_eq!(listing(folder.path()), ["a", "b", "c"], "no other files remain");
+    // The image shows skin over black.
     let image = image::load_from_memory(&a["images/cam00/0000.png"]).unwrap().into_rgb8();
     let skin = image.pixels().filter(|p| p.0[0] > p.0[2] && p.0[0] > 60).count();
     assert!((2000..20000).contains(&skin), "{skin} pixels of skin");
@@ -64,11 +64,11 @@ fn training_starts_from_a_capture_in_the_layout_of_interhand() {
     let output = run(TRAIN, folder.path(), &[&arguments[..], &short].concat());
     let said = assert_trained(&output).concat();
     assert!(said.contains("2 cameras, 2 frames, 4 images") && said.contains("pose error: "), "{said}");
-    assert!(!said.contains("left out"), "{said}");
+    assert!(!said.contains("are skipped"), "{said}");
 }
 
 #[test]
-fn what_cannot_be_made_is_said_in_one_sentence_and_leaves_nothing() {
+fn a_capture_that_cannot_be_made_is_one_sentence_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let fails = |arguments: &[&str], parts: &[&str]| {
         assert_one_sentence(&run(GHAND, folder.path(), &[&["capture"], arguments].concat()), parts);

@@ -1,7 +1,7 @@
-//! `train` starts from every kind of capture in one command.
+//! `train` accepts every kind of capture in one command.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
-#![allow(dead_code, reason = "the fixtures are those of `tests/`, which needs more of them")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
+#![allow(dead_code, reason = "shared fixtures of `tests/`; not all are used here")]
 
 mod common;
 
@@ -34,7 +34,7 @@ fn folder_with_mano() -> tempfile::TempDir {
     folder
 }
 
-/// Trains and gives what was said.
+/// Trains and returns the output.
 fn train(folder: &Path, arguments: &[&str]) -> String {
     let output = run(
         TRAIN,
@@ -54,14 +54,14 @@ fn training_starts_from_interhand() {
     data.write(&folder.path().join("InterHand2.6M"));
     let said = train(folder.path(), &["--capture", "InterHand2.6M", "--split", "train20"]);
     assert!(said.contains("6 cameras, 3 frames, 17 images"), "{said}");
-    assert!(said.contains("1 of 22 images are left out: 1 of the other hand"), "{said}");
+    assert!(said.contains("1 of 22 images are skipped: 1 of the other hand"), "{said}");
     train(folder.path(), &["--capture", "InterHand2.6M/images/test/Capture0", "--split", "train5"]);
     let output = run(TRAIN, folder.path(), &["--capture", "InterHand2.6M"]);
     assert_one_sentence(&output, &["InterHand2.6M", "MANO_RIGHT.pkl", "--hand-model"]);
 }
 
 #[test]
-fn refined_poses_read_back_for_a_mano_model_are_those_that_were_written() {
+fn refined_poses_for_a_mano_model_are_read_back_unchanged() {
     let folder = folder_with_mano();
     interhand_files::right().write(&folder.path().join("InterHand2.6M"));
     train(folder.path(), &["--capture", "InterHand2.6M", "--split", "train20"]);
@@ -78,7 +78,7 @@ fn refined_poses_read_back_for_a_mano_model_are_those_that_were_written() {
         sequence.frames.iter().flat_map(|frame| fixtures::numbers(&frame.pose.rotations)).collect()
     };
     assert!(model.pose_space.as_ref().unwrap().mean.iter().any(|rotation| rotation.length() > 0.1));
-    // Copied number by number: neither has the mean pose been added, nor have they been carried over to other bones.
+    // Copied exactly: the mean pose was not added, and the poses were not transferred to another skeleton.
     assert_eq!(read(&PoseOptions::default()), written);
     assert_eq!(read(&PoseOptions::default()), read(&PoseOptions { flat_mean: true, ..Default::default() }));
 }

@@ -2,7 +2,7 @@
 //! between them and the driver.
 
 #![cfg(target_os = "linux")]
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -19,14 +19,14 @@ const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
-/// A driver that fails, in a folder of its own.
+/// A driver that fails, in its own folder.
 struct FailingDriver {
     folder: tempfile::TempDir,
     loader: PathBuf,
 }
 
 impl FailingDriver {
-    /// Builds it; none where there is no C compiler or the programs do not go through Vulkan's loader.
+    /// Builds it; `None` without a C compiler, or if the programs do not use Vulkan's loader.
     fn new(gpu: &Gpu) -> Option<FailingDriver> {
         let folder = tempfile::tempdir().unwrap();
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/support/losing_vulkan.c");
@@ -34,15 +34,15 @@ impl FailingDriver {
         compiler.args(["-shared", "-fPIC", "-Wall", "-Werror", "-o"]).arg(folder.path().join("libvulkan.so.1"));
         let built = compiler.arg(source).arg("-ldl").status();
         if !built.is_ok_and(|status| status.success()) {
-            println!("left out: no C compiler `cc`");
+            println!("skipped: no C compiler `cc`");
             return None;
         }
-        // This process has it loaded.
+        // This process has loaded it.
         let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
         let loader =
             maps.lines().find_map(|line| line.split_whitespace().last().filter(|p| p.contains("/libvulkan.so")));
         let Some(loader) = loader.map(PathBuf::from) else {
-            println!("left out: {} does not go through Vulkan's loader", gpu.info.name);
+            println!("skipped: {} does not use Vulkan's loader", gpu.info.name);
             return None;
         };
         Some(FailingDriver { folder, loader })
@@ -55,7 +55,7 @@ impl FailingDriver {
     }
 }
 
-/// Every submission from the first.
+/// Every submission, beginning with the first.
 fn always() -> String {
     (1..=2000).map(|n: u32| n.to_string()).collect::<Vec<_>>().join(",")
 }
@@ -64,13 +64,13 @@ fn lines(output: &Output) -> Vec<String> {
     String::from_utf8_lossy(&output.stderr).lines().map(str::to_owned).collect()
 }
 
-/// Asserts success with as many warnings of a loss as there were, and nothing else on stderr.
+/// Asserts success with one warning per loss, and nothing else on stderr.
 fn assert_recovered(output: &Output, losses: usize) {
     assert!(output.status.success(), "{:?}", lines(output));
     assert_warned(&lines(output), losses);
 }
 
-/// Asserts as many warnings of a loss as there were, and nothing else.
+/// Asserts one warning per loss, and nothing else.
 fn assert_warned(lines: &[String], losses: usize) {
     assert_eq!(lines.len(), losses, "{lines:?}");
     assert!(
@@ -79,7 +79,7 @@ fn assert_warned(lines: &[String], losses: usize) {
     );
 }
 
-/// Asserts exit code 1 and, after the warnings of the losses, one sentence.
+/// Asserts exit code 1 and, after the warnings of losses, one sentence.
 fn assert_given_up(output: &Output) {
     let lines = lines(output);
     assert_eq!(output.status.code(), Some(1), "{lines:?}");
@@ -101,7 +101,7 @@ fn pictures_are_the_same_whether_or_not_the_device_was_lost_between_them() {
     assert_recovered(&render("whole", ("LOSE_AT", "")), 0);
     let pictures = |out: &str| -> Vec<Vec<u8>> {
         let files = listing(&folder.path().join(out));
-        // The list of the pictures beside them names the command, which differs.
+        // The list of the pictures in the folder contains the command, which differs.
         files
             .iter()
             .filter(|f| f.ends_with(".png"))
@@ -131,7 +131,7 @@ fn a_screenshot_is_made_on_a_new_device() {
         let arguments = ["hand.ghand", "--screenshot", file, "--size", "400x200"];
         driver.run(VIEWER, folder.path(), &arguments, fault)
     };
-    // Beside the panel, on which are times.
+    // Without the panel, because it shows times.
     let hand = |file: &str| {
         let picture = image::open(folder.path().join(file)).unwrap().into_rgb8();
         image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
@@ -146,7 +146,7 @@ fn a_screenshot_is_made_on_a_new_device() {
 }
 
 #[test]
-fn training_ends_with_the_same_avatar_or_none() {
+fn training_gives_the_same_avatar_or_an_error() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -181,15 +181,15 @@ fn training_ends_with_the_same_avatar_or_none() {
 }
 
 #[test]
-fn a_device_without_memory_is_one_sentence_with_what_was_asked_for() {
+fn too_little_device_memory_is_one_sentence_that_names_the_request() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
-    // Beyond the blocks that allocators take at once.
+    // Larger than the blocks that allocators request.
     let run = |arguments: &[&str]| driver.run(GHAND, folder.path(), arguments, ("REFUSE_FROM", "300000000"));
     assert_recovered(&run(&["render", "hand.ghand", "--turntable", "1", "--size", "64x64", "--out", "picture.png"]), 0);
-    // With gradients, which are not made in bands.
+    // With gradients, which are not computed in bands.
     let output = run(&["bench", "splat", "--scene", "hand", "--n", "1000", "--size", "8000x4000"]);
     common::assert_one_sentence(&output, &["too little memory", "8000 x 4000 pixels", "smaller images"]);
 }

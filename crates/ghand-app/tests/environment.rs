@@ -1,6 +1,6 @@
-//! The programs where the system gives them little: no runtime folder, little memory, a place that cannot be written to.
+//! The programs on limited systems: no runtime folder, little memory, outputs that cannot be written.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -16,7 +16,7 @@ const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 const SCREENSHOT: [&str; 5] = ["hand.ghand", "--size", "128x96", "--screenshot", "a.png"];
 
 #[test]
-fn nothing_is_said_about_a_missing_runtime_folder_and_none_is_left() {
+fn a_missing_runtime_folder_causes_no_message_and_no_leftover() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let temporary = folder.path().join("tmp");
@@ -34,14 +34,14 @@ fn nothing_is_said_about_a_missing_runtime_folder_and_none_is_left() {
     }
 }
 
-/// Runs a program that may use only so much address space.
+/// Runs a program with limited address space.
 fn run_within(mib: u64, program: &str, folder: &Path, arguments: &[&str]) -> Output {
     let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", mib << 10);
     run("bash", folder, &[&["-c", &limited, program], arguments].concat())
 }
 
 #[test]
-fn too_little_memory_is_named_as_the_cause_whatever_it_is_too_little_for() {
+fn too_little_memory_is_named_as_the_cause_of_any_failure() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let render = ["render", "hand.ghand", "--turntable", "1", "--size", "900x900", "--out", "pictures"];
@@ -55,7 +55,7 @@ fn too_little_memory_is_named_as_the_cause_whatever_it_is_too_little_for() {
                 continue;
             }
             failures += 1;
-            // The allocator and the driver may have had their say before.
+            // The allocator and the driver may have printed messages before.
             let stderr = String::from_utf8_lossy(&output.stderr);
             let last = stderr.trim_end().lines().last().unwrap_or_default();
             assert_eq!(output.status.code(), Some(1), "{arguments:?} within {mib} MiB: {stderr}");
@@ -67,7 +67,7 @@ fn too_little_memory_is_named_as_the_cause_whatever_it_is_too_little_for() {
 }
 
 #[test]
-fn an_output_never_replaces_what_is_not_a_file() {
+fn an_output_never_replaces_anything_but_a_file() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let pipe = folder.path().join("pipe.png");

@@ -1,10 +1,10 @@
-//! The examples run and write what they say.
+//! The examples run and write the files that they announce.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::path::PathBuf;
 use std::process::Command;
 
-/// An example's program, which cargo builds for the tests.
+/// An example's program, built by cargo for the tests.
 fn example(name: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     test.parent().and_then(|deps| deps.parent()).unwrap().join("examples").join(name)
@@ -24,7 +24,7 @@ fn a_pose_is_rendered() {
 }
 
 #[test]
-fn a_property_model_of_ones_own_draws_a_wave() {
+fn a_custom_property_model_draws_a_wave() {
     run("property_model", "wave.png", "Gaussians");
 }
 

@@ -1,6 +1,6 @@
 //! `ghand pose` and `ghand inspect` as a user runs them.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -100,13 +100,13 @@ fn poses_of_any_kind_are_written_as_ghands_own_and_read_again() {
         (still["frames"].as_array().unwrap().len(), &still["frames"][0]["pose"][0]),
         (1, &serde_json::json!([0.0, 0.0, 0.0]))
     );
-    // A tracker's file with a frame that is none: one warning, on stderr.
+    // A tracker's file with an invalid frame: one warning, on stderr.
     let estimate = |number: Option<f64>| serde_json::json!({"is_right": 1, "global_orient": [number, 0, 0], "hand_pose": vec![0.1; 45]});
     let estimates = serde_json::json!([estimate(Some(0.5)), estimate(None)]);
     std::fs::write(folder.path().join("hands.json"), estimates.to_string()).unwrap();
     let (hands, warnings) = written(&["--pose", "hands.json", "--out", "out.json"]);
     assert_eq!(hands["frames"].as_array().unwrap().len(), 1);
-    assert!(warnings.contains("1 of 2 frames is left out") && warnings.lines().count() == 1, "{warnings}");
+    assert!(warnings.contains("1 of 2 frames is skipped") && warnings.lines().count() == 1, "{warnings}");
 }
 
 /// Writes an avatar of the small built-in hand whose joints have WebXR's names.
@@ -152,15 +152,15 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
     );
     let small = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let fist = pose_hand(&small.without_blend_shapes(), &[], &named_pose("fist", &small).unwrap()).unwrap().vertices;
-    // Either avatar in either file's poses is the same fist.
+    // Both files give the same fist with both avatars.
     for avatar in ["hand.ghand", "renamed.ghand"] {
         for file in ["mano-names.json", "webxr-names.json"] {
             pose(&["--hand-model", avatar, "--pose", file, "--out", "mesh.obj"]);
             assert_near(&vertices(&folder.path().join("mesh.obj")), &fist);
         }
     }
-    // What ghand wrote for the finer built-in hand, too, but for its last bones: they point to where the skin ends, which a coarse
-    // mesh has some millimetres off.
+    // So do poses that ghand wrote for the finer built-in hand, except for the last bones: they point to the end of the
+    // skin, which is some millimetres off in a coarse mesh.
     pose(&["--pose", "fist", "--out", "large.json"]);
     pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
     let off =
@@ -186,7 +186,7 @@ fn a_posed_hand_is_written_as_gltf_too() {
     assert!(bytes.starts_with(b"glTF") && bytes.len() > 100_000);
 }
 
-/// Part of the pixels that differ from white.
+/// Fraction of the pixels that differ from white.
 fn coverage(picture: &RgbImage) -> f64 {
     let count = picture.pixels().filter(|p| p.0 != [255; 3]).count();
     count as f64 / f64::from(picture.width() * picture.height())
@@ -211,14 +211,14 @@ fn a_posed_hand_is_drawn_in_every_style_that_fills_the_picture() {
     }
     let model = ProceduralHand::default().build().unwrap();
     assert_eq!(joint == number, model.joint_index("index1") == Some(1));
-    // Lines alone leave white between them; weights are more colourful than skin; one joint leaves most of the hand grey.
+    // There is white between lines; weights are more colourful than skin; with one joint most of the hand is grey.
     let mean = |p: &RgbImage| p.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / f64::from(p.width() * p.height());
     assert!(mean(&both) < mean(&wireframe) && mean(&both) < mean(&solid));
     assert!(colors(&weights) > 2 * colors(&wireframe));
     let grey = |p: &RgbImage| p.pixels().filter(|p| p.0[0] == p.0[1] && p.0[1] == p.0[2] && p.0[0] < 255).count();
     assert!(grey(&joint) > 5000 && grey(&weights) < 500, "{} {}", grey(&joint), grey(&weights));
     assert_eq!(solid, draw(&size), "solid is the default");
-    // A camera of one's own, another background, and the mesh beside the picture.
+    // A given camera, another background, and the mesh in addition to the picture.
     let camera = r#"{"id":"c","width":96,"height":64,"intrinsics":[[120,0,48],[0,120,32],[0,0,1]],
         "rotation":[[0,0,1],[0,1,0],[-1,0,0]],"translation":[0,0.1,0.6]}"#;
     std::fs::write(folder.path().join("camera.json"), camera).unwrap();
@@ -228,7 +228,7 @@ fn a_posed_hand_is_drawn_in_every_style_that_fills_the_picture() {
 }
 
 #[test]
-fn what_cannot_be_posed_is_one_sentence_and_leaves_no_file() {
+fn a_failed_pose_command_is_one_sentence_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("not.pkl"), "plain text").unwrap();
     std::fs::write(folder.path().join("long.json"), r#"{"frames":[{"pose":[[0,0,0]]}]}"#).unwrap();
@@ -259,7 +259,7 @@ fn what_cannot_be_posed_is_one_sentence_and_leaves_no_file() {
 }
 
 #[test]
-fn inspect_tells_what_is_in_a_model_and_what_is_odd() {
+fn inspect_describes_a_model_and_its_oddities() {
     let folder = tempfile::tempdir().unwrap();
     let told = |arguments: &[&str]| {
         let output = run(GHAND, folder.path(), &[&["inspect"], arguments].concat());
@@ -278,11 +278,11 @@ fn inspect_tells_what_is_in_a_model_and_what_is_odd() {
 }
 
 #[test]
-fn inspect_tells_what_is_in_an_avatar() {
+fn inspect_describes_an_avatar() {
     let folder = tempfile::tempdir().unwrap();
     let path = save_renamed_avatar(folder.path());
     save_avatar(folder.path());
-    // Whatever it is called.
+    // With any file name.
     std::fs::copy(&path, folder.path().join("avatar.bin")).unwrap();
     let told = |path: &str| {
         let output = run(GHAND, folder.path(), &["inspect", path]);
@@ -315,7 +315,7 @@ fn inspect_tells_what_is_in_an_avatar() {
 }
 
 #[test]
-fn inspect_tells_what_is_in_a_scene_and_counts_what_is_not_finite() {
+fn inspect_describes_a_scene_and_counts_numbers_that_are_not_finite() {
     let folder = tempfile::tempdir().unwrap();
     let names = "x y z scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 opacity f_dc_0 f_dc_1 f_dc_2";
     let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
@@ -353,7 +353,7 @@ fn inspect_tells_what_is_in_a_scene_and_counts_what_is_not_finite() {
 }
 
 #[test]
-fn a_reader_that_goes_away_is_no_error() {
+fn a_closed_pipe_is_not_an_error() {
     let mut child = std::process::Command::new(GHAND)
         .arg("inspect")
         .stdout(std::process::Stdio::piped())

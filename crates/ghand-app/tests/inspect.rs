@@ -1,7 +1,7 @@
 //! `ghand inspect` on captures, as a user runs it.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
-#![allow(dead_code, reason = "the fixtures are those of `tests/`, which needs more of them")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
+#![allow(dead_code, reason = "shared fixtures of `tests/`; not all are used here")]
 
 mod common;
 
@@ -35,7 +35,7 @@ fn folder_with_capture() -> tempfile::TempDir {
     folder
 }
 
-/// What a run that must succeed says on stdout.
+/// The stdout of a run that must succeed.
 fn said(output: &Output) -> String {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -45,7 +45,7 @@ fn inspect(folder: &Path, arguments: &[&str]) -> Output {
     run(GHAND, folder, &[&["inspect"], arguments].concat())
 }
 
-/// Asserts that a text says all parts.
+/// Asserts that a text contains all parts.
 fn assert_says(text: &str, parts: &[&str]) {
     for part in parts {
         assert!(text.contains(part), "no {part:?} in {text}");
@@ -56,22 +56,19 @@ fn assert_says(text: &str, parts: &[&str]) {
 fn a_capture_is_described_and_its_pictures_are_written() {
     let folder = folder_with_capture();
     let text = said(&inspect(folder.path(), &["rig"]));
-    assert_says(
-        &text,
-        &["rig: capture in ghand's own format, right hand", "16 joints", "the true poses of all are known"],
-    );
+    assert_says(&text, &["rig: capture in ghand's own format, right hand", "16 joints", "true poses: all"]);
     assert_says(&text, &["cam00", "128 x 192 pixels: 22 images", "train: 6 cameras x 3 frames: 18 images"]);
-    assert_says(&text, &["44, images and masks of 22 views: all there", "test 4 of 4", "train 18 of 18"]);
+    assert_says(&text, &["44, images and masks of 22 views: all present", "test 4 of 4", "train 18 of 18"]);
     assert_says(
         &text,
         &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect-rig.png"],
     );
     let rows = text.lines().filter(|line| line.contains("  train  ") || line.contains("  test   ")).count();
-    assert_eq!(rows, 12, "a line for each view: {text}");
+    assert_eq!(rows, 12, "one line per view: {text}");
     let sheet = image::open(folder.path().join("out/inspect-rig.png")).unwrap().into_rgb8();
     // Three views side by side, each of three pictures of 160 x 240 pixels, in four rows below the legend.
     assert_eq!(sheet.dimensions(), (3 * (3 * 160 + 2 * 4 + 16) + 16, 16 + 18 + 16 + 4 * (2 * 18 + 240 + 16)));
-    // The poses are noisy: the template is off the mask here and there, and misses some of it.
+    // The poses are noisy: the template extends beyond the mask in some places and misses it in others.
     let count = |is: fn([u32; 3]) -> bool| sheet.pixels().filter(|p| is(p.0.map(u32::from))).count();
     let red = count(|[r, g, b]| r > 100 && r > 2 * g.max(b));
     let blue = count(|[r, _, b]| b > 100 && b > 2 * r);
@@ -80,7 +77,7 @@ fn a_capture_is_described_and_its_pictures_are_written() {
 }
 
 #[test]
-fn a_capture_json_is_a_capture_and_the_pictures_go_where_they_are_asked_for_or_nowhere() {
+fn a_capture_json_is_a_capture_and_its_pictures_go_to_the_requested_file_or_nowhere() {
     let folder = folder_with_capture();
     let text = said(&inspect(folder.path(), &["rig/capture.json", "--sheet", "a.png"]));
     assert_says(&text, &["pictures: a.png"]);
@@ -90,7 +87,7 @@ fn a_capture_json_is_a_capture_and_the_pictures_go_where_they_are_asked_for_or_n
 }
 
 #[test]
-fn files_that_cannot_be_used_are_named_and_fail_only_where_nothing_is_left() {
+fn unusable_files_are_named_and_fail_only_if_no_image_remains() {
     let folder = folder_with_capture();
     let image = |camera: usize, frame| {
         let file = fixtures::synthetic().image_file(camera, frame).unwrap();
@@ -107,12 +104,12 @@ fn files_that_cannot_be_used_are_named_and_fail_only_where_nothing_is_left() {
     for file in [missing, cut] {
         assert_says(&text, &[&file.strip_prefix(folder.path()).unwrap().display().to_string()]);
     }
-    // Nothing at all is left to look at.
+    // No image can be used.
     for kind in ["images", "masks"] {
         std::fs::remove_dir_all(folder.path().join("rig").join(kind)).unwrap();
     }
     let output = inspect(folder.path(), &["rig"]);
-    assert_one_sentence(&output, &["rig", "no image that can be used"]);
+    assert_one_sentence(&output, &["rig", "no image can be used"]);
     let text = String::from_utf8_lossy(&output.stdout);
     assert_says(&text, &["44 missing, 0 broken", "and 39 more", "train 0 of 18", "no pictures: "]);
     assert_says(&text, &["problem      none of the 22 images can be used"]);
@@ -121,7 +118,7 @@ fn files_that_cannot_be_used_are_named_and_fail_only_where_nothing_is_left() {
 }
 
 #[test]
-fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
+fn causes_of_hopeless_training_are_problems_and_oddities_are_warnings() {
     let folder = folder_with_capture();
     let file = folder.path().join("rig/capture.json");
     let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
@@ -134,7 +131,7 @@ fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
     let text = said(&inspect(folder.path(), &["rig", "--no-sheet"]));
     assert_says(
         &text,
-        &["problem      8 of 8 cameras are not between", "problem      the posed template meets the masks"],
+        &["problem      8 of 8 cameras are not between", "problem      the posed template matches the masks"],
     );
     json["mask_path"] = serde_json::Value::Null;
     std::fs::write(&file, json.to_string()).unwrap();
@@ -142,12 +139,12 @@ fn what_makes_training_pointless_is_a_problem_and_what_is_odd_a_warning() {
 }
 
 #[test]
-fn without_an_adapter_everything_but_the_pictures_is_told() {
+fn without_an_adapter_everything_but_the_pictures_is_reported() {
     let folder = folder_with_capture();
     let nowhere = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|variable| (variable, "/nonexistent.json"));
     let text = said(&run_in(GHAND, folder.path(), &["inspect", "rig"], &nowhere));
     if text.contains("pictures: ") {
-        println!("left out: this system finds its graphics driver without Vulkan's loader");
+        println!("skipped: this system finds its graphics driver without Vulkan's loader");
         return;
     }
     assert_says(&text, &["train: given poses 0.", "no pictures: no graphics adapter"]);
@@ -159,7 +156,7 @@ fn without_an_adapter_everything_but_the_pictures_is_told() {
 }
 
 #[test]
-fn data_sets_are_looked_over_in_their_own_layouts() {
+fn data_sets_are_inspected_in_their_own_layouts() {
     let folder = tempfile::tempdir().unwrap();
     let mano = support::hands::as_pickle(&fixtures::mano_hand().published());
     std::fs::write(folder.path().join("MANO_RIGHT.pkl"), mano).unwrap();
@@ -167,17 +164,14 @@ fn data_sets_are_looked_over_in_their_own_layouts() {
     hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");
     let told = |path| said(&inspect(folder.path(), &[path, "--hand-model", "MANO_RIGHT.pkl", "--no-sheet"]));
     let interhand = told("InterHand2.6M");
-    assert_says(
-        &interhand,
-        &["InterHand2.6M, right hand", "(MANO)", "no true pose is known", "test_all:", "made from"],
-    );
+    assert_says(&interhand, &["InterHand2.6M, right hand", "(MANO)", "true poses: none", "test_all:", "made from"]);
     let subject = told("subject_1");
     assert_says(&subject, &["Hand Appearance, right hand", "448 x 448", "phone"]);
     assert_one_sentence(&inspect(folder.path(), &["InterHand2.6M"]), &["MANO_RIGHT.pkl", "--hand-model"]);
 }
 
 #[test]
-fn what_is_no_capture_and_a_sheet_that_cannot_be_written_are_one_sentence() {
+fn an_unknown_input_or_a_sheet_that_cannot_be_written_is_one_sentence() {
     let folder = folder_with_capture();
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     std::fs::write(folder.path().join("broken.json"), "{").unwrap();
@@ -204,7 +198,7 @@ fn what_is_no_capture_and_a_sheet_that_cannot_be_written_are_one_sentence() {
 }
 
 #[test]
-fn a_path_that_is_not_there_is_said_to_be_missing() {
+fn a_missing_path_is_reported_as_missing() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["nowhere", "nowhere/hand.glb", "capture.json"] {
         assert_one_sentence(&inspect(folder.path(), &[name]), &[name, "no such file or folder"]);

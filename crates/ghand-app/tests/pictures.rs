@@ -1,6 +1,6 @@
-//! Pictures and films as files: what `render`, `splat`, `pose` and `export` leave behind.
+//! Pictures and films as files: the outputs of `render`, `splat`, `pose` and `export`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -16,7 +16,7 @@ fn open(folder: &Path, name: &str) -> DynamicImage {
     image::open(folder.join(name)).unwrap()
 }
 
-/// Runs the program, which must succeed, and tells what it has printed.
+/// Runs the program, which must succeed, and returns its output.
 fn said(folder: &Path, arguments: &[&str]) -> String {
     let output = run(GHAND, folder, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -33,7 +33,7 @@ fn difference(a: &DynamicImage, b: &DynamicImage) -> (u8, f64) {
 }
 
 #[test]
-fn one_picture_may_be_a_file_whatever_the_case_of_its_ending() {
+fn one_picture_can_be_a_file_with_an_extension_in_any_case() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let render = ["render", "hand.ghand", "--pose", "fist", "--turntable", "1", "--size", "64x64", "--out"];
@@ -51,7 +51,7 @@ fn one_picture_may_be_a_file_whatever_the_case_of_its_ending() {
 }
 
 #[test]
-fn a_picture_with_a_transparent_background_lies_over_any_colour() {
+fn a_picture_with_a_transparent_background_composites_over_any_colour() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let commands: [&[&str]; 2] = [
@@ -85,14 +85,14 @@ fn a_picture_with_a_transparent_background_lies_over_any_colour() {
 }
 
 #[test]
-fn a_render_replaces_the_one_before_and_no_other_file() {
+fn a_render_replaces_the_previous_one_and_no_other_file() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let render = ["render", "hand.ghand", "--size", "16x16", "--out", "out", "--turntable"];
     said(folder.path(), &[&render[..], &["3"]].concat());
     std::fs::write(folder.path().join("out/notes.txt"), b"mine").unwrap();
     let text = said(folder.path(), &[&render[..], &["1", "--format", "exr"]].concat());
-    assert!(text.contains("3 of an earlier render were removed"), "{text}");
+    assert!(text.contains("3 pictures of an earlier render were removed"), "{text}");
     assert_eq!(listing(&folder.path().join("out")), ["frame-0000_view-00.exr", "notes.txt", "render.json"]);
     std::fs::remove_file(folder.path().join("out/render.json")).unwrap();
     let output = run(GHAND, folder.path(), &[&render[..], &["1", "--format", "exr"]].concat());
@@ -107,7 +107,8 @@ fn a_motion_is_filmed_while_the_camera_goes_around() {
     said(folder.path(), &[&orbit[..], &["--out", "pictures"]].concat());
     let names = listing(&folder.path().join("pictures"));
     assert_eq!((names.len(), names[0].as_str(), names[9].as_str()), (11, "frame-0000.png", "frame-0009.png"));
-    // The hand is open in the first frame and, once around, in the last; a quarter on it is seen from the side.
+    // The hand is open in the first frame and, after a full turn, in the last; after a quarter turn it is seen from the
+    // side.
     let width = |name: &str| {
         let picture = open(folder.path(), &format!("pictures/{name}")).into_rgb8();
         let columns = (0..48).filter(|x| (0..48).any(|y| picture.get_pixel(*x, y).0 != [0; 3])).count();
@@ -134,7 +135,7 @@ fn a_motion_is_filmed_while_the_camera_goes_around() {
 
 #[cfg(unix)]
 #[test]
-fn films_go_through_ffmpeg_and_without_it_a_sentence_says_what_to_do() {
+fn films_are_encoded_by_ffmpeg_and_its_absence_is_reported_with_a_remedy() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
@@ -150,7 +151,7 @@ fn films_go_through_ffmpeg_and_without_it_a_sentence_says_what_to_do() {
     assert_one_sentence(&missing, &["need ffmpeg", "not installed", "apt-get install ffmpeg", ".gif"]);
     assert!(!folder.path().join("a.mp4").exists());
 
-    // It stands in for ffmpeg: the film is what was piped to it.
+    // A replacement for ffmpeg: the film is its standard input.
     let pretend = |script: &str| {
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
@@ -170,14 +171,14 @@ fn films_go_through_ffmpeg_and_without_it_a_sentence_says_what_to_do() {
     for part in ["-pixel_format rgba", "-video_size 30x20", "-framerate 1 ", "libx264", "yuv420p"] {
         assert!(arguments.contains(part), "{part} is not in: {arguments}");
     }
-    // One that fails is told, and leaves nothing.
+    // A failure is reported and leaves no file.
     pretend("echo 'Unknown encoder' >&2; exit 1");
     assert_one_sentence(&film("b.webm", &both), &["ffmpeg", "Unknown encoder"]);
     assert!(!folder.path().join("b.webm").exists());
 }
 
 #[test]
-fn an_exported_avatar_looks_as_it_is_rendered() {
+fn an_exported_avatar_looks_like_its_rendering() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let text = said(folder.path(), &["export", "hand.ghand", "--pose", "fist", "--ply", "new/Fist.PLY"]);
@@ -189,7 +190,7 @@ fn an_exported_avatar_looks_as_it_is_rendered() {
     said(folder.path(), &[&["render", "hand.ghand", "--pose", "open", "--out", "c.exr"], &shared[..]].concat());
     let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| open(folder.path(), name).into_rgba32f().into_raw());
     let worst = |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-    // An opacity of 0.99999, and a contribution of 1/255 that falls on the other side of the least that is drawn.
+    // An opacity of 0.99999, and a contribution of 1/255 that is drawn by one of them only.
     assert!(worst(&a, &b) <= 1.1 / 255.0, "{}", worst(&a, &b));
     let mean = a.iter().zip(&b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / a.len() as f64;
     assert!(mean < 2e-5, "{mean}");
@@ -206,7 +207,7 @@ fn an_exported_avatar_looks_as_it_is_rendered() {
 }
 
 #[test]
-fn the_example_camera_sees_the_whole_hand_and_cameras_of_captures_go_by_their_ids() {
+fn the_example_camera_sees_the_whole_hand_and_cameras_of_captures_are_chosen_by_id() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/camera.json");
@@ -261,5 +262,5 @@ fn a_full_stdout_is_an_error_and_a_closed_one_is_not() {
         let closed = start(writer.into());
         assert!(closed.status.success() && closed.stderr.is_empty(), "{}", String::from_utf8_lossy(&closed.stderr));
     }
-    assert!(folder.path().join("a.obj").exists(), "what is done is done all the same");
+    assert!(folder.path().join("a.obj").exists(), "the work is done all the same");
 }

@@ -1,6 +1,6 @@
 //! `ghand render` as a user runs it.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -17,7 +17,7 @@ fn open(path: &std::path::Path) -> RgbImage {
     image::open(path).unwrap().into_rgb8()
 }
 
-/// Part of the pixels that differ from the background.
+/// Fraction of the pixels that differ from the background.
 fn coverage(picture: &RgbImage, background: [u8; 3]) -> f64 {
     let count = picture.pixels().filter(|p| p.0 != background).count();
     count as f64 / f64::from(picture.width() * picture.height())
@@ -50,7 +50,7 @@ fn a_turntable_shows_the_hand_from_all_sides() {
 }
 
 #[test]
-fn every_frame_of_a_pose_file_is_rendered_or_the_one_asked_for() {
+fn every_frame_or_the_requested_frame_of_a_pose_file_is_rendered() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
     let frame = |id: &str, y: f64| format!(r#"{{"id":"{id}","pose":[{}],"translation":[0,{y},0]}}"#, rows(16));
@@ -63,7 +63,7 @@ fn every_frame_of_a_pose_file_is_rendered_or_the_one_asked_for() {
     assert_eq!(listing(&folder.path().join("all")), ["frame-0000.png", "frame-0001.png", "render.json"]);
     let one = run(GHAND, folder.path(), &[&shared[..], &["--out", "one", "--frame", "second"]].concat());
     assert!(one.status.success());
-    // The frame has the same name on its own, so that pictures of two renders can be compared.
+    // The frame has the same name when rendered alone, so that pictures of two renders can be compared.
     assert_eq!(listing(&folder.path().join("one")), ["frame-0001.png", "render.json"]);
     let list: serde_json::Value =
         serde_json::from_slice(&std::fs::read(folder.path().join("one/render.json")).unwrap()).unwrap();

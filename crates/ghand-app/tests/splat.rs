@@ -1,6 +1,6 @@
 //! `ghand splat` as a user runs it.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -43,8 +43,8 @@ fn set_up(folder: &Path) {
     weights().save(folder.join("w.exr")).unwrap();
 }
 
-/// Weights that change slowly over the picture: what Gaussians lose at the alpha cut, which differences see and gradients
-/// do not, then stays small beside the rest.
+/// Weights that change slowly over the picture: this keeps the effect of the alpha cut small, which finite differences
+/// include and gradients do not.
 fn weights() -> Rgb32FImage {
     Rgb32FImage::from_fn(SIZE[0], SIZE[1], |x, y| {
         image::Rgb([0.0, 1.0, 2.0].map(|c| (0.13 * x as f32 + 0.17 * y as f32 + c).sin()))
@@ -100,7 +100,7 @@ fn the_gradient_is_that_of_the_stored_numbers() {
         (tensor("opacity_logits", &[2]), vec![15]),
         (tensor("log_scales", &[2, 3]), vec![16, 17, 18]),
         (tensor("quats", &[2, 4]), vec![19, 20, 21, 22]),
-        // Function by function; the file has the harmonics beyond the first channel by channel.
+        // Ordered by function; the file orders the harmonics beyond the first by channel.
         (sh, vec![3, 4, 5, 6, 9, 12, 7, 10, 13, 8, 11, 14]),
     ];
     for (gradient, columns) in parts {
@@ -113,7 +113,8 @@ fn the_gradient_is_that_of_the_stored_numbers() {
                 std::fs::write(folder.path().join("scene.ply"), ply(&scene)).unwrap();
                 weighted_sum(&render(folder.path(), &[]))
             };
-            // What is lost at the alpha cut changes with the size: good to several per cent, enough to tell parameters apart.
+            // The loss at the alpha cut changes with the size: exact to several per cent, enough to distinguish
+            // parameters.
             let numeric = (shifted(2e-3) - shifted(-2e-3)) / 4e-3;
             assert!(
                 (analytic - numeric).abs() <= 0.1 * largest + 1e-3,
@@ -124,7 +125,7 @@ fn the_gradient_is_that_of_the_stored_numbers() {
 }
 
 #[test]
-fn what_cannot_be_rendered_is_one_sentence_and_leaves_no_file() {
+fn a_failed_rendering_is_one_sentence_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     set_up(folder.path());
     std::fs::write(folder.path().join("cut.ply"), &ply(&numbers())[..700]).unwrap();

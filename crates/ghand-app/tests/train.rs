@@ -1,6 +1,6 @@
 //! `train` as a user runs it: bad input, and being killed.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -56,7 +56,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
     train("short", &[], &["capture.json", "pose", "16", "15"]);
     let gone = copy("gone");
     std::fs::remove_dir_all(gone.join("images")).unwrap();
-    train("gone", &[], &["gone", "nothing is left of split \"train\"", "11 without a file", "0000.png"]);
+    train("gone", &[], &["gone", "no images are left in split \"train\"", "11 without a file", "0000.png"]);
 }
 
 /// Changes every mask of a capture.
@@ -81,7 +81,7 @@ fn change_json(capture: &Path, change: impl Fn(&mut serde_json::Value)) {
 }
 
 #[test]
-fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_avatar() {
+fn hopeless_training_is_rejected_in_one_sentence_with_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("capture");
     small_capture_with(0, &capture);
@@ -90,9 +90,9 @@ fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_a
     let refused = |parts: &[&str]| {
         let output = run(TRAIN, folder.path(), &arguments);
         assert_one_sentence(&output, &[&["capture"], parts].concat());
-        assert_eq!(listing(folder.path()), ["capture"], "a run that was refused leaves its folder");
+        assert_eq!(listing(folder.path()), ["capture"], "a rejected run leaves its folder");
     };
-    let remedy = ["no avatar can come of the split \"train\"", "ghand inspect", "--ignore-checks"];
+    let remedy = ["training on the split \"train\" cannot succeed", "ghand inspect", "--ignore-checks"];
     let scaled = |json: &mut serde_json::Value, list: &str, field: &str, factor: f64| {
         for entry in json[list].as_array_mut().unwrap() {
             for value in entry[field].as_array_mut().unwrap() {
@@ -117,7 +117,7 @@ fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_a
     std::fs::write(capture.join("capture.json"), &json).unwrap();
     change_masks(&capture, |value| value / 4);
     refused(&[&remedy[..], &["masks are empty", "128"]].concat());
-    // Who knows better may train all the same.
+    // Users can train anyway.
     let forced = run(TRAIN, folder.path(), &[&arguments[..], &["--ignore-checks"]].concat());
     let warned = String::from_utf8_lossy(&forced.stderr);
     assert!(forced.status.success() && warned.contains("masks are empty"), "{warned}");
@@ -125,7 +125,7 @@ fn what_makes_training_pointless_is_one_sentence_with_the_remedy_and_leaves_no_a
 }
 
 #[test]
-fn masks_of_zero_and_one_give_the_avatar_of_those_of_zero_and_255_and_one_warning() {
+fn masks_of_0_and_1_give_the_same_avatar_as_0_and_255_and_one_warning() {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("capture");
     small_capture_with(0, &capture);
@@ -141,11 +141,11 @@ fn masks_of_zero_and_one_give_the_avatar_of_those_of_zero_and_255_and_one_warnin
     change_masks(&capture, |value| value / 255);
     let (same, warned) = train("b");
     assert!(avatar == same, "another avatar");
-    assert_eq!(warned.matches("split \"train\": 10 of 10 masks hold 0 and 1").count(), 1, "{warned}");
+    assert_eq!(warned.matches("split \"train\": 10 of 10 masks have 0 and 1").count(), 1, "{warned}");
 }
 
 #[test]
-fn images_that_are_of_no_use_are_left_out_with_one_warning() {
+fn unusable_images_are_skipped_with_one_warning() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let image = |name: &str| folder.path().join("capture/images").join(name);
@@ -158,10 +158,10 @@ fn images_that_are_of_no_use_are_left_out_with_one_warning() {
     let [said, warned] = assert_trained(&output);
     assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
     assert!(
-        warned.contains("3 of 11 images are left out: 1 without a file, 2 with a broken file; the first:"),
+        warned.contains("3 of 11 images are skipped: 1 without a file, 2 with a broken file; the first:"),
         "{warned}"
     );
-    assert_eq!(warned.matches("left out").count(), 1, "{warned}");
+    assert_eq!(warned.matches("are skipped").count(), 1, "{warned}");
 }
 
 #[test]
@@ -175,10 +175,7 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
     let output = run(TRAIN, folder.path(), &arguments);
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    assert!(
-        said.contains("no image to evaluate on") && !said.contains("PSNR") && said.contains("pose error"),
-        "{said}"
-    );
+    assert!(said.contains("no images to evaluate") && !said.contains("PSNR") && said.contains("pose error"), "{said}");
     assert_eq!(listing(&folder.path().join("out")), ["avatar.ghand", "metrics.json", "poses.json"]);
     let metrics = std::fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
     assert!(metrics.contains("pose_error_deg") && !metrics.contains("psnr"), "{metrics}");
@@ -207,7 +204,7 @@ fn killing_a_run_leaves_the_old_avatar_whole() {
     assert!(lines.any(|l| l.unwrap().starts_with("training:")), "the second run never started");
     child.kill().unwrap();
     child.wait().unwrap();
-    // The file of the lock, which is free again.
+    // The lock's file; the lock itself is free again.
     std::fs::remove_file(folder.path().join("out/.train.lock")).unwrap();
     assert_eq!(listing(&folder.path().join("out")), files);
     assert!(std::fs::read(folder.path().join("out/avatar.ghand")).unwrap() == avatar);
@@ -221,7 +218,7 @@ fn a_full_disk_is_one_sentence_and_leaves_no_half_written_avatar() {
     std::fs::create_dir(&disk).unwrap();
     let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", "size=64k", "none"]).arg(&disk).status();
     if !mounted.is_ok_and(|s| s.success()) {
-        println!("left out: this user may not mount a small tmpfs");
+        println!("skipped: this user may not mount a small tmpfs");
         return;
     }
     let output = run(TRAIN, folder.path(), &["--capture", "capture", "--out", "disk/out", "--set", "iterations=2"]);

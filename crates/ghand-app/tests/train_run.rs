@@ -1,7 +1,7 @@
-//! The life of a run of `train`: where it writes, what it keeps, how it is stopped and when it has failed.
+//! A run of `train`: its folder, what it keeps, how it is stopped and when it has failed.
 
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -14,7 +14,7 @@ use ghand_avatar::Avatar;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const RESULTS: [&str; 4] = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
-/// More than any test waits for.
+/// Longer than any test needs to wait.
 const ENDLESS: &str = "iterations=1000000";
 
 /// Options of a run that takes about a second.
@@ -37,7 +37,7 @@ fn start(folder: &Path, more: &[&str], text: &str) -> Child {
         .spawn()
         .unwrap();
     let stdout = child.stdout.as_mut().unwrap();
-    // Without a buffer, so that nothing is lost of what follows.
+    // Without a buffer, so that none of the following output is lost.
     let mut seen = String::new();
     let mut byte = [0];
     while !seen.lines().any(|line| line.contains(text)) || !seen.ends_with('\n') {
@@ -61,7 +61,7 @@ fn metrics(folder: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn runs_without_a_folder_keep_each_other_and_share_the_demo_capture() {
+fn runs_without_a_named_folder_keep_earlier_ones_and_share_the_demo_capture() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("out/demo-capture"));
     let demo = |more: &[&str]| {
@@ -79,14 +79,14 @@ fn runs_without_a_folder_keep_each_other_and_share_the_demo_capture() {
     assert_eq!(listing(&folder.path().join("out")), ["demo-capture", "train", "train-2"]);
     assert_eq!(listing(&folder.path().join("out/train-2")), RESULTS);
     assert!(avatar("train") == first && avatar("train-2") != first);
-    // Replacing is for those who ask for it.
+    // Results are replaced only on request.
     demo(&["--seed", "2", "--force"]);
     assert!(avatar("train") == avatar("train-2"));
     assert_eq!(listing(&folder.path().join("out")), ["demo-capture", "train", "train-2"]);
 }
 
 #[test]
-fn results_in_a_named_folder_are_replaced_only_by_force() {
+fn results_in_a_named_folder_are_replaced_only_with_force() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let out = folder.path().join("run");
@@ -102,7 +102,7 @@ fn results_in_a_named_folder_are_replaced_only_by_force() {
     let refused = train(folder.path(), &[&named[..], &["--seed", "2"]].concat());
     assert_one_sentence(&refused, &["run/avatar.ghand", "earlier run", "--force"]);
     assert!(!text(&refused.stdout).contains("training:"), "{}", text(&refused.stdout));
-    // Figures alone are results, too.
+    // A metrics file alone is also a result.
     std::fs::remove_file(out.join("avatar.ghand")).unwrap();
     assert_one_sentence(&train(folder.path(), &named), &["run/poses.json", "--force"]);
     std::fs::write(out.join("avatar.ghand"), &first).unwrap();
@@ -113,7 +113,7 @@ fn results_in_a_named_folder_are_replaced_only_by_force() {
 }
 
 #[test]
-fn a_second_run_into_a_folder_is_refused_until_the_first_is_gone_even_if_it_was_killed() {
+fn a_second_run_into_a_folder_is_rejected_until_the_first_has_ended_or_was_killed() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let mut first = start(folder.path(), &["--out", "run", "--set", ENDLESS], "training:");
@@ -128,7 +128,7 @@ fn a_second_run_into_a_folder_is_refused_until_the_first_is_gone_even_if_it_was_
 }
 
 #[test]
-fn a_run_that_is_stopped_in_stage_2_saves_and_evaluates_what_is_there_and_says_so() {
+fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().unwrap();
         small_capture(&folder.path().join("capture"));
@@ -153,7 +153,7 @@ fn a_run_that_is_stopped_in_stage_2_saves_and_evaluates_what_is_there_and_says_s
 }
 
 #[test]
-fn a_run_that_is_stopped_in_stage_1_says_that_there_is_nothing_and_leaves_nothing() {
+fn a_run_stopped_in_stage_1_says_so_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let child = start(folder.path(), &["--out", "runs/a", "--set", ENDLESS], "stage 1");
@@ -170,7 +170,7 @@ fn a_run_that_is_stopped_in_stage_1_says_that_there_is_nothing_and_leaves_nothin
 fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    // With so many Gaussians an iteration takes longer than both signals.
+    // With this many Gaussians an iteration takes longer than both signals.
     let slow = ["--out", "run", "--set", ENDLESS, "--set", "pose_stage=0", "--set", "uv_resolution=640"];
     let mut child = start(folder.path(), &slow, "stage 2");
     send("-INT", &child);
@@ -179,17 +179,17 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     send("-INT", &child);
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
-    assert!(rest.iter().any(|line| line.contains("at once") || line.contains("without figures")), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("at once") || line.contains("stopped before evaluation")), "{rest:?}");
     let run = folder.path().join("run");
     if run.exists() {
-        // The signal came when the avatar was saved.
+        // The signal came after the avatar was saved.
         assert_eq!(listing(&run), ["avatar.ghand", "poses.json"]);
         Avatar::load(&run.join("avatar.ghand")).unwrap();
     }
 }
 
 #[test]
-fn an_avatar_that_does_not_beat_its_floor_is_a_failure_that_can_be_looked_at() {
+fn an_avatar_that_does_not_beat_its_floor_is_a_failure_and_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let output = train(folder.path(), &["--out", "run", "--set", "iterations=2"]);
@@ -205,7 +205,7 @@ fn an_avatar_that_does_not_beat_its_floor_is_a_failure_that_can_be_looked_at() {
 }
 
 #[test]
-fn a_training_that_goes_wrong_names_the_setting_and_leaves_no_avatar() {
+fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     for (setting, fault) in [("rate_response=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
@@ -214,7 +214,7 @@ fn a_training_that_goes_wrong_names_the_setting_and_leaves_no_avatar() {
         assert_one_sentence(&train(folder.path(), &more), &["training failed in stage 2", fault, name]);
         assert!(!folder.path().join("run").exists(), "{setting}");
     }
-    // What was there before stays.
+    // Earlier results stay.
     let good = train(folder.path(), &["--out", "run", "--set", "iterations=4"]);
     assert!(text(&good.stdout).contains("avatar: "));
     let avatar = std::fs::read(folder.path().join("run/avatar.ghand")).unwrap();
@@ -225,7 +225,7 @@ fn a_training_that_goes_wrong_names_the_setting_and_leaves_no_avatar() {
 }
 
 #[test]
-fn settings_are_refused_in_plain_words() {
+fn invalid_settings_are_rejected_in_plain_words() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |more: &[&str], parts: &[&str]| {
         assert_one_sentence(&run(TRAIN, folder.path(), more), parts);

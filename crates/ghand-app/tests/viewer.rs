@@ -1,6 +1,6 @@
 //! `viewer` as a user runs it, without a display.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod common;
 
@@ -33,7 +33,7 @@ fn a_screenshot_shows_panel_and_hand_without_a_display() {
     assert!(text > 500, "the panel is empty: {text} bright pixels");
 }
 
-/// A scene as text: a red ball of that radius about (7, -3, 20) and, as trained scenes have them, a few Gaussians far away.
+/// A scene as text: a red ball of this radius about (7, -3, 20) and, as in trained scenes, a few Gaussians far away.
 fn ball(radius: f64) -> String {
     let properties = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let count = 400;
@@ -55,7 +55,7 @@ fn ball(radius: f64) -> String {
 }
 
 #[test]
-fn a_scene_fills_its_panel_whatever_its_units_and_outliers() {
+fn a_scene_fills_its_panel_despite_units_and_outliers() {
     let folder = tempfile::tempdir().unwrap();
     for radius in [0.002, 1.0, 300.0] {
         std::fs::write(folder.path().join("ball.ply"), ball(radius)).unwrap();
@@ -75,7 +75,7 @@ fn a_scene_fills_its_panel_whatever_its_units_and_outliers() {
 }
 
 #[test]
-fn a_hand_model_is_shown_as_a_bare_hand_that_takes_poses() {
+fn a_hand_model_is_shown_as_an_untrained_hand_that_can_be_posed() {
     let folder = tempfile::tempdir().unwrap();
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     write_mano(&folder.path().join("right.npz"), &model).unwrap();
@@ -92,7 +92,7 @@ fn a_hand_model_is_shown_as_a_bare_hand_that_takes_poses() {
 }
 
 #[test]
-fn without_an_avatar_the_last_trained_one_is_shown_else_a_bare_hand() {
+fn without_an_argument_the_last_trained_avatar_or_an_untrained_hand_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     let shot = |name: &str| {
         let output = run(VIEWER, folder.path(), &["--screenshot", name, "--size", "400x300"]);

@@ -1,4 +1,4 @@
-//! Chooses a few cameras that see much.
+//! Chooses a few cameras with very different views.
 
 use ghand_core::Camera;
 

@@ -1,4 +1,4 @@
-//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also hold one such object alone.
+//! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also consist of one such object.
 //! [`crate::named_camera`] reads either.
 
 use std::path::Path;
@@ -16,8 +16,8 @@ use crate::text_file::read_text;
 /// Larger files hold more than one camera.
 const LARGEST_FILE: u64 = 1 << 20;
 
-/// Distortion for which less than this part of the undistorted image has a source is probably a mistake: strong lenses
-/// that the model describes have more than 0.7.
+/// Distortion that leaves less than this fraction of the undistorted image with a source is probably a mistake: strong
+/// lenses that the model describes have more than 0.7.
 const LEAST_SEEN: f64 = 0.5;
 
 #[derive(Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub(crate) struct CameraFile {
     pub intrinsics: [[f64; 3]; 3],
     pub rotation: [[f64; 3]; 3],
     pub translation: [f64; 3],
-    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3; none if absent.
+    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3; `None` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Vec<f64>>,
 }
@@ -37,7 +37,7 @@ pub(crate) struct CameraFile {
 /// Reads and checks a file that holds one camera.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field and what is wrong with it.
+/// [`CaptureError`] names the file, the field and its problem.
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
     let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
@@ -51,7 +51,7 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
 }
 
 impl CameraFile {
-    /// The camera, checked. `field` is where it stands in its file, empty for a file of its own.
+    /// The camera, checked. `field` is its field in the file, empty if the file contains nothing else.
     pub(crate) fn camera(&self, validator: FileValidator, field: String) -> Result<Camera, CaptureError> {
         let [[fx, skew, cx], [k10, fy, cy], last_row] = self.intrinsics;
         if skew != 0.0 || k10 != 0.0 || last_row != [0.0, 0.0, 1.0] {
@@ -85,8 +85,8 @@ impl CameraFile {
         let invalid = |problem: String| Err(validator.invalid(member(field, "distortion"), problem));
         let Ok(coefficients) = <[f64; 5]>::try_from(coefficients) else {
             return invalid(format!(
-                "has {} numbers; give OpenCV's five, k1, k2, p1, p2 and k3, or for another lens model undistort the images and \
-                 leave it out",
+                "has {} numbers; give OpenCV's five, k1, k2, p1, p2 and k3, or for another lens model, undistort the \
+                 images and omit it",
                 coefficients.len()
             ));
         };
@@ -94,8 +94,8 @@ impl CameraFile {
         let seen = distortion.visible_part(camera);
         if seen < LEAST_SEEN {
             return invalid(format!(
-                "leaves {:.0}% of the undistorted image without a source; give k1, k2, p1, p2, k3 in this order, as calibrated \
-                 with these intrinsics, or undistort the images and leave it out",
+                "leaves {:.0}% of the undistorted image without a source; give k1, k2, p1, p2, k3 in this order, as \
+                 calibrated with these intrinsics, or undistort the images and omit it",
                 100.0 * (1.0 - seen)
             ));
         }
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_cameras_are_refused_with_the_field() {
+    fn wrong_cameras_are_rejected_with_the_field() {
         for (from, to, field) in [
             ("\"width\":64", "\"width\":0", "width"),
             ("[[100,0", "[[-100,0", "intrinsics"),

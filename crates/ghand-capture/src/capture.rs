@@ -43,8 +43,8 @@ pub struct Frame {
 pub struct ImagePaths {
     /// Path of the images.
     pub image: String,
-    /// Path of the masks (8-bit, hand at >= 128). Without one the images' alpha channel is the mask, and without that the hand
-    /// may be anywhere in the image.
+    /// Path of the masks (8-bit, hand at >= 128). Without it the images' alpha channel is the mask, and without that
+    /// the hand may be anywhere in the image.
     pub mask: Option<String>,
     /// Folder for masks made from the posed hand model, for images without a file at `mask`.
     pub made_masks: Option<PathBuf>,
@@ -76,8 +76,8 @@ pub struct Capture {
     pub template: HandModel,
     /// The cameras; metres, world axes.
     pub cameras: Vec<Camera>,
-    /// Distortion of the cameras' lenses, one per camera; empty if none has any. Files of images and masks are distorted,
-    /// views are not: [`Capture::load_view`] undistorts them.
+    /// Distortion of the cameras' lenses, one per camera; empty if none has any. Files of images and masks are
+    /// distorted, views are not: [`Capture::load_view`] undistorts them.
     pub distortion: Vec<Option<Distortion>>,
     /// The frames, poses in the order of the hand model's joints.
     pub frames: Vec<Frame>,
@@ -115,7 +115,7 @@ impl Capture {
     /// File of the image of a camera and a frame.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no such camera or frame.
+    /// [`CaptureError::Invalid`] if there is no such camera or frame.
     pub fn image_file(&self, camera: usize, frame: usize) -> Result<PathBuf, CaptureError> {
         self.file(&self.images.image, camera, frame)
     }
@@ -123,7 +123,7 @@ impl Capture {
     /// File of the mask of a camera and a frame, if the capture has masks.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no such camera or frame.
+    /// [`CaptureError::Invalid`] if there is no such camera or frame.
     pub fn mask_file(&self, camera: usize, frame: usize) -> Result<Option<PathBuf>, CaptureError> {
         self.images.mask.as_ref().map(|template| self.file(template, camera, frame)).transpose()
     }
@@ -143,7 +143,7 @@ impl Capture {
     }
 
     fn absent(&self, field: &str, index: usize, count: usize) -> CaptureError {
-        let problem = format!("there is no number {index}; the capture has {count}, counted from 0");
+        let problem = format!("number {index} does not exist; the capture has {count}, counted from 0");
         CaptureError::Invalid { path: self.root.clone(), field: field.into(), problem }
     }
 }
@@ -162,8 +162,7 @@ pub(crate) fn mean_shaped(model: &HandModel, frames: &[Frame]) -> Result<HandMod
     Ok(HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.clone() })
 }
 
-/// A path template with the ids filled in. Nothing is put into what an id brought in, so that an id that looks like a
-/// placeholder stays what it is.
+/// A path template with the ids filled in. An inserted id is not expanded again, even if it looks like a placeholder.
 pub fn fill_template(template: &str, camera: &str, frame: &str) -> String {
     let (sequence, number) = frame.split_once('/').unwrap_or(("", frame));
     let ids = [("{camera}", camera), ("{frame}", frame), ("{sequence}", sequence), ("{number}", number)];
@@ -187,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ids_fill_their_own_places_only() {
+    fn ids_fill_only_their_own_placeholders() {
         assert_eq!(fill_template("i/{camera}/{frame}.png", "{frame}", "{camera}"), "i/{frame}/{camera}.png");
         assert_eq!(fill_template("{frame}-{camera}-{frame}", "a", "b"), "b-a-b");
         assert_eq!(fill_template("{sequence}/c{camera}/{number}.j{p}g{", "4", "ROM/12"), "ROM/c4/12.j{p}g{");

@@ -82,7 +82,7 @@ impl FileValidator<'_> {
             return Err(self.invalid(field("intrinsics"), problem));
         }
         if focal.max(principal.abs()).max_element() > LARGEST_FOCAL {
-            let problem = format!("holds a number beyond {LARGEST_FOCAL:.0e}; give pixels");
+            let problem = format!("has a number beyond {LARGEST_FOCAL:.0e}; give pixels");
             return Err(self.invalid(field("intrinsics"), problem));
         }
         let rotation = self.rotation(field("rotation"), entry.rotation)?;
@@ -107,8 +107,8 @@ impl FileValidator<'_> {
             entries.iter().fold(0.0, |worst: f64, e| if worst >= e.abs() || worst.is_nan() { worst } else { e.abs() });
         if !(matrix.is_finite() && error <= ROTATION_TOLERANCE && matrix.determinant() > 0.0) {
             let problem = format!(
-                "is no rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), determinant {:.3}; give \
-                 the rows of camera_from_world without scale or mirror",
+                "is not a rotation: R R^T differs from 1 by {error:.1e} (at most {ROTATION_TOLERANCE:.0e}), \
+                 determinant {:.3}; give the rows of camera_from_world without scale or mirror",
                 matrix.determinant()
             );
             return Err(self.invalid(field, problem));
@@ -131,7 +131,7 @@ impl FileValidator<'_> {
     ) -> Result<Pose, CaptureError> {
         let JointRows { order, names } = joints;
         if rows.len() != order.len() {
-            let problem = format!("has {} rows, expected {}: one a joint", rows.len(), order.len());
+            let problem = format!("has {} rows, expected {}: one per joint", rows.len(), order.len());
             return Err(self.invalid(format!("frames[{id:?}].pose"), problem));
         }
         let rotations = (rows.iter().enumerate())
@@ -149,7 +149,7 @@ impl FileValidator<'_> {
         Ok(pose)
     }
 
-    /// Rejects poses and shapes that no hand can have. `id` is the frame's.
+    /// Rejects poses and shapes that are impossible for a hand. `id` is the frame's.
     pub fn pose_range(&self, id: &str, pose: &Pose, shape: &[f64], joints: &[String]) -> Result<(), CaptureError> {
         pose.check_range(joints).and_then(|()| check_shape_range(shape)).map_err(|error| {
             let part = match error {
@@ -170,7 +170,7 @@ impl FileValidator<'_> {
         let mut index = HashMap::new();
         for (i, id) in ids.enumerate() {
             if let Some(first) = index.insert(id, i) {
-                let problem = format!("{id:?} is there twice (numbers {first} and {i}); ids must be unique");
+                let problem = format!("{id:?} occurs twice (numbers {first} and {i}); ids must be unique");
                 return Err(self.invalid(field, problem));
             }
         }
@@ -193,8 +193,7 @@ impl FileValidator<'_> {
         if normal && !path.is_empty() && !path.contains(['\\', ':', '\0']) {
             return Ok(());
         }
-        let problem =
-            format!("{path:?} leads out of the capture's folder; give a path inside it, with / between its parts");
+        let problem = format!("{path:?} leaves the capture's folder; give a path inside it, with / as separator");
         Err(self.invalid(field, problem))
     }
 }

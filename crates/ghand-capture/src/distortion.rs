@@ -31,7 +31,7 @@ impl Distortion {
         [k1, k2, p1, p2, k3]
     }
 
-    /// The place at which the ray `(x, y, 1)` is seen, as a ray of an undistorted camera.
+    /// The position at which the ray `(x, y, 1)` is seen, as a ray of an undistorted camera.
     pub fn distorted(&self, ray: DVec2) -> DVec2 {
         let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
         let (x, y) = (ray.x, ray.y);
@@ -87,7 +87,7 @@ impl Source<'_> {
         Source { distortion, camera, size, fold }
     }
 
-    /// The place in the distorted image of a point of the undistorted one (pixels, centres at half-integers).
+    /// The position in the distorted image of a point in the undistorted one (pixels, centres at half-integers).
     fn of(&self, point: DVec2) -> Option<DVec2> {
         let ray = (point - self.camera.principal) / self.camera.focal;
         if ray.length_squared() >= self.fold {
@@ -189,15 +189,16 @@ mod tests {
     }
 
     #[test]
-    fn a_point_by_hand() {
+    fn a_distorted_point_matches_a_hand_calculation() {
         // r² = 0.25; 1 + 0.1 x 0.25 + 0.2 x 0.0625 + 0.4 x 0.015625 = 1.04375.
-        // x: 0.3 x 1.04375 + 2 x 0.01 x 0.12 + 0.02 x (0.25 + 0.18), y: 0.4 x 1.04375 + 0.01 x (0.25 + 0.32) + 2 x 0.02 x 0.12
+        // x: 0.3 x 1.04375 + 2 x 0.01 x 0.12 + 0.02 x (0.25 + 0.18), y: 0.4 x 1.04375 + 0.01 x (0.25 + 0.32) + 2 x 0.02
+        // x 0.12
         let seen = Distortion::from_opencv([0.1, 0.2, 0.01, 0.02, 0.4]).distorted(DVec2::new(0.3, 0.4));
         assert!((seen - DVec2::new(0.324125, 0.428)).length() < 1e-12, "{seen}");
     }
 
     #[test]
-    fn what_the_lens_does_not_see_is_outside() {
+    fn points_that_the_lens_does_not_see_are_outside() {
         let camera = camera(96, 72);
         let white = vec![[255; 4]; 96 * 72];
         // Pincushion: the corners of the pinhole image lie beyond those of the distorted one.

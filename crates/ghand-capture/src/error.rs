@@ -20,21 +20,21 @@ pub enum CaptureError {
         remedy: &'static str,
     },
     /// A file is not JSON, or a field is missing or has the wrong type.
-    #[error("{path}: {problem}; correct the file at that place or export it again")]
+    #[error("{path}: {problem}; correct the file there, or export it again")]
     Json {
         /// The file.
         path: PathBuf,
         /// The field, if known, its problem, and the line and column.
         problem: String,
     },
-    /// A field holds something unusable.
+    /// A field has an unusable value.
     #[error("{path}: {field}: {problem}")]
     Invalid {
         /// The file.
         path: PathBuf,
         /// The field, as in `frames["0003"].pose`.
         field: String,
-        /// What is wrong and what to do about it.
+        /// The problem, and what to do about it.
         problem: String,
     },
     /// The capture's hand model is unusable.
@@ -49,7 +49,7 @@ pub enum CaptureError {
     #[error(transparent)]
     Parameters(HandModelError),
     /// An image or mask could not be decoded or encoded.
-    #[error("{path}: {what}: {source}; replace the file by a valid PNG, JPEG or EXR")]
+    #[error("{path}: {what}: {source}; replace the file with a valid PNG, JPEG or EXR")]
     Image {
         /// The file.
         path: PathBuf,

@@ -63,7 +63,7 @@ pub(crate) fn read_hand_appearance(
     let model = check_model(&validator, mano)?;
     let principal = principal.unwrap_or(DVec2::splat(f64::from(SIZE) / 2.0));
     if !principal.is_finite() {
-        return Err(validator.invalid("principal point", "is not finite; give pixels, as in 224,224"));
+        return Err(validator.invalid("principal point", "is not finite; give pixels, such as 224,224"));
     }
     let camera = Camera {
         id: "phone".into(),
@@ -127,7 +127,7 @@ fn check_model<'a>(validator: &FileValidator, mano: Option<&'a HandModel>) -> Re
         return Err(validator.invalid("hand_model", problem));
     };
     if model.parents != PARENTS || model.pose_space.is_none() || model.side != Side::Right {
-        let problem = format!("{} is no MANO model of a right hand; give MANO_RIGHT.pkl as downloaded", model.name);
+        let problem = format!("{} is not a MANO model of a right hand; give MANO_RIGHT.pkl as downloaded", model.name);
         return Err(validator.invalid("hand_model", problem));
     }
     Ok(model)
@@ -188,7 +188,7 @@ pub fn read_pose(origin: &str, bytes: &[u8], model: &HandModel) -> Result<(Pose,
         Some(wrist) => wrist / 1000.0 - hand_from_wrist,
         None => trans,
     };
-    let [scale, x, y] = cam[..] else { return Err(invalid("cam", format!("lacks numbers; {REMEDY}"))) };
+    let [scale, x, y] = cam[..] else { return Err(invalid("cam", format!("has too few numbers; {REMEDY}"))) };
     // Numbers of arrays are finite.
     if scale <= 0.0 {
         return Err(invalid("cam", format!("has the scale {scale}, which must be positive; {REMEDY}")));

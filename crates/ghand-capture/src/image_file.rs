@@ -38,7 +38,7 @@ pub(crate) fn read_bytes(file: &Path, role: Role, size: (u32, u32)) -> Result<Ve
     let most = FILE_BYTES_BESIDE + FILE_BYTES_A_PIXEL * u64::from(size.0) * u64::from(size.1);
     input_file::read(file, most).map_err(|source| unread(file, role, source))?.ok_or_else(|| {
         let problem =
-            format!("has more than {most} bytes for {} x {} pixels; replace it by a plain image", size.0, size.1);
+            format!("has more than {most} bytes for {} x {} pixels; replace it with a plain image", size.0, size.1);
         CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
     })
 }
@@ -48,7 +48,7 @@ fn unread(file: &Path, role: Role, source: std::io::Error) -> CaptureError {
         path: file.into(),
         action: if role == Role::Mask { "read the mask" } else { "read the image" },
         source,
-        remedy: "add the file, or take its camera or frame out of the splits",
+        remedy: "add the file, or remove its camera or frame from the splits",
     }
 }
 
@@ -104,8 +104,8 @@ pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) ->
 
 /// Hostile files may trigger bugs in decoders.
 fn guarded<T>(read: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
-    let gave_up = |_| Err(broken(ImageFormatHint::Unknown, "the decoder gave up on the file"));
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(gave_up)
+    let failed = |_| Err(broken(ImageFormatHint::Unknown, "the decoder failed"));
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(failed)
 }
 
 impl Refusal {
@@ -122,7 +122,7 @@ impl Refusal {
                 CaptureError::Invalid { path: file.into(), field: role.name().into(), problem }
             }
             Refusal::NotNumbers => {
-                let problem = "holds no number, every pixel is NaN; render or export it again";
+                let problem = "has only NaN pixels; render or export it again";
                 CaptureError::Invalid { path: file.into(), field: role.name().into(), problem: problem.into() }
             }
         }
@@ -141,7 +141,7 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     match reader.format() {
         Some(ImageFormat::OpenExr) => check_exr(bytes, pixels)?,
         Some(ImageFormat::Jpeg) if !has_end(bytes) => {
-            return Err(broken(ImageFormatHint::Exact(ImageFormat::Jpeg), "it is cut short"));
+            return Err(broken(ImageFormatHint::Exact(ImageFormat::Jpeg), "it is truncated"));
         }
         _ => {}
     }
@@ -156,7 +156,7 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
     if has_numbers(&picture) { Ok(picture) } else { Err(Refusal::NotNumbers) }
 }
 
-/// Whether there is a pixel whose red, green and blue are numbers.
+/// Whether any pixel has numbers for red, green and blue.
 fn has_numbers(picture: &DynamicImage) -> bool {
     let any = |values: &[f32], channels: usize| {
         values.chunks_exact(channels).any(|pixel| pixel.iter().take(3).all(|v| !v.is_nan()))

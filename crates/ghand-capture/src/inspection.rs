@@ -83,7 +83,7 @@ impl CaptureInspection {
     /// Inspects a capture. The pixels of at most `sample` images of each split are decoded.
     ///
     /// # Errors
-    /// [`CaptureError::HandModel`] when the shape or pose of a frame does not fit the hand model.
+    /// [`CaptureError::HandModel`] if the shape or pose of a frame does not match the hand model.
     pub fn of(capture: &Capture, sample: usize) -> Result<CaptureInspection, CaptureError> {
         let splits = capture.splits.iter().map(|(name, split)| (name.as_str(), split)).collect();
         let (files, unusable) = FileCheck::of(capture, &pairs_of(capture.splits.values().flat_map(|s| &s.views)));
@@ -94,7 +94,7 @@ impl CaptureInspection {
     /// before training on it.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no such split; otherwise as in [`CaptureInspection::of`].
+    /// [`CaptureError::Invalid`] if there is no such split; otherwise as in [`CaptureInspection::of`].
     pub fn of_split(capture: &Capture, name: &str, sample: usize) -> Result<CaptureInspection, CaptureError> {
         let split = capture.split(name)?;
         let files = FileCheck { images: split.views.len(), ..Default::default() };

@@ -66,11 +66,11 @@ impl Sequences {
     }
 }
 
-/// Reads one capture of one subset. No image is read: which are of no use by their content is found by
-/// [`Capture::skip_unusable_images`].
+/// Reads one capture of one subset. No image is read: [`Capture::skip_unusable_images`] finds images with unusable
+/// content.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field or place, and what to do.
+/// [`CaptureError`] names the file, the field or position, and what to do.
 pub(crate) fn read_interhand(
     location: &Location,
     mano: Option<&HandModel>,
@@ -141,9 +141,8 @@ pub(crate) fn read_interhand(
     capture.splits = splits(&capture.cameras, train, test);
     for needed in ["train", "test"] {
         if capture.split(needed)?.views.is_empty() {
-            let problem = format!(
-                "nothing is left for the split {needed:?}: {counts}; see that images and annotations belong together"
-            );
+            let problem =
+                format!("no images are left in split {needed:?}: {counts}; check that images and annotations match");
             return Err(validator.invalid("images", problem));
         }
     }
@@ -155,8 +154,7 @@ pub(crate) fn read_interhand(
     })
 }
 
-/// Exact poses of the frames, which synthetic captures have beside the annotations; the file may have other frames,
-/// too.
+/// Exact poses of the frames, which synthetic captures have beside the annotations; the file may have more frames.
 fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
     let order: Vec<usize> = (0..PARENTS.len()).collect();
     let joints = JointRows { order: &order, names: joints };
@@ -169,12 +167,14 @@ fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<
 fn check_model<'a>(location: &Location, mano: Option<&'a HandModel>) -> Result<&'a HandModel, CaptureError> {
     let validator = FileValidator { path: &location.root };
     let Some(model) = mano else {
-        let problem = "the poses are MANO's: give your own MANO_RIGHT.pkl (or MANO_LEFT.pkl, for the left hand) with --hand-model";
+        let problem = "the poses are MANO's: give your own MANO_RIGHT.pkl (or MANO_LEFT.pkl, for the left hand) with \
+                       --hand-model";
         return Err(validator.invalid("hand_model", problem));
     };
     if model.parents != PARENTS || model.shape_count() < poses::SHAPES || model.pose_space.is_none() {
         let problem = format!(
-            "{} is no MANO model of 16 joints, 10 shapes and a mean pose; give MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded",
+            "{} is not a MANO model of 16 joints, 10 shapes and a mean pose; give MANO_RIGHT.pkl or MANO_LEFT.pkl as \
+             downloaded",
             model.name
         );
         return Err(validator.invalid("hand_model", problem));

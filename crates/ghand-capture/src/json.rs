@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_as_many_as_asked_for() {
+    fn arrays_have_exactly_the_requested_length() {
         let read = read_json("[1, 2.5, -3e2]".as_bytes(), PhantomData::<Numbers<3>>).unwrap();
         assert_eq!(read.0, [1.0, 2.5, -300.0]);
         for (json, part) in [
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_take_memory_without_bound_is_refused() {
+    fn unbounded_memory_use_is_rejected() {
         let long = format!("[\"{}\"]", "x".repeat(LONGEST_TOKEN + 1));
         let key = format!("{{\"{}\": 1}}", "\\\"".repeat(LONGEST_TOKEN));
         let digits = format!("[{}]", "7".repeat(LONGEST_TOKEN + 1));

@@ -22,7 +22,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, C
     value.and_then(|value| json.end().map(|()| value)).map_err(|error| not_as_expected(path, track, &error))
 }
 
-/// The error of a parser that has recorded its place in `track`.
+/// The error of a parser that has recorded its position in `track`.
 pub(crate) fn not_as_expected(path: &Path, track: Track, error: &serde_json::Error) -> CaptureError {
     let (field, problem) = (track.path().to_string(), plain_json_error(error));
     // Text that is not JSON has no fields, and `.` means the whole file.
@@ -38,6 +38,6 @@ pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Capt
         path: path.into(),
         action: "write the capture",
         source,
-        remedy: "check that the folder exists, may be written and has space",
+        remedy: "check that the folder exists, is writable and has free space",
     })
 }

@@ -1,8 +1,8 @@
-//! Captures of hands: calibrated images, masks and poses, read into one type whatever their format.
+//! Captures of hands: calibrated images, masks and poses, read from any format into one type.
 //!
-//! [`Capture`] is what the rest of the system sees; [`Capture::open_with`] recognises the format from the folder's contents.
-//! [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read published data
-//! sets. [`ViewStore`] decodes images in the background, [`inspection`] checks any capture.
+//! [`Capture`] is what the rest of the system sees; [`Capture::open_with`] recognises the format from the folder's
+//! contents. [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read
+//! published data sets. [`ViewStore`] decodes images in the background, [`inspection`] checks any capture.
 
 pub mod camera_choice;
 pub mod camera_file;

@@ -83,19 +83,19 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_bits_are_scaled_unless_they_hold_eight() {
+    fn sixteen_bits_are_scaled_unless_all_values_fit_into_eight() {
         assert_eq!(hand(wide([0, 32767, 32896, 65535])), (vec![false, false, true, true], false));
         assert_eq!(hand(wide([0, 127, 128, 255])), (vec![false, false, true, true], false));
     }
 
     #[test]
-    fn floats_are_parts_of_one() {
+    fn floats_range_from_zero_to_one() {
         let mask = ImageBuffer::<Rgb<f32>, _>::from_fn(4, 1, |x, _| Rgb([[0.0, 0.4, 0.6, f32::NAN][x as usize]; 3]));
         assert_eq!(hand(mask), (vec![false, false, true, false], false));
     }
 
     #[test]
-    fn coloured_labels_are_hand_and_what_is_transparent_is_not() {
+    fn coloured_labels_are_hand_and_transparent_pixels_are_not() {
         let labels =
             RgbImage::from_fn(4, 1, |x, _| Rgb([[0, 0, 0], [128, 0, 0], [0, 128, 0], [20, 20, 20]][x as usize]));
         assert_eq!(hand(labels), (vec![false, true, true, false], false));

@@ -32,7 +32,7 @@ struct CameraList {
 /// colons.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field and what is wrong with it; for an unknown id it lists the existing ids.
+/// [`CaptureError`] names the file, the field and its problem; for an unknown id it lists the existing ids.
 pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
     let (path, id) = split(name);
     let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path };
@@ -43,7 +43,7 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
         let file: CameraFile = parse(&path, &text)?;
         return match id {
             Some(id) if file.id != id => {
-                let problem = format!("is {:?}, not {id:?}; the file holds this one camera", file.id);
+                let problem = format!("is {:?}, not {id:?}; the file has only this camera", file.id);
                 Err(validator.invalid("id", problem))
             }
             _ => file.camera(validator, String::new()),
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn an_id_that_is_not_there_or_missing_lists_the_ids() {
+    fn an_unknown_or_missing_id_lists_the_ids() {
         let json = capture(&["cam00", "cam03"]);
         for (name, part) in [("{}:cam07", "\"cam07\""), ("{}", "choose one by its id"), ("{}:", "\"\"")] {
             let error = read("capture.json", &json, name).unwrap_err();

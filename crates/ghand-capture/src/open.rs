@@ -39,7 +39,7 @@ impl Capture {
     /// `Capture0`), or a subject of the Hand Appearance dataset. No image is read.
     ///
     /// # Errors
-    /// [`CaptureError`] names the file, the field that is missing or wrong, and what to do.
+    /// [`CaptureError`] names the file, the missing or wrong field, and what to do.
     pub fn open_with(path: &Path, options: &OpenOptions) -> Result<Opened, CaptureError> {
         let mano = options.mano.as_ref();
         let file = path.join(CAPTURE_FILE);
@@ -55,7 +55,7 @@ impl Capture {
             let (capture, skipped_images) = read_hand_appearance(path, mano, options.principal_point)?;
             return Ok(Opened::plain(CaptureKind::HandAppearance, capture, skipped_images));
         }
-        // Tells what would be a capture.
+        // This error describes what a capture is.
         Ok(Opened::plain(CaptureKind::Ghand, read_capture(&file, mano)?, SkippedImages::default()))
     }
 }

@@ -1,11 +1,11 @@
-//! An opened capture: its format, and what its reader had to skip.
+//! An opened capture: its format, and the images that its reader skipped.
 
 use std::fmt;
 
 use crate::capture::Capture;
 use crate::skipped_images::SkippedImages;
 
-/// Whose format a capture is in.
+/// The format of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CaptureKind {
     /// The project's own, `capture.json`.
@@ -26,16 +26,16 @@ impl fmt::Display for CaptureKind {
     }
 }
 
-/// A capture and what was left out of it.
+/// A capture, and the images that were skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
-    /// Whose format it is in.
+    /// Its format.
     pub kind: CaptureKind,
     /// The capture.
     pub capture: Capture,
-    /// Images that the annotations name but that are of no use.
+    /// Annotated images that cannot be used.
     pub skipped_images: SkippedImages,
-    /// What is odd, a sentence each.
+    /// Oddities, one sentence each.
     pub warnings: Vec<String>,
 }
 

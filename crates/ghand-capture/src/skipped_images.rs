@@ -6,7 +6,7 @@ use std::fmt;
 /// Why an image cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SkipReason {
-    /// The annotations name no camera for it.
+    /// The annotations do not contain its camera.
     NoCamera,
     /// Its frame has no pose.
     NoPose,
@@ -22,7 +22,7 @@ pub enum SkipReason {
     Broken,
     /// It is black, or its hand is.
     Dark,
-    /// Its mask shows hardly any of the hand.
+    /// Its mask contains almost no hand.
     SmallMask,
 }
 
@@ -37,7 +37,7 @@ impl fmt::Display for SkipReason {
             SkipReason::Missing => "without a file",
             SkipReason::Broken => "with a broken file",
             SkipReason::Dark => "too dark",
-            SkipReason::SmallMask => "with hardly any hand on the mask",
+            SkipReason::SmallMask => "with almost no hand in the mask",
         })
     }
 }
@@ -45,16 +45,16 @@ impl fmt::Display for SkipReason {
 /// How many images were skipped, and why. Displayed as one sentence.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SkippedImages {
-    /// Images that were looked at.
+    /// Number of checked images.
     pub looked_at: usize,
-    /// Images left out by reason.
+    /// Skipped images by reason.
     pub reasons: BTreeMap<SkipReason, usize>,
-    /// What is wrong with the first file that is missing or broken, where that is known.
+    /// The problem of the first missing or broken file, if known.
     pub first: Option<String>,
 }
 
 impl SkippedImages {
-    /// Counts one image that was looked at.
+    /// Counts one checked image.
     pub fn add(&mut self, reason: Option<SkipReason>) {
         self.looked_at += 1;
         if let Some(reason) = reason {
@@ -70,7 +70,7 @@ impl SkippedImages {
 
 impl fmt::Display for SkippedImages {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of {} images are left out", self.total(), self.looked_at)?;
+        write!(f, "{} of {} images are skipped", self.total(), self.looked_at)?;
         for (i, (reason, count)) in self.reasons.iter().enumerate() {
             write!(f, "{} {count} {reason}", if i == 0 { ":" } else { "," })?;
         }
@@ -86,14 +86,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_are_told_in_one_sentence() {
+    fn counts_are_reported_in_one_sentence() {
         let mut counts = SkippedImages::default();
         [None, Some(SkipReason::Dark), Some(SkipReason::Missing), Some(SkipReason::Dark)]
             .into_iter()
             .for_each(|r| counts.add(r));
-        assert_eq!(counts.to_string(), "3 of 4 images are left out: 1 without a file, 2 too dark");
+        assert_eq!(counts.to_string(), "3 of 4 images are skipped: 1 without a file, 2 too dark");
         counts.first = Some("0.png: gone".into());
         assert!(counts.to_string().ends_with("2 too dark; the first: 0.png: gone"));
-        assert_eq!(SkippedImages { looked_at: 4, ..Default::default() }.to_string(), "0 of 4 images are left out");
+        assert_eq!(SkippedImages { looked_at: 4, ..Default::default() }.to_string(), "0 of 4 images are skipped");
     }
 }

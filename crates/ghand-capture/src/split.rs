@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn products_hold_every_pair_frames_outermost() {
+    fn products_contain_every_pair_frames_outermost() {
         let split = Split::product(vec![4, 2], vec![7, 9]);
         let pairs: Vec<_> = split.views.iter().map(|v| (v.position, v.frame, v.camera)).collect();
         assert_eq!(pairs, [(0, 7, 4), (0, 7, 2), (1, 9, 4), (1, 9, 2)]);

@@ -22,11 +22,11 @@ pub(crate) fn read_text(
                 .invalid("file", format!("is larger than {} MiB; split it, or keep only what is needed", most >> 20))
         })?;
     let wrong = |what: &str| validator.invalid("file", format!("is {what}; save it as UTF-8"));
-    // Some editors mark UTF-8, too; JSON has no place for the mark.
+    // Some editors write a byte order mark, which JSON does not allow.
     let bytes = match bytes.as_slice() {
         [0xEF, 0xBB, 0xBF, text @ ..] => text.to_vec(),
         [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => return Err(wrong("text in UTF-16")),
         _ => bytes,
     };
-    String::from_utf8(bytes).map_err(|error| wrong(&format!("no text in UTF-8 ({})", error.utf8_error())))
+    String::from_utf8(bytes).map_err(|error| wrong(&format!("not text in UTF-8 ({})", error.utf8_error())))
 }

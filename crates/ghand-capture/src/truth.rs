@@ -1,6 +1,6 @@
 //! `truth.json`: exact poses beside a capture, if known. Training never reads it; evaluation may.
 //!
-//! `{"frames":[{"id":"0000","pose":[[x,y,z]],"translation":[x,y,z]}]}`, as the frames of a `capture.json`.
+//! `{"frames":[{"id":"0000","pose":[[x,y,z]],"translation":[x,y,z]}]}`, like the frames of a `capture.json`.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub(crate) fn read_truth(path: &Path, joints: JointRows) -> Result<Option<Vec<(S
     if !path.exists() {
         return Ok(None);
     }
-    let remedy = "make the file readable or remove it: it is optional";
+    let remedy = "make the file readable, or remove it (it is optional)";
     let text = read_text(path, LARGEST_FILE, "read the exact poses", remedy)?;
     let file: TruthFile = parse(path, &text)?;
     let validator = FileValidator { path };

@@ -21,11 +21,11 @@ impl Capture {
     /// unreadable, truncated or not of its camera's size. Only parts of each PNG and JPEG are read; damage inside is an
     /// error of [`Capture::load_view`]. EXR images are decoded, and those with only NaN are removed.
     ///
-    /// For a data set with made masks, the images are decoded, and broken and black ones and those with hardly any hand
-    /// on the mask are removed. Missing masks are made and cached.
+    /// For a data set with made masks, the images are decoded; those that are broken, black or almost without hand in
+    /// the mask are removed. Missing masks are made and cached.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] when there is no split of such a name, or nothing is left of one.
+    /// [`CaptureError::Invalid`] if there is no split of this name, or no image is left in one.
     pub fn skip_unusable_images(&mut self, splits: &[&str]) -> Result<SkippedImages, CaptureError> {
         let mut counts = SkippedImages::default();
         let mut pairs = vec![];
@@ -57,7 +57,7 @@ impl Capture {
         for name in filled {
             if self.split(name)?.views.is_empty() {
                 let problem =
-                    format!("nothing is left of split {name:?}: {counts}; see that images and poses belong together");
+                    format!("no images are left in split {name:?}: {counts}; check that images and poses match");
                 return Err(CaptureError::Invalid { path: self.root.clone(), field: "images".into(), problem });
             }
         }
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_at_the_limits_are_of_use_and_below_them_not() {
+    fn images_at_the_limits_are_usable_and_below_them_not() {
         let facts = |mask_pixels, brightest, brightest_on_hand| Facts { mask_pixels, brightest, brightest_on_hand };
         assert_eq!(verdict(&facts(3000, 20, 20)), None);
         assert_eq!(verdict(&facts(2999, 20, 20)), Some(SkipReason::SmallMask));

@@ -79,7 +79,7 @@ impl Capture {
     /// file.
     ///
     /// # Errors
-    /// [`CaptureError`] when there is no such camera or frame, or when a file is missing, broken or not of the camera's size.
+    /// [`CaptureError`] if there is no such camera or frame, or a file is missing, broken or not of the camera's size.
     pub fn load_view(&self, camera: usize, frame: usize) -> Result<View, CaptureError> {
         self.load_view_with_notes(camera, frame).map(|(view, _)| view)
     }
@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn crops_hold_the_mask_and_its_margin_and_stay_inside() {
+    fn crops_contain_the_mask_and_its_margin_and_stay_inside() {
         let mut pixels = vec![[0, 0, 0, 0]; 20 * 10];
         assert_eq!(crop_box(&pixels, 20, 10, 3), [0, 0, 20, 10]);
         pixels[4 * 20 + 6][3] = 255;

@@ -58,7 +58,7 @@ impl ViewStore {
     /// A store of the views of a capture, initially empty.
     ///
     /// # Errors
-    /// [`CaptureError::Io`] when the system cannot create threads.
+    /// [`CaptureError::Io`] if the system cannot create threads.
     pub fn new(capture: &Capture, options: &ViewStoreOptions) -> Result<ViewStore, CaptureError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.threads.unwrap_or(0))

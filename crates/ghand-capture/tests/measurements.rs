@@ -1,4 +1,4 @@
-//! How fast images are decoded and how much memory annotations take. Figures, not promises: run by hand, see
+//! Measures the speed of image decoding and the memory of annotations. Run by hand, see
 //! `docs/benchmarks.md`.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -36,7 +36,7 @@ fn decoding_of_blender_a() {
 const IMAGES: usize = 530_000;
 /// Frames of the generated subset; each takes about 2.4 kB with both hands.
 const FRAMES: usize = 125_000;
-/// Of so many images and frames one belongs to the wanted sequences.
+/// One of this many images and frames belongs to the wanted sequences.
 const WANTED: usize = 10;
 
 #[test]
@@ -49,7 +49,7 @@ fn memory_of_annotations_of_300_megabytes() {
     let options = OpenOptions { mano: Some(model), ..Default::default() };
     println!("before: {}", peak_memory());
     let start = Instant::now();
-    // All images are missing, which is found last.
+    // All images are missing, which is detected last.
     let message = Capture::open_with(folder.path(), &options).unwrap_err().to_string();
     println!("read in {:.1} s, {}: {message}", start.elapsed().as_secs_f64(), peak_memory());
 }
@@ -94,16 +94,17 @@ fn write_annotations(root: &Path) {
     list(&mut out, IMAGES, &|i| {
         let (sequence, camera, frame) = (sequence(i / 100), camera(i), frame(i));
         format!(
-            "{{\"id\": {i}, \"file_name\": \"Capture0/{sequence}/cam{camera}/image{frame}.jpg\", \"width\": 334, \"height\": 512, \
-             \"capture\": 0, \"subject\": 1, \"seq_name\": \"{sequence}\", \"camera\": \"{camera}\", \"frame_idx\": {frame}}}"
+            "{{\"id\": {i}, \"file_name\": \"Capture0/{sequence}/cam{camera}/image{frame}.jpg\", \"width\": 334, \
+             \"height\": 512, \"capture\": 0, \"subject\": 1, \"seq_name\": \"{sequence}\", \"camera\": \"{camera}\", \
+             \"frame_idx\": {frame}}}"
         )
     });
     write!(out, "], \"annotations\": [").unwrap();
     let valid = vec!["1"; 42].join(", ");
     list(&mut out, IMAGES, &|i| {
         format!(
-            "{{\"id\": {i}, \"image_id\": {i}, \"bbox\": [100.123456789, 101.123456789, 120.5, 130.25], \"joint_valid\": [{valid}], \
-             \"hand_type\": \"right\", \"hand_type_valid\": 1}}"
+            "{{\"id\": {i}, \"image_id\": {i}, \"bbox\": [100.123456789, 101.123456789, 120.5, 130.25], \
+             \"joint_valid\": [{valid}], \"hand_type\": \"right\", \"hand_type_valid\": 1}}"
         )
     });
     write!(out, "]}}").unwrap();
@@ -126,7 +127,7 @@ fn write_annotations(root: &Path) {
     }
 }
 
-/// The most memory that this process has held so far.
+/// The largest amount of memory that this process has used so far.
 fn peak_memory() -> String {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmHWM"));

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::parallel::CHUNK;
 
-/// How many numbers a blend coefficient has.
+/// The number of components of a blend coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CoefficientLayout {

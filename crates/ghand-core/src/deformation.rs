@@ -30,9 +30,9 @@ pub struct Deformation<'a> {
     pub skeleton_regressor: &'a [f64],
     /// Residual skinning weights W^, `[n_b][N]`.
     pub residual_weights: &'a [f64],
-    /// What the residual weights mean.
+    /// Meaning of the residual weights.
     pub residual_weights_mode: ResidualWeights,
-    /// Where the residual joints are.
+    /// Position of the residual joints.
     pub residual_skeleton_mode: ResidualSkeleton,
 }
 
@@ -99,8 +99,8 @@ impl<'a> Deformation<'a> {
     }
 }
 
-/// Posed Gaussians `x_p = (sum_k W_k B_k + W^_k B^_k) (x_c + Delta) + t` with `Delta = sum_i C_i (.) S_i` and the residual
-/// chain B^ of the joints `R Delta` (or `J + R Delta`).
+/// Posed Gaussians `x_p = (sum_k W_k B_k + W^_k B^_k) (x_c + Delta) + t` with `Delta = sum_i C_i (.) S_i` and the
+/// residual chain B^ of the joints `R Delta` (or `J + R Delta`).
 ///
 /// The lengths must agree as documented. Runs in parallel over the Gaussians; the result is bit-identical for any
 /// number of threads.

@@ -11,19 +11,19 @@ pub enum Side {
     Left,
 }
 
-/// A part of a hand model, or what is asked of one, that is unusable.
+/// An unusable part of a hand model, or an unusable request to one.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{origin}: {field}: {problem}")]
 pub struct InvalidHandModel {
     /// Name or file of the model.
     pub origin: String,
-    /// The part that is wrong.
+    /// The invalid part.
     pub field: String,
-    /// What is wrong and what to do about it.
+    /// The problem, and what to do about it.
     pub problem: String,
 }
 
-/// Mean and principal components of hand poses, as MANO has them.
+/// Mean and principal components of hand poses, as in MANO.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSpace {
     /// Mean rotation of each joint except the root, axis-angle, radians, `n_b - 1`.
@@ -34,9 +34,9 @@ pub struct PoseSpace {
 
 /// A rigged hand at rest.
 ///
-/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent precedes
-/// its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend shapes
-/// and regressor are finite; all indices are in range.
+/// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent
+/// precedes its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend
+/// shapes and regressor are finite; all indices are in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModel {
     /// Name for messages and files.
@@ -59,19 +59,19 @@ pub struct HandModel {
     pub face_uvs: Vec<[u32; 3]>,
     /// Skinning weights, row-major `[V][n_b]`.
     pub weights: Vec<f64>,
-    /// Shape blend shapes `[n_s][V]`: how a unit of each shape parameter moves the vertices, metres. Empty for a rig
-    /// without any.
+    /// Shape blend shapes `[n_s][V]`: displacements of the vertices per unit of each shape parameter, metres. May be
+    /// empty.
     pub shape_directions: Vec<DVec3>,
-    /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: how the vertices move with the entries of `R_k - I`, row by row,
-    /// of all joints except the root. Empty for a rig without any.
+    /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: displacements of the vertices per entry of `R_k - I`, row by row,
+    /// of all joints except the root. May be empty.
     pub pose_directions: Vec<DVec3>,
     /// Rows `[n_b]` of `(vertex, weight)`: each joint's rest position as a sum over the shaped vertices. Empty if the
     /// joints do not depend on the shape.
     pub joint_regressor: Vec<Vec<(u32, f64)>>,
     /// The mean that poses of this model are measured from, if any.
     pub pose_space: Option<PoseSpace>,
-    /// The vertex of this model at each vertex of the file that it came from: seams split in a file are welded here.
-    /// Empty if the file's vertices are the model's.
+    /// The vertex of this model for each vertex of its file: seams split in a file are welded here. Empty if the file's
+    /// vertices are the model's.
     pub source_vertices: Vec<u32>,
 }
 
@@ -169,7 +169,7 @@ impl HandModel {
             return fail("vertices", format!("vertex {k} is not finite"));
         }
         if self.faces.iter().flatten().any(|&i| i as usize >= v) {
-            return fail("faces", format!("an index is beyond the {v} vertices"));
+            return fail("faces", format!("an index is out of range ({v} vertices)"));
         }
         if self.face_uvs.len() != self.faces.len() {
             return fail(
@@ -182,7 +182,7 @@ impl HandModel {
             );
         }
         if self.face_uvs.iter().flatten().any(|&i| i as usize >= self.uvs.len()) {
-            return fail("uv", format!("an index is beyond the {} UV points", self.uvs.len()));
+            return fail("uv", format!("an index is out of range ({} UV points)", self.uvs.len()));
         }
         if self.uvs.iter().any(|t| !t.is_finite()) {
             return fail("uv", "a UV point is not finite".into());
@@ -196,12 +196,15 @@ impl HandModel {
             if !(row.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() <= 1e-6) {
                 return fail(
                     "weights",
-                    format!("vertex {i}: weights must be at least 0 and sum to 1, they sum to {sum}"),
+                    format!("vertex {i}: weights must be at least 0 and sum to 1, but they sum to {sum}"),
                 );
             }
         }
         if !self.shape_directions.len().is_multiple_of(v) {
-            return fail("shape directions", format!("{} vectors are no multiple of {v}", self.shape_directions.len()));
+            return fail(
+                "shape directions",
+                format!("{} vectors are not a multiple of {v}", self.shape_directions.len()),
+            );
         }
         let corrective_count = 9 * (n - 1) * v;
         if !self.pose_directions.is_empty() && self.pose_directions.len() != corrective_count {
@@ -209,24 +212,27 @@ impl HandModel {
             return fail("pose directions", format!("{found} vectors, expected none or {corrective_count}"));
         }
         if self.shape_directions.iter().chain(&self.pose_directions).any(|d| !d.is_finite()) {
-            return fail("blend shapes", "hold a number that is not finite".into());
+            return fail("blend shapes", "have a number that is not finite".into());
         }
         if !self.joint_regressor.is_empty() && self.joint_regressor.len() != n {
             return fail("joint regressor", format!("{} rows, expected none or {n}", self.joint_regressor.len()));
         }
         if self.joint_regressor.iter().flatten().any(|(i, w)| *i as usize >= v || !w.is_finite()) {
-            return fail("joint regressor", format!("names a vertex beyond the {v}, or a weight is not finite"));
+            return fail(
+                "joint regressor",
+                format!("refers to a vertex beyond {v}, or has a weight that is not finite"),
+            );
         }
         if let Some(space) = &self.pose_space {
             if space.mean.len() != n - 1 || space.components.len().checked_rem(n - 1).unwrap_or(0) != 0 {
-                return fail("pose space", format!("does not fit {n} joints"));
+                return fail("pose space", format!("does not match {n} joints"));
             }
             if space.mean.iter().chain(&space.components).any(|r| !r.is_finite()) {
-                return fail("pose space", "holds a number that is not finite".into());
+                return fail("pose space", "has a number that is not finite".into());
             }
         }
         if self.source_vertices.iter().any(|&i| i as usize >= v) {
-            return fail("file vertices", format!("an index is beyond the {v} vertices"));
+            return fail("file vertices", format!("an index is out of range ({v} vertices)"));
         }
         Ok(())
     }

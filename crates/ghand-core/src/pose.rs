@@ -1,58 +1,59 @@
-//! A pose: one rotation a joint and a global translation.
+//! A pose: one rotation per joint and a global translation.
 
 use glam::DVec3;
 
-/// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. A rotation vector that
-/// was optimised or integrated may wind up by a few turns; beyond this it is in degrees, or not a rotation at all.
+/// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. Optimised or
+/// integrated rotation vectors may accumulate a few turns; larger ones are in degrees, or not rotations at all.
 pub const LARGEST_ANGLE: f64 = 100.0;
-/// Largest global translation that [`Pose::check_range`] accepts, metres. Beyond a kilometre the f32 coordinates of the GPU are
-/// coarser than 0.06 mm, and millimetres or a broken track are likelier than a hand.
+/// Largest global translation that [`Pose::check_range`] accepts, metres. Beyond a kilometre the f32 coordinates of the
+/// GPU are coarser than 0.06 mm, and wrong units or a broken track are more likely than a hand.
 pub const LARGEST_TRANSLATION: f64 = 1000.0;
 
-/// Largest shape parameter that [`check_shape_range`] accepts. They count standard deviations, or weights from 0 to 1; fits stay
-/// below ten.
+/// Largest shape parameter that [`check_shape_range`] accepts. They are standard deviations, or weights from 0 to 1;
+/// fits stay below ten.
 pub const LARGEST_SHAPE: f64 = 100.0;
 
 /// Joint rotations and global translation of a hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pose {
     /// Axis-angle rotation of each joint in the model's axes, radians, in the order of the model's joints. The root's
-    /// rotation turns the hand about the root joint.
+    /// rotation rotates the hand about the root joint.
     pub rotations: Vec<DVec3>,
     /// Global translation, metres, added last.
     pub translation: DVec3,
 }
 
-/// A part of a pose that no hand can have.
+/// An impossible part of a pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PoseRangeError {
-    /// A joint turns too far, or by a number that is not finite.
+    /// A joint's rotation is too large or not finite.
     #[error(
-        "joint {joint} turns by {angle:?} rad, at most {LARGEST_ANGLE} can be; give axis-angle rotations in radians"
+        "joint {joint} rotates by {angle:?} rad, at most {LARGEST_ANGLE} is allowed; give axis-angle rotations in \
+         radians"
     )]
     Rotation {
-        /// The joint's name, or its number where it has none.
+        /// The joint's name, or its number if it has none.
         joint: String,
         /// Length of its axis-angle vector, radians.
         angle: f64,
     },
-    /// The hand is too far away, or at a place that is not finite.
-    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} can be; give metres")]
+    /// The hand is too far away, or its position is not finite.
+    #[error("is {distance:?} m long, at most {LARGEST_TRANSLATION} is allowed; give metres")]
     Translation {
         /// Length of the translation, metres.
         distance: f64,
     },
-    /// A shape parameter is far beyond any hand, or not finite.
+    /// A shape parameter is too large or not finite.
     #[error("number {index} is {value:?}, must be from -{LARGEST_SHAPE} to {LARGEST_SHAPE}; give standard deviations")]
     Shape {
-        /// Which parameter, counted from 0.
+        /// Index of the parameter.
         index: usize,
         /// Its value.
         value: f64,
     },
 }
 
-/// Checks that shape parameters are finite and within what a hand can have.
+/// Checks that shape parameters are finite and possible for a hand.
 ///
 /// # Errors
 /// [`PoseRangeError::Shape`] for the first beyond [`LARGEST_SHAPE`].
@@ -69,12 +70,13 @@ impl Pose {
         Pose { rotations: vec![DVec3::ZERO; joint_count], translation: DVec3::ZERO }
     }
 
-    /// Checks that every number is finite and within what a hand can do. Readers of files call this, so that a mistake is
-    /// found where it can be named: a rotation of 1e30 rad would be a picture of nothing later. `joint_names` are the model's,
-    /// for the message.
+    /// Checks that every number is finite and possible for a hand. Readers of files call this, because only they can
+    /// name the position of a mistake: later, a rotation of 1e30 rad would only give an empty picture. `joint_names`
+    /// are the model's, for the message.
     ///
     /// # Errors
-    /// [`PoseRangeError`] for the first joint beyond [`LARGEST_ANGLE`], else for a translation beyond [`LARGEST_TRANSLATION`].
+    /// [`PoseRangeError`] for the first joint beyond [`LARGEST_ANGLE`], else for a translation beyond
+    /// [`LARGEST_TRANSLATION`].
     pub fn check_range(&self, joint_names: &[String]) -> Result<(), PoseRangeError> {
         for (joint, rotation) in self.rotations.iter().enumerate() {
             let angle = rotation.length();
@@ -95,15 +97,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poses_out_of_range_are_named_by_joint_and_at_the_bound_accepted() {
+    fn poses_out_of_range_are_named_by_joint_and_accepted_at_the_limit() {
         let names = ["wrist", "index1"].map(String::from);
         let mut pose = Pose::rest(3);
         pose.rotations[1] = DVec3::new(0.0, -LARGEST_ANGLE, 0.0);
         pose.translation = DVec3::new(0.0, 0.0, -LARGEST_TRANSLATION);
         assert_eq!(pose.check_range(&names), Ok(()));
         for (joint, value, said) in [
-            (1, -101.0, "\"index1\" turns by 101.0 rad"),
-            (2, -1e30, "joint 2 turns by 1e30 rad"),
+            (1, -101.0, "\"index1\" rotates by 101.0 rad"),
+            (2, -1e30, "joint 2 rotates by 1e30 rad"),
             (1, f64::NAN, "NaN"),
         ] {
             let mut wrong = pose.clone();
@@ -119,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_out_of_range_are_named_by_number_and_at_the_bound_accepted() {
+    fn shapes_out_of_range_are_named_by_number_and_accepted_at_the_limit() {
         assert_eq!(check_shape_range(&[0.0, LARGEST_SHAPE, -LARGEST_SHAPE]), Ok(()));
         for (value, said) in [(1e30, "number 1 is 1e30"), (-100.5, "number 1 is -100.5"), (f64::NAN, "number 1 is NaN")]
         {

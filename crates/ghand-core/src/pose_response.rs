@@ -1,4 +1,4 @@
-//! How the `direct` property model depends on the pose: locally, linearly and within limits.
+//! The pose dependence of the `direct` property model: local, linear and limited.
 //!
 //! A channel i (a blend coefficient or a colour component) of Gaussian p has the value
 //! `y_i^p = bias_i + sum_k W_k^p clamp(gain_{i,k} . vec(R_k - I), lo_{i,k}, hi_{i,k})`: only the joints that move a
@@ -49,17 +49,17 @@ pub struct PoseResponse {
     pub limits: Vec<[f64; 2]>,
 }
 
-/// The limits of a term that has none.
+/// The limits of an unlimited term.
 pub const UNLIMITED: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl PoseResponse {
-    /// What each joint adds to each channel before the limits are applied, `[channels][n_b]`, for the joints' features.
+    /// The term of each joint in each channel before the limits, `[channels][n_b]`, for the joints' features.
     pub fn unlimited_terms(&self, features: &[[f64; 9]]) -> Vec<f64> {
         let gain = self.gain.chunks_exact(9).enumerate();
         gain.map(|(i, row)| row.iter().zip(&features[i % features.len()]).map(|(a, f)| a * f).sum()).collect()
     }
 
-    /// What each joint adds to each channel, `[channels][n_b]`, for the joints' features. NaN stays NaN.
+    /// The term of each joint in each channel, `[channels][n_b]`, for the joints' features. NaN stays NaN.
     pub fn joint_terms(&self, features: &[[f64; 9]]) -> Vec<f64> {
         let limited = |(term, [low, high]): (f64, &[f64; 2])| {
             if term < *low {
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn within_the_limits_nothing_changes_and_beyond_them_the_response_is_that_at_the_limit() {
+    fn the_response_is_unchanged_within_the_limits_and_constant_beyond_them() {
         let free = response();
         let seen: Vec<_> = [0.1, 0.3, 0.6].map(|angle| turned(DVec3::ZERO, angle)).to_vec();
         let limited = PoseResponse { limits: free.limits_over(&seen, 0.2), ..free.clone() };
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_stays_visible() {
+    fn nan_is_kept() {
         let mut limited = response();
         limited.limits.fill([-1.0, 1.0]);
         assert!(values(&limited, &turned(DVec3::ZERO, f64::NAN)).iter().all(|v| v.is_nan()));

@@ -41,7 +41,7 @@ pub struct PosingGradients {
     pub translation: DVec3,
     /// dL/d(shape), `n_s`.
     pub shape: Vec<f64>,
-    /// dL/d(`HandModel::vertices`), `V`; includes the part through the joints, where they are regressed.
+    /// dL/d(`HandModel::vertices`), `V`; includes the part through the joints, if they are regressed.
     pub vertices: Vec<DVec3>,
 }
 
@@ -50,13 +50,13 @@ pub struct PosingGradients {
 /// `shape` may be shorter than the model's `n_s`; missing parameters are 0.
 ///
 /// # Errors
-/// [`InvalidHandModel`] when `shape` is longer than `n_s` or not finite.
+/// [`InvalidHandModel`] if `shape` is longer than `n_s` or not finite.
 pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, InvalidHandModel> {
     if shape.len() > model.shape_count() || shape.iter().any(|s| !s.is_finite()) {
         let problem = match shape.iter().find(|s| !s.is_finite()) {
-            Some(bad) => format!("holds {bad}; it must be finite"),
+            Some(bad) => format!("has {bad}; it must be finite"),
             None => {
-                format!("has {} numbers, the model takes {}; leave out the others", shape.len(), model.shape_count())
+                format!("has {} numbers, the model takes {}; remove the others", shape.len(), model.shape_count())
             }
         };
         return Err(invalid(model, "shape", problem));
@@ -95,24 +95,24 @@ pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Ve
 /// Whether the model's pose correctives are part of a posed hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PoseCorrectives {
-    /// Applied before skinning, as the hand model means it (paper eq. 2).
+    /// Applied before skinning, as the hand model intends (paper eq. 2).
     Applied,
-    /// Left out: plain linear blend skinning of the shaped hand.
+    /// Omitted: plain linear blend skinning of the shaped hand.
     Ignored,
 }
 
 /// Poses a hand: shape and pose blend shapes, chain, linear blend skinning, translation.
 ///
 /// # Errors
-/// [`InvalidHandModel`] as of [`shape_hand`], and when the pose does not have one rotation per joint.
+/// [`InvalidHandModel`] as for [`shape_hand`], and if the pose does not have one rotation per joint.
 pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, InvalidHandModel> {
     pose_hand_with(model, shape, pose, PoseCorrectives::Applied)
 }
 
-/// As [`pose_hand`], with or without the pose correctives. [`pose_hand_vjp`] is the derivative with them.
+/// Like [`pose_hand`], with or without the pose correctives. [`pose_hand_vjp`] is the derivative with them.
 ///
 /// # Errors
-/// As [`pose_hand`].
+/// As for [`pose_hand`].
 pub fn pose_hand_with(
     model: &HandModel,
     shape: &[f64],
@@ -121,7 +121,7 @@ pub fn pose_hand_with(
 ) -> Result<PosedHand, InvalidHandModel> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
-        return Err(invalid(model, "pose", format!("has {rows} rotations, the model {joints} joints")));
+        return Err(invalid(model, "pose", format!("has {rows} rotations, but the model has {joints} joints")));
     }
     let shaped = shape_hand(model, shape)?;
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
@@ -191,7 +191,7 @@ fn skinning<'a>(corrected: &'a [DVec3], weights: &'a [f64], chain: &'a Chain, po
     }
 }
 
-/// The model's weights as skinning takes them, `[n_b][V]`.
+/// The model's weights in the layout of skinning, `[n_b][V]`.
 fn joint_major_weights(model: &HandModel) -> Vec<f64> {
     let joints = model.joint_count();
     (0..joints).flat_map(|k| model.weights.iter().skip(k).step_by(joints).copied()).collect()

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::parallel::{CHUNK, sum_in_chunks};
 
-/// Where the residual joints are.
+/// Position of the residual joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResidualSkeleton {

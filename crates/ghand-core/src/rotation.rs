@@ -17,7 +17,7 @@ struct Rodrigues {
     /// d(sin u)/dv and d(versine u)/dv across u.
     sin_v: f64,
     versine_v: f64,
-    /// What is added to these along u, per unit of `u . vee` and of the rest.
+    /// Additions to these along u, per unit of `u . vee` and of the rest.
     sin_along: f64,
     versine_along: f64,
 }
@@ -173,8 +173,8 @@ fn quaternion_from_rotation(r: &DMat3) -> DVec4 {
 /// this is the one in the tangent space.
 pub fn axis_angle_from_rotation_vjp(rotation: &DMat3, d_axis_angle: DVec3) -> DMat3 {
     let v = axis_angle_from_rotation(rotation);
-    // R exp([w]x) has the logarithm v + J^-1 w with J^-1 = 1 + [v]x / 2 + c [v]x^2, c = 1/s - (1 + cos) / (2 angle sin);
-    // <R [u]x, R [w]x> = 2 u . w.
+    // R exp([w]x) has the logarithm v + J^-1 w with J^-1 = 1 + [v]x / 2 + c [v]x^2, c = 1/s - (1 + cos) / (2 angle
+    // sin); <R [u]x, R [w]x> = 2 u . w.
     let c = inverse_jacobian_coefficient(v.length_squared());
     let turned = d_axis_angle.cross(v);
     let u = d_axis_angle + 0.5 * turned + c * turned.cross(v);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::parallel::{CHUNK, sum_in_chunks};
 use crate::skeleton::{Affine, outer};
 
-/// What the residual skinning weights mean.
+/// Meaning of the residual skinning weights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResidualWeights {
@@ -34,7 +34,7 @@ pub struct Skinning<'a> {
     pub residual_bones: &'a [Affine],
     /// Global translation, metres.
     pub translation: DVec3,
-    /// What the residual weights mean.
+    /// Meaning of the residual weights.
     pub mode: ResidualWeights,
 }
 

@@ -1,5 +1,5 @@
-//! Rotations, their logarithm and both derivatives against a table of 50 digits (`scripts/rotation_table.py` makes it)
-//! and at what is hardly a number.
+//! Rotations, their logarithm and both derivatives against a table of 50 digits (made by `scripts/rotation_table.py`),
+//! and at extreme numbers.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -35,7 +35,7 @@ fn table() -> Vec<Row> {
     include_str!("data/rotations.txt").lines().filter(|line| !line.starts_with('#')).map(row).collect()
 }
 
-/// The larger error; NaN is the largest of all.
+/// The larger error; NaN counts as the largest.
 fn worse(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
 }
@@ -50,7 +50,7 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |m, x| worse(m, x.abs()))
 }
 
-/// What "a few" is: measured is at most 5 (rotation at 1e4 rad, derivative at 1e15 rad).
+/// Allowed units in the last place. Measured are at most 5 (rotation at 1e4 rad, derivative at 1e15 rad).
 const A_FEW_ULPS: f64 = 6.0;
 
 #[test]
@@ -78,7 +78,7 @@ fn rotations_and_their_derivative_are_exact_to_a_few_ulps_at_every_angle() {
 }
 
 #[test]
-fn the_table_refuses_a_rotation_that_is_wrong_by_little() {
+fn the_table_rejects_a_slightly_wrong_rotation() {
     for row in table() {
         for entry in 0..9 {
             let mut wrong = row.rotation;
@@ -104,7 +104,7 @@ fn axes() -> Vec<DVec3> {
 }
 
 #[test]
-fn the_logarithm_undoes_the_rotation_at_every_angle_up_to_a_half_turn() {
+fn the_logarithm_inverts_the_rotation_at_every_angle_up_to_a_half_turn() {
     let mut worst: f64 = 0.0;
     for angle in [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-4, 0.1, 0.5, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9] {
         for axis in axes() {
@@ -120,7 +120,7 @@ fn the_logarithm_undoes_the_rotation_at_every_angle_up_to_a_half_turn() {
 }
 
 #[test]
-fn the_rotation_undoes_the_logarithm_everywhere_and_the_half_turn_has_either_axis() {
+fn the_rotation_inverts_the_logarithm_and_a_half_turn_has_either_axis() {
     let mut worst: f64 = 0.0;
     for angle in [0.0, 1e-12, 1.0, PI - 1e-9, PI, PI + 1e-9, 4.0, TAU - 1e-9, TAU, 100.0, 1e8] {
         for axis in axes() {
@@ -139,7 +139,7 @@ fn the_rotation_undoes_the_logarithm_everywhere_and_the_half_turn_has_either_axi
 }
 
 #[test]
-fn angles_beyond_all_sense_still_give_rotations() {
+fn huge_angles_still_give_rotations() {
     for angle in [1e15, 1e16, 1e100, 1e154, 1e155, 1e200, 1e308] {
         for axis in axes() {
             let v = axis * angle;
@@ -153,7 +153,7 @@ fn angles_beyond_all_sense_still_give_rotations() {
 }
 
 #[test]
-fn the_smallest_numbers_are_angles_like_others() {
+fn the_smallest_numbers_are_valid_angles() {
     let tiny = f64::from_bits(1);
     for v in [DVec3::splat(tiny), DVec3::new(tiny, 0.0, -tiny), DVec3::new(1e-310, -1e-320, 0.0)] {
         let rotation = rotation_from_axis_angle(v);
@@ -161,13 +161,13 @@ fn the_smallest_numbers_are_angles_like_others() {
         let d_rotation =
             DMat3::from_cols(DVec3::new(0.0, 3.0, 0.0), DVec3::new(0.0, 0.0, 1.0), DVec3::new(2.0, 0.0, 0.0));
         assert_eq!(rotation_from_axis_angle_vjp(v, &d_rotation), DVec3::new(1.0, 2.0, 3.0));
-        // Halving a number without a normal form may round it.
+        // Halving a subnormal number may round it.
         assert!((axis_angle_from_rotation(&rotation) - v).abs().max_element() <= 2.0 * tiny);
     }
 }
 
 #[test]
-fn what_is_not_a_number_comes_out_as_such() {
+fn nan_gives_nan() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for k in 0..3 {
             let mut v = DVec3::new(0.1, 0.2, 0.3);

@@ -1,23 +1,22 @@
-//! Output files: complete or absent, and never in place of something that is not a file.
+//! Output files: complete or absent, and never in place of anything but a file.
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a file so that nobody ever sees half of it: to a temporary file in the same folder, synced, then renamed over
-/// `path`.
+/// Writes a file atomically: to a temporary file in the same folder, synced, then renamed to `path`.
 ///
-/// Missing parent folders are made. A symbolic link is followed: the file that it names is replaced, the link stays. A file
-/// that is replaced keeps its permissions; a new one gets those that the user's umask allows.
+/// Missing parent folders are created. A symbolic link is followed: its target is replaced, the link stays. A replaced
+/// file keeps its permissions; a new one gets those that the user's umask allows.
 ///
 /// # Errors
-/// As [`check_target`], and any error of the file system; what stands at `path` is then as it was before.
+/// As for [`check_target`], and any error of the file system; the file at `path` is then unchanged.
 pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
     let target = replaceable(path)?;
     let folder = folder_of(&target);
     std::fs::create_dir_all(folder)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".writing-");
-    // Temporary files are private to their owner by default; an output file is like any other file of the user's.
+    // Temporary files are private to their owner by default; an output file should not be.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder)?;
@@ -30,20 +29,20 @@ pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Checks that [`write_atomically`] may write to `path`, without changing anything: for programs that work long before they
-/// write.
+/// Checks that [`write_atomically`] may write to `path`, without changing anything; for programs that work long before
+/// they write.
 ///
 /// # Errors
-/// One that says what is in the way: `path` is a folder, a pipe, a device, a read-only file or a circle of symbolic links, or
-/// a file stands where a parent folder should be.
+/// An error that names the obstacle: `path` is a folder, a pipe, a device, a read-only file or a cycle of symbolic
+/// links, or one of its parents is a file.
 pub fn check_target(path: &Path) -> io::Result<()> {
     replaceable(path).map(|_| ())
 }
 
-/// Links that are followed before a chain of them is taken for a circle; Linux gives up after as many.
+/// Number of links that are followed before a chain counts as a cycle; the same limit as in Linux.
 const MOST_LINKS: usize = 40;
 
-/// The file that a path stands for, links followed, if it is free or may be replaced.
+/// The file that a path refers to through links, if it does not exist or may be replaced.
 fn replaceable(path: &Path) -> io::Result<PathBuf> {
     let target = follow(path)?;
     match std::fs::metadata(&target) {
@@ -51,7 +50,7 @@ fn replaceable(path: &Path) -> io::Result<PathBuf> {
         Ok(metadata) if !metadata.is_file() => {
             Err(io::Error::other("it is a pipe or a device, not a file; choose another name"))
         }
-        // A rename would replace a file that its owner has protected, and the superuser may write to any.
+        // A rename would replace even a protected file, and the superuser may write to any.
         Ok(metadata) if metadata.permissions().readonly() => {
             Err(io::Error::new(ErrorKind::PermissionDenied, "the file is read-only; choose another name"))
         }
@@ -68,20 +67,20 @@ fn replaceable(path: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// What a path leads to through symbolic links; what it ends at need not exist.
+/// The target of a path through symbolic links; it need not exist.
 fn follow(path: &Path) -> io::Result<PathBuf> {
     let mut target = path.to_path_buf();
     for _ in 0..MOST_LINKS {
         match std::fs::symlink_metadata(&target) {
             Ok(metadata) if metadata.is_symlink() => {
                 let next = std::fs::read_link(&target)?;
-                // A relative link counts from its own folder.
+                // A relative link is relative to its own folder.
                 target = folder_of(&target).join(next);
             }
             _ => return Ok(target),
         }
     }
-    Err(io::Error::other("its symbolic links lead in a circle"))
+    Err(io::Error::other("its symbolic links form a cycle"))
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -100,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+    fn a_failed_write_keeps_the_old_file_and_leaves_no_temporary_file() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.json");
         write_atomically(&file, b"old").unwrap();
@@ -113,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn parent_folders_are_made_but_not_through_a_file() {
+    fn parent_folders_are_created_but_not_below_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a/b/c.json");
         check_target(&file).unwrap();
@@ -150,7 +149,7 @@ mod tests {
         }
 
         #[test]
-        fn read_only_files_stay_even_for_the_superuser() {
+        fn read_only_files_are_kept_even_for_the_superuser() {
             let folder = tempfile::tempdir().unwrap();
             let file = folder.path().join("kept");
             std::fs::write(&file, b"old").unwrap();
@@ -161,7 +160,7 @@ mod tests {
         }
 
         #[test]
-        fn links_stay_and_what_they_name_is_written() {
+        fn links_are_kept_and_their_targets_are_written() {
             let folder = tempfile::tempdir().unwrap();
             std::fs::create_dir(folder.path().join("real")).unwrap();
             let (first, second) = (folder.path().join("first"), folder.path().join("second"));

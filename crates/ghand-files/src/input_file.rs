@@ -1,4 +1,4 @@
-//! Files that a user names: whole, within a bound, and nothing that could be waited for.
+//! Reads files named by a user: completely, up to a size limit, and never from a pipe or a device.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -7,8 +7,8 @@ use std::path::Path;
 /// Opens a file for reading.
 ///
 /// # Errors
-/// Of the file system; also for whatever is no plain file: a folder, or a named pipe or a device, which may have no end, or
-/// keep the program waiting for its beginning.
+/// An error of the file system. Also an error for anything but a plain file: a folder, or a named pipe or a device,
+/// which may never end or never begin.
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?;
     if kind.is_dir() {
@@ -20,16 +20,16 @@ pub fn open(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// The bytes of a file, or nothing if they are more than `most`.
+/// The bytes of a file; `None` if there are more than `most`.
 ///
 /// # Errors
-/// As of [`open`].
+/// As for [`open`].
 pub fn read(path: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
     let file = open(path)?;
     if file.metadata()?.len() > most {
         return Ok(None);
     }
-    // What a file system says of a file's size need not hold by the time that it is read.
+    // The file may have grown since its size was reported.
     let mut bytes = Vec::new();
     file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= most).then_some(bytes))
@@ -40,19 +40,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_read_up_to_the_bound() {
+    fn files_are_read_up_to_the_limit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, b"12345").unwrap();
         assert_eq!(read(&path, 5).unwrap().as_deref(), Some(&b"12345"[..]));
         assert_eq!(read(&path, 4).unwrap(), None);
-        // Sparse: it takes no room on the disk.
+        // Sparse: it takes no disk space.
         File::options().write(true).open(&path).unwrap().set_len(1 << 40).unwrap();
         assert_eq!(read(&path, 1 << 39).unwrap(), None);
     }
 
     #[test]
-    fn what_is_no_file_is_refused() {
+    fn anything_but_a_file_is_rejected() {
         let folder = tempfile::tempdir().unwrap();
         assert!(read(folder.path(), 5).unwrap_err().to_string().contains("folder"));
         assert_eq!(read(&folder.path().join("none"), 5).unwrap_err().kind(), io::ErrorKind::NotFound);

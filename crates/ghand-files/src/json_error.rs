@@ -1,14 +1,14 @@
-//! What is wrong with a JSON text, in words for people who do not program.
+//! Explains errors in JSON to people who do not program.
 
 use serde_json::Error;
 use serde_json::error::Category;
 
-/// The problem and where it is, as in `is a list, must be a text (line 3, column 12)`.
+/// The problem and its position, such as `is a list, must be a text (line 3, column 12)`.
 ///
-/// The parser's own messages speak of Rust's types (`invalid type: map, expected a string`).
+/// The parser's own messages use Rust's types (`invalid type: map, expected a string`).
 pub fn plain_json_error(error: &Error) -> String {
     let text = error.to_string();
-    // A value that was read from another value has no place in a text.
+    // A value that was read from another value has no position in a text.
     let (message, place) = match text.rsplit_once(" at line ") {
         Some((message, _)) if error.line() > 0 => {
             (message, format!(" (line {}, column {})", error.line(), error.column()))
@@ -35,7 +35,7 @@ fn plain(message: &str) -> String {
         return format!("the field {field} is missing");
     }
     if let Some((field, known)) = message.strip_prefix("unknown field ").and_then(|m| m.split_once(", expected ")) {
-        return format!("the field {field} is not known here; known are {}", known.trim_start_matches("one of "));
+        return format!("the field {field} is unknown here; known fields are {}", known.trim_start_matches("one of "));
     }
     if let Some((name, known)) = message.strip_prefix("unknown variant ").and_then(|m| m.split_once(", expected ")) {
         return format!("is {name}, must be {}", known.replacen("one of ", "one of: ", 1));
@@ -43,7 +43,7 @@ fn plain(message: &str) -> String {
     message.to_owned()
 }
 
-/// A value as the parser describes it.
+/// A value as described by the parser.
 fn kind_found(found: &str) -> String {
     let kinds = [("map", "an object {...}"), ("sequence", "a list [...]"), ("null", "null"), ("string ", "the text ")];
     let kinds = kinds.iter().find_map(|(kind, plain)| found.strip_prefix(kind).map(|rest| format!("{plain}{rest}")));
@@ -53,7 +53,7 @@ fn kind_found(found: &str) -> String {
     })
 }
 
-/// What the parser wanted.
+/// What the parser expected.
 fn kind_wanted(wanted: &str) -> String {
     let plain = match wanted {
         "a string" | "string" => "a text",
@@ -98,14 +98,14 @@ mod tests {
     }
 
     #[test]
-    fn texts_that_are_not_json_are_told_from_those_that_end_too_early() {
+    fn text_that_is_not_json_is_distinguished_from_truncated_json() {
         assert!(problem::<Vec<u8>>("[1, 2").starts_with("is not complete JSON"));
         assert!(problem::<Vec<u8>>("[1 2]").starts_with("is not JSON"));
         assert!(problem::<Vec<u8>>("").starts_with("is not complete JSON"));
     }
 
     #[test]
-    fn values_without_a_text_have_no_place() {
+    fn values_without_a_text_have_no_position() {
         let error = serde_json::from_value::<u64>(serde_json::json!("x")).unwrap_err();
         assert_eq!(plain_json_error(&error), "is the text \"x\", must be a whole number, at least 0");
     }

@@ -1,8 +1,8 @@
-//! Files as every other crate reads and writes them: within bounds, and never left half-written.
+//! Reading and writing of files for all other crates: within limits, and never half-written.
 //!
-//! [`input_file`] opens whatever a user names, [`atomic_file`] replaces a file at once or not at all, [`json_error`] puts a
-//! parser's message into plain words. [`Value`] is what any data file holds; [`npz`] reads and writes NumPy's arrays, [`pickle`]
-//! reads Python's objects without running anything.
+//! [`input_file`] opens files named by a user, [`atomic_file`] replaces a file completely or not at all, [`json_error`]
+//! puts a parser's messages into plain words. [`Value`] is the content of any data file; [`npz`] reads and writes
+//! NumPy's arrays, [`pickle`] reads Python's objects without executing anything.
 
 pub mod atomic_file;
 pub mod input_file;

@@ -36,13 +36,13 @@ impl<'a> Npz<'a> {
     /// Opens the bytes of an `.npz` file.
     ///
     /// # Errors
-    /// [`ArrayError`] when they are not a zip archive, or one with more than 4096 files.
+    /// [`ArrayError`] if they are not a zip archive, or one with more than 4096 files.
     pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
         let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
-            ArrayError(format!("is no .npz archive that can be read ({error}); copy or download it again"))
+            ArrayError(format!("is not a readable .npz archive ({error}); copy or download it again"))
         })?;
         if archive.len() > MAX_ARRAYS {
-            let problem = format!("holds {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());
+            let problem = format!("has {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());
             return Err(ArrayError(problem));
         }
         Ok(Npz { archive, budget: MAX_UNPACKED })
@@ -54,7 +54,7 @@ impl<'a> Npz<'a> {
         names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned)).collect()
     }
 
-    /// Whether there is an array of that name.
+    /// Whether an array of this name exists.
     pub fn contains(&self, name: &str) -> bool {
         self.archive.index_for_name(&format!("{name}.npy")).is_some()
     }
@@ -62,17 +62,16 @@ impl<'a> Npz<'a> {
     /// The numbers of the array `name`.
     ///
     /// # Errors
-    /// [`ArrayError`] when there is none of that name, when it is damaged or too large, when it is compressed by a
-    /// method other than deflation, or when it is not numeric. The unpacked arrays of an archive together are limited
-    /// to 512 MiB.
+    /// [`ArrayError`] if it does not exist, is damaged or too large, is compressed by a method other than deflation, or
+    /// is not numeric. The unpacked arrays of an archive together are limited to 512 MiB.
     pub fn numbers(&mut self, name: &str) -> Result<NumericArray, ArrayError> {
         self.stored(name)?.numbers()
     }
 
-    /// The bytes of the array `name`, with what they mean.
+    /// The array `name` as stored: its bytes with their type.
     ///
     /// # Errors
-    /// As of [`Npz::numbers`], but for what the elements are.
+    /// As for [`Npz::numbers`], except that elements of any type are accepted.
     pub fn stored(&mut self, name: &str) -> Result<StoredArray, ArrayError> {
         let damaged =
             |error: &dyn std::fmt::Display| ArrayError(format!("cannot be unpacked ({error}); write the .npz again"));
@@ -84,16 +83,18 @@ impl<'a> Npz<'a> {
         // is not trusted.
         file.take(self.budget as u64 + 1).read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
         self.budget = self.budget.checked_sub(bytes.len()).ok_or_else(|| {
-            ArrayError(format!("unpacks to too much: an archive may hold {MAX_UNPACKED} bytes, store less in it"))
+            ArrayError(format!(
+                "is too large when unpacked: an archive may have {MAX_UNPACKED} bytes, store less in it"
+            ))
         })?;
         read_npy(bytes)
     }
 }
 
-/// The array of the bytes of an `.npy` file.
+/// The array of an `.npy` file from its bytes.
 ///
 /// # Errors
-/// [`ArrayError`] when its header is damaged.
+/// [`ArrayError`] if its header is damaged.
 pub(crate) fn read_npy(mut bytes: Vec<u8>) -> Result<StoredArray, ArrayError> {
     let (Header { elements, fortran, shape }, data) = split_header(&bytes)?;
     let header_length = bytes.len() - data.len();
@@ -101,7 +102,7 @@ pub(crate) fn read_npy(mut bytes: Vec<u8>) -> Result<StoredArray, ArrayError> {
     Ok(StoredArray { elements, fortran, shape, data: bytes })
 }
 
-/// An array as it is stored.
+/// An array as stored.
 #[derive(Debug)]
 pub struct StoredArray {
     pub(crate) elements: ElementType,
@@ -115,17 +116,17 @@ impl StoredArray {
     /// Its numbers.
     ///
     /// # Errors
-    /// [`ArrayError`] when it holds no numbers, or its bytes are not as many as its shape needs.
+    /// [`ArrayError`] if it is not numeric, or the number of its bytes does not match its shape.
     pub fn numbers(&self) -> Result<NumericArray, ArrayError> {
         self.elements.numbers(&self.data, &self.shape, self.fortran)
     }
 
-    /// The pickle of its elements, where these are Python objects.
+    /// The pickle of its elements, if these are Python objects.
     pub fn pickle(&self) -> Option<&[u8]> {
         (self.elements.kind == ElementKind::Object).then_some(&*self.data)
     }
 
-    /// Its text, where it is one without axes.
+    /// Its text, if it is a text without axes.
     pub fn text(&self) -> Option<String> {
         if self.shape.is_empty() { self.elements.text(&self.data) } else { None }
     }

@@ -1,7 +1,7 @@
 //! Reads Python pickles without executing anything.
 //!
-//! A pickle is a program for a small stack machine. `machine` runs it on plain values alone: a class or function that
-//! it names becomes a mark (`Class`), never a call, and names outside of a short list end the reading.
+//! A pickle is a program for a small stack machine. `machine` runs it on plain values only: a named class or function
+//! becomes a marker (`Class`), never a call, and names outside a short list are an error.
 //!
 //! All values of a pickle are in one [`Graph`] and refer to each other by index. Therefore values that are shared,
 //! contain themselves or are nested a million deep take no more memory than the bytes that describe them, and neither
@@ -19,7 +19,7 @@ pub use arrays::SparseMatrix;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PickleError {
     /// It names something that no hand model needs.
-    #[error("names {0}, and nothing that a file names is run; re-save the file as a plain .npz (numpy.savez)")]
+    #[error("names {0}, and nothing in a file is executed; re-save the file as a plain .npz (numpy.savez)")]
     UnknownGlobal(String),
     /// It uses a feature that is not supported.
     #[error("uses {0} at byte {1}, which is not supported; re-save the file as a plain .npz (numpy.savez)")]
@@ -27,9 +27,9 @@ pub enum PickleError {
     /// Its bytes are not valid.
     #[error("is damaged at byte {at}: {problem}; copy or download the file again")]
     Damaged {
-        /// Where the instruction begins.
+        /// Byte at which the instruction begins.
         at: usize,
-        /// What is wrong there.
+        /// The problem.
         problem: Cow<'static, str>,
     },
     /// It has more instructions than any hand model needs.
@@ -73,7 +73,7 @@ pub(crate) enum Plain {
     Items(Vec<Id>),
     /// Entries of a dictionary in the order of the file, keys as text.
     Entries(Vec<(String, Id)>),
-    /// The one value that an array without axes holds.
+    /// The value of an array without axes.
     Object(Id),
     /// Numbers, or an object that may be an array of them.
     Array,
@@ -147,7 +147,7 @@ pub struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    /// Whether the bytes begin as a pickle of a dictionary or of an object does, in any protocol.
+    /// Whether the bytes begin like a pickle of a dictionary or an object, in any protocol.
     pub fn recognizes(bytes: &[u8]) -> bool {
         matches!(bytes.first(), Some(0x80 | b'(' | b'}' | b'c'))
     }
@@ -155,18 +155,18 @@ impl<'a> Graph<'a> {
     /// Reads a pickle of protocol 0 to 5.
     ///
     /// # Errors
-    /// [`PickleError`] says what is wrong where.
+    /// [`PickleError`] gives the problem and its position.
     pub fn read(bytes: &'a [u8]) -> Result<Graph<'a>, PickleError> {
         let (nodes, root) = machine::run(bytes)?;
         Ok(Graph { nodes, root })
     }
 
-    /// The value that the pickle stands for.
+    /// The value of the pickle.
     pub fn root(&self) -> Id {
         self.root
     }
 
-    /// The entry of that name, when the whole value is a dictionary that has it.
+    /// The entry of that name, if the whole value is a dictionary that has it.
     pub fn entry(&self, name: &str) -> Option<Id> {
         self.lookup(self.root, name)
     }
@@ -191,7 +191,7 @@ impl<'a> Graph<'a> {
         entries.iter().rev().find(|(key, _)| is_wanted(*key)).map(|(_, value)| *value)
     }
 
-    /// Bytes or a Python 2 string of at most `limit` bytes, also where Python 3 wrapped them for Python 2.
+    /// Bytes or a Python 2 string of at most `limit` bytes, also if Python 3 wrapped them for Python 2.
     fn bytes(&self, id: Id, limit: usize) -> Option<Cow<'_, [u8]>> {
         let bytes = match self.node(id) {
             Node::Bytes(bytes) => Cow::Borrowed(&**bytes),

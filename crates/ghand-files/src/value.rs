@@ -1,8 +1,6 @@
-//! What data files hold, whatever they are written as: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy`
-//! arrays.
+//! The content of data files in any format: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy` arrays.
 //!
-//! Nothing that a file names is run. Memory is bounded: a file may hold so many bytes, numbers and other values, and what
-//! goes beyond is an error, not an attempt.
+//! Nothing in a file is executed. Memory is bounded: too many bytes, numbers or other values in a file are an error.
 
 mod budget;
 mod collect;
@@ -23,35 +21,35 @@ const MAX_BYTES: u64 = 1 << 29;
 pub enum Value {
     /// JSON's `null`, Python's `None`.
     Nothing,
-    /// A number (without axes), or numbers in an array whose rows are all alike. `true` is 1, `false` is 0, and a missing
-    /// number among others is NaN.
+    /// A number (without axes), or an array of numbers. `true` is 1, `false` is 0, and a missing number among others is
+    /// NaN.
     Numbers(NumericArray),
     /// Text.
     Text(String),
-    /// Anything else in a row.
+    /// A list of anything else.
     List(Vec<Value>),
-    /// Values by name, in the order of the file; no name is there twice.
+    /// Values by name, in the order of the file; no name occurs twice.
     Map(Vec<(String, Value)>),
-    /// What cannot be read, with the reason; no harm where nobody asks for it.
+    /// An unreadable value, with the reason; an error only if it is needed.
     Unreadable(String),
 }
 
 /// Why a data file cannot be read, and what to do about it.
 #[derive(Debug, thiserror::Error)]
 pub enum ValueError {
-    /// The file system says so.
+    /// The file system reports an error.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
-    /// The content says so.
+    /// The content is invalid.
     #[error("{0}")]
     Content(String),
 }
 
 impl Value {
-    /// Reads a file of any of the kinds, told by its first bytes.
+    /// Reads a file of any of these kinds, recognised from its first bytes.
     ///
     /// # Errors
-    /// [`ValueError`] when it cannot be opened, is larger than 512 MiB, is of no kind that is read, or is damaged.
+    /// [`ValueError`] if it cannot be opened, is larger than 512 MiB, is not of a supported kind, or is damaged.
     pub fn read(path: &Path) -> Result<Value, ValueError> {
         let Some(bytes) = input_file::read(path, MAX_BYTES)? else {
             let problem = format!("is larger than {} MiB; split it, or keep only what is needed", MAX_BYTES >> 20);
@@ -60,10 +58,10 @@ impl Value {
         Value::from_bytes(&bytes)
     }
 
-    /// Reads the bytes of a file of any of the kinds, told by the first of them.
+    /// Reads the bytes of a file of any of these kinds, recognised from the first bytes.
     ///
     /// # Errors
-    /// [`ValueError::Content`] when they are of no kind that is read, damaged, or hold too much.
+    /// [`ValueError::Content`] if they are not of a supported kind, damaged, or too large.
     pub fn from_bytes(bytes: &[u8]) -> Result<Value, ValueError> {
         let value = if Npz::recognizes(bytes) {
             python::from_npz(bytes)
@@ -79,12 +77,12 @@ impl Value {
         value.map_err(ValueError::Content)
     }
 
-    /// The value of that name, if this is a map that has one.
+    /// The value of that name, if this is a map that has it.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.entries().iter().find(|(key, _)| key == name).map(|(_, value)| value)
     }
 
-    /// Names and values, if this is a map; else none.
+    /// Names and values; empty if this is not a map.
     pub fn entries(&self) -> &[(String, Value)] {
         match self {
             Value::Map(entries) => entries,
@@ -92,7 +90,7 @@ impl Value {
         }
     }
 
-    /// The numbers, if these are some.
+    /// The numbers, if this is a number or an array of numbers.
     pub fn numbers(&self) -> Option<&NumericArray> {
         match self {
             Value::Numbers(array) => Some(array),
@@ -100,7 +98,7 @@ impl Value {
         }
     }
 
-    /// The number, if this is a single one.
+    /// The number, if this is a single number.
     pub fn number(&self) -> Option<f64> {
         match self.numbers()?.values[..] {
             [number] => Some(number),
@@ -108,7 +106,7 @@ impl Value {
         }
     }
 
-    /// The text, if this is one.
+    /// The text, if this is text.
     pub fn text(&self) -> Option<&str> {
         match self {
             Value::Text(text) => Some(text),
@@ -116,7 +114,7 @@ impl Value {
         }
     }
 
-    /// What kind of value it is, for messages.
+    /// The kind of value, for messages.
     pub fn kind(&self) -> String {
         match self {
             Value::Nothing => "nothing".into(),
@@ -129,7 +127,7 @@ impl Value {
         }
     }
 
-    /// Its items one by one, if it is a list or an array with at least one axis.
+    /// Its items, if it is a list or an array with at least one axis.
     pub fn items(&self) -> Option<Vec<Value>> {
         match self {
             Value::List(items) => Some(items.clone()),

@@ -1,4 +1,4 @@
-//! How long a MANO file takes to read. `cargo bench -p ghand-hand-model --profile dev --bench mano`
+//! Times the reading of MANO files. `cargo bench -p ghand-hand-model --profile dev --bench mano`
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark fails by panicking")]
 
 #[path = "../tests/support/mod.rs"]
@@ -12,7 +12,7 @@ use ghand_hand_model::procedural::ProceduralHand;
 
 use support::hands::{Hand, as_npz, as_pickle};
 
-/// The coarsest built-in hand, which has half as many vertices again as MANO's 778, with as many directions: 20 for the
+/// The coarsest built-in hand, which has one and a half times MANO's 778 vertices, with as many directions: 20 for the
 /// shape, of which 10 are selected, and 135 for the pose.
 fn read_mano(criterion: &mut Criterion) {
     let vertices = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();

@@ -1,10 +1,10 @@
-//! What can be wrong with a hand model or its file.
+//! Errors of hand models and their files.
 
 use std::path::PathBuf;
 
 use ghand_core::InvalidHandModel;
 
-/// What is wrong with a hand model or its file.
+/// The problem with a hand model or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum HandModelError {
     /// The file could not be read.
@@ -29,7 +29,7 @@ pub enum HandModelError {
 }
 
 impl HandModelError {
-    /// A field that is unusable, in a model from `origin`, and what to do about it.
+    /// The error of an unusable field in a model from `origin`; `problem` includes a remedy.
     pub fn invalid(origin: impl Into<String>, field: impl Into<String>, problem: impl Into<String>) -> HandModelError {
         InvalidHandModel { origin: origin.into(), field: field.into(), problem: problem.into() }.into()
     }

@@ -14,7 +14,7 @@ pub(super) fn check(model: &HandModel, positions: &[DVec3]) -> Result<(), HandMo
     let problem = if positions.len() != model.vertices.len() {
         format!("{} of them, the model has {} vertices", positions.len(), model.vertices.len())
     } else if let Some(k) = positions.iter().position(|p| !p.as_vec3().is_finite()) {
-        format!("that of vertex {k} is beyond what files can hold; check the pose")
+        format!("that of vertex {k} is too large for the file; check the pose")
     } else {
         return Ok(());
     };

@@ -16,11 +16,11 @@ const U32: u32 = 5125;
 const VERTEX_BUFFER: u32 = 34962;
 const INDEX_BUFFER: u32 = 34963;
 
-/// The bytes of a GLB file: one static mesh, its vertices at `positions` (`V`, metres, model axes), with normals and UVs,
-/// split along the seams of the atlas.
+/// The bytes of a GLB file: one static mesh, its vertices at `positions` (`V`, metres, model axes), with normals and
+/// UVs, split along the seams of the atlas.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the model breaks its invariants, `positions` are not finite or not one per vertex,
+/// [`HandModelError::Invalid`] if the model breaks its invariants, `positions` are not finite or not one per vertex,
 /// or the mesh is larger than GLB's 4 GiB.
 pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, HandModelError> {
     export::check(model, positions)?;
@@ -73,7 +73,7 @@ pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, Hand
         HandModelError::invalid(
             model.name.clone(),
             "mesh",
-            format!("takes {total} bytes, more than a GLB file can hold; write it as OBJ"),
+            format!("takes {total} bytes, more than a GLB file can have; write it as OBJ"),
         )
     };
     let mut glb = Vec::with_capacity(total);
@@ -91,7 +91,7 @@ pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, Hand
 /// Writes [`glb_bytes`] to a file atomically.
 ///
 /// # Errors
-/// As [`glb_bytes`]; [`HandModelError::Write`] when the file cannot be written.
+/// As for [`glb_bytes`]; [`HandModelError::Write`] if the file cannot be written.
 pub fn write_glb(path: &Path, model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
     export::write(path, &glb_bytes(model, positions)?)
 }
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_file_is_whole_words_and_as_long_as_it_says() {
+    fn the_file_is_aligned_and_has_its_declared_length() {
         let (mut model, positions) = posed_hand();
         for name in ["a", "ab", "abc", "\"quoted\" \u{e9}\n"] {
             model.name = name.into();
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_that_do_not_fit_are_refused() {
+    fn positions_that_do_not_match_are_rejected() {
         let (model, mut positions) = posed_hand();
         let message = glb_bytes(&model, &positions[1..]).unwrap_err().to_string();
         let count = model.vertices.len();

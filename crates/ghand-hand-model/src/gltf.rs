@@ -35,21 +35,21 @@ const MAX_SETS: u32 = 64;
 /// children. It is a left hand if the names of the file or its nodes say so.
 ///
 /// # Errors
-/// [`HandModelError::Io`] when a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
-/// when it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
+/// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
+/// if it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
 /// hand, or has buffers outside its folder.
 pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     let name = path.display().to_string();
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
     let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
         let source = Source { name };
-        return Err(source.invalid("size", format!("is more than {MAX_BYTES} bytes; export the hand alone")));
+        return Err(source.invalid("size", format!("is more than {MAX_BYTES} bytes; export only the hand")));
     };
     read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 
 /// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder`
-/// contains the other files that it names; without a folder, naming a file is an error.
+/// contains the other files that it refers to; without a folder, such a reference is an error.
 ///
 /// # Errors
 /// As in [`read_gltf`].
@@ -94,14 +94,14 @@ fn parse(bytes: &[u8], source: &Source) -> Result<Gltf, HandModelError> {
             "KHR_mesh_quantization" => "export without quantization",
             _ => continue,
         };
-        return Err(source.invalid("extensionsRequired", format!("names {name}, which is not supported; {remedy}")));
+        return Err(source.invalid("extensionsRequired", format!("lists {name}, which is not supported; {remedy}")));
     }
     let positions = Checked::Valid(Semantic::Positions);
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     for accessor in primitives.filter_map(|primitive| primitive.attributes.get(&positions)) {
         if accessor.value() >= root.accessors.len() {
             let problem =
-                format!("names accessor {} of {}; export the hand again", accessor.value(), root.accessors.len());
+                format!("refers to accessor {} of {}; export the hand again", accessor.value(), root.accessors.len());
             return Err(source.invalid("POSITION", problem));
         }
     }
@@ -175,17 +175,18 @@ impl RawMesh {
                 for (joint, &part) in joints.iter().zip(parts) {
                     let part = f64::from(part);
                     if !(part >= 0.0 && part.is_finite()) {
-                        return Err(source.invalid(&field, format!("holds {part}; weights must be 0 or more")));
+                        return Err(source.invalid(&field, format!("has {part}; weights must be 0 or more")));
                     }
                     // Unused entries may name any joint.
                     if part > 0.0 {
                         let Some(&to) = rig.model_from_skin.get(*joint as usize) else {
-                            let problem = format!("names joint {joint} of {}", rig.model_from_skin.len());
+                            let problem = format!("refers to joint {joint} of {}", rig.model_from_skin.len());
                             return Err(source.invalid(&format!("JOINTS_{set}"), problem));
                         };
                         let Some(to) = to else {
                             let problem = format!(
-                                "skin joint {joint} moves vertices but is no joint of a WebXR hand; remove its weights"
+                                "skin joint {joint} moves vertices but is not a joint of a WebXR hand; remove its \
+                                 weights"
                             );
                             return Err(source.invalid(&format!("JOINTS_{set}"), problem));
                         };
@@ -204,7 +205,9 @@ impl RawMesh {
         for (k, row) in weights.chunks_exact_mut(n_b).enumerate() {
             let sum: f64 = row.iter().sum();
             if sum <= 0.0 {
-                return Err(source.invalid("WEIGHTS_0", format!("vertex {k} is bound to no joint; bind every vertex")));
+                return Err(
+                    source.invalid("WEIGHTS_0", format!("vertex {k} is not bound to any joint; bind every vertex"))
+                );
             }
             row.iter_mut().for_each(|w| *w /= sum);
         }
@@ -213,7 +216,7 @@ impl RawMesh {
             None => (0..count as u32).collect(),
         };
         if let Some(bad) = corners.iter().find(|&&i| i as usize >= count) {
-            return Err(source.invalid("indices", format!("name vertex {bad} of {count}; export the hand again")));
+            return Err(source.invalid("indices", format!("refer to vertex {bad} of {count}; export the hand again")));
         }
         if self.triangles.len() + corners.len() / 3 > MAX_TRIANGLES {
             return Err(source.invalid("mesh", format!("has more than {MAX_TRIANGLES} triangles; decimate the mesh")));
@@ -226,7 +229,7 @@ impl RawMesh {
     }
 }
 
-/// A left hand says so in the name of its file, mesh node or joints.
+/// Whether the name of the file, the mesh node or the joints says that this is a left hand.
 fn side(path: &Path, node: &Node, rig: &Rig) -> Side {
     let file = path.file_stem().map(|stem| stem.to_string_lossy().to_lowercase()).unwrap_or_default();
     let node_name = node.name().unwrap_or_default().to_lowercase();

@@ -25,7 +25,7 @@ pub struct Inspection {
     pub boundary_edges: usize,
     /// Number of Gaussians that each UV resolution gives.
     pub texels: Vec<(u32, usize)>,
-    /// Part of the UV square that the atlas covers.
+    /// Fraction of the UV square that the atlas covers.
     pub uv_fill: f64,
     /// Unusual properties, each with its consequence.
     pub warnings: Vec<String>,
@@ -38,12 +38,13 @@ pub fn inspect(model: &HandModel) -> Inspection {
     let high = model.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let longest = (high - low).max_element();
     if !HAND_SIZE.contains(&longest) {
-        warnings.push(format!("is {longest:.4} m long, which is no hand's size; its unit may not be the metre"));
+        warnings
+            .push(format!("is {longest:.4} m long, which is not the size of a hand; its unit may not be the metre"));
     }
     let margin = 0.1 * longest;
     for (name, joint) in model.joint_names.iter().zip(&model.joints) {
         if joint.cmplt(low - margin).any() || joint.cmpgt(high + margin).any() {
-            warnings.push(format!("joint {name} lies outside of the hand; the skeleton may be in another frame"));
+            warnings.push(format!("joint {name} is outside the hand; the skeleton may be in another frame"));
         }
     }
     let joints = model.joint_count();
@@ -52,7 +53,7 @@ pub fn inspect(model: &HandModel) -> Inspection {
         .map(|k| model.joint_names[k].as_str())
         .collect();
     if !idle.is_empty() {
-        warnings.push(format!("no vertex follows {}; turning it shows nothing by itself", idle.join(", ")));
+        warnings.push(format!("no vertex follows {}; rotating it alone has no visible effect", idle.join(", ")));
     }
     let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
     for &[a, b, c] in &model.faces {
@@ -62,7 +63,7 @@ pub fn inspect(model: &HandModel) -> Inspection {
     }
     let crowded = edges.values().filter(|uses| **uses > 2).count();
     if crowded > 0 {
-        warnings.push(format!("{crowded} edges belong to more than two triangles; the surface is not one skin"));
+        warnings.push(format!("{crowded} edges belong to more than two triangles; the surface is not a manifold"));
     }
     let flat = model.faces.iter().filter(|face| area(model, **face) == 0.0).count();
     if flat > 0 {
@@ -77,7 +78,10 @@ pub fn inspect(model: &HandModel) -> Inspection {
                 uv_fill = samples.len() as f64 / f64::from(resolution).powi(2);
                 if samples.overlaps > 0 && RESOLUTIONS.last() == Some(&resolution) {
                     let count = samples.overlaps;
-                    warnings.push(format!("the UV atlas overlaps itself at {count} texels of {resolution}; parts of the hand get no Gaussians, unwrap it again"));
+                    warnings.push(format!(
+                        "the UV atlas overlaps itself at {count} texels of {resolution}; parts of \
+                                           the hand get no Gaussians, unwrap it again"
+                    ));
                 }
             }
             Err(_) => texels.push((resolution, 0)),
@@ -111,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_odd_is_told() {
+    fn oddities_are_reported() {
         let sound = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let warned = |change: fn(&mut HandModel), expected: &str| {
             let mut model = sound.clone();
@@ -120,7 +124,7 @@ mod tests {
             assert!(warnings.contains(expected), "wanted {expected:?}, got {warnings:?}");
         };
         warned(|m| m.vertices.iter_mut().for_each(|v| *v *= 1000.0), "unit may not be the metre");
-        warned(|m| m.joints[3].x += 1.0, "index3 lies outside");
+        warned(|m| m.joints[3].x += 1.0, "index3 is outside");
         warned(|m| m.weights.chunks_exact_mut(16).for_each(|w| w[0] += std::mem::take(&mut w[5])), "follows middle2");
         warned(|m| m.faces.push(m.faces[0]), "more than two");
         warned(|m| m.faces[0][1] = m.faces[0][0], "1 triangles have no area");

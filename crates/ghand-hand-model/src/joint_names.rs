@@ -1,4 +1,4 @@
-//! Names of hand joints, and the parts of the hand that they mean.
+//! Names of hand joints, and the parts of the hand that they stand for.
 //!
 //! Recognised are MANO's names (`index1`), WebXR's (`index-finger-phalanx-proximal`), OpenXR's
 //! (`XR_HAND_JOINT_INDEX_PROXIMAL_EXT`), those of a few animation tools (`LeftHandIndex1`, `index_01_r`,
@@ -43,7 +43,7 @@ pub enum JointRole {
 }
 
 impl JointRole {
-    /// The part that a joint of that name moves, if the name tells.
+    /// The part that a joint of that name moves, if the name identifies one.
     pub fn of(name: &str) -> Option<JointRole> {
         let name = name.to_lowercase();
         let words = || name.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
@@ -82,8 +82,8 @@ impl JointRole {
         })
     }
 
-    /// The part that each joint of a model moves. The root is the wrist, whatever its name; if two joints seem to be
-    /// the same part, the first one counts.
+    /// The part that each joint of a model moves. The root is the wrist, with any name; if two joints seem to be the
+    /// same part, the first one counts.
     pub fn of_joints(names: &[String]) -> Vec<Option<JointRole>> {
         let mut roles: Vec<Option<JointRole>> = Vec::with_capacity(names.len());
         for (k, name) in names.iter().enumerate() {
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_root_is_the_wrist_and_no_part_is_there_twice() {
+    fn the_root_is_the_wrist_and_no_part_occurs_twice() {
         let names = ["hand_r", "index1", "index1", "wrist"].map(String::from);
         let index = Some(JointRole::Bend(Finger::Index, 1));
         assert_eq!(JointRole::of_joints(&names), [Some(JointRole::Wrist), index, None, None]);

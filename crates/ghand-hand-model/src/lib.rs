@@ -1,8 +1,9 @@
-//! Hand models from files and from nothing: readers and writers, UV atlases, the built-in hand, and the points of its surface.
+//! Hand models: readers and writers, UV atlases, the built-in hand, and surface samples.
 //!
-//! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`] read one
-//! format each, [`procedural`] makes the built-in hand, [`obj`] and [`glb`] write posed hands. [`joint_names`] tells what a joint
-//! is from its name, [`named_poses`] has poses by name, [`surface`] samples the points that become an avatar's Gaussians.
+//! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
+//! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands.
+//! [`joint_names`] maps joint names to parts of the hand, [`named_poses`] has poses by name, [`surface`] samples the
+//! points that become an avatar's Gaussians.
 //!
 //! Units are metres and radians.
 

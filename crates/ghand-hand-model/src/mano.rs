@@ -99,21 +99,21 @@ pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandMo
 
 /// Reads a MANO model from a pickle or an `.npz` archive, recognised from its contents.
 ///
-/// Keys: `v_template` (V, 3), `f` (F, 3), `weights` (V, n_b), `kintree_table` (2, n_b), `J_regressor` (n_b, V; sparse or
-/// not), `shapedirs` (V, 3, n_s), `posedirs` (V, 3, 9 (n_b - 1)), and where there are any `hands_mean` (3 (n_b - 1)) and
-/// `hands_components` (c, 3 (n_b - 1)); others are left alone. Units and axes are the file's (MANO: metres). The rest
-/// joints are regressed from `v_template`, so that they are those of shape 0 to the last bit. 16 joints with MANO's
+/// Keys: `v_template` (V, 3), `f` (F, 3), `weights` (V, n_b), `kintree_table` (2, n_b), `J_regressor` (n_b, V; sparse
+/// or not), `shapedirs` (V, 3, n_s), `posedirs` (V, 3, 9 (n_b - 1)), and optionally `hands_mean` (3 (n_b - 1)) and
+/// `hands_components` (c, 3 (n_b - 1)); others are ignored. Units and axes are the file's (MANO: metres). The rest
+/// joints are regressed from `v_template`, so they are those of shape 0 to the last bit. 16 joints with MANO's
 /// hierarchy get MANO's names, those of other rigs are called `joint0`, `joint1` and so on.
 ///
 /// Weights of a vertex that do not sum to 1 by more than rounding are divided by their sum. The side is that of the
 /// options, else "left" or "right" in the file's name, else that on which the thumb bends to the palm. The bug of the
-/// published left model is found by comparing with the right model, if a file of the same name with "right" for "left" is
-/// beside it, else by how length and breadth of the hand go together.
+/// published left model is detected by a comparison with the right model, if a file of the same name with "right" for
+/// "left" is beside it, else from the correlation of the hand's length and breadth.
 ///
 /// # Errors
-/// [`HandModelError::Io`] when a file cannot be read. [`HandModelError::Invalid`] names the file, the key and a remedy
-/// when it is larger than 256 MiB, damaged, names a class or function that no hand model needs, lacks a key, or has a
-/// shape, an index or a number that cannot be.
+/// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the key and a remedy
+/// if it is larger than 256 MiB, damaged, names a class or function that no hand model needs, lacks a key, or has an
+/// invalid shape, index or number.
 pub fn read_mano_with_warnings(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
     let bytes = read_file(path)?;
     // An unreadable right model is not a reason to reject the left one.

@@ -89,7 +89,7 @@ pub struct HandDirections {
     pub back: DVec3,
 }
 
-/// Directions of a model at rest; `None` when the names of its joints do not identify the three joints of each finger.
+/// Directions of a model at rest; `None` if the names of its joints do not identify the three joints of each finger.
 pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
     let knuckle = |finger| Some(model.joints[finger_joints(finger, model)?[0]]);
     let across = (knuckle(Finger::Little)? - knuckle(Finger::Index)?).normalize_or_zero();
@@ -98,7 +98,7 @@ pub fn hand_directions(model: &HandModel) -> Option<HandDirections> {
     Some(HandDirections { forward, across, back })
 }
 
-/// The pose of that name for a model. `None` when the name is not in [`POSE_NAMES`] or the names of the model's joints
+/// The pose of that name for a model. `None` if the name is not in [`POSE_NAMES`] or the names of the model's joints
 /// do not identify the three joints of each finger (see [`super::joint_names`]).
 ///
 /// Axes come from the rest pose, which must be roughly flat: a finger flexes in the plane through its first bone and

@@ -111,13 +111,13 @@ impl ProceduralHand {
     /// ```
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] when a length is not finite, not positive or far from a hand's proportions, when
-    /// `detail` is not in 1..=6, or when the parts intersect, so that no valid surface exists.
+    /// [`HandModelError::Invalid`] if a length is not finite, not positive or far from a hand's proportions, if
+    /// `detail` is not in 1..=6, or if the parts intersect, so that no valid surface exists.
     pub fn build(&self) -> Result<HandModel, HandModelError> {
         self.check()?;
         let skeleton = skeleton::Skeleton::new(self);
         let glove = Glove::sew(&skeleton, self.scale(), self.detail).ok_or_else(|| {
-            invalid("proportions", "the fingers run into each other; make them thinner or the palm wider".into())
+            invalid("proportions", "the fingers intersect; make them thinner or the palm wider".into())
         })?;
         let weights = glove.skinning_weights(&skeleton, self.detail);
         let shapes = shapes::Shapes::new(self, &skeleton, &glove);

@@ -39,7 +39,7 @@ pub struct HandModelFile {
 /// ```
 ///
 /// # Errors
-/// [`HandModelError`] names the file, the part that cannot be used and a remedy.
+/// [`HandModelError`] names the file, the unusable part and a remedy.
 pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {
     if is_gltf(path) {
         return Ok(HandModelFile { model: read_gltf(path)?, kind: "rigged glTF hand", warnings: vec![] });
@@ -50,10 +50,14 @@ pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFi
     if file.has_left_shape_bug {
         warnings.push(match options.left_shapes {
             LeftShapes::Fixed => {
-                "the shape directions of this left hand were those of a right one in x, a known bug; mended".into()
+                "the shape directions of this left hand had the x components of a right one, a known bug; \
+                 corrected"
+                    .into()
             }
             LeftShapes::AsPublished => {
-                "the shape directions of this left hand are those of a right one in x, a known bug; left so".into()
+                "the shape directions of this left hand have the x components of a right one, a known bug; kept as \
+                 requested"
+                    .into()
             }
         });
     }

@@ -1,4 +1,4 @@
-//! The canonical points of an avatar: the texels of the UV atlas that lie on the hand.
+//! The canonical points of an avatar: the texels of the UV atlas that are on the hand.
 
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
@@ -8,7 +8,7 @@ use crate::HandModelError;
 /// Largest resolution of the atlas that is sampled: 16 million texels.
 const MAX_RESOLUTION: u32 = 4096;
 
-/// `N` points of the rest surface, one for each texel whose centre lies in a triangle of the atlas.
+/// `N` points of the rest surface, one for each texel whose centre is in a triangle of the atlas.
 ///
 /// Texel (row `j`, column `i`) has its centre at UV `((i + 0.5) / resolution, (j + 0.5) / resolution)`. All per-point
 /// lists are in the order of `texels`.
@@ -32,7 +32,7 @@ pub struct SurfaceSamples {
     pub weights: Vec<f64>,
     /// Square root of the area of the surface that one texel covers there, metres.
     pub spacings: Vec<f64>,
-    /// Number of times that a texel's centre lay strictly inside of a further triangle. 0 for a one-to-one atlas.
+    /// How often a texel's centre was strictly inside a further triangle. 0 for a one-to-one atlas.
     pub overlaps: usize,
 }
 
@@ -42,13 +42,13 @@ impl SurfaceSamples {
         self.texels.len()
     }
 
-    /// Whether there is no point. Never so for the result of [`sample_surface`].
+    /// Whether there is no point. Never true for the result of [`sample_surface`].
     pub fn is_empty(&self) -> bool {
         self.texels.is_empty()
     }
 
-    /// Values of the vertices at the points: `rows` is `[r][V]` (blend-shape rows, posed vertices, ...) of the model that
-    /// was sampled, the result `[r][N]`, in the unit of the rows.
+    /// Values of the vertices at the points: `rows` is `[r][V]` (blend-shape rows, posed vertices, ...) of the model
+    /// that was sampled, the result `[r][N]`, in the unit of the rows.
     pub fn interpolate(&self, model: &HandModel, rows: &[DVec3]) -> Vec<DVec3> {
         let at_point = |row: &[DVec3], point: usize| -> DVec3 {
             let corners = model.faces[self.faces[point] as usize];
@@ -79,11 +79,10 @@ struct Hit {
 /// Samples the rest surface at the texels of a `resolution` x `resolution` raster of the UV atlas.
 ///
 /// At a shared edge the triangle with the lowest index takes the texel. Triangles without area in the atlas are
-/// skipped, and so are parts of the atlas outside of `[0, 1]^2`.
+/// skipped, and so are parts of the atlas outside `[0, 1]^2`.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when `resolution` is 0 or above 4096, when the model breaks its invariants, or when no
-/// texel is hit.
+/// [`HandModelError::Invalid`] if `resolution` is 0 or above 4096, the model breaks its invariants, or no texel is hit.
 pub fn sample_surface(model: &HandModel, resolution: u32) -> Result<SurfaceSamples, HandModelError> {
     let fail = |field: &str, problem: String| Err(HandModelError::invalid(model.name.clone(), field, problem));
     if resolution == 0 || resolution > MAX_RESOLUTION {
@@ -99,7 +98,8 @@ pub fn sample_surface(model: &HandModel, resolution: u32) -> Result<SurfaceSampl
         return fail(
             "uv",
             format!(
-                "no texel centre of a {resolution} x {resolution} raster lies in a triangle; choose a higher resolution or check that the atlas fills [0, 1]^2"
+                "no texel centre of a {resolution} x {resolution} raster is in a triangle; choose a higher resolution \
+                 or check that the atlas fills [0, 1]^2"
             ),
         );
     }
@@ -140,7 +140,7 @@ pub fn sample_surface(model: &HandModel, resolution: u32) -> Result<SurfaceSampl
     Ok(samples)
 }
 
-/// Signed area, positive when the corners turn from u to v.
+/// Signed area, positive if the corners turn from u to v.
 fn uv_area([a, b, c]: [DVec2; 3]) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
@@ -154,7 +154,7 @@ fn rasterize(model: &HandModel, resolution: u32) -> (Vec<Option<Hit>>, usize) {
         // In texels, with centres at whole numbers.
         let [a, b, c] = indices.map(|i| model.uvs[i as usize] * size - DVec2::splat(0.5));
         let doubled = 2.0 * uv_area([a, b, c]);
-        // Smaller than rounding: no centre can be told to lie inside.
+        // Smaller than rounding: no centre is certainly inside.
         if doubled.abs() <= 1e-12 || !doubled.is_finite() {
             continue;
         }
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_atlas_gives_every_texel_once_at_its_place() {
+    fn a_square_atlas_gives_every_texel_once_at_its_position() {
         let samples = sample_surface(&square(), 8).unwrap();
         assert_eq!(samples.len(), 64);
         assert_eq!(samples.overlaps, 0);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overlapping_atlas_is_counted_not_hidden() {
+    fn the_overlaps_of_an_atlas_are_counted() {
         let mut model = square();
         model.face_uvs[1] = [0, 1, 2];
         let samples = sample_surface(&model, 16).unwrap();

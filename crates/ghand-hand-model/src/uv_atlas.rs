@@ -40,7 +40,7 @@ pub enum AtlasError {
     #[error("no face has an area; an atlas needs a surface")]
     Empty,
     /// A face refers to a missing vertex.
-    #[error("face {face} names a vertex beyond the {vertices}; repair the mesh")]
+    #[error("face {face} refers to a vertex beyond the {vertices}; repair the mesh")]
     BeyondVertices {
         /// The face.
         face: usize,
@@ -54,7 +54,7 @@ pub enum AtlasError {
         vertex: usize,
     },
     /// The surface has more pieces than fit into a texture.
-    #[error("the surface falls into {charts} pieces, more than a texture has room for; weld its vertices")]
+    #[error("the surface has {charts} pieces, more than fit into a texture; weld its vertices")]
     TooManyCharts {
         /// Number of pieces.
         charts: usize,
@@ -69,7 +69,7 @@ pub enum AtlasError {
 /// are thousands of them). The same mesh gives the same bits; its position and size do not matter.
 ///
 /// # Errors
-/// [`AtlasError`] when the mesh is not usable or has no area.
+/// [`AtlasError`] if the mesh is unusable or has no area.
 pub fn build_atlas(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Atlas, AtlasError> {
     if let Some(face) = faces.iter().position(|f| f.iter().any(|&i| i as usize >= vertices.len())) {
         return Err(AtlasError::BeyondVertices { face, vertices: vertices.len() });

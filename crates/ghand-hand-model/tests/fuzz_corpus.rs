@@ -1,5 +1,5 @@
-//! The inputs of `fuzz/corpus`, and changes of them, through the readers that `fuzz/fuzz_targets` runs: a sound model or an
-//! error, never a panic.
+//! Runs the inputs of `fuzz/corpus`, and changes of them, through the readers of `fuzz/fuzz_targets`: the result is a
+//! valid model or an error, never a panic.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::io::{Cursor, Write};
@@ -12,21 +12,21 @@ use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
 use rand::{Rng, RngExt, SeedableRng};
 use zip::write::SimpleFileOptions;
 
-/// Changes of each input: enough that all readers see some thousand, few enough that it takes a few seconds.
+/// Changes of each input: some thousand for all readers, within a few seconds.
 const CHANGES: usize = 2000;
 
-/// The inputs that git keeps, in the order of their names: those that libFuzzer adds have hashes as names.
+/// The inputs kept in git, by name; those that libFuzzer adds have hashes as names.
 fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
     let entries = std::fs::read_dir(&folder).expect("the corpus is part of the repository");
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some());
     paths.sort();
-    assert!(!paths.is_empty(), "{} holds no input", folder.display());
+    assert!(!paths.is_empty(), "{} has no input", folder.display());
     paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
 }
 
-/// One to four changes of the kinds that damage files, or that a fuzzer tries.
+/// One to four changes as from damage or a fuzzer.
 fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..random.random_range(1..=4) {
@@ -56,7 +56,7 @@ fn run(target: &str, read: impl Fn(&[u8]) -> Option<HandModel>) -> (usize, usize
     let (mut read_as_they_are, mut inputs) = (0, 0);
     let check = |bytes: &[u8]| {
         let model = read(bytes);
-        model.as_ref().inspect(|model| model.validate().expect("a model that was read is sound"));
+        model.as_ref().inspect(|model| model.validate().expect("a model that was read is valid"));
         model.is_some()
     };
     for (path, bytes) in corpus(target) {
@@ -71,15 +71,15 @@ fn run(target: &str, read: impl Fn(&[u8]) -> Option<HandModel>) -> (usize, usize
 }
 
 #[test]
-fn pickles_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+fn pickles_of_the_corpus_and_changes_of_them_give_a_valid_model_or_an_error() {
     let read =
         |bytes: &[u8]| Some(read_mano_bytes("left.pkl", bytes, Some(bytes), &ManoOptions::default()).ok()?.model);
     let (sound, inputs) = run("pickle", read);
-    assert!(sound >= 4 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+    assert!(sound >= 4 && inputs > sound, "{sound} of {inputs} inputs of the corpus are valid");
 }
 
 #[test]
-fn archives_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+fn archives_of_the_corpus_and_changes_of_them_give_a_valid_model_or_an_error() {
     let read = |bytes: &[u8]| {
         if let Ok(mut npz) = Npz::open(bytes) {
             for name in npz.names() {
@@ -91,7 +91,7 @@ fn archives_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
         Some(read_mano_bytes("right.npz", bytes, None, &ManoOptions::default()).ok()?.model)
     };
     let (sound, inputs) = run("npz", read);
-    assert!(sound >= 2 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+    assert!(sound >= 2 && inputs > sound, "{sound} of {inputs} inputs of the corpus are valid");
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn arrays_of_the_corpus_and_changes_of_them_in_an_archive_give_numbers_or_an_err
         println!("{}", path.display());
         for k in 0..CHANGES {
             let bytes = if k == 0 { bytes.clone() } else { changed(&bytes, &mut random) };
-            // The archive is written anew, so that its checksums are right.
+            // The archive is written again, so that its checksums are correct.
             let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
             let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
             for name in ["v_template", "f"] {
@@ -119,7 +119,7 @@ fn arrays_of_the_corpus_and_changes_of_them_in_an_archive_give_numbers_or_an_err
 }
 
 #[test]
-fn gltf_files_of_the_corpus_and_changes_of_them_give_a_sound_model_or_an_error() {
+fn gltf_files_of_the_corpus_and_changes_of_them_give_a_valid_model_or_an_error() {
     let (sound, inputs) = run("gltf", |bytes| read_gltf_bytes("hand.glb", bytes, None).ok());
-    assert!(sound >= 1 && inputs > sound, "the corpus has {sound} sound and {inputs} inputs");
+    assert!(sound >= 1 && inputs > sound, "{sound} of {inputs} inputs of the corpus are valid");
 }

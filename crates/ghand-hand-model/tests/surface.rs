@@ -1,4 +1,4 @@
-//! Surface samples of meshes of any size, with triangles that have no area, and by chance.
+//! Surface samples of meshes of any size, with triangles without area, and of random meshes.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -42,7 +42,7 @@ fn sheet(cells: u32, size: f64, seed: u64) -> HandModel {
     }
 }
 
-/// What is true of all samples, whatever the mesh.
+/// Checks that hold for the samples of any mesh.
 fn check(model: &HandModel, s: &SurfaceSamples) {
     let n = s.len();
     assert!(n > 0 && !s.is_empty());
@@ -54,7 +54,7 @@ fn check(model: &HandModel, s: &SurfaceSamples) {
     assert!(s.texels.windows(2).all(|pair| pair[0] < pair[1]));
     assert!(s.texels.iter().all(|t| *t < s.resolution * s.resolution));
     for k in 0..n {
-        // Three quotients of which the sum was the divisor.
+        // Three quotients whose divisor was their sum.
         let sum: f64 = s.barycentric[k].iter().sum();
         assert!((sum - 1.0).abs() <= 4.0 * f64::EPSILON && s.barycentric[k].iter().all(|b| (0.0..=1.0).contains(b)));
         assert!(s.positions[k].is_finite());
@@ -62,12 +62,12 @@ fn check(model: &HandModel, s: &SurfaceSamples) {
         assert!(s.spacings[k].is_finite() && s.spacings[k] >= 0.0, "spacing {}", s.spacings[k]);
         let weight: f64 = (0..s.joint_count).map(|j| s.weights[j * n + k]).sum();
         assert!((weight - 1.0).abs() <= 1e-6);
-        // The point lies where its texel's centre does.
+        // The point is at its texel's centre.
         let uvs = model.face_uvs[s.faces[k] as usize].map(|i| model.uvs[i as usize]);
         let at: DVec2 = (0..3).map(|c| uvs[c] * s.barycentric[k][c]).sum();
         let size = f64::from(s.resolution);
         let centre = DVec2::new(f64::from(s.texels[k] % s.resolution), f64::from(s.texels[k] / s.resolution)) + 0.5;
-        // Texels up to 1e-9 outside of a triangle are moved onto its edge.
+        // Texels up to 1e-9 outside a triangle are moved onto its edge.
         assert!((at * size - centre).length() <= 1e-8 * size, "{at} of {centre}");
     }
 }
@@ -80,7 +80,7 @@ proptest! {
     #![proptest_config(config())]
 
     #[test]
-    fn samples_of_a_sheet_are_whole_and_scale_with_it(
+    fn samples_of_a_sheet_are_complete_and_scale_with_it(
         cells in 1_u32..8,
         resolution in 1_u32..40,
         size in prop_oneof![Just(1e-6), Just(0.1), Just(1e3)],
@@ -93,7 +93,7 @@ proptest! {
         prop_assert_eq!(samples.len(), (resolution * resolution) as usize);
         prop_assert_eq!(samples.overlaps, 0);
         prop_assert_eq!(&samples, &sample_surface(&model, resolution).unwrap());
-        // The same sheet of one metre, only larger.
+        // The same one-metre sheet, enlarged.
         let unit = sample_surface(&sheet(cells, 1.0, seed), resolution).unwrap();
         prop_assert_eq!((&unit.texels, &unit.faces, &unit.barycentric), (&samples.texels, &samples.faces, &samples.barycentric));
         for k in 0..unit.len() {
@@ -104,12 +104,12 @@ proptest! {
     }
 
     #[test]
-    fn triangles_without_area_leave_no_trace_of_nan(
+    fn triangles_without_area_cause_no_nan(
         cells in 2_u32..6,
         resolution in 8_u32..32,
         size in prop_oneof![Just(1e-6), Just(0.1), Just(1e3)],
         seed in any::<u64>(),
-        // How a triangle loses its area: two corners or three meet, or all lie on a line.
+        // Ways in which a triangle loses its area: two or three equal corners, or all on a line.
         how in 0_usize..3,
         (in_space, in_atlas) in prop_oneof![Just((true, false)), Just((false, true)), Just((true, true))],
     ) {
@@ -124,7 +124,7 @@ proptest! {
                 model.vertices[b] = if how == 1 { v[a] } else { v[b] };
             }
             if in_atlas {
-                // Corners of their own, so that the neighbours keep their texels.
+                // Separate corners, so that the neighbours keep their texels.
                 let t = model.face_uvs[face].map(|i| model.uvs[i as usize]);
                 let third = [t[1], t[0], 0.5 * (t[0] + t[1])][how];
                 let start = model.uvs.len() as u32;

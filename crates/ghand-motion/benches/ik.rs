@@ -1,4 +1,4 @@
-//! Inverse kinematics of a hand from 21 landmarks: a frame after another one, and a first frame.
+//! Inverse kinematics of a hand from 21 landmarks, with and without a previous frame.
 //! `cargo bench -p ghand-motion --profile dev --bench ik`
 #![allow(
     clippy::unwrap_used,
@@ -21,7 +21,7 @@ fn benchmark(c: &mut Criterion) {
     let ik = HandIk::new(&RestSkeleton::of(&hand).unwrap());
     let poses: Vec<Pose> = motion("tour", &hand, 30.0).unwrap().unwrap().frames.into_iter().map(|f| f.pose).collect();
     let exact: Vec<[DVec3; 21]> = poses.iter().map(|pose| ik.landmarks(pose)).collect();
-    // A tracker's noise, 3 mm in each coordinate and another in each frame.
+    // A tracker's noise, 3 mm in each coordinate, different in each frame.
     let noise = |seed: usize| {
         let wave = |k: usize| 0.0042 * ((seed * 21 + k) as f64 * 12.9898).sin();
         DVec3::new(wave(1), wave(2), wave(3))

@@ -1,14 +1,14 @@
-//! What can be wrong with a file of poses.
+//! Errors of files of poses.
 
 use std::path::PathBuf;
 
 use ghand_files::value::ValueError;
 use ghand_hand_model::HandModelError;
 
-/// What is wrong with a file of poses. Every message names the file, the field and what to do.
+/// The problem with a file of poses. Every message names the file, the field and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
-    /// The file cannot be read, or is of no kind that is read.
+    /// The file cannot be read, or is not of a supported kind.
     #[error("{path}: the poses: {source}")]
     File {
         /// The file.
@@ -24,17 +24,17 @@ pub enum PoseError {
         /// The cause.
         source: std::io::Error,
     },
-    /// A field holds something unusable.
+    /// A field has an unusable value.
     #[error("{origin}: {field}: {problem}")]
     Invalid {
         /// The file, or the hand model.
         origin: String,
         /// The field, as in `frames["0003"].pose`.
         field: String,
-        /// What is wrong and what to do about it.
+        /// The problem, and what to do about it.
         problem: String,
     },
-    /// The hand model that poses are carried over from cannot be made.
+    /// The source hand model of a transfer cannot be built.
     #[error(transparent)]
     HandModel(#[from] HandModelError),
 }

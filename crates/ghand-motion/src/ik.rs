@@ -1,15 +1,16 @@
-//! Inverse kinematics: the pose of a hand whose joints come nearest to 21 landmarks.
+//! Inverse kinematics: fits the pose of a hand to 21 landmarks.
 //!
-//! Landmarks are MediaPipe's: wrist; thumb base (carpometacarpal), knuckle, hinge, tip; and of the index, middle, ring and
-//! little finger knuckle, two hinges and tip. They stand for the wrist, the three joints of each finger, and the fingertips: a
-//! rig's tip joint, else the skin's outermost point along the last bone ([`RestSkeleton::tips`]).
+//! Landmarks are MediaPipe's: wrist; thumb base (carpometacarpal), knuckle, hinge, tip; and for the index, middle, ring
+//! and little finger knuckle, two hinges and tip. They represent the wrist, the three joints of each finger, and the
+//! fingertips: a skeleton's tip joint, else the skin's outermost point along the last bone ([`RestSkeleton::tips`]).
 //!
-//! Minimised is, over the root's rotation, the translation and three components for each of the 15 joints of fingers,
-//! `sum |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2`. The components c are those of a joint's axis-angle vector along
-//! the axes of its hinge ([`RestSkeleton::hinges`]): bending, sideways, twist. They are kept inside of the joint's range (`limits`)
-//! by projection; that the last hinge of a finger bends with the one before adds a term for each. `s` is the residual itself, within bounds: where the landmarks fit a hand exactly, the second sum has no
-//! weight; where they are noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method;
-//! its Jacobian is made of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
+//! The fit minimises `sum |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2` over the root's rotation, the
+//! translation and three components for each of the 15 finger joints. The components c are those of a joint's
+//! axis-angle vector along the axes of its hinge ([`RestSkeleton::hinges`]): bending, sideways, twist. Projection keeps
+//! them in the joint's range (`limits`). One more term per finger couples the last hinge to the one before. `s` is the
+//! residual itself, within bounds: if the landmarks fit a hand exactly, the second sum has no weight; if they are
+//! noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method; its Jacobian
+//! consists of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
 //!
 //! A first frame starts from the palm's orientation, once with straight and once with bent fingers, and the better
 //! result is used; other frames start from the previous frame.
@@ -25,7 +26,7 @@ use glam::{DMat3, DVec3};
 
 use crate::rest_skeleton::RestSkeleton;
 
-/// How many landmarks a hand has.
+/// Number of landmarks of a hand.
 pub const LANDMARK_COUNT: usize = 21;
 use levenberg_marquardt::{Problem, minimize};
 use limits::{Coupling, Range, couplings, ranges};
@@ -77,7 +78,7 @@ const BONES: [(usize, usize); 20] = [
 /// A hand that can be fitted to landmarks.
 #[derive(Debug, Clone)]
 pub struct HandIk {
-    /// Number of the rig's own joints; missing tips follow them.
+    /// Number of the skeleton's own joints; missing tips follow them.
     joint_count: usize,
     parents: Vec<Option<usize>>,
     /// Rest positions, metres.
@@ -94,7 +95,7 @@ pub struct HandIk {
 /// A fitted pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IkSolution {
-    /// The pose, one rotation for each joint of the rig.
+    /// The pose, one rotation for each joint of the skeleton.
     pub pose: Pose,
     /// Root mean square distance of the landmarks from their joints, metres.
     pub residual: f64,
@@ -103,7 +104,7 @@ pub struct IkSolution {
 }
 
 impl HandIk {
-    /// The hand of a rig.
+    /// The hand of a skeleton.
     pub fn new(rig: &RestSkeleton) -> HandIk {
         let (mut parents, mut joints) = (rig.parents.clone(), rig.joints.clone());
         let mut landmarks = [0; LANDMARK_COUNT];
@@ -112,7 +113,7 @@ impl HandIk {
         for (f, finger) in Finger::ALL.into_iter().enumerate() {
             let mut last = 0;
             for k in 1..=3u8 {
-                // Every rig has all of them.
+                // Every skeleton has all of them.
                 last = rig.joint(JointRole::Bend(finger, k)).unwrap_or(0);
                 landmarks[4 * f + usize::from(k)] = last;
                 hinges.push((last, rig.hinges.get(last).copied().unwrap_or(DMat3::IDENTITY)));

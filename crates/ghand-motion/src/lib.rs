@@ -1,7 +1,7 @@
-//! Poses that drive a hand, whatever wrote them down.
+//! Poses that drive a hand, from any source.
 //!
-//! [`PoseSequence`] is what drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] carries poses over from
-//! one rig to another, [`ik`] finds them from landmarks, and [`motions`] has a few by name.
+//! A [`PoseSequence`] drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] transfers
+//! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones.
 
 mod error;
 pub mod ik;

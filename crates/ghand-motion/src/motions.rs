@@ -24,10 +24,10 @@ struct Key {
 }
 
 /// The motion of that name at this many frames per second. It ends in its first pose, so that it can be repeated.
-/// `None` when the name is not in [`MOTION_NAMES`].
+/// `None` if the name is not in [`MOTION_NAMES`].
 ///
 /// # Errors
-/// [`PoseError::Invalid`] when the names of the model's joints do not identify their parts.
+/// [`PoseError::Invalid`] if the names of the model's joints do not identify their parts.
 pub fn motion(name: &str, model: &HandModel, fps: f64) -> Option<Result<PoseSequence, PoseError>> {
     MOTION_NAMES.contains(&name).then(|| {
         let keys = keys(name, model)?;

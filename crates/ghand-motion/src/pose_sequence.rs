@@ -12,10 +12,10 @@
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
 //!
-//! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another rig,
-//! and [`crate::ik`] fits landmarks. Poses of the other hand are mirrored, with a warning. ghand's own files must be
-//! correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number that is
-//! not finite or that no hand can have ([`Pose::check_range`]).
+//! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another
+//! skeleton, and [`crate::ik`] fits landmarks. Poses of the other hand are mirrored, with a warning. ghand's own files
+//! must be correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number
+//! that is not finite or that no hand can have ([`Pose::check_range`]).
 
 mod file_skeleton;
 mod folder;
@@ -80,9 +80,9 @@ pub struct PoseOptions {
     /// Which hand the poses are of: selects a hand from a file that has both, and overrides the file. By default the
     /// model's side is used if it exists, else the other one, mirrored.
     pub side: Option<Side>,
-    /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another rig exact.
+    /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another skeleton exact.
     /// Without it, the built-in hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
-    /// another rig need it if the file does not describe that rig.
+    /// another skeleton need it if the file does not describe that skeleton.
     pub pose_model: Option<HandModel>,
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.
     pub flat_mean: bool,
@@ -113,7 +113,7 @@ pub fn read_poses(path: &Path, model: &HandModel, options: &PoseOptions) -> Resu
 }
 
 /// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only
-/// if it is a capture of another rig.
+/// if it is a capture of another skeleton.
 ///
 /// # Errors
 /// As in [`read_poses`].
@@ -130,10 +130,10 @@ pub fn read_poses_bytes(
 /// Reads a file of this kind; `None` for another kind.
 type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
 
-/// Makes poses for a hand model from what a file holds. `origin` is the file's name, as for [`read_poses_bytes`].
+/// Makes poses for a hand model from the content of a file. `origin` is the file's name, as for [`read_poses_bytes`].
 ///
 /// # Errors
-/// As of [`read_poses`].
+/// As in [`read_poses`].
 pub fn poses_of_value(
     origin: &str,
     value: &Value,
@@ -197,8 +197,8 @@ impl PoseSequence {
         self.frames.len().saturating_sub(1) as f64 / self.fps
     }
 
-    /// The pose at a time in seconds, between two frames by the shortest way that each joint can turn; before the first frame
-    /// and after the last, theirs.
+    /// The pose at a time in seconds. Between two frames each joint takes the shortest rotation; before the first frame
+    /// and after the last, their poses apply.
     pub fn pose_at(&self, seconds: f64) -> Option<Pose> {
         let last = self.frames.len().checked_sub(1)?;
         let place = (seconds * self.fps).clamp(0.0, last as f64);
@@ -214,7 +214,7 @@ impl PoseSequence {
     /// The same motion at another rate. Ids are renumbered; shapes are those of the previous frame.
     ///
     /// # Errors
-    /// [`PoseError::Invalid`] when that would be more than a million frames.
+    /// [`PoseError::Invalid`] if that would be more than a million frames.
     pub fn resampled(&self, fps: f64) -> Result<PoseSequence, PoseError> {
         let last = (self.duration() * fps + 1e-9).floor();
         let fits = last < MOST_FRAMES as f64;
@@ -223,7 +223,8 @@ impl PoseSequence {
                 origin: "resampling".into(),
                 field: "fps".into(),
                 problem: format!(
-                    "{} s at {fps} frames a second are more than {MOST_FRAMES} frames; give fewer a second, or a part of the motion",
+                    "{} s at {fps} frames per second are more than {MOST_FRAMES} frames; give a lower rate, or a part \
+                     of the motion",
                     self.duration()
                 ),
             });

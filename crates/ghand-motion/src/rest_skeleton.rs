@@ -1,9 +1,9 @@
-//! A skeleton with a frame on each bone that is defined in the same way on every rig.
+//! A skeleton with a frame on each bone that is defined in the same way on every skeleton.
 //!
 //! A bone's frame is OpenXR's: -Z along the bone towards the fingertip, +Y out of the back of the hand (of the thumb:
-//! out of its nail), +X to the right of both. On the wrist, -Z points to the knuckle of the middle finger. For a rig
-//! known only by its rest pose, the frames come from the rest positions of the joints. WebXR and OpenXR give joints by
-//! their frames in space, so that all their rest frames are the identity.
+//! out of its nail), +X to the right of both. On the wrist, -Z points to the knuckle of the middle finger. For a
+//! skeleton known only by its rest pose, the frames come from the rest positions of the joints. WebXR and OpenXR give
+//! joints by their frames in space, so that all their rest frames are the identity.
 
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::joint_names::{Finger, JointRole};
@@ -23,13 +23,14 @@ pub struct RestSkeleton {
     pub side: Side,
     /// Names of the `n_b` joints; joint 0 is the wrist.
     pub joint_names: Vec<String>,
-    /// Roles of the joints, where their names tell, `n_b`.
+    /// Roles of the joints, if their names identify them, `n_b`.
     pub roles: Vec<Option<JointRole>>,
     /// Parent of each joint, which precedes it.
     pub parents: Vec<Option<usize>>,
-    /// Rest positions, metres, axes of the rig, `n_b`.
+    /// Rest positions, metres, axes of the skeleton, `n_b`.
     pub joints: Vec<DVec3>,
-    /// Rest frames: rotations from the bone's axes to the axes of the rig, `n_b`; the identity if no role is known.
+    /// Rest frames: rotations from the bone's axes to the axes of the skeleton, `n_b`; the identity if no role is
+    /// known.
     pub frames: Vec<DMat3>,
     /// The same with the frame of a hinge for the thumb: its joints bend about X.
     pub hinges: Vec<DMat3>,
@@ -38,22 +39,22 @@ pub struct RestSkeleton {
 }
 
 impl RestSkeleton {
-    /// The rig of a hand model.
+    /// The skeleton of a hand model.
     ///
     /// # Errors
-    /// [`PoseError::Invalid`] when the names of its joints do not tell three joints for each finger, or when joints of a
-    /// finger lie in one place.
+    /// [`PoseError::Invalid`] if the names of its joints do not identify three joints for each finger, or if joints of
+    /// a finger are at one point.
     pub fn of(model: &HandModel) -> Result<RestSkeleton, PoseError> {
         let roles = JointRole::of_joints(&model.joint_names);
         let tips = Finger::ALL.map(|finger| tip(model, &roles, finger).unwrap_or(DVec3::NAN));
         RestSkeleton::from_rest_pose(&model.name, model.side, &model.joint_names, &model.parents, &model.joints, tips)
     }
 
-    /// The rig of joints at rest. The joints are named, have parents that precede them and rest positions in metres, `n_b` each;
-    /// `tips` are the fingertips at rest, thumb to little finger.
+    /// The skeleton of joints with names, parents that precede them, and rest positions in metres, `n_b` each; `tips`
+    /// are the fingertips at rest, thumb to little finger.
     ///
     /// # Errors
-    /// As of [`RestSkeleton::of`].
+    /// As in [`RestSkeleton::of`].
     pub fn from_rest_pose(
         name: &str,
         side: Side,
@@ -83,15 +84,15 @@ impl RestSkeleton {
                 origin: name.into(),
                 field: "joints".into(),
                 problem: format!(
-                    "their names do not tell the three joints of each finger, or they lie in one place ({}); name them as MANO \
-                     or WebXR does",
+                    "their names do not identify the three joints of each finger, or they are at one point ({}); use \
+                     MANO's or WebXR's names",
                     joint_names.join(", ")
                 ),
             }),
         }
     }
 
-    /// The 25 joints of WebXR, of which only frames in space are known: all rest frames are the identity, all joints at 0.
+    /// The 25 joints of WebXR. Only their frames in space are known: all rest frames are the identity, all joints at 0.
     pub fn webxr(side: Side) -> RestSkeleton {
         let mut names = vec!["wrist".to_owned()];
         let mut parents = vec![None];
@@ -183,7 +184,7 @@ fn bone_frame(along: DVec3, up: DVec3) -> Option<DMat3> {
     Some(DMat3::from_cols(y.cross(z), y, z))
 }
 
-/// A rig's own joint at the tip, or else the skin's outermost point along the last bone.
+/// A skeleton's own joint at the tip, or else the skin's outermost point along the last bone.
 fn tip(model: &HandModel, roles: &[Option<JointRole>], finger: Finger) -> Option<DVec3> {
     let joint = |role| model.joints.get(roles.iter().position(|known| *known == Some(role))?).copied();
     if let Some(tip) = joint(JointRole::Tip(finger)) {

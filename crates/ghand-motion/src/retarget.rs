@@ -1,14 +1,14 @@
-//! Transfers poses of one rig to another.
+//! Transfers poses of one skeleton to another.
 //!
-//! Joints are matched by what their names mean ([`JointRole`]). Let `G_k` be the rotation of joint k in space, the product of
-//! the rotations from the root on, and `F_k` its rest frame ([`RestSkeleton`]), so that `G_k F_k` is where the bone's frame is in space.
-//! The other rig's bone gets the same frame: `G'_k F'_k = G_k F_k`, so `G'_k = G_k C_k` with the constant `C_k = F_k F'_k^T`, and
-//! `R'_k = G'_parent^T G'_k`. A bone thus points where its model points, whatever the two rest poses; lengths stay the
-//! rig's own. Joints that the source lacks (WebXR's metacarpals and tips, for MANO) keep their rest angle to their parent.
-//! The wrist comes to the same place.
+//! Joints are matched by the roles that their names identify ([`JointRole`]). Let `G_k` be the rotation of joint k in
+//! space, the product of the rotations from the root on, and `F_k` its rest frame ([`RestSkeleton`]), so that `G_k F_k`
+//! is the bone's frame in space. The other skeleton's bone gets the same frame: `G'_k F'_k = G_k F_k`, so
+//! `G'_k = G_k C_k` with the constant `C_k = F_k F'_k^T`, and `R'_k = G'_parent^T G'_k`. So corresponding bones point
+//! in the same direction for any two rest poses; each skeleton keeps its own lengths. Joints that the source lacks
+//! (WebXR's metacarpals and tips, for MANO) keep their rest angle to their parent. The wrist gets the same position.
 //!
-//! A transfer and back is the identity for all joints that both rigs have, if joints that only one has are at rest;
-//! otherwise bones still point in the same directions.
+//! A transfer and back is the identity for all joints that both skeletons have, if joints that only one has are at
+//! rest; otherwise bones still point in the same directions.
 //!
 //! The mirror image in x of a pose is a pose of the mirrored hand: `M R M` with `M = diag(-1, 1, 1)` turns the
 //! axis-angle vector (x, y, z) into (x, -y, -z). Mirroring takes place before matching.
@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 
 use crate::rest_skeleton::RestSkeleton;
 
-/// A transfer from one rig to another.
+/// A transfer from one skeleton to another.
 #[derive(Debug, Clone)]
 pub struct Retarget {
     source_parents: Vec<Option<usize>>,
@@ -34,7 +34,7 @@ pub struct Retarget {
 }
 
 impl Retarget {
-    /// The way from `source` to `target`. Hands of the other side are mirrored.
+    /// The transfer from `source` to `target`. Hands of the other side are mirrored.
     pub fn new(source: &RestSkeleton, target: &RestSkeleton) -> Retarget {
         let mirror = source.side != target.side;
         let matched = |joint: usize| {

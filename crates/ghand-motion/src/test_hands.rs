@@ -39,7 +39,7 @@ pub(crate) fn vector(rng: &mut ChaCha8Rng, size: f64) -> DVec3 {
     DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)))
 }
 
-/// A pose between two named ones, with a little of everything else, turned and moved at random.
+/// A pose between two named ones with small changes to all joints, randomly rotated and moved.
 pub(crate) fn natural_pose(model: &HandModel, rng: &mut ChaCha8Rng) -> Pose {
     let mut named = || named_pose(POSE_NAMES[rng.random_range(0..POSE_NAMES.len())], model).unwrap();
     let (a, b) = (named(), named());

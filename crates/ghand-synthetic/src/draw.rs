@@ -74,7 +74,7 @@ fn draw_view(
     let pixels = render(&scene, camera).map_err(failed)?;
     let expected = camera.width as usize * camera.height as usize;
     if pixels.len() != expected {
-        return Err(failed(format!("it gave {} pixels, expected {expected}", pixels.len())));
+        return Err(failed(format!("it returned {} pixels, expected {expected}", pixels.len())));
     }
     let over_background = |[r, g, b, a]: [u8; 4]| {
         let a = f64::from(a) / 255.0;
@@ -119,6 +119,6 @@ fn write_image(
         path: path.into(),
         action: "write the image",
         source,
-        remedy: "check that the folder may be written and has space",
+        remedy: "check that the folder is writable and has free space",
     })
 }

@@ -44,8 +44,8 @@ pub enum CaptureFormat {
     /// The project's own: `capture.json`, PNG images and masks.
     #[default]
     Ghand,
-    /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in a
-    /// file with MANO's keys ([`HAND_MODEL_FILE`]).
+    /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in
+    /// a file with MANO's keys ([`HAND_MODEL_FILE`]).
     InterHand,
 }
 
@@ -79,8 +79,8 @@ pub struct SyntheticOptions {
     pub width: u32,
     /// Image height, pixels.
     pub height: u32,
-    /// Standard deviation of the errors of the training poses: each component of a finger joint's axis-angle, degrees. The
-    /// root's errors are half as large.
+    /// Standard deviation of the errors of the training poses: each component of a finger joint's axis-angle, degrees.
+    /// The root's errors are half as large.
     pub pose_noise_degrees: f64,
     /// Standard deviation of each component of the training translations, metres.
     pub translation_noise: f64,
@@ -155,7 +155,7 @@ pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>
 /// The capture appears there atomically: it is made beside `out_dir` and renamed.
 ///
 /// # Errors
-/// [`CaptureError`] when the options are unusable, `out_dir` is not empty or cannot be written, or `render` fails.
+/// [`CaptureError`] if the options are unusable, `out_dir` is not empty or cannot be written, or `render` fails.
 pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderScene) -> Result<(), CaptureError> {
     check(options, out_dir)?;
     let io = |action: &'static str| {
@@ -163,15 +163,16 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
             path: out_dir.into(),
             action,
             source,
-            remedy: "check that its parent folder may be written and has space",
+            remedy: "check that its parent folder is writable and has free space",
         }
     };
     let parent = match out_dir.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(parent).map_err(io("make the folder"))?;
-    let workshop = tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("make the folder"))?;
+    std::fs::create_dir_all(parent).map_err(io("create the folder"))?;
+    let workshop =
+        tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("create the folder"))?;
 
     let template = ProceduralHand::default();
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
@@ -200,9 +201,9 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
     {
         use std::os::unix::fs::PermissionsExt;
         std::fs::set_permissions(workshop.path(), std::fs::Permissions::from_mode(0o755))
-            .map_err(io("make the folder"))?;
+            .map_err(io("create the folder"))?;
     }
-    std::fs::rename(workshop.path(), out_dir).map_err(io("move the capture into place"))
+    std::fs::rename(workshop.path(), out_dir).map_err(io("move the capture to its folder"))
 }
 
 fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError> {
@@ -227,7 +228,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     }
     if options.format == CaptureFormat::InterHand && options.width.min(options.height) < INTERHAND_LEAST {
         let problem = format!(
-            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M leave out images of smaller hands",
+            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M skip images of smaller hands",
             options.width, options.height
         );
         return fail("width and height", problem);
@@ -272,7 +273,7 @@ fn plan(
         CaptureFormat::InterHand => INTERHAND_BORDER,
     };
     let cameras = camera_rig::cameras(count, options.width, options.height, border, &points);
-    // Test cameras lie spread between the others.
+    // Test cameras are spread between the others.
     let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
     let train_frames: Vec<usize> = (0..options.train_frames).collect();

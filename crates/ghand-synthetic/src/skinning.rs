@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rigid_motion_is_kept_and_a_bent_joint_moves_by_its_bone() {
+    fn a_rigid_motion_is_kept_and_a_bent_joint_follows_its_bone() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let mut pose = Pose::rest(model.joint_count());
         pose.rotations[0] = DVec3::new(0.4, -0.3, 0.9);

@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_becomes_four_times_as_fine_and_stays_the_same_hand() {
+    fn subdivision_gives_four_times_the_faces_of_the_same_hand() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let fine = subdivided(&model);
         fine.validate().unwrap();
@@ -137,7 +137,7 @@ mod tests {
         let moved: Vec<f64> = model.vertices.iter().zip(&fine.vertices).map(|(a, b)| a.distance(*b)).collect();
         let mean = moved.iter().sum::<f64>() / moved.len() as f64;
         // On a finger's radius of 10 mm, edges of 7 mm would be pulled in by 0.8 mm.
-        assert!((1e-6..2e-4).contains(&mean), "{mean} m in the mean");
+        assert!((1e-6..2e-4).contains(&mean), "{mean} m on average");
     }
 
     #[test]

@@ -135,7 +135,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
     });
     assert!(rise[knuckle.unwrap()] > 0.0005, "the knuckle stands out by {} m", rise[knuckle.unwrap()]);
     let elsewhere = (0..rise.len()).filter(|&v| hand.model.vertex_weights(v)[anatomy.fingers[1].joints[1]] > 0.5);
-    assert!(elsewhere.map(|v| rise[v].abs()).all(|moved| moved == 0.0), "the next finger is left alone");
+    assert!(elsewhere.map(|v| rise[v].abs()).all(|moved| moved == 0.0), "the next finger is unchanged");
 
     let [a, b] = [0.0, 1.4].map(|bend| hand.pose(&index_finger(bend)).texture);
     let brightness = |texel: &[u8; 3]| texel.iter().map(|v| i32::from(*v)).sum::<i32>();
@@ -146,7 +146,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
 }
 
 #[test]
-fn identities_have_other_hands_and_seeds_other_motions() {
+fn identities_have_different_hands_and_seeds_different_motions() {
     let capture = |identity, seed| {
         let folder = tempfile::tempdir().unwrap();
         let options = SyntheticOptions { identity, seed, ..options() };
@@ -161,7 +161,7 @@ fn identities_have_other_hands_and_seeds_other_motions() {
 }
 
 #[test]
-fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
+fn a_capture_in_the_layout_of_interhand_is_read_back_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let [own, inter] = ["own", "inter"].map(|name| folder.path().join(name));
     let options = |format| SyntheticOptions { width: 176, height: 256, format, ..options() };
@@ -223,7 +223,7 @@ fn the_layout_of_interhand_is_read_back_as_the_same_capture() {
 }
 
 #[test]
-fn a_capture_appears_whole_or_not_at_all() {
+fn a_capture_appears_completely_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("capture");
     let mut left = 3;
@@ -235,7 +235,7 @@ fn a_capture_appears_whole_or_not_at_all() {
     assert!(message.contains("the card is on fire") && message.contains("0000"), "{message}");
     let short = generate(&options(), &out, &mut |_, _| Ok(vec![])).unwrap_err().to_string();
     assert!(short.contains("0 pixels, expected 864"), "{short}");
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "no files remain");
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn frames_without_an_image_or_a_mask_are_skipped_and_counted() {
     std::fs::remove_file(folder.path().join("1/unscreen_cropped/0001.jpg")).unwrap();
     std::fs::remove_file(folder.path().join("9/mask/0007_mask.jpg")).unwrap();
     let opened = Capture::open_with(folder.path(), &options()).unwrap();
-    assert_eq!(opened.skipped_images.to_string(), "2 of 10 images are left out: 2 without a file");
+    assert_eq!(opened.skipped_images.to_string(), "2 of 10 images are skipped: 2 without a file");
     assert_eq!((opened.capture.splits["train"].views.len(), opened.capture.splits["test"].views.len()), (5, 3));
     for sequence in ["6", "9"] {
         std::fs::remove_dir_all(folder.path().join(sequence)).unwrap();
@@ -98,7 +98,7 @@ fn impossible_values_are_named() {
     let cases: [(&str, Option<Py>, &[&str]); 10] = [
         ("pose", Some(floats(&[1, 44], &[0.0; 44])), &["pose", "[1, 44]", "45 numbers"]),
         ("rot", Some(floats(&[3], &[0.0, f64::NAN, 0.0])), &["rot", "NaN"]),
-        ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" turns by 512.0 rad", "radians"]),
+        ("rot", Some(floats(&[3], &[0.0, 512.0, 0.0])), &["pose", "joint \"wrist\" rotates by 512.0 rad", "radians"]),
         ("cam", Some(floats(&[3], &[1.0, 4096.0, 0.0])), &["joints, trans or cam", "metres"]),
         (
             "shape",

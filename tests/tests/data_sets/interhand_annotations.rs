@@ -88,12 +88,12 @@ fn annotations_can_precede_the_images() {
 fn impossible_annotations_are_named_with_their_location() {
     type Change = fn(&mut InterHand);
     let cases: [(Change, &[&str]); 15] = [
-        (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "no rotation"]),
+        (|d| d.camera["0"]["camrot"][camera_id(1)][0][0] = json!(2.0), &["camera.json", "400201", "is not a rotation"]),
         (|d| d.camera["0"]["camrot"][camera_id(1)][0] = json!([1, 0]), &["camera.json", "3 finite numbers", "line 1"]),
         (|d| d.camera["0"]["focal"][camera_id(1)] = json!([0.0, 900.0]), &["camera.json", "400201", "singular"]),
         (|d| d.camera["0"]["campos"][camera_id(1)][1] = json!("x"), &["camera.json", "the text \"x\"", "line 1"]),
-        (|d| d.camera = json!({"1": d.camera["0"]}), &["camera.json", "\"0\" is not there"]),
-        (|d| d.images[3]["id"] = d.images[2]["id"].clone(), &["data.json", "id 1002 is there twice"]),
+        (|d| d.camera = json!({"1": d.camera["0"]}), &["camera.json", "\"0\" is missing"]),
+        (|d| d.images[3]["id"] = d.images[2]["id"].clone(), &["data.json", "id 1002 occurs twice"]),
         (
             |d| {
                 let copy = d.images[2]["camera"].clone();
@@ -148,7 +148,7 @@ fn a_missing_file_hand_model_or_sequence_is_named_with_the_remedy() {
     assert_says(&message(&OpenOptions::default()), &["hand_model", "MANO_RIGHT.pkl", "--hand-model"]);
     let built_in = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let other = OpenOptions { mano: Some(built_in), ..Default::default() };
-    assert_says(&message(&other), &["hand_model", "no MANO model"]);
+    assert_says(&message(&other), &["hand_model", "not a MANO model"]);
     let sequences = OpenOptions { train_sequences: vec!["ROM09".into()], ..options() };
     assert_says(&message(&sequences), &["ROM09", "ROM03_RT_No_Occlusion", "ROM04_RT_Occlusion"]);
     let outside = OpenOptions { test_sequences: vec!["../../x".into()], ..options() };

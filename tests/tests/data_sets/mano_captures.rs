@@ -29,7 +29,7 @@ fn a_capture_with_mano_poses_is_written_and_read_with_the_users_file() {
     assert_says(&open(Some(left)).unwrap_err().to_string(), &["left hand", "side says right"]);
     let mut other = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     other.parents[3] = Some(0);
-    assert_says(&open(Some(other)).unwrap_err().to_string(), &["no MANO model", "MANO_RIGHT.pkl"]);
+    assert_says(&open(Some(other)).unwrap_err().to_string(), &["not a MANO model", "MANO_RIGHT.pkl"]);
 }
 
 #[test]

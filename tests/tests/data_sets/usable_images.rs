@@ -54,7 +54,7 @@ fn missing_and_broken_files_are_dropped_with_one_count() {
     let reasons: Vec<(SkipReason, usize)> = counts.reasons.clone().into_iter().collect();
     assert_eq!(reasons, [(SkipReason::Missing, 2), (SkipReason::Broken, 6)]);
     let said = counts.to_string();
-    assert_says(&said, &["8 of 22 images are left out: 2 without a file, 6 with a broken file; the first: "]);
+    assert_says(&said, &["8 of 22 images are skipped: 2 without a file, 6 with a broken file; the first: "]);
     let left: Vec<(usize, usize)> = capture.splits["train"].views.iter().map(|v| (v.camera, v.frame)).collect();
     let mut expected: Vec<(usize, usize)> = (8..train.views.len()).map(pair).collect();
     expected.sort_unstable_by_key(|(camera, frame)| (*frame, *camera));
@@ -93,7 +93,7 @@ fn truncated_images_are_skipped() {
         let bytes = std::fs::read(&file).unwrap();
         std::fs::write(&file, &bytes[..bytes.len() * 3 / 4]).unwrap();
         let error = capture.skip_unusable_images(&["train"]).unwrap_err().to_string();
-        assert_says(&error, &["nothing is left", "18 with a broken file", &name]);
+        assert_says(&error, &["no images are left", "18 with a broken file", &name]);
         assert_says(&capture.load_view(0, 0).unwrap_err().to_string(), &[&name, "replace the file"]);
     }
 }

@@ -18,11 +18,10 @@ use ghand_app::viewer::window;
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO) [default: the last trained one of
-    /// out/train, out/train-2, ..., else a bare hand]
+    /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO) [default: the avatar trained
+    /// last in out/train, out/train-2, ..., else an untrained hand]
     file: Option<PathBuf>,
-    /// The pose at first, or what to play: a pose or a motion by name, or a file of poses of any kind that `ghand render` takes
-    /// [default: rest]
+    /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
     #[command(flatten)]
@@ -53,7 +52,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             hand.show(text, sequence);
         }
         (Subject::Scene { .. }, Some(_)) => {
-            bail!("--pose: {source} is a scene of Gaussians, which takes no pose; give an avatar or leave --pose out")
+            bail!("--pose: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --pose")
         }
     }
     let gpu = arguments.adapter.open()?;
@@ -68,6 +67,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
         Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),
-        None => Ok((Subject::avatar(bare_hand()?), "no avatar trained yet: bare hand".into())),
+        None => Ok((Subject::avatar(bare_hand()?), "no trained avatar yet: untrained hand".into())),
     }
 }

@@ -13,19 +13,19 @@ use crate::say;
 /// Command line of `ghand capture`.
 #[derive(Debug, Args)]
 pub struct CaptureArgs {
-    /// Folder to make; must be empty or absent
+    /// Folder to create; must be empty or not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Cameras that train, on a sphere around the hand [default: 8]
+    /// Number of training cameras, on a sphere around the hand [default: 8]
     #[arg(long, value_name = "N")]
     views: Option<usize>,
-    /// Cameras that test, between the others [default: 3]
+    /// Number of test cameras, between the others [default: 3]
     #[arg(long, value_name = "N")]
     test_views: Option<usize>,
-    /// Frames that train, one smooth motion [default: 16]
+    /// Number of training frames, one smooth motion [default: 16]
     #[arg(long, value_name = "N")]
     train_frames: Option<usize>,
-    /// Frames that test, other poses [default: 6]
+    /// Number of test frames, with other poses [default: 6]
     #[arg(long, value_name = "N")]
     test_frames: Option<usize>,
     /// Size of the images, pixels [default: 192x288]
@@ -34,11 +34,11 @@ pub struct CaptureArgs {
     /// Selects the hand: its proportions and its skin [default: 7]
     #[arg(long, value_name = "SEED")]
     identity: Option<u64>,
-    /// Another motion and other test poses, and other errors of the training poses [default: 7]
+    /// Seed of the motion, the test poses and the errors of the training poses [default: 7]
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Standard deviation of the errors of the training poses, degrees about each axis of a finger's joint; the root's are half
-    /// of it [default: 4]
+    /// Standard deviation of the errors of the training poses, degrees about each axis of a finger's joint; half of it
+    /// for the root [default: 4]
     #[arg(long, value_name = "DEG")]
     pose_noise: Option<f64>,
     /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout

@@ -24,10 +24,11 @@ pub struct ExportArgs {
     pose: String,
     #[command(flatten)]
     reading: PoseReadingArgs,
-    /// Which frame of the file or motion: its id or, counted from 0, its number [default: the first]
+    /// Frame of the file or motion: its id or its number, counted from 0 [default: the first]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
-    /// The scene to write: a .ply file in the layout of 3D Gaussian Splatting; metres. Opacities of 1 are written as 0.99999
+    /// The scene to write: a .ply file in the layout of 3D Gaussian Splatting; metres. Opacities of 1 are written as
+    /// 0.99999
     #[arg(long, value_name = "FILE")]
     ply: PathBuf,
 }

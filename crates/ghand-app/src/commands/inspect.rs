@@ -102,11 +102,11 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     say!("{}", capture::describe(path, &opened, &found, &views).trim_end());
     match (args.no_sheet, views.is_empty()) {
         (true, _) => {}
-        (_, true) => say!("\nno pictures: there is no image that could be decoded"),
+        (_, true) => say!("\nno pictures: no image could be decoded"),
         _ => say!("\n{}", write_sheet(&sheet, args.sheet.is_some(), adapter, &opened, &views)?),
     }
     if !found.has_usable_image() {
-        bail!("{}: there is no image that can be used; the output above names what is wrong", path.display());
+        bail!("{}: no image can be used; see the problems above", path.display());
     }
     Ok(())
 }

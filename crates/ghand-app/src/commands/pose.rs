@@ -31,23 +31,23 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
 pub struct PoseArgs {
-    /// The hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf) or an avatar (.ghand), whose mesh and joints are taken; poses are
-    /// written for its joints [default: the built-in hand]
+    /// The hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf) or an avatar (.ghand), whose mesh and joints are
+    /// used; poses are written for its joints [default: the built-in hand]
     #[arg(long, value_name = "FILE", visible_alias = "for")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
     reading: HandModelArgs,
-    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// A pose or a motion by name, or any file of poses listed in docs/poses.md: ghand's, a capture, MANO parameters,
     /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
-    /// Which frame of the file: its id or, counted from 0, its number [default: the first; for .json, all]
+    /// Frame of the file: its id or its number, counted from 0 [default: the first; for .json, all]
     #[arg(long, value_name = "N", requires = "pose")]
     frame: Option<String>,
-    /// The mesh to write: .obj (vertices in the order of the model's file) or .glb; metres. Or .json: the poses themselves, as
-    /// rotations of this model's joints
+    /// The mesh to write: .obj (vertices in the order of the model's file) or .glb; metres. Or .json: the poses
+    /// themselves, as rotations of this model's joints
     #[arg(long, value_name = "FILE", group = "output")]
     out: Option<PathBuf>,
     /// A picture of the mesh to draw, .png or .exr (32-bit floats)
@@ -60,12 +60,13 @@ pub struct PoseArgs {
 /// How the picture looks.
 #[derive(Debug, Args)]
 struct LookArgs {
-    /// solid, wireframe (hidden lines removed), solid-wireframe, weights (one colour per joint, mixed by skinning weight), or
-    /// weights=JOINT (one joint's weight: grey where it is 0, then violet to yellow; a name or number as `inspect` lists)
+    /// solid, wireframe (hidden lines removed), solid-wireframe, weights (one colour per joint, mixed by skinning
+    /// weight), or weights=JOINT (one joint's weight: grey where it is 0, then violet to yellow; a name or number as
+    /// `inspect` lists)
     #[arg(long, value_name = "STYLE", default_value = "solid", requires = "picture")]
     style: PictureStyle,
-    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03 [default: one
-    /// that sees the back of the hand]
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, such as capture.json:cam03
+    /// [default: one that sees the back of the hand]
     #[arg(long, value_name = "FILE[:ID]", requires = "picture")]
     camera: Option<PathBuf>,
     /// Size of the picture [default: the camera's, else 512x512]
@@ -101,7 +102,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if let Some(Output::Poses(path)) = output {
         if args.picture.is_some() {
             bail!(
-                "--picture with --out {}: a picture shows one pose; give .obj or .glb, or leave one out",
+                "--picture with --out {}: a picture shows one pose; use .obj or .glb, or omit one of the two options",
                 path.display()
             );
         }
@@ -109,7 +110,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
         }
         write_poses(path, &sequence, model)?;
-        say!("{}: {} frames at {} a second", path.display(), sequence.frames.len(), sequence.fps);
+        say!("{}: {} frames at {} per second", path.display(), sequence.frames.len(), sequence.fps);
         return Ok(());
     }
     let frame = chosen(args, sequence.frames, args.frame.as_deref().unwrap_or("0"))?;

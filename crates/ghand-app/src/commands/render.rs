@@ -27,42 +27,44 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 pub struct RenderArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
-    /// A pose or a motion by name, or a file of poses of any kind that docs/poses.md lists: ghand's, a capture, MANO parameters,
+    /// A pose or a motion by name, or any file of poses listed in docs/poses.md: ghand's, a capture, MANO parameters,
     /// joints of WebXR or OpenXR, landmarks
     #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
     pose: String,
     #[command(flatten)]
     reading: PoseReadingArgs,
-    /// Only the frame of this id or, counted from 0, number [default: every frame of the file]
+    /// Only the frame with this id or number, counted from 0 [default: every frame of the file]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
-    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, such as capture.json:cam03
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
     /// This many views around the hand, of every frame
     #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
-    /// One view of each frame of a motion, while the camera goes around the hand this many times; negative: in the other direction
+    /// One view of each frame of a motion, while the camera goes around the hand this many times; negative: in the
+    /// other direction
     #[arg(long, value_name = "TURNS", group = "view", num_args = 0..=1, default_missing_value = "1")]
     #[arg(allow_negative_numbers = true, value_parser = parse_turns)]
     orbit: Option<f64>,
     /// Size of the pictures [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// A folder for pictures such as frame-0012_view-03.png, which replace those of an earlier render; or one picture (.png,
-    /// .exr) or film (.gif, .webm, .mp4). What is missing of the path is made
+    /// A folder for pictures such as frame-0012_view-03.png, which replace those of an earlier render; or one picture
+    /// (.png, .exr) or film (.gif, .webm, .mp4). Missing folders are created
     #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
     #[command(flatten)]
     format: FormatArgs,
-    /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, in EXR neither
+    /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, not
+    /// even in EXR
     #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
     background: Background,
 }
 
 fn parse_turns(text: &str) -> Result<f64, String> {
     let turns = text.parse().ok().filter(|turns: &f64| turns.is_finite() && *turns != 0.0 && turns.abs() <= 1000.0);
-    turns.ok_or_else(|| "must be a number of turns other than 0, as in 1, 0.5 or -2".into())
+    turns.ok_or_else(|| "must be a number of turns other than 0, such as 1, 0.5 or -2".into())
 }
 
 /// Renders the pictures. All input is read and checked before anything is written.
@@ -76,11 +78,11 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;
     if args.orbit.is_some() && frames.len() == 1 {
-        bail!("--orbit: there is only one frame, in which nothing goes around; give a motion, or --turntable");
+        bail!("--orbit: there is only one frame; give a motion, or use --turntable");
     }
     if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1)
     {
-        bail!("--turntable: a film shows each frame from one side; give --orbit, or choose a --frame");
+        bail!("--turntable: a film shows each frame from one view; use --orbit, or choose one frame with --frame");
     }
     let poses: Vec<&Pose> = frames.iter().map(|(_, frame)| &frame.pose).collect();
     let size = args.size.unwrap_or(DEFAULT_SIZE);

@@ -33,7 +33,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 pub struct SplatArgs {
     /// The scene: a 3D Gaussian Splatting .ply file
     scene: PathBuf,
-    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, as in capture.json:cam03
+    /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, such as capture.json:cam03
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
     camera: Option<PathBuf>,
     /// This many views around the scene; distant outliers are ignored
@@ -45,8 +45,8 @@ pub struct SplatArgs {
     /// Size of the pictures [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// A picture: .exr (floats: colour over the background, and coverage) or .png (8 bits); a film of a turntable (.gif, .webm,
-    /// .mp4); or a folder for pictures such as view-03.png, which replace those of an earlier render
+    /// A picture: .exr (floats: colour over the background, and coverage) or .png (8 bits); a film of a turntable
+    /// (.gif, .webm, .mp4); or a folder for pictures such as view-03.png, which replace those of an earlier render
     #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -54,13 +54,14 @@ pub struct SplatArgs {
     /// Pictures per second of a film [default: one turn in 4 seconds, at most 30]
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     fps: Option<f64>,
-    /// Colour behind the scene, display values from 0 to 1; or transparent: colours are not multiplied by alpha, in EXR neither
+    /// Colour behind the scene, display values from 0 to 1; or transparent: colours are not multiplied by alpha, not
+    /// even in EXR
     #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
     background: Background,
     /// Weights of the pixels' red, green and blue, an .exr of the picture's size; for --gradients
     #[arg(long, value_name = "FILE", requires = "gradients", conflicts_with = "turntable")]
     weights: Option<PathBuf>,
-    /// Write the gradient of the weighted sum of the picture to the numbers stored in the scene, a .safetensors file
+    /// Write the gradient of the picture's weighted sum with respect to the stored numbers, a .safetensors file
     #[arg(long, value_name = "FILE", requires = "weights")]
     gradients: Option<PathBuf>,
     /// Reduce the opacity of small Gaussians to compensate for the pixel blur
@@ -113,7 +114,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Ok(())
     })?;
     if broken > 0 {
-        log::warn!("{}: {broken} Gaussians hold numbers that are not finite and were left out", args.scene.display());
+        log::warn!("{}: {broken} Gaussians have numbers that are not finite and were skipped", args.scene.display());
     }
     say!("{}; {} Gaussians", series.finish()?, scene.count);
     if let Some(path) = &args.gradients {
@@ -171,7 +172,7 @@ fn read_weights(path: &Path, [width, height]: [u32; 2]) -> anyhow::Result<Vec<[f
         .into_rgb32f();
     let got = picture.dimensions();
     ensure!(got == (width, height), "{name}: is {} x {} pixels, the camera's are {width} x {height}", got.0, got.1);
-    ensure!(picture.as_raw().iter().all(|w| w.is_finite()), "{name}: holds a weight that is not finite");
+    ensure!(picture.as_raw().iter().all(|w| w.is_finite()), "{name}: has a weight that is not finite");
     Ok(picture.pixels().map(|p| [p.0[0], p.0[1], p.0[2], 0.0]).collect())
 }
 

@@ -32,21 +32,20 @@ pub struct TrainArgs {
     /// Split to evaluate on [default: test, if there is one]
     #[arg(long)]
     test_split: Option<String>,
-    /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train, and where that holds an earlier
-    /// run the next of out/train-2, out/train-3, ...]
+    /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train or, if it holds an earlier
+    /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder.
     #[arg(long)]
     force: bool,
-    /// Seed of everything random; the same seed on the same device gives the same avatar, byte for byte.
+    /// Seed of all random numbers; the same seed on the same device gives the same avatar, byte for byte.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<String>,
     /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Train even where no avatar can be expected of the capture, such as one in millimetres; what is wrong with it is a warning
-    /// then.
+    /// Train even if the capture cannot give an avatar, such as one in millimetres; its problems become warnings.
     #[arg(long)]
     ignore_checks: bool,
 }
@@ -124,7 +123,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         folder.remove_figures()?;
         save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
     })?;
-    interruption.end_with(format!("stopped without figures: the avatar of {progress} is {}", avatar_path.display()));
+    interruption
+        .end_with(format!("stopped before evaluation: the avatar after {progress} is {}", avatar_path.display()));
 
     let mut shown = None;
     let images = match capture.splits.get(test_split) {
@@ -152,7 +152,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     say!("avatar: {}", avatar_path.display());
     match metrics.images {
         Some(_) => say!("report: {}", report_path.display()),
-        None => say!("no report: there is no image to evaluate on in a split `{test_split}`"),
+        None => say!("no report: there are no images to evaluate in the split `{test_split}`"),
     }
     match (stopped_early, failure(&metrics, &settings)) {
         (false, None) => Ok(()),

@@ -32,7 +32,7 @@ pub fn parse_background(text: &str) -> Result<Background, String> {
         text.split(',').map(|t| t.trim().parse().ok().filter(|v| (0.0..=1.0).contains(v))).collect();
     match values.as_deref() {
         Some(&[r, g, b]) => Ok(Background::Color([r, g, b])),
-        _ => Err("must be red,green,blue, each from 0 to 1, as in 0.2,0.2,0.2, or transparent".into()),
+        _ => Err("must be red,green,blue, each from 0 to 1, such as 0.2,0.2,0.2, or transparent".into()),
     }
 }
 
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn backgrounds_are_read_and_nonsense_is_refused() {
+    fn backgrounds_are_parsed_and_invalid_ones_rejected() {
         assert_eq!(parse_background("0, 0.5,1"), Ok(Background::Color([0.0, 0.5, 1.0])));
         assert_eq!(parse_background("transparent"), Ok(Background::Transparent));
         for text in ["", "1,2", "0,0,2", "0,0,nan", "0,0,0,0", "a,b,c", "Transparent,"] {

@@ -10,7 +10,8 @@ use super::format::{FilmFormat, Format, StillFormat};
 /// The option `--format`.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct FormatArgs {
-    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else png]
+    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else
+    /// png]
     #[arg(long, value_name = "FORMAT", value_parser = Format::parse)]
     format: Option<Format>,
 }
@@ -37,7 +38,7 @@ impl FormatArgs {
         let is_folder = out.is_dir() || out.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
         if is_folder || out.extension().is_none() {
             if out.exists() && !out.is_dir() {
-                bail!("--out {shown}: is a file and no folder; give a folder, or a file that ends in .png or .gif");
+                bail!("--out {shown}: is a file, not a folder; give a folder, or a file that ends in .png or .gif");
             }
             return Ok(match self.format.unwrap_or(Format::Still(StillFormat::Png)) {
                 Format::Still(format) => Destination::Folder(out.into(), format),
@@ -70,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn endings_and_formats_tell_files_from_folders() {
+    fn extensions_and_formats_distinguish_files_from_folders() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         std::fs::create_dir(at("dotted.png")).unwrap();
@@ -92,7 +93,7 @@ mod tests {
             ("a.jpg", None, "must end in .png"),
             ("v1.2", None, "ends in /"),
             ("a.png", Some("gif"), "but --format is gif"),
-            ("file", None, "is a file and no folder"),
+            ("file", None, "is a file, not a folder"),
         ] {
             let error = destination(&at(out), format).unwrap_err().to_string();
             assert!(error.starts_with("--out ") && error.contains(part), "{error}");

@@ -35,7 +35,7 @@ impl PipedFilm {
         if options.format == FilmFormat::Mp4 && options.background == Background::Transparent {
             bail!("--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures");
         }
-        let file = |what: &str| format!("cannot make a temporary file for {what}");
+        let file = |what: &str| format!("cannot create a temporary file for {what}");
         // MP4 is not written sequentially.
         let encoded = tempfile::Builder::new().prefix("ghand-").tempfile().with_context(|| file("the film"))?;
         let encoded = encoded.into_temp_path();
@@ -83,7 +83,7 @@ impl PipedFilm {
     pub fn write(mut self, path: &Path) -> anyhow::Result<()> {
         // The end of the pictures.
         self.pictures = None;
-        let status = self.child.wait().context("ffmpeg cannot be waited for")?;
+        let status = self.child.wait().context("cannot wait for ffmpeg")?;
         if !status.success() {
             return Err(self.failure(&status.to_string()));
         }

@@ -64,7 +64,7 @@ impl Folder {
         if let Some(foreign) = pictures.iter().find(|p| !known.contains(p.file.as_str()) && path.join(&p.file).exists())
         {
             let file = path.join(&foreign.file);
-            bail!("{}: is there, and not from an earlier render; move it, or choose another folder", file.display());
+            bail!("{}: exists and is not from an earlier render; move it, or choose another folder", file.display());
         }
         Ok(Folder { path: path.into(), pictures, earlier, begun: false })
     }
@@ -86,7 +86,7 @@ impl Folder {
 
     fn begin(&self) -> anyhow::Result<()> {
         std::fs::create_dir_all(&self.path)
-            .with_context(|| format!("{}: cannot make the folder", self.path.display()))?;
+            .with_context(|| format!("{}: cannot create the folder", self.path.display()))?;
         // Written first, so that after an interruption every existing picture is listed.
         let mut both = self.pictures.clone();
         let planned: HashSet<&str> = self.pictures.iter().map(|p| p.file.as_str()).collect();
@@ -139,7 +139,7 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
     let shown = path.display();
     let bytes = input_file::read(&path, LARGEST_LIST).with_context(|| format!("{shown}: cannot be read; {remedy}"))?;
     let list = bytes.and_then(|bytes| serde_json::from_slice::<List>(&bytes).ok()).filter(|list| list.format == FORMAT);
-    let Some(list) = list else { bail!("{shown}: is no list of pictures that ghand has rendered; {remedy}") };
+    let Some(list) = list else { bail!("{shown}: is not a list of pictures rendered by ghand; {remedy}") };
     // They will be removed, so only files named like a picture of a render and directly in the folder count.
     let is_rendered = |file: &str| {
         let mut parts = Path::new(file).components();
@@ -148,7 +148,7 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
         is_name && is_picture && PREFIXES.iter().any(|prefix| file.starts_with(prefix))
     };
     if let Some(other) = list.pictures.iter().find(|p| !is_rendered(&p.file)) {
-        bail!("{shown}: lists {:?}, which no render writes; {remedy}", other.file);
+        bail!("{shown}: lists {:?}, which is not the name of a rendered picture; {remedy}", other.file);
     }
     let there = |file: &String| folder.join(file).symlink_metadata().is_ok();
     Ok(list.pictures.into_iter().map(|p| p.file).filter(there).collect())
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_frame_and_view_and_sort_in_order() {
+    fn names_contain_frame_and_view_and_sort_in_order() {
         let names = |shots: &[Shot]| -> Vec<String> {
             Folder::new(Path::new("none"), StillFormat::Png, shots)
                 .unwrap()
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_render_replaces_the_pictures_of_the_one_before_and_leaves_all_else() {
+    fn a_render_replaces_only_the_pictures_of_the_previous_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a/b");
         assert_eq!(fill(&path, StillFormat::Png, &shots(3, None)).unwrap(), 0);
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pictures_of_a_render_that_was_cut_short_are_replaced_too() {
+    fn the_pictures_of_an_interrupted_render_are_replaced_too() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         fill(path, StillFormat::Png, &shots(2, Some(1))).unwrap();
@@ -238,12 +238,12 @@ mod tests {
     }
 
     #[test]
-    fn what_no_render_made_is_not_overwritten_and_foreign_lists_remove_nothing() {
+    fn other_files_are_not_overwritten_and_foreign_lists_remove_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         std::fs::write(path.join("frame-0001.png"), b"mine").unwrap();
         let error = fill(path, StillFormat::Png, &shots(2, None)).unwrap_err().to_string();
-        assert!(error.contains("frame-0001.png: is there"), "{error}");
+        assert!(error.contains("frame-0001.png: exists"), "{error}");
         let inside = path.join("inside");
         std::fs::create_dir(&inside).unwrap();
         for file in ["../frame-0001.png", "/frame-0001.png", "frame-1/../../frame-0001.png", "notes.txt", "frame-1.txt"]

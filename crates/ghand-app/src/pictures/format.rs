@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ending_tells_the_format_whatever_the_case_of_its_letters() {
+    fn the_extension_determines_the_format_in_any_case() {
         for (name, format) in [
             ("a.png", Some(Format::Still(StillFormat::Png))),
             ("a.b.PNG", Some(Format::Still(StillFormat::Png))),

@@ -35,7 +35,7 @@ impl GifFilm {
     pub fn start(options: FilmOptions) -> anyhow::Result<GifFilm> {
         if options.fps > FASTEST {
             bail!(
-                "a GIF shows at most {FASTEST} pictures a second, not {}; give a smaller --fps, or .webm",
+                "a GIF shows at most {FASTEST} pictures per second, not {}; give a smaller --fps, or use .webm",
                 options.fps
             );
         }
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn few_colours_are_kept_as_they_are() {
+    fn few_colours_are_kept_exactly() {
         let colors: Vec<[u8; 4]> = (0..=255u8).map(|v| [v, 255 - v, 7, 255]).collect();
         let Indexed { palette, indices } = indexed(&colors, Background::Color([0.0, 1.0, 7.0 / 255.0]));
         for (color, index) in colors.iter().zip(indices) {
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_fast_for_a_gif_is_one_sentence() {
+    fn a_frame_rate_too_high_for_a_gif_is_an_error() {
         let error = film([4, 4], Background::Transparent, 60.0).err().unwrap().to_string();
         assert!(error.contains("at most 50") && error.contains("--fps"), "{error}");
         assert!(film([4, 4], Background::Transparent, 50.0).is_ok());

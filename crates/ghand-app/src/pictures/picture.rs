@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn transparent_pictures_have_the_colours_of_what_is_in_front() {
+    fn transparent_pictures_have_the_colours_of_the_foreground() {
         for format in [StillFormat::Png, StillFormat::Exr] {
             let mut picture = Picture::blank([2, 1], Background::Transparent, format);
             picture.place([0, 0], &piece([0.0; 3]));
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn opaque_pictures_are_over_their_background_and_have_no_alpha_in_png() {
+    fn opaque_pictures_have_their_background_and_no_alpha_in_png() {
         let color = [0.4, 0.6, 1.0];
         let mut picture = Picture::blank([2, 1], Background::Color(color), StillFormat::Png);
         picture.place([0, 0], &piece(color));
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_and_splats_look_the_same_and_pieces_are_cut_at_the_border() {
+    fn meshes_and_splats_look_the_same_and_pieces_are_cropped() {
         let mesh =
             MeshImage { width: 2, height: 1, rgba: vec![[0.0; 4], [0.2, 0.05, 0.025, 0.25]], depth: vec![1.0; 2] };
         for background in [Background::Transparent, Background::Color([0.4, 0.6, 1.0])] {

@@ -65,7 +65,7 @@ impl Series {
             Destination::Picture(path, format) => {
                 if shots.len() != 1 {
                     bail!(
-                        "--out {}: is one picture, and there are {}; give a folder, or a film such as .gif",
+                        "--out {}: is one picture, but there are {} to write; give a folder, or a film such as .gif",
                         path.display(),
                         shots.len()
                     );
@@ -134,7 +134,7 @@ impl Series {
                 });
                 let removed = match folder.finish()? {
                     0 => String::new(),
-                    removed => format!("; {removed} of an earlier render were removed"),
+                    removed => format!("; {removed} pictures of an earlier render were removed"),
                 };
                 let pictures = if count == 1 { "picture" } else { "pictures" };
                 format!("{}: {count} {pictures} of {width} x {height} pixels{names}{removed}", path.display())

@@ -96,11 +96,11 @@ pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
         String::new()
     };
     let plain = TrainSettings { seed: settings.seed, iterations: settings.iterations, ..Default::default() };
-    let changed = if *settings == plain { "" } else { ", or settings that do not fit the capture" };
+    let changed = if *settings == plain { "" } else { ", or settings that do not suit the capture" };
     Some(format!(
         "the training has failed: the avatar's PSNR of {:.2} dB is not above the {:.2} dB of its floor, the textured \
-         template; likely reasons are {few}poses, cameras or masks that do not fit the images (`ghand inspect` shows \
-         that), too few images for the hand's motion{changed}",
+         template; likely reasons are {few}poses, cameras or masks that do not match the images (`ghand inspect` \
+         shows that), too few images for the hand's motion{changed}",
         images.psnr, images.floor.psnr
     ))
 }
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn an_avatar_at_or_below_its_floor_is_a_failure_and_one_above_is_none() {
+    fn an_avatar_at_or_below_its_floor_is_a_failure() {
         let settings = TrainSettings::default();
         assert_eq!(failure(&metrics(20.1, 20.0, 9), &settings), None);
         assert_eq!(failure(&Metrics { images: None, ..metrics(0.0, 1.0, 9) }, &settings), None);
@@ -145,6 +145,6 @@ mod tests {
         }
         let other = TrainSettings { rate_color: 1.0, ..settings };
         let text = failure(&metrics(9.7, 20.0, 99_999), &other).unwrap();
-        assert!(text.contains("settings that do not fit") && !text.contains("too few iterations"), "{text}");
+        assert!(text.contains("settings that do not suit") && !text.contains("too few iterations"), "{text}");
     }
 }

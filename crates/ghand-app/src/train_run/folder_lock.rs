@@ -44,7 +44,8 @@ impl FolderLock {
             let mut file = opened.with_context(|| format!("{}: cannot be opened", path.display()))?;
             match file.try_lock() {
                 Ok(()) if !is_at(&file, &path) => {
-                    // Its holder removed it after it was opened here: another process may have made and locked a new one.
+                    // Its holder removed it after it was opened here: another process may have made and locked a new
+                    // one.
                 }
                 Ok(()) => {
                     // Only for the message of other processes, which then has less detail.
@@ -59,7 +60,7 @@ impl FolderLock {
                 }
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
                     log::warn!(
-                        "{}: this file system has no locks; run only one `train` into this folder",
+                        "{}: this file system does not support locks; let only one `train` write to this folder",
                         path.display()
                     );
                     return Ok(Attempt::Locked(FolderLock { _file: file }));

@@ -15,7 +15,7 @@ use crate::train_run::run_folder::Leftovers;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Message of a run that ends before its training.
-pub const BEFORE_TRAINING: &str = "stopped before the training: nothing was saved";
+pub const BEFORE_TRAINING: &str = "stopped before training: nothing was saved";
 
 /// What the next signal does.
 enum Response {
@@ -47,7 +47,7 @@ impl Interruption {
         let interruption = Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
         let arrived = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, arrived.clone()).context("cannot listen to Ctrl-C")?;
+            signal_hook::flag::register(signal, arrived.clone()).context("cannot handle Ctrl-C")?;
         }
         let listener = interruption.clone();
         let name = "signals".to_owned();
@@ -61,7 +61,7 @@ impl Interruption {
                     }
                 }
             })
-            .context("cannot listen to Ctrl-C")?;
+            .context("cannot handle Ctrl-C")?;
         Ok(interruption)
     }
 
@@ -103,7 +103,7 @@ impl Interruption {
         match &state.response {
             Response::Stop => {
                 self.stop.store(true, Ordering::Relaxed);
-                eprintln!("{before}stopping after this iteration; Ctrl-C once more ends the program at once");
+                eprintln!("{before}stopping after this iteration; press Ctrl-C again to end the program at once");
                 state.response = Response::End("stopped at once: nothing was saved".into());
             }
             Response::End(line) => {

@@ -65,7 +65,7 @@ impl RunFolder {
     pub fn named(path: &Path, force: bool) -> anyhow::Result<RunFolder> {
         let refuse = || match result_in(path).filter(|_| !force) {
             Some(file) => bail!(
-                "{}: is of an earlier run; choose another --out, or replace its results with --force",
+                "{}: belongs to an earlier run; choose another --out, or replace its results with --force",
                 file.display()
             ),
             None => Ok(()),
@@ -78,7 +78,7 @@ impl RunFolder {
                 Ok(folder)
             }
             Err(holder) => bail!(
-                "{}: another run is writing into this folder ({holder}); wait for its end or choose another --out",
+                "{}: another run is writing into this folder ({holder}); wait until it ends, or choose another --out",
                 path.display()
             ),
         }
@@ -97,7 +97,7 @@ impl RunFolder {
             match RunFolder::claim(&path)? {
                 Ok(folder) if result_in(&path).is_none() => {
                     if number > 1 {
-                        say!("earlier runs are kept: this one goes to {}", path.display());
+                        say!("earlier runs are kept; results go to {}", path.display());
                     }
                     return Ok(folder);
                 }
@@ -105,7 +105,7 @@ impl RunFolder {
             }
         }
         bail!(
-            "{}: there are {MOST_FOLDERS} earlier runs; remove some or choose another folder with --out",
+            "{}: there are {MOST_FOLDERS} earlier runs; remove some, or choose another folder with --out",
             base.display()
         )
     }
@@ -114,7 +114,8 @@ impl RunFolder {
     fn claim(path: &Path) -> anyhow::Result<Result<RunFolder, String>> {
         let missing = path.ancestors().filter(|a| !a.as_os_str().is_empty()).take_while(|a| !a.exists());
         let made = missing.map(Path::to_owned).collect();
-        std::fs::create_dir_all(path).with_context(|| format!("{}: cannot make the output folder", path.display()))?;
+        std::fs::create_dir_all(path)
+            .with_context(|| format!("{}: cannot create the output folder", path.display()))?;
         let leftovers = Leftovers { lock: FolderLock::file(path), made };
         Ok(match FolderLock::attempt(path) {
             Ok(Attempt::Locked(lock)) => Ok(RunFolder { path: path.into(), leftovers, _lock: lock }),
@@ -171,8 +172,8 @@ fn numbered(base: &Path, number: usize) -> PathBuf {
     name.into()
 }
 
-/// The avatar that was trained last: the newest of those in [`DEFAULT_FOLDER`] and the folders beside it whose names begin
-/// alike. `None` if there is none.
+/// The avatar that was trained last: the newest of those in [`DEFAULT_FOLDER`] and the folders beside it whose names
+/// begin alike. `None` if there is none.
 pub fn last_avatar() -> Option<PathBuf> {
     last_avatar_beside(Path::new(DEFAULT_FOLDER))
 }
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_without_a_folder_of_their_own_go_side_by_side() {
+    fn runs_without_a_named_folder_use_separate_folders() {
         let place = tempfile::tempdir().unwrap();
         let base = place.path().join("out/train");
         let first = RunFolder::next(&base).unwrap();
@@ -236,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_results_leaves_no_folder_that_was_not_there() {
+    fn a_run_without_results_removes_the_folders_it_made() {
         let place = tempfile::tempdir().unwrap();
         drop(RunFolder::named(&place.path().join("a/b/c"), false).unwrap());
         assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 0);
     }
 
     #[test]
-    fn the_last_avatar_is_the_newest_whatever_its_number() {
+    fn the_last_avatar_is_the_newest_not_the_highest_number() {
         let place = tempfile::tempdir().unwrap();
         let base = place.path().join("out/train");
         assert_eq!(last_avatar_beside(&base), None);

@@ -19,15 +19,15 @@ const LARGEST_PICTURE: u32 = 2048;
 const LARGEST_PICTURE_CPU: u32 = 1024;
 /// Width of the side panel, points.
 const PANEL_WIDTH: f32 = 260.0;
-/// Colour behind the subject at first.
+/// Initial colour behind the subject.
 const BACKGROUND: [u8; 3] = [30, 32, 36];
-/// How soon to look again whether a picture is done.
+/// Interval of checks whether a picture is done.
 const SOON: Duration = Duration::from_millis(5);
 /// Zoom for a scroll of one point; a wheel's notch is about 40.
 const ZOOM_PER_POINT: f64 = 0.002;
 /// Step by which the picture's edges shrink while the device cannot hold it, and grow when it can again.
 const DETAIL_STEP: f32 = 0.75;
-/// Coarser than this, the picture is given up.
+/// Below this scale the viewer gives up.
 const LEAST_DETAIL: f32 = 0.1;
 
 /// The state of the viewer.
@@ -40,11 +40,11 @@ pub struct Viewer {
     drags: Drags,
     background: [u8; 3],
     largest_edge: u32,
-    /// Edge of the picture as a part of the panel's: less than 1 where the device cannot hold so large a close-up.
+    /// Edge of the picture as a fraction of the panel's: less than 1 if the device cannot hold so large a close-up.
     detail: f32,
     /// Fewest tile intersections that the device could not hold.
     too_many: u32,
-    /// What the picture shows, if it is complete or will be.
+    /// What the picture shows, if it is complete or in progress.
     shown: Option<Shot>,
     texture: Option<egui::TextureId>,
     failure: Option<RenderError>,
@@ -54,7 +54,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// A viewer of a subject; `source` says where it is from.
+    /// A viewer of a subject; `source` says where the subject is from.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold the subject.
@@ -82,7 +82,7 @@ impl Viewer {
         })
     }
 
-    /// What is shown.
+    /// The subject.
     pub fn subject_mut(&mut self) -> &mut Subject {
         &mut self.subject
     }
@@ -114,7 +114,7 @@ impl Viewer {
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.view(ui, renderer, progress));
     }
 
-    /// Takes note of a picture that is done.
+    /// Handles a finished picture.
     fn collect(&mut self) -> Progress {
         let progress = self.picture.poll(&self.gpu).unwrap_or_else(|e| {
             self.failure.get_or_insert(e);
@@ -133,7 +133,7 @@ impl Viewer {
                 let problem = format!("the view needs {wanted} tile intersections, more than the device can hold");
                 self.failure.get_or_insert(RenderError::Invalid(problem));
             }
-            // A step grows the number by less than 2; the rest is a margin, so that it does not go back and forth.
+            // One step less than doubles the number; the rest is a margin against oscillation.
             Progress::Complete if self.detail < 1.0 && wanted < self.too_many / 3 => {
                 self.detail = (self.detail / DETAIL_STEP).min(1.0);
             }
@@ -167,7 +167,8 @@ impl Viewer {
             }
         });
         ui.label(
-            RichText::new("Drag to turn, right or shift drag to move, scroll to zoom, double click to reset.").weak(),
+            RichText::new("Drag to rotate, right-drag or Shift-drag to move, scroll to zoom, double-click to reset.")
+                .weak(),
         );
         ui.separator();
         self.figures(ui);
@@ -187,14 +188,14 @@ impl Viewer {
         }
         row(ui, "Gaussians", thousands(self.picture.gaussian_count()));
         if self.picture.broken() > 0 {
-            row(ui, "Skipped, not finite", thousands(self.picture.broken() as usize));
+            row(ui, "Skipped (not finite)", thousands(self.picture.broken() as usize));
         }
         if let Some(texture) = self.picture.texture() {
             row(ui, "Pixels", format!("{} x {}", texture.width(), texture.height()));
         }
         ui.label(RichText::new(&self.gpu.info.name).weak());
-        let hover = "Renders without pause. Both times are medians of the last 60: that of the device for one picture, and \
-                     that from one picture to the next.";
+        let hover = "Renders continuously. Both times are medians of the last 60 pictures: the device's time per \
+                     picture, and the time between pictures.";
         if ui.checkbox(&mut self.measure, "measure").on_hover_text(hover).changed() {
             self.picture.clear_times();
             self.between_frames_ms.clear();
@@ -218,7 +219,8 @@ impl Viewer {
         let outdated =
             |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
         if progress == Progress::Busy && self.gpu.is_cpu() && outdated(self) {
-            // One processor draws the picture and the user interface: drawing the latter twice would only delay the next picture.
+            // One processor draws the picture and the user interface: drawing the latter twice would only delay the
+            // next picture.
             progress = match self.gpu.wait() {
                 Ok(()) => self.collect(),
                 Err(_) => progress,
@@ -229,7 +231,7 @@ impl Viewer {
                 ui.ctx().request_repaint_after(SOON);
             } else {
                 self.render(shot, renderer);
-                // Soon the counters tell whether the picture is complete.
+                // The counters will show soon whether the picture is complete.
                 ui.ctx().request_repaint_after(SOON);
             }
         } else if progress == Progress::Busy {
@@ -278,7 +280,7 @@ impl Viewer {
     fn navigate(&mut self, ui: &mut Ui, rect: Rect) {
         let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
         let events: Vec<Event> = ui.input(|i| i.events.clone());
-        // Not what is pressed on a popup over the view.
+        // Ignores presses on a popup over the view.
         let in_view = |pos| rect.contains(pos) && ui.ctx().layer_id_at(pos).is_none_or(|layer| layer == ui.layer_id());
         for drag in self.drags.follow(&events, in_view) {
             let points = |by: egui::Vec2| DVec2::new(by.x.into(), by.y.into());
@@ -298,7 +300,7 @@ impl Viewer {
         }
     }
 
-    /// The panel's pixels, fewer where that would be too many.
+    /// The panel's size in pixels, reduced if that is too many.
     fn picture_size(&self, rect: Rect, pixels_per_point: f32) -> [u32; 2] {
         let pixels = rect.size() * pixels_per_point;
         let shrink = (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0) * self.detail;

@@ -9,27 +9,27 @@ use crate::framing::{Upright, middle, posed_vertices};
 
 /// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
 const FIELD_OF_VIEW: f64 = 0.4;
-/// Part of the shorter edge that the hand takes at first.
+/// Fraction of the shorter edge that the hand fills at first.
 const FILL: f64 = 0.9;
-/// Bounds of the distance from a hand, metres: nearer the hand is cut by the near plane, further it is a dot.
+/// Bounds of the distance from a hand, metres: the near plane cuts nearer hands, and farther ones are dots.
 const HAND_DISTANCES: [f64; 2] = [0.06, 4.0];
-/// The same from a scene, in multiples of its radius. One may be in the midst of it.
+/// The same for a scene, in multiples of its radius. The camera may be inside the scene.
 const SCENE_DISTANCES: [f64; 2] = [0.02, 100.0];
-/// Turn for a drag of one point, radians: the width of a window is about one turn.
+/// Rotation for a drag of one point, radians: a drag across a window is about one turn.
 const TURN_PER_POINT: f64 = 0.008;
-/// Turn away from the back of a right hand, and height above the horizon at first, radians: enough to see depth.
+/// Initial angle from the back of a right hand, and elevation above the horizon, radians: enough to see depth.
 const FIRST_TURN: DVec2 = DVec2::new(-0.5, 0.15);
-/// The camera stays this far from the poles, radians: there "up" is no direction.
+/// The camera stays this far from the poles, radians, where "up" is undefined.
 const POLE_MARGIN: f64 = 0.01;
 
-/// Where the viewer looks from.
+/// The viewpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrbitCamera {
     target: DVec3,
     distance: f64,
-    /// Turn about where the fingers point, radians, from the back of the hand on.
+    /// Angle about the direction of the fingers, radians, from the back of the hand.
     yaw: f64,
-    /// Height above the horizon, radians.
+    /// Elevation above the horizon, radians.
     pitch: f64,
     upright: Upright,
     /// Bounds of the distance.
@@ -47,7 +47,7 @@ impl OrbitCamera {
         let (pitch, distances) = (FIRST_TURN.y, HAND_DISTANCES);
         let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch, upright, distances };
         let direction = orbit.direction();
-        // Every point must lie inside the cone whose picture is the inscribed circle of the shorter edge.
+        // Every point must be inside the cone whose image is the largest circle in the picture.
         let slope = (0.5 * FIELD_OF_VIEW).tan() * FILL;
         let needed = points.iter().map(|p| {
             let offset = *p - target;
@@ -58,7 +58,8 @@ impl OrbitCamera {
         orbit
     }
 
-    /// Sees the whole unit sphere about the origin, as cameras of captures stand: y points down, and the camera looks along z.
+    /// Sees the whole unit sphere about the origin, oriented like cameras of captures: y points down, and the camera
+    /// looks along z.
     pub fn around_unit_sphere() -> OrbitCamera {
         let upright = Upright { up: DVec3::NEG_Y, back: DVec3::NEG_Z };
         let distance = 1.0 / ((0.5 * FIELD_OF_VIEW).tan() * FILL).atan().sin();
@@ -72,20 +73,20 @@ impl OrbitCamera {
         }
     }
 
-    /// From the target to the camera.
+    /// The vector from the target to the camera.
     fn direction(&self) -> DVec3 {
         let Upright { up, back } = self.upright;
         DQuat::from_axis_angle(up, self.yaw) * DQuat::from_axis_angle(up.cross(back), -self.pitch) * back
     }
 
-    /// Turns by a drag in points.
+    /// Rotates by a drag in points.
     pub fn orbit(&mut self, drag: DVec2) {
         self.yaw = (self.yaw - drag.x * TURN_PER_POINT).rem_euclid(std::f64::consts::TAU);
         let most = FRAC_PI_2 - POLE_MARGIN;
         self.pitch = (self.pitch + drag.y * TURN_PER_POINT).clamp(-most, most);
     }
 
-    /// Moves by a drag in points, so that what lies at the target's depth follows the pointer; `edge` is the picture's
+    /// Moves by a drag in points, so that a surface at the target's depth follows the pointer; `edge` is the picture's
     /// shorter edge in points.
     pub fn pan(&mut self, drag: DVec2, edge: f64) {
         let scale = 2.0 * self.distance * (0.5 * FIELD_OF_VIEW).tan() / edge.max(1.0);
@@ -98,7 +99,7 @@ impl OrbitCamera {
         self.distance = (self.distance / factor).clamp(self.distances[0], self.distances[1]);
     }
 
-    /// The camera for a picture of that many pixels.
+    /// The camera for a picture of this size, pixels.
     pub fn camera(&self, [width, height]: [u32; 2]) -> Camera {
         let slope = (0.5 * FIELD_OF_VIEW).tan() * f64::from(height) / f64::from(width.min(height));
         let eye = self.target + self.direction() * self.distance;
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn dragging_turns_the_near_side_with_the_pointer() {
+    fn dragging_rotates_the_near_side_with_the_pointer() {
         let (_, mut orbit) = setup();
         let near = orbit.target + orbit.direction() * 0.05;
         for drag in [DVec2::new(9.0, 0.0), DVec2::new(0.0, 9.0)] {

@@ -1,4 +1,4 @@
-//! A hand that the viewer poses, by named poses, joint by joint or by a motion.
+//! A hand that the viewer poses: by named poses, joint by joint, or by a motion.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ impl Hand {
         &self.avatar
     }
 
-    /// Takes the first pose of a sequence, and if there are more plays them from now on.
+    /// Shows the first pose of a sequence, and plays the sequence if it has more.
     pub fn show(&mut self, title: String, sequence: PoseSequence) {
         if let Some(first) = sequence.frames.first() {
             self.pose = first.pose.clone();
@@ -38,9 +38,9 @@ impl Hand {
         self.timeline = (sequence.frames.len() > 1).then(|| Timeline::new(title, sequence));
     }
 
-    /// What the hand is called.
+    /// The hand's name.
     pub fn name(&self) -> String {
-        // A model from a file has the file's path for a name.
+        // The name of a model from a file is the file's path.
         let name = &self.avatar.template.name;
         Path::new(name).file_name().map_or_else(|| name.clone(), |n| n.to_string_lossy().into_owned())
     }
@@ -52,7 +52,7 @@ impl Hand {
         }
     }
 
-    /// Goes back to the pose at rest, and a motion to its beginning.
+    /// Resets the pose to the rest pose and a motion to its beginning.
     pub fn reset(&mut self) {
         self.pose = Pose::rest(self.avatar.model.joint_count());
         if let Some(timeline) = &mut self.timeline {
@@ -60,14 +60,14 @@ impl Hand {
         }
     }
 
-    /// Shows the controls, and moves on the motion that plays.
+    /// Shows the controls, and advances the motion that plays.
     pub fn controls(&mut self, ui: &mut Ui) {
         ui.label(RichText::new("Pose").strong());
         let mut posed = self.panel.named_poses(ui, &mut self.pose);
         ui.add_space(4.0);
         CollapsingHeader::new("Joints").show(ui, |ui| posed |= self.panel.joints(ui, &mut self.pose));
         if posed {
-            // Who poses the hand wants no motion to move it on.
+            // Manual posing stops playback.
             self.pause();
         }
         ui.separator();

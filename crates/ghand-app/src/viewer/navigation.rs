@@ -1,16 +1,16 @@
-//! Drags of the pointer, however many of its events come together.
+//! Drags of the pointer, independent of the frame rate.
 //!
-//! All that happens while a frame is drawn comes at once with the next one, and a slow device draws few: press, movement and
-//! release may be one frame's. What egui calls a drag lasts longer than a frame, so drags are followed event by event here.
+//! All events during a frame arrive with the next one. On a slow device, press, movement and release may arrive in one
+//! frame, in which egui does not recognise a drag. So drags are followed event by event here.
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
 
-/// What a drag does to the view, by so many points.
+/// What a drag does to the view; points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drag {
-    /// The main button turns it.
+    /// The main button rotates it.
     Turn(Vec2),
-    /// The other buttons, or the main one with Shift, move it.
+    /// The other buttons, or the main button with Shift, move it.
     Move(Vec2),
 }
 
@@ -28,8 +28,8 @@ struct Held {
 }
 
 impl Drags {
-    /// The drags of a frame's events, in order; each is the sum of its movements. A drag begins where `begins_at` says so, and
-    /// then goes on wherever the pointer is. It does the same to its end, whatever keys are pressed meanwhile.
+    /// The drags in a frame's events, in order; each is the sum of its movements. A drag begins where `begins_at`
+    /// allows it, and then continues wherever the pointer is. Keys pressed during a drag do not change what it does.
     pub fn follow(&mut self, events: &[Event], begins_at: impl Fn(Pos2) -> bool) -> Vec<Drag> {
         let mut drags = Vec::new();
         let mut sum = Vec2::ZERO;
@@ -37,7 +37,7 @@ impl Drags {
             match *event {
                 Event::PointerMoved(pos) => sum += self.move_to(pos),
                 Event::PointerButton { pos, button, pressed: true, modifiers } => {
-                    // A button that is pressed while it is held was released where nobody told the window.
+                    // A press of a button that is already held: the window missed the release.
                     if self.held.is_some_and(|held| held.button == button) {
                         drags.extend(self.drag(std::mem::take(&mut sum)));
                         self.held = None;
@@ -103,13 +103,13 @@ mod tests {
         Drag::Turn(vec2(x, 0.0))
     }
 
-    /// Drags may begin at 100 and beyond.
+    /// Drags may begin at positions from 100.
     fn follow(drags: &mut Drags, events: &[Event]) -> Vec<Drag> {
         drags.follow(events, |pos| pos.x >= A.x)
     }
 
     #[test]
-    fn a_drag_is_the_same_however_its_events_are_spread_over_frames() {
+    fn a_drag_does_not_depend_on_the_distribution_of_its_events_over_frames() {
         let events = [at(120.0), press(120.0), at(121.0), at(150.0), at(90.0), at(95.0), release(97.0), at(300.0)];
         for frames in 1..=events.len() {
             let mut drags = Drags::default();
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn two_drags_in_one_frame_are_both_done() {
+    fn both_of_two_drags_in_one_frame_are_returned() {
         let events = [press(110.0), at(130.0), release(130.0), at(200.0), press(200.0), at(190.0), release(185.0)];
         assert_eq!(follow(&mut Drags::default(), &events), [turn(20.0), turn(-15.0)]);
         let other = |pressed, x| button(pressed, x, PointerButton::Secondary, Modifiers::NONE);
@@ -146,14 +146,14 @@ mod tests {
     }
 
     #[test]
-    fn what_begins_elsewhere_or_does_not_move_is_no_drag() {
+    fn a_press_elsewhere_or_without_movement_is_not_a_drag() {
         let mut drags = Drags::default();
         assert_eq!(follow(&mut drags, &[press(99.0), at(150.0)]), []);
         assert_eq!(follow(&mut drags, &[release(150.0), press(150.0), release(150.0)]), []);
     }
 
     #[test]
-    fn shift_at_the_beginning_makes_a_drag_move_the_view_to_its_end() {
+    fn only_shift_at_the_press_makes_a_drag_move_the_view() {
         let mut drags = Drags::default();
         let press = button(true, 100.0, PointerButton::Primary, Modifiers::SHIFT);
         assert_eq!(follow(&mut drags, &[press, at(110.0)]), [Drag::Move(vec2(10.0, 0.0))]);

@@ -13,19 +13,19 @@ use ghand_render::{Gpu, RenderError, shader_sources};
 
 use crate::viewer::subject::Subject;
 
-/// Format of the texture: display values, which is what the user interface takes.
+/// Format of the texture: display values, as the user interface expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Times of which the median is shown.
+/// Number of times whose median is shown.
 const TIMES: usize = 60;
 /// Bytes of the counters.
 const COUNTER_BYTES: u64 = size_of::<Counters>() as u64;
-/// What is read back of a frame: the counters, then the clock.
+/// Data read back from a frame: the counters, then the clock.
 const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::BYTES;
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
-    /// The pose of a subject that has any.
+    /// The pose, if the subject has one.
     pub pose: Option<Pose>,
     /// The camera; its size is the picture's.
     pub camera: Camera,
@@ -33,16 +33,16 @@ pub struct Shot {
     pub background: [f32; 3],
 }
 
-/// What has become of the last picture.
+/// The state of the last picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
     /// It is being rendered.
     Busy,
     /// It is complete, or there is none yet.
     Complete,
-    /// It lacked room for its tile intersections; there is room now, and it must be rendered again.
+    /// There was too little memory for its tile intersections. There is enough now, and it must be rendered again.
     Incomplete,
-    /// The device cannot hold that many tile intersections; with fewer pixels it can.
+    /// The device cannot hold that many tile intersections; fewer pixels need fewer.
     TooFine,
 }
 
@@ -84,7 +84,7 @@ struct Target {
     texture: wgpu::Texture,
 }
 
-/// A subject on the device with the texture that shows it.
+/// A subject on the device, with the texture that shows it.
 pub struct Picture {
     scene: Scene,
     pipeline: wgpu::RenderPipeline,
@@ -100,7 +100,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Puts a subject on the device, for pictures of at most `max_size` pixels.
+    /// Uploads a subject to the device, for pictures of at most `max_size` pixels.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
@@ -147,17 +147,17 @@ impl Picture {
         self.scene.splatter().count()
     }
 
-    /// Number of tile intersections that the last picture wanted.
+    /// Number of tile intersections that the last picture needed.
     pub fn intersections(&self) -> u32 {
         self.intersections
     }
 
-    /// Number of Gaussians that hold numbers that are not finite and were skipped.
+    /// Number of Gaussians that were skipped because they have numbers that are not finite.
     pub fn broken(&self) -> u32 {
         self.broken
     }
 
-    /// Time that the device takes for a picture, milliseconds: median of the last 60.
+    /// The device's time per picture, milliseconds: median of the last 60.
     pub fn frame_ms(&self) -> Option<f64> {
         self.frame_ms.get()
     }
@@ -172,13 +172,13 @@ impl Picture {
         self.target.as_ref().map(|t| &t.texture)
     }
 
-    /// The texture's view. It is another one after a picture of another size.
+    /// The texture's view. It changes with the picture's size.
     pub fn view(&self) -> Option<&wgpu::TextureView> {
         self.target.as_ref().map(|t| &t.view)
     }
 
-    /// Submits the rendering of a picture; whatever is submitted later sees it in the texture. The picture before it must
-    /// not be [`Progress::Busy`]. Returns whether the texture is a new one.
+    /// Submits the rendering of a picture; later submissions see it in the texture. The previous picture must not be
+    /// [`Progress::Busy`]. Returns whether the texture is a new one.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
@@ -231,14 +231,14 @@ impl Picture {
         gpu.queue.submit([encoder.finish()]);
         let (sender, done) = channel();
         self.read_back.map_async(wgpu::MapMode::Read, .., move |result| {
-            // A closed channel means that the picture is gone, and with it who wanted to know.
+            // A closed channel means that the picture and the receiver no longer exist.
             let _ = sender.send(result.map(|()| Instant::now()));
         });
         self.pending = Some(Pending { done, started });
         Ok(renewed)
     }
 
-    /// Looks, without waiting, whether the last picture is done and whether it is complete.
+    /// Checks, without waiting, whether the last picture is done and whether it is complete.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
@@ -360,7 +360,7 @@ mod tests {
             let image = scene.render(&gpu, 0, camera, shot.background).unwrap();
             let expected = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2], 1.0]);
             let worst = shown.iter().zip(expected).map(|(a, b)| (f32::from(*a) - 255.0 * b).abs()).fold(0.0, f32::max);
-            // Half a step of rounding, and what the device's conversion may add.
+            // Half a step of rounding, and the error of the device's conversion.
             assert!(worst <= 0.51, "{size:?}: {worst}");
             assert!(shown.len() == image.rgba.len() * 4);
         }

@@ -1,4 +1,4 @@
-//! The controls of the pose: named poses as buttons, and three sliders a joint.
+//! The controls of the pose: named poses as buttons, and three sliders per joint.
 
 use egui::{Button, CollapsingHeader, Ui};
 use ghand_core::{HandModel, Pose};
@@ -7,7 +7,7 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use crate::pose_choice::pose_by_name;
 use crate::viewer::number_slider::number_slider;
 
-/// Groups of joints in the order of the panel: title, and what the joints' names contain.
+/// Groups of joints in the order of the panel: title, and text that the joints' names contain.
 const GROUPS: [(&str, &[&str]); 6] = [
     ("Wrist", &["wrist"]),
     ("Thumb", &["thumb"]),
@@ -16,12 +16,12 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Ring finger", &["ring"]),
     ("Little finger", &["pinky", "little"]),
 ];
-/// Title of the joints that fit no group.
+/// Title of the joints in no other group.
 const OTHERS: &str = "Other joints";
 
 struct Group {
     title: &'static str,
-    /// Joint and what it is called.
+    /// Joint and its label.
     joints: Vec<(usize, String)>,
 }
 
@@ -32,16 +32,16 @@ pub struct PosePanel {
 }
 
 impl PosePanel {
-    /// The controls that fit a model.
+    /// The controls for a model.
     pub fn new(model: &HandModel) -> PosePanel {
-        // A rig with unknown joint names has no named poses but rest.
+        // A skeleton with unknown joint names has only the named pose rest.
         let named = POSE_NAMES.iter().filter_map(|name| Some((*name, pose_by_name(name, model).ok()?))).collect();
         let titles = GROUPS.iter().map(|(title, _)| *title).chain([OTHERS]);
         let mut groups: Vec<Group> = titles.map(|title| Group { title, joints: Vec::new() }).collect();
         for (joint, name) in model.joint_names.iter().enumerate() {
             let is_leaf = !model.parents.contains(&Some(joint));
             if is_leaf && name.ends_with("tip") {
-                // Marks the end of a finger; turning it moves next to nothing.
+                // Marks the end of a finger; rotating it has almost no effect.
                 continue;
             }
             let group = GROUPS.iter().position(|(_, parts)| parts.iter().any(|p| name.contains(p)));
@@ -69,8 +69,8 @@ impl PosePanel {
         chosen
     }
 
-    /// Shows the sliders, grouped by finger. They are the components of the joints' axis-angle rotations, degrees. Returns
-    /// whether the user moved one.
+    /// Shows the sliders, grouped by finger. They are the components of the joints' axis-angle rotations, degrees.
+    /// Returns whether the user moved one.
     pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
         let mut moved = false;
         for group in &self.groups {

@@ -1,4 +1,4 @@
-//! Scenes of Gaussians, brought to a size and a place where a view of them has room.
+//! Scenes of Gaussians, normalised in size and position so that a view of them fits.
 
 use std::path::Path;
 
@@ -7,33 +7,33 @@ use ghand_avatar::ply::SplatScene;
 use ghand_render::splat::SplatModel;
 use glam::DVec3;
 
-/// Opacity from which a Gaussian counts for where the scene is: trained scenes have many that nobody sees, anywhere.
+/// Lowest opacity of Gaussians that determine the scene's extent: trained scenes have many invisible ones anywhere.
 const VISIBLE: f64 = 0.1;
-/// Part of the Gaussians that a scene's radius takes in, where the rest lies about ...
+/// Fraction of the Gaussians within a scene's radius before it is enlarged by `MARGIN`.
 const MOST: f64 = 0.95;
-/// ... with this factor, so that what lies beyond by its nature, such as fingertips, is seen as well.
+/// Factor on that radius, so that thin ends such as fingertips are inside as well.
 const MARGIN: f64 = 1.1;
-/// Largest radius in multiples of the median distance from the middle. A solid ball has 1.3, a hand about 2; more means that a
-/// background lies far behind what the scene is of.
+/// Largest radius in multiples of the median distance from the middle. A solid ball has 1.3, a hand about 2; more means
+/// a background far behind the scene's object.
 const SPREAD: f64 = 2.5;
 
-/// Reads a scene and moves it, so that its middle is the origin and its radius 1 whatever its units are: the near plane and
-/// the reach of the camera then fit.
+/// Reads a scene and normalises it: its middle becomes the origin and its radius 1, which suits the near plane and the
+/// camera's range in any unit.
 ///
 /// # Errors
-/// One sentence that names the file and the part that is wrong.
+/// One sentence that names the file and the invalid part.
 pub fn read_scene(path: &Path) -> anyhow::Result<SplatScene> {
     let mut scene = SplatScene::read(path)?;
     let bounds = Bounds::of(&scene);
     ensure!(
         bounds.is_some_and(|b| normalize(&mut scene, b)),
-        "{}: Gaussians: there is none with a finite place and size; give another scene",
+        "{}: Gaussians: none has a finite position and size; give another scene",
         path.display()
     );
     Ok(scene)
 }
 
-/// Where most of a scene is, in its own units.
+/// The extent of most of a scene, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bounds {
     middle: DVec3,
@@ -41,7 +41,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// Of the Gaussians that are seen, without the few that lie far outside.
+    /// The bounds of the visible Gaussians, without outliers.
     fn of(scene: &SplatScene) -> Option<Bounds> {
         let model = scene.model();
         let row = |row: usize| scene.table.iter().skip(row * scene.count).take(scene.count).map(|v| f64::from(*v));
@@ -63,14 +63,14 @@ impl Bounds {
     }
 }
 
-/// The value below which a part of the values lies.
+/// The value below which a fraction of the values is.
 fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
     let place = (values.len().checked_sub(1)? as f64 * part).ceil() as usize;
     Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
 }
 
-/// Moves the middle to the origin and makes the radius 1. Colours depend on directions alone, which stay. Returns whether it
-/// could be done.
+/// Moves the middle to the origin and scales the radius to 1. Colours depend only on directions, which stay. Returns
+/// whether this was possible.
 fn normalize(scene: &mut SplatScene, Bounds { middle, radius }: Bounds) -> bool {
     if !(radius.is_normal() && radius > 0.0 && middle.is_finite()) {
         return false;
@@ -89,7 +89,7 @@ fn normalize(scene: &mut SplatScene, Bounds { middle, radius }: Bounds) -> bool 
 pub(crate) mod tests {
     use super::*;
 
-    /// Round, red Gaussians of that size, half opaque or less.
+    /// Round, red Gaussians of this size with these opacities.
     pub(crate) fn scene(places: &[[f32; 3]], size: f32, opacity_logits: &[f32]) -> SplatScene {
         let count = places.len();
         let mut table: Vec<f32> = (0..3).flat_map(|axis| places.iter().map(move |p| p[axis])).collect();
@@ -110,7 +110,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_scene_of_any_unit_at_any_place_is_brought_to_radius_one() {
+    fn a_scene_in_any_unit_and_position_is_normalised_to_radius_one() {
         for (middle, scale) in [([0.0; 3], 1.0), ([300.0, -20.0, 7.0], 40.0), ([1e-3, 0.0, 0.0], 1e-4)] {
             let mut moved = scene(&grid(middle, scale), 0.01 * scale, &[2.0]);
             let bounds = Bounds::of(&moved).unwrap();
@@ -125,7 +125,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_lies_far_outside_or_is_not_seen_does_not_count() {
+    fn outliers_and_invisible_gaussians_do_not_count() {
         let places = grid([1.0, 2.0, 3.0], 0.5);
         let plain = Bounds::of(&scene(&places, 0.01, &[2.0])).unwrap();
         let near = |other: Bounds, times: f64| {
@@ -147,7 +147,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn one_gaussian_is_as_large_as_it_is_and_none_is_no_scene() {
+    fn one_gaussian_is_a_scene_and_none_is_not() {
         let one = Bounds::of(&scene(&[[1.0, 0.0, 0.0]], 0.2, &[0.0])).unwrap();
         assert!((one.radius - 0.22).abs() < 1e-6 && one.middle == DVec3::X, "{one:?}");
         assert_eq!(Bounds::of(&scene(&[], 0.2, &[0.0])), None);

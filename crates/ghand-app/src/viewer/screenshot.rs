@@ -13,15 +13,15 @@ use crate::viewer::window::style;
 
 /// Format of the target: display values, as egui prefers.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Runs of the user interface before giving up on a complete picture: the first lays out, the second measures, and a picture that
-/// needs more room takes one more.
+/// Runs of the user interface before giving up on a complete picture: the first lays out, the second measures, and a
+/// picture that needs more memory takes one more.
 const MOST_RUNS: usize = 8;
 
-/// Runs the user interface at that size (pixels, one a point) until the subject's picture is complete, and writes it as PNG. A
-/// motion stays where it is.
+/// Runs the user interface at this size (pixels, one per point) until the subject's picture is complete, and writes it
+/// as PNG. A motion does not advance.
 ///
 /// # Errors
-/// One that says why there is no picture, or names the file that could not be written.
+/// An error that says why there is no picture, or names the file that could not be written.
 pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
     viewer.subject_mut().pause();
     let rgb = viewer.persist(|viewer| picture(viewer, size))?;
@@ -33,15 +33,18 @@ fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
     let context = &egui::Context::default();
     style(context);
     let gpu = viewer.gpu().clone();
-    // The renderer panics where it cannot have its buffers, here and below.
+    // The renderer panics if it cannot allocate its buffers, here and below.
     gpu.poll()?;
     let largest = gpu.device.limits().max_texture_dimension_2d;
-    ensure!(size.iter().all(|edge| *edge <= largest), "--size: the device draws at most {largest} x {largest} pixels");
+    ensure!(
+        size.iter().all(|edge| *edge <= largest),
+        "--size: the device can draw at most {largest} x {largest} pixels"
+    );
     let mut renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, egui_wgpu::RendererOptions::PREDICTABLE);
     let mut output = run(viewer, context, size, &mut renderer, 0, &gpu);
     let mut complete = false;
     for number in 1..MOST_RUNS {
-        // One run after the picture is there, so that its figures are on the panel.
+        // One more run after the picture is complete, so that its figures are on the panel.
         let last = complete;
         output = run(viewer, context, size, &mut renderer, number, &gpu);
         complete = viewer.finish()?;

@@ -1,17 +1,17 @@
-//! Clicks on controls where frames are slow.
+//! Makes clicks on controls work when frames are slow.
 //!
-//! egui looks where the pointer is at the end of a frame's events, knows no drag that begins and ends in one frame, and takes the
-//! times of frames for those of events. Where frames are slow that loses clicks. So that all controls work as with fast frames,
-//! a press and its release come in two frames.
+//! egui uses the pointer's position at the end of a frame's events, does not recognise a drag that begins and ends in
+//! one frame, and uses the times of frames as those of events. With slow frames this loses clicks. So a press and its
+//! release are delivered in two frames.
 
 use egui::{Context, Event, Plugin, RawInput};
 
-/// Longest click, seconds: more than a slow frame. egui's 0.8 would serve to tell a long touch, which means nothing here.
+/// Longest click, seconds: more than a slow frame. egui's 0.8 distinguishes long touches, which have no meaning here.
 const LONGEST_CLICK_SECS: f64 = 3.0;
 /// Longest time between the clicks of a double click, seconds: as on most desktops, and more than most slow frames.
 const DOUBLE_CLICK_SECS: f64 = 0.5;
 
-/// Makes clicks work however slow frames are.
+/// Makes clicks work at any frame rate.
 pub fn take_clicks_in_slow_frames(context: &Context) {
     context.add_plugin(ClicksOverTwoFrames::default());
     context.options_mut(|options| {
@@ -20,11 +20,11 @@ pub fn take_clicks_in_slow_frames(context: &Context) {
     });
 }
 
-/// Holds back what follows a press whose release came in the same frame, until the next frame.
+/// If a press and its release came in the same frame, delays the events after the press until the next frame.
 #[derive(Debug, Default)]
 struct ClicksOverTwoFrames {
     held_back: Vec<Event>,
-    /// When they came.
+    /// Their time.
     time: Option<f64>,
 }
 
@@ -41,13 +41,13 @@ impl Plugin for ClicksOverTwoFrames {
         }
         let mut events = std::mem::take(&mut self.held_back);
         events.append(&mut input.events);
-        // After a frame with events comes another at once, so that nothing is held back for long.
+        // A frame with events is followed by another at once, so nothing is delayed for long.
         self.held_back = events.split_off(end_of_frame(&events));
         input.events = events;
     }
 }
 
-/// How many of the events may be in one frame.
+/// How many of the events belong to this frame.
 fn end_of_frame(events: &[Event]) -> usize {
     let is_button =
         |wanted: bool| move |e: &Event| matches!(e, Event::PointerButton { pressed, .. } if *pressed == wanted);
@@ -65,8 +65,8 @@ mod tests {
         Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::default() }
     }
 
-    /// Shows a slider above a button in frames of a second, all events in the second one. Returns the slider's value, and the
-    /// button's clicks and double clicks.
+    /// Shows a slider above a button in frames of one second each, with all events in the second frame. Returns the
+    /// slider's value, and the button's clicks and double clicks.
     fn show(slow_frames: bool, events: &[Event]) -> (f64, [usize; 2]) {
         let context = Context::default();
         if slow_frames {
@@ -93,10 +93,10 @@ mod tests {
     }
 
     #[test]
-    fn a_slider_goes_where_it_was_clicked_or_dragged_to_within_one_frame() {
+    fn a_slider_follows_a_click_or_drag_within_one_frame() {
         let at = pos2(50.0, 10.0);
         let click = [Event::PointerMoved(at), button(at, true), button(at, false)];
-        assert_eq!(show(false, &click).0, 0.0, "egui does it by itself now");
+        assert_eq!(show(false, &click).0, 0.0, "egui does this itself now");
         let (clicked, _) = show(true, &click);
         assert!((0.3..0.7).contains(&clicked), "{clicked}");
         let end = pos2(90.0, 10.0);
@@ -106,11 +106,11 @@ mod tests {
     }
 
     #[test]
-    fn a_button_is_clicked_though_the_pointer_went_on_within_the_frame() {
+    fn a_click_counts_even_if_the_pointer_moves_on_in_the_same_frame() {
         let at = pos2(30.0, 60.0);
         let click = [Event::PointerMoved(at), button(at, true), button(at, false)];
         let click_and_go = [&click[..], &[Event::PointerMoved(pos2(150.0, 90.0))]].concat();
-        assert_eq!(show(false, &click_and_go).1, [0, 0], "egui does it by itself now");
+        assert_eq!(show(false, &click_and_go).1, [0, 0], "egui does this itself now");
         assert_eq!(show(true, &click_and_go).1, [1, 0]);
         assert_eq!(show(true, &[click.clone(), click].concat()).1, [2, 1]);
     }

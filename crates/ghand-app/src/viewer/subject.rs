@@ -1,4 +1,4 @@
-//! What the viewer shows: a hand that can be posed, or a scene that stands still.
+//! What the viewer shows: a hand that can be posed, or a static scene.
 
 use std::path::Path;
 
@@ -22,20 +22,20 @@ use crate::viewer::scene::read_scene;
 pub enum Subject {
     /// A hand.
     Hand(Box<Hand>),
-    /// A scene of Gaussians, as [`read_scene`] gives it.
+    /// A scene of Gaussians, as returned by [`read_scene`].
     Scene {
         /// The Gaussians.
         gaussians: SplatScene,
-        /// What the scene is called.
+        /// The scene's name.
         name: String,
     },
 }
 
 impl Subject {
-    /// Reads an avatar, a scene of Gaussians or a hand model, which is recognised from its contents.
+    /// Reads an avatar, a scene of Gaussians or a hand model, recognised from its contents.
     ///
     /// # Errors
-    /// One sentence that names the file, and the part that is wrong or what it should be.
+    /// One sentence that names the file, and the invalid part or the expected kind of file.
     pub fn read(path: &Path) -> anyhow::Result<Subject> {
         input_file::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         match file_kind(path) {
@@ -52,8 +52,8 @@ impl Subject {
                 Ok(Subject::avatar(bare_hand_of(&file.model)?))
             }
             FileKind::Other => bail!(
-                "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or a \
-                 MANO .pkl or .npz)",
+                "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or \
+                 a MANO .pkl or .npz)",
                 path.display()
             ),
         }
@@ -64,7 +64,7 @@ impl Subject {
         Subject::Hand(Box::new(Hand::new(avatar)))
     }
 
-    /// What it is called.
+    /// The subject's name.
     pub fn name(&self) -> String {
         match self {
             Subject::Hand(hand) => hand.name(),
@@ -72,10 +72,10 @@ impl Subject {
         }
     }
 
-    /// The first view of it.
+    /// The initial view of it.
     pub fn first_view(&self) -> OrbitCamera {
         match self {
-            // It stays the same whatever the pose, so it must have room for the flat hand.
+            // It is the same for every pose, so the flat hand must fit.
             Subject::Hand(hand) => {
                 let model = &hand.avatar().model;
                 OrbitCamera::facing(model, &Pose::rest(model.joint_count()))
@@ -84,7 +84,7 @@ impl Subject {
         }
     }
 
-    /// Its pose, if it has any.
+    /// Its pose, if it has one.
     pub fn pose(&self) -> Option<&Pose> {
         match self {
             Subject::Hand(hand) => Some(&hand.pose),
@@ -92,21 +92,21 @@ impl Subject {
         }
     }
 
-    /// Stops what moves.
+    /// Stops a motion.
     pub fn pause(&mut self) {
         if let Subject::Hand(hand) = self {
             hand.pause();
         }
     }
 
-    /// Undoes what its controls did.
+    /// Resets its controls.
     pub fn reset(&mut self) {
         if let Subject::Hand(hand) = self {
             hand.reset();
         }
     }
 
-    /// Shows its own controls. Returns whether it has any.
+    /// Shows its controls. Returns whether it has any.
     pub fn controls(&mut self, ui: &mut Ui) -> bool {
         match self {
             Subject::Hand(hand) => {
@@ -119,7 +119,7 @@ impl Subject {
 }
 
 impl Subject {
-    /// Puts it on the device, for pictures of at most `max_size` pixels.
+    /// Uploads it to the device, for pictures of at most `max_size` pixels.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.

@@ -1,4 +1,4 @@
-//! The controls of a motion: which, whether it plays, and where it is.
+//! The controls of a motion: selection, playback and position.
 
 use std::time::Duration;
 
@@ -10,21 +10,21 @@ use ghand_motion::pose_sequence::DEFAULT_FPS;
 
 use crate::viewer::number_slider::number_slider;
 
-/// A longer pause than this, seconds, is one in which nobody looked, as while the window is minimised: the motion goes on where
-/// it was. Software that draws a large picture takes about a second.
+/// After a longer pause between frames than this, seconds, such as while the window is minimised, the motion continues
+/// where it was. A software rasteriser takes about a second for a large picture.
 const LONGEST_STEP: f64 = 3.0;
-/// Seconds from one picture of a motion to the next.
+/// Seconds between two pictures of a motion.
 const FRAME: f64 = 1.0 / 60.0;
 /// Width of the button that starts and stops a motion, points.
 const BUTTON_WIDTH: f32 = 52.0;
 
-/// A motion and its place.
+/// A motion and the current position in it.
 pub struct Timeline {
     title: String,
     sequence: PoseSequence,
     seconds: f64,
     playing: bool,
-    /// When the motion was last moved on, in the user interface's seconds, if it has played since.
+    /// When the motion was last advanced, in the user interface's seconds, if it has played since.
     last_step: Option<f64>,
 }
 
@@ -34,12 +34,12 @@ impl Timeline {
         Timeline { title, sequence, seconds: 0.0, playing: true, last_step: None }
     }
 
-    /// The pose at the motion's place.
+    /// The pose at the motion's current position.
     pub fn pose(&self) -> Option<Pose> {
         self.sequence.pose_at(self.seconds)
     }
 
-    /// Stops where the motion is.
+    /// Stops at the current position.
     pub fn pause(&mut self) {
         self.playing = false;
     }
@@ -50,7 +50,7 @@ impl Timeline {
         self.seconds = 0.0;
     }
 
-    /// Shows the motions that there are and the controls of the one that runs, and moves it on.
+    /// Shows the list of motions and the controls of the current one, and advances it.
     pub fn show(timeline: &mut Option<Timeline>, ui: &mut Ui, model: &HandModel, pose: &mut Pose) {
         ui.horizontal_wrapped(|ui| {
             for name in MOTION_NAMES {
@@ -65,7 +65,7 @@ impl Timeline {
         let Some(timeline) = timeline else { return };
         let mut moved = timeline.playing;
         ui.horizontal(|ui| {
-            // As wide with either word, or the slider would move away from the pointer that stops the motion.
+            // The same width for both words: otherwise the slider would move away under the pointer.
             let word = if timeline.playing { "Pause" } else { "Play" };
             if ui.add(Button::new(word).min_size(Vec2::new(BUTTON_WIDTH, 0.0))).clicked() {
                 timeline.playing = !timeline.playing;
@@ -73,11 +73,11 @@ impl Timeline {
             let end = timeline.sequence.duration();
             ui.spacing_mut().slider_width = 110.0;
             let response = ui.add(number_slider(&mut timeline.seconds, 0.0..=end, 2, " s"));
-            // Who holds the slider or types a time wants it to stay.
+            // Holding the slider or typing a time stops the motion.
             if response.changed() || response.dragged() || response.gained_focus() {
                 timeline.pause();
             }
-            moved |= response.on_hover_text("Place in the motion").changed();
+            moved |= response.on_hover_text("Position in the motion").changed();
         });
         if timeline.playing {
             timeline.step_to(ui.input(|input| input.time));
@@ -90,7 +90,7 @@ impl Timeline {
         }
     }
 
-    /// Goes on to a time of the user interface, seconds, and from the motion's end to its beginning.
+    /// Advances to a time of the user interface, seconds; the motion repeats.
     fn step_to(&mut self, now: f64) {
         let passed = self.last_step.replace(now).map_or(0.0, |last| now - last);
         if passed > LONGEST_STEP {
@@ -116,13 +116,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_motion_plays_round_and_waits_while_nobody_looks() {
+    fn a_motion_repeats_and_waits_while_nobody_looks() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let sequence = motion("grasp", &model, 30.0).unwrap().unwrap();
         let end = sequence.duration();
         let mut timeline = Timeline::new("grasp".into(), sequence.clone());
         assert_eq!(timeline.pose().unwrap(), sequence.frames[0].pose);
-        // It begins when it is first shown, whenever that is.
+        // It begins when it is first shown.
         timeline.step_to(50.0);
         assert_eq!(timeline.pose().unwrap(), sequence.frames[0].pose);
         timeline.step_to(50.1);

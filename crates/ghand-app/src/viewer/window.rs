@@ -9,23 +9,23 @@ use crate::cli;
 use crate::viewer::app::Viewer;
 use crate::viewer::slow_frames::take_clicks_in_slow_frames;
 
-/// Size of the window at first, points.
+/// Initial size of the window, points.
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
-/// Smallest window in which everything has room, points.
+/// Smallest window in which everything fits, points.
 const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
 /// What to do without a display.
 const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
 
 struct Window<'a> {
     viewer: &'a mut Viewer,
-    /// Whether the window is about to close since the device is lost.
+    /// Whether the window is about to close because the device is lost.
     closing: bool,
 }
 
 impl eframe::App for Window<'_> {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
-        // The loss showed while the window was painted. The surface is left with an image that will never be shown, and
-        // wgpu panics when such a surface is dropped: there is no way back from here.
+        // The loss was noticed while the window was painted. The surface has an image that will never be shown, and
+        // wgpu panics when such a surface is dropped: recovery is not possible here.
         if let Err(lost @ RenderError::Lost(_)) = self.viewer.gpu().check()
             && !self.closing
         {
@@ -34,7 +34,7 @@ impl eframe::App for Window<'_> {
         if let Some(state) = frame.wgpu_render_state().filter(|_| !self.viewer.is_lost()) {
             self.viewer.ui(ui, &mut state.renderer.write());
         }
-        // The loss showed before the window was painted. Its painter has no way to change the device: the window closes,
+        // The loss was noticed before the window was painted. Its painter cannot change the device: the window closes,
         // and another opens with a new device.
         if self.viewer.is_lost() {
             self.closing = true;
@@ -43,7 +43,7 @@ impl eframe::App for Window<'_> {
     }
 }
 
-/// Leaves nothing to draw once the device is lost: the painter panics where it gets no memory for what it draws.
+/// Removes everything to draw once the device is lost, because the painter panics if it cannot allocate memory.
 struct DrawNothingOnceLost {
     gpu: Gpu,
 }
@@ -60,15 +60,15 @@ impl egui::Plugin for DrawNothingOnceLost {
     }
 }
 
-/// Sets how the user interface looks.
+/// Sets the style of the user interface.
 pub fn style(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
 }
 
-/// Fails where there can be no window.
+/// Fails if no window can be opened.
 ///
 /// # Errors
-/// One that says so and what to do.
+/// An error that says so and what to do.
 pub fn check_display() -> anyhow::Result<()> {
     let unix = cfg!(all(unix, not(target_vendor = "apple"), not(target_os = "android")));
     let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
@@ -78,11 +78,11 @@ pub fn check_display() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Opens the window and runs until it is closed. If the device is lost the window is opened again with a new one, at the
-/// same pose and view; where the window system was the first to notice, the program ends with an error.
+/// Opens the window and runs until it is closed. If the device is lost, the window opens again with a new one, in the
+/// same pose and view; if the window system noticed the loss first, the program ends with an error.
 ///
 /// # Errors
-/// One that says why there is no window and what to do.
+/// An error that says why there is no window and what to do.
 pub fn open(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     viewer.persist(|viewer| {
         run(viewer, title)?;
@@ -117,7 +117,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
         Ok(Box::new(Window { viewer, closing: false }))
     });
     eframe::run_native("ghand", options, create).map_err(|e| {
-        // winit's messages begin with the place in its source.
+        // winit's messages begin with a position in its source code.
         let message = e.to_string();
         let cause = message.rsplit(": ").next().unwrap_or(&message);
         anyhow!("the window cannot be opened: {cause}; {REMEDY}")

@@ -1,4 +1,4 @@
-//! What the attack tries.
+//! The cases of the attack.
 
 use std::path::Path;
 
@@ -12,13 +12,13 @@ use crate::world::{GHAND, World};
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 
-/// One command and what it must leave alone.
+/// One command, and the files that it must not change.
 pub struct Case {
-    /// A folder of its own, in which the command runs.
+    /// The private folder in which the command runs.
     pub folder: TempDir,
     /// Program and arguments.
     pub command: Vec<String>,
-    /// The file that it is to write.
+    /// The file that it should write.
     pub output: Option<String>,
     /// Files that it must not change, with their contents.
     pub kept: Vec<(String, Vec<u8>)>,
@@ -89,7 +89,7 @@ impl Case {
 
     fn damaged_avatar(&mut self, world: &World, random: &mut ChaCha8Rng) {
         let original = world.bytes("hand.ghand");
-        // Half of the time in the header, which is small beside the tensors.
+        // Half of the time in the header, which is small compared to the tensors.
         let head = if random.random_bool(0.5) { 4000.min(original.len()) } else { original.len() };
         let mut damaged = damage::bytes(&original[..head], random);
         damaged.extend(&original[head..]);
@@ -136,7 +136,7 @@ impl Case {
         self.writes("out.png");
     }
 
-    /// Something stands where the output should go.
+    /// Something else exists at the output's path.
     fn odd_output(&mut self, world: &World, random: &mut ChaCha8Rng) {
         let folder = self.folder.path();
         let name = pick(
@@ -264,7 +264,7 @@ fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
-/// So that the seed alone decides.
+/// So that the result depends only on the seed.
 #[test]
 fn the_same_seed_draws_the_same_cases() {
     let world = World::new();

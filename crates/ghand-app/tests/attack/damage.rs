@@ -1,14 +1,14 @@
-//! Damage to files and values, as mistakes, broken disks and malice do it.
+//! Damage to files and values, as caused by mistakes, broken disks and malice.
 
 use rand::{Rng, RngExt};
 use serde_json::{Value, json};
 
-/// One of a list.
+/// A random element of a list.
 pub fn pick<'a, T: ?Sized>(random: &mut impl Rng, list: &[&'a T]) -> &'a T {
     list[random.random_range(0..list.len())]
 }
 
-/// Bytes with one to four changes.
+/// The bytes with one to four changes.
 pub fn bytes(original: &[u8], random: &mut impl Rng) -> Vec<u8> {
     let mut bytes = original.to_vec();
     for _ in 0..random.random_range(1..=4) {
@@ -23,7 +23,7 @@ pub fn bytes(original: &[u8], random: &mut impl Rng) -> Vec<u8> {
                 let block = bytes[at..end].to_vec();
                 bytes.splice(at..at, block);
             }
-            // Numbers of four bytes that are not finite, or the largest.
+            // Four-byte numbers that are not finite, or the largest.
             5 if at + 4 <= bytes.len() => {
                 let value: f32 = [f32::NAN, f32::INFINITY, f32::MAX, -1e30][random.random_range(0..4)];
                 bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
@@ -37,7 +37,7 @@ pub fn bytes(original: &[u8], random: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
-/// The text of a JSON value with one to three changes anywhere in it, now and then with a damaged text.
+/// The text of a JSON value with one to three changes anywhere in it; sometimes the text itself is damaged.
 pub fn json(original: &Value, random: &mut impl Rng) -> Vec<u8> {
     let mut value = original.clone();
     for _ in 0..random.random_range(1..=3) {
@@ -47,9 +47,9 @@ pub fn json(original: &Value, random: &mut impl Rng) -> Vec<u8> {
     if random.random_bool(0.1) { bytes(&text, random) } else { text }
 }
 
-/// Changes a value, or something in it.
+/// Changes a value, or a value inside it.
 fn change(value: &mut Value, random: &mut impl Rng) {
-    // Few levels lead to the leaves, where most numbers are: a coin decides whether to go on.
+    // Most numbers are in the leaves, a few levels down: each level goes deeper with probability 1/2.
     let go_on = random.random_bool(0.8);
     match value {
         Value::Object(map) if !map.is_empty() && go_on => {
@@ -92,7 +92,7 @@ fn change(value: &mut Value, random: &mut impl Rng) {
     }
 }
 
-/// A key as a typist may get it wrong.
+/// A key with a typing error.
 fn misspelt(key: &str, random: &mut impl Rng) -> String {
     let mut letters: Vec<char> = key.chars().collect();
     if letters.len() > 1 {
@@ -102,7 +102,7 @@ fn misspelt(key: &str, random: &mut impl Rng) -> String {
     letters.into_iter().collect()
 }
 
-/// Something that is hardly what belongs there.
+/// A value that is probably wrong there.
 fn other(random: &mut impl Rng) -> Value {
     match random.random_range(0..10) {
         0 => Value::Null,

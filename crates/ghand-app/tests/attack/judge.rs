@@ -1,4 +1,4 @@
-//! How a command must end.
+//! Judges how a command has ended.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 
 use crate::cases::Case;
 
-/// No case has more to do than a second or two; a machine may be busy.
+/// Every case takes a second or two; the machine may be busy.
 const MOST_TIME: Duration = Duration::from_secs(60);
 
 /// How a command ended.
 pub struct Outcome {
-    /// The exit code; none if a signal ended it.
+    /// The exit code; `None` if a signal ended it.
     pub code: Option<i32>,
-    /// What it said on stderr.
+    /// Its output on stderr.
     pub stderr: String,
     /// Whether it ended by itself.
     pub in_time: bool,
@@ -49,7 +49,7 @@ pub fn run(case: &Case) -> Outcome {
     Outcome { code: status.code(), stderr: reader.join().unwrap(), in_time }
 }
 
-/// Words of parsers and of Rust, which tell users nothing.
+/// Words of parsers and of Rust, which mean nothing to users.
 const JARGON: [&str; 15] = [
     "panicked",
     "RUST_BACKTRACE",
@@ -68,16 +68,16 @@ const JARGON: [&str; 15] = [
     "called `Option::unwrap",
 ];
 
-/// Whether a command ended as it must; else what is wrong.
+/// Whether a command ended as required; otherwise the problem.
 pub fn judge(case: &Case, outcome: &Outcome) -> Result<(), String> {
     if !outcome.in_time {
-        return Err(format!("was not done after {} s", MOST_TIME.as_secs()));
+        return Err(format!("was not finished after {} s", MOST_TIME.as_secs()));
     }
     let lines: Vec<&str> = outcome.stderr.lines().filter(|line| !line.trim().is_empty()).collect();
     let errors = lines.iter().filter(|line| line.starts_with("error: ")).count();
     // Warnings are the logger's and begin with a bracket.
     if let Some(line) = lines.iter().find(|line| !line.starts_with("error: ") && !line.starts_with('[')) {
-        return Err(format!("says something that is neither a warning nor an error: {line}"));
+        return Err(format!("prints a line that is neither a warning nor an error: {line}"));
     }
     match outcome.code {
         Some(0) if errors == 0 => {}
@@ -86,7 +86,7 @@ pub fn judge(case: &Case, outcome: &Outcome) -> Result<(), String> {
         None => return Err("was ended by a signal".into()),
     }
     if let Some(word) = JARGON.iter().find(|word| outcome.stderr.contains(**word)) {
-        return Err(format!("speaks of {word:?}"));
+        return Err(format!("contains {word:?}"));
     }
     if let Some(litter) = litter(case.folder.path()) {
         return Err(format!("leaves {litter} behind"));
@@ -110,7 +110,7 @@ fn litter(folder: &Path) -> Option<String> {
     })
 }
 
-/// An output is there and whole if the command succeeded, and not there otherwise.
+/// The output must be complete if the command succeeded, and must not exist otherwise.
 fn check_output(path: &Path, succeeded: bool) -> Result<(), String> {
     let name = path.display();
     if !succeeded {
@@ -126,7 +126,7 @@ fn check_output(path: &Path, succeeded: bool) -> Result<(), String> {
         }
         _ => !bytes.is_empty(),
     };
-    if is_whole { Ok(()) } else { Err(format!("{name} is not whole")) }
+    if is_whole { Ok(()) } else { Err(format!("{name} is not complete")) }
 }
 
 /// Infinite numbers are `null` in JSON.

@@ -1,9 +1,9 @@
-//! An attack on the programs: commands with damaged files, wrong options and outputs that are in the way. Whatever they are
-//! given, they succeed or fail with one sentence, soon, and leave nothing behind that is broken.
+//! An attack on the programs: commands with damaged files, wrong options and blocked outputs. Each command must quickly
+//! succeed or fail with one sentence, and must not leave broken files.
 //!
-//! `GHAND_ATTACK_CASES` and `GHAND_ATTACK_SEED` choose another number of cases and other cases; a failure names the seed and the
+//! `GHAND_ATTACK_CASES` and `GHAND_ATTACK_SEED` set the number of cases and the seed; a failure names the seed and the
 //! case, and keeps the files.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside of #[test]")]
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod cases;
 mod damage;
@@ -25,7 +25,7 @@ fn number(variable: &str, default: u64) -> u64 {
     std::env::var(variable).ok().map_or(default, |text| text.parse().unwrap())
 }
 
-/// Everything about case `index` of a seed follows from these two numbers.
+/// Case `index` of a seed depends only on these two numbers.
 fn case(world: &World, seed: u64, index: u64) -> Case {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(index);
@@ -33,7 +33,7 @@ fn case(world: &World, seed: u64, index: u64) -> Case {
 }
 
 #[test]
-fn whatever_they_are_given_the_programs_work_or_say_in_one_sentence_what_is_wrong() {
+fn the_programs_succeed_or_report_the_problem_in_one_sentence() {
     let (count, seed) = (number("GHAND_ATTACK_CASES", CASES), number("GHAND_ATTACK_SEED", SEED));
     let world = World::new();
     let next = AtomicU64::new(0);
@@ -69,14 +69,14 @@ fn whatever_they_are_given_the_programs_work_or_say_in_one_sentence_what_is_wron
             found.extend(problems);
         }
     });
-    println!("{count} cases: {succeeded} succeeded, {} ended as they should not", found.len());
+    println!("{count} cases: {succeeded} succeeded, {} ended badly", found.len());
     assert!(found.is_empty(), "{} of {count}:\n{}", found.len(), found.join("\n"));
-    // An attack that nothing or everything survives attacks nothing.
+    // An attack in which all commands succeed or all fail tests nothing.
     assert!(count < 100 || (succeeded > count / 20 && succeeded < count * 4 / 5), "{succeeded} of {count} succeeded");
 }
 
 #[test]
-fn the_judge_knows_a_bad_end_when_it_sees_one() {
+fn the_judge_recognises_bad_ends() {
     let world = World::new();
     let case = case(&world, 0, 0);
     let outcome = |code: Option<i32>, stderr: &str| Outcome { code, stderr: stderr.into(), in_time: true };

@@ -1,4 +1,4 @@
-//! Sound files that the attack damages: an avatar, a hand model, a capture, poses, a camera and a scene, all of them small.
+//! Valid files that the attack damages: an avatar, a hand model, a capture, poses, a camera and a scene, all small.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,12 +9,12 @@ use ghand_hand_model::procedural::ProceduralHand;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// The program of many commands.
+/// The program with many commands.
 pub const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
 /// The files.
 pub struct World {
-    /// Where they are.
+    /// Their folder.
     pub folder: TempDir,
     /// `capture.json`.
     pub capture: Value,
@@ -38,7 +38,7 @@ impl World {
             &["capture", "--views", "4", "--train-frames", "2", "--test-frames", "1", "--size", "64x96", "--out"],
             &capture,
         );
-        // The capture's own template is finer than anything here needs.
+        // The capture's own template is finer than needed here.
         let mut value = read(&capture.join("capture.json"));
         value["hand_model"]["parameters"]["detail"] = json!(1);
         write(&capture.join("capture.json"), &value);
@@ -80,7 +80,7 @@ fn write(path: &Path, value: &Value) {
     std::fs::write(path, value.to_string()).unwrap();
 }
 
-/// A scene of some Gaussians without harmonics.
+/// A scene of a few Gaussians without harmonics.
 fn scene() -> Vec<u8> {
     let names = [
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",

@@ -1,4 +1,4 @@
-//! Running the built programs and looking at what they leave behind.
+//! Runs the built programs and checks their output files.
 
 #![allow(dead_code, reason = "every test file is its own crate and uses the part that it needs")]
 
@@ -16,19 +16,19 @@ pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
     run_in(program, folder, arguments, &[])
 }
 
-/// As [`run`], with some variables in the environment.
+/// Like [`run`], with some variables in the environment.
 pub fn run_in(program: &str, folder: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     let mut command = Command::new(program);
     command.current_dir(folder).args(arguments).envs(variables.iter().copied());
     for display in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
         command.env_remove(display);
     }
-    // The Wayland library inside of the driver complains without it.
+    // The Wayland library inside the driver complains without it.
     command.env("XDG_RUNTIME_DIR", folder);
     command.output().unwrap()
 }
 
-/// Asserts exit code 1 and one line on stderr, `error: ...`, that holds all of `parts`.
+/// Asserts exit code 1 and one line on stderr, `error: ...`, that contains all of `parts`.
 pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
@@ -39,8 +39,8 @@ pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
     }
 }
 
-/// Asserts that `train` has trained, evaluated and saved an avatar: one that may be below its floor, since tests train for
-/// a few iterations only. Gives stdout and stderr, without the sentence on the floor.
+/// Asserts that `train` has trained, evaluated and saved an avatar. It may be below its floor, because tests train for
+/// only a few iterations. Returns stdout and stderr, without the sentence on the floor.
 pub fn assert_trained(output: &Output) -> [String; 2] {
     let [said, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     let is_failure = |line: &&str| line.starts_with("error: the training has failed: the avatar's PSNR");
@@ -65,7 +65,7 @@ pub fn small_capture(folder: &Path) {
     small_capture_with(1, folder);
 }
 
-/// As [`small_capture`], with so many frames to test on, one image of each.
+/// Like [`small_capture`], with this many test frames of one image each.
 pub fn small_capture_with(test_frames: usize, folder: &Path) {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let options = SyntheticOptions {
@@ -80,7 +80,7 @@ pub fn small_capture_with(test_frames: usize, folder: &Path) {
     make_capture(&gpu, &options, folder).unwrap();
 }
 
-/// Names of the files in a folder, sorted; hidden ones, too.
+/// Names of the files in a folder, including hidden ones, sorted.
 pub fn listing(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();

@@ -1,4 +1,4 @@
-//! Unknown fields, values that no hand can have, and lens distortion.
+//! Unknown fields, impossible values, and lens distortion.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ fn change_file(file: &Path, change: impl FnOnce(&mut Value)) {
     std::fs::write(file, value.to_string()).unwrap();
 }
 
-/// Gives a field another name.
+/// Renames a field.
 fn rename(object: &mut Value, from: &str, to: &str) {
     let fields = object.as_object_mut().unwrap();
     let value = fields.remove(from).unwrap();
@@ -34,9 +34,9 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
     type Change = fn(&mut Value);
     let cases: [(Change, &[&str]); 12] = [
         (|v| rename(v, "mask_path", "mask_paht"), &["mask_paht: is not a field", "nearest", "\"mask_path\""]),
-        // The message does not name the field that is missing because of it.
+        // The message does not name the field that is therefore missing.
         (|v| rename(v, "image_path", "imagepath"), &["imagepath: is not a field", "\"image_path\""]),
-        (|v| v["scale"] = json!(2), &["scale: is not a field", "known here are format, version, units"]),
+        (|v| v["scale"] = json!(2), &["scale: is not a field", "known fields are format, version, units"]),
         (|v| v["hand_model"]["joint_names"] = json!([]), &["hand_model.joint_names", "\"joints\""]),
         (
             |v| v["hand_model"]["parameters"]["palm_widht"] = json!(1),
@@ -47,7 +47,7 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
         (|v| rename(&mut v["cameras"][0], "rotation", "rotations"), &["cameras[0].rotations", "\"rotation\""]),
         (|v| v["frames"][1]["shapes"] = json!([]), &["frames[1].shapes", "\"shape\""]),
         (|v| rename(&mut v["splits"]["test"], "cameras", "camera"), &["splits.test.camera:", "\"cameras\""]),
-        (|v| v["splits"]["test"]["pairs"] = json!([]), &["splits.test.pairs", "known here are cameras, frames"]),
+        (|v| v["splits"]["test"]["pairs"] = json!([]), &["splits.test.pairs", "known fields are cameras, frames"]),
         (
             |v| v["hand_model"]["parameters"] = json!({"detail": "fine"}),
             &["hand_model.parameters", "the text \"fine\""],
@@ -59,7 +59,7 @@ fn unknown_fields_at_every_level_are_errors_that_name_the_nearest_known_one() {
 }
 
 #[test]
-fn names_that_begin_as_comments_do_are_comments_at_every_level() {
+fn fields_with_a_comment_prefix_are_comments_at_every_level() {
     let plain = opened_after(|_| ());
     let commented = opened_after(|v| {
         v["$schema"] = json!("x");
@@ -76,7 +76,7 @@ fn names_that_begin_as_comments_do_are_comments_at_every_level() {
 }
 
 #[test]
-fn a_field_of_another_kind_of_hand_model_is_refused() {
+fn a_field_of_another_kind_of_hand_model_is_rejected() {
     assert_contains(
         &message_after(|v| v["hand_model"]["path"] = json!("hand.glb")),
         &["hand_model.path", "\"gltf\"", "\"procedural\"", "remove it"],
@@ -88,7 +88,7 @@ fn a_field_of_another_kind_of_hand_model_is_refused() {
 }
 
 #[test]
-fn numbers_beyond_all_hands_are_named_with_file_frame_and_joint() {
+fn impossible_numbers_are_named_with_file_frame_and_joint() {
     type Change = fn(&mut Value);
     let cases: [(Change, &[&str]); 6] = [
         (
@@ -112,12 +112,12 @@ fn numbers_beyond_all_hands_are_named_with_file_frame_and_joint() {
     change_file(&folder.path().join("truth.json"), |v| v["frames"][0]["pose"][15] = json!([500.0, 0.0, 0.0]));
     assert_contains(
         &Capture::open(folder.path()).unwrap_err().to_string(),
-        &["truth.json: frames[\"0001\"].pose: joint \"thumb3\" turns by 500.0 rad"],
+        &["truth.json: frames[\"0001\"].pose: joint \"thumb3\" rotates by 500.0 rad"],
     );
 }
 
 #[test]
-fn distortion_is_read_checked_and_written_and_zeros_are_none() {
+fn distortion_is_read_checked_and_written_and_zeros_count_as_none() {
     let folder = tempfile::tempdir().unwrap();
     sample(folder.path()).save().unwrap();
     let file = folder.path().join("capture.json");
@@ -151,7 +151,7 @@ fn views_of_distorted_cameras_are_undistorted_with_their_masks() {
     let camera = &mut capture.cameras[0];
     (camera.width, camera.height) = (width, height);
     (camera.focal, camera.principal) = (glam::DVec2::splat(40.0), glam::DVec2::new(20.0, 15.0));
-    // Pincushion: what is at 10 pixels from the middle is seen at 10 (1 + 1.6 / 16) = 11.
+    // Pincushion: a point 10 pixels from the middle is seen at 10 (1 + 1.6 / 16) = 11.
     capture.distortion = vec![Some(Distortion { radial: [1.6, 0.0, 0.0], tangential: [0.0; 2] })];
     let red = |x: u32| if x >= 31 { 200 } else { 0 };
     let colors: Vec<u8> = (0..height).flat_map(|_| (0..width).flat_map(move |x| [red(x), 0, 0])).collect();
@@ -163,7 +163,7 @@ fn views_of_distorted_cameras_are_undistorted_with_their_masks() {
     let first = row.iter().position(|pixel| pixel[0] >= 100).unwrap();
     assert_eq!((first, row.iter().position(|pixel| pixel[3] == 255)), (30, Some(30)), "{row:?}");
     assert!(view.rgba.iter().all(|pixel| [0, 255].contains(&pixel[3])));
-    // The corner is not in the file's image: it is the background (0, 0.5, 1), and not hand.
+    // The corner is outside the file's image: it has the background (0, 0.5, 1) and is not hand.
     assert_eq!(view.rgba[0], [0, 128, 255, 0]);
     capture.images.mask = None;
     let (view, notes) = capture.load_view_with_notes(0, 0).unwrap();

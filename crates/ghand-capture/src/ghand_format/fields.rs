@@ -58,8 +58,7 @@ pub(super) fn parameters(
         return Err(unknown_field(validator, &format!("{FIELD}.{name}"), name, known));
     }
     serde_json::from_value(Value::Object(fields)).map_err(|error| {
-        validator
-            .invalid(FIELD, format!("{}; give numbers of metres, or leave the parameter out", plain_json_error(&error)))
+        validator.invalid(FIELD, format!("{}; give numbers in metres, or omit the parameter", plain_json_error(&error)))
     })
 }
 
@@ -67,7 +66,7 @@ fn is_comment(name: &str) -> bool {
     COMMENTS.iter().any(|mark| name.starts_with(mark))
 }
 
-/// The place of a field.
+/// The location of a field.
 struct Place {
     /// Its full path of names and indices.
     written: String,
@@ -114,8 +113,8 @@ fn unknown_field(validator: FileValidator, field: &str, name: &str, known: &[&st
     let likeness = |known: &str| strsim::jaro_winkler(&name.to_lowercase(), known);
     let nearest = known.iter().copied().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     let instead = match nearest.filter(|nearest| likeness(nearest) >= LEAST_LIKENESS) {
-        Some(nearest) => format!("the nearest that is known here is {nearest:?}"),
-        None => format!("known here are {}", known.join(", ")),
+        Some(nearest) => format!("the nearest known field is {nearest:?}"),
+        None => format!("known fields are {}", known.join(", ")),
     };
     // Names in a hostile file may have any length.
     let field: String = field.chars().take(LONGEST_FIELD).collect();

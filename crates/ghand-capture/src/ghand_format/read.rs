@@ -24,7 +24,7 @@ const MOST_VIEWS: usize = 1 << 23;
 /// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field that is missing or wrong, and what to do.
+/// [`CaptureError`] names the file, the missing or wrong field, and what to do.
 pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
                   Capture1 and so on, or a subject of the Hand Appearance dataset";
@@ -35,7 +35,7 @@ pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capt
 /// Reads the text of a `capture.json`; the path is for messages and for the files beside it.
 ///
 /// # Errors
-/// As of [`Capture::open`].
+/// As for [`Capture::open`].
 pub fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
     let reader = Reader { validator: FileValidator { path }, mano };
     reader.header(text)?;
@@ -169,7 +169,7 @@ impl Reader<'_> {
                 Some(model) if model.parents == MANO_PARENTS => (model.clone(), HandModelSource::Mano),
                 Some(model) => {
                     let problem = format!(
-                        "is \"mano\" but {} is no MANO model; give MANO_RIGHT.pkl or MANO_LEFT.pkl",
+                        "is \"mano\" but {} is not a MANO model; give MANO_RIGHT.pkl or MANO_LEFT.pkl",
                         model.name
                     );
                     return Err(self.invalid("hand_model.kind", problem));
@@ -198,7 +198,7 @@ impl Reader<'_> {
         if !is_there || file.kind == kind {
             return Ok(());
         }
-        let problem = format!("belongs to a hand model of kind {kind:?}, and this one is {:?}; remove it", file.kind);
+        let problem = format!("belongs to a hand model of kind {kind:?}, but this one is {:?}; remove it", file.kind);
         Err(self.invalid(member("hand_model", field), problem))
     }
 
@@ -206,7 +206,7 @@ impl Reader<'_> {
     fn joint_order(&self, file: &HandModelFile, model: &HandModel) -> Result<Vec<usize>, CaptureError> {
         let Some(names) = &file.joints else {
             if file.parents.is_some() {
-                let problem = "is missing though parents is there; name the joints that the parents are about";
+                let problem = "is missing although there are parents; name their joints";
                 return Err(self.invalid("hand_model.joints", problem));
             }
             return Ok((0..model.joint_count()).collect());
@@ -214,7 +214,7 @@ impl Reader<'_> {
         let rows = self.validator.index("hand_model.joints", names.iter().map(String::as_str))?;
         if let Some(unknown) = names.iter().find(|name| model.joint_index(name).is_none()) {
             let known = model.joint_names.join(", ");
-            let problem = format!("{unknown:?} is no joint of the hand model; its joints are: {known}");
+            let problem = format!("{unknown:?} is not a joint of the hand model; its joints are: {known}");
             return Err(self.invalid("hand_model.joints", problem));
         }
         let order = (model.joint_names.iter())
@@ -251,7 +251,7 @@ impl Reader<'_> {
             let actual = parent_index.and_then(|p| model.joint_names.get(p)).map(String::as_str);
             if given != actual {
                 let problem = format!(
-                    "joint {name:?} hangs on {} here but on {} in the hand model; give the file the model's hierarchy",
+                    "joint {name:?} has the parent {} here but {} in the hand model; use the model's hierarchy",
                     given.unwrap_or("nothing"),
                     actual.unwrap_or("nothing")
                 );
@@ -305,8 +305,8 @@ impl Reader<'_> {
         *views_left = left.ok_or_else(|| {
             let [cameras, frames] = [cameras.len(), frames.len()];
             let problem = format!(
-                "has {cameras} cameras with {frames} frames each, and all splits together may have at most {MOST_VIEWS} images; \
-                 name fewer"
+                "has {cameras} cameras with {frames} frames each, but all splits together may have at most \
+                 {MOST_VIEWS} images; list fewer"
             );
             self.invalid(format!("splits[{name:?}]"), problem)
         })?;
@@ -324,7 +324,8 @@ impl Reader<'_> {
             self.validator.stays_inside(field, template)?;
             for (placeholder, count) in [("{camera}", cameras.len()), ("{frame}", frames.len())] {
                 if count > 1 && !template.contains(placeholder) {
-                    let problem = format!("{template:?} lacks {placeholder}: all {count} would share one file");
+                    let problem =
+                        format!("{template:?} does not contain {placeholder}: all {count} would share one file");
                     return Err(self.invalid(field, problem));
                 }
             }

@@ -74,7 +74,7 @@ pub(super) fn message_after(change: impl FnOnce(&mut Value)) -> String {
 
 pub(super) fn assert_contains(message: &str, parts: &[&str]) {
     for part in parts {
-        assert!(message.contains(part), "{message:?} should say {part:?}");
+        assert!(message.contains(part), "{message:?} should contain {part:?}");
     }
 }
 
@@ -89,7 +89,7 @@ fn larger(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn matrices_that_differ_in_one_entry_are_apart_and_nan_is_kept() {
+fn the_largest_difference_covers_every_entry_and_keeps_nan() {
     let mut other = DMat3::IDENTITY;
     other.y_axis.x = -0.5;
     assert_eq!(apart(other, DMat3::IDENTITY), 0.5);
@@ -115,7 +115,7 @@ fn what_is_written_is_read_back_exactly() {
 }
 
 #[test]
-fn poses_are_put_into_the_order_of_the_model() {
+fn poses_are_reordered_to_the_order_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let capture = sample(folder.path());
     capture.save().unwrap();
@@ -142,7 +142,7 @@ fn poses_are_put_into_the_order_of_the_model() {
 }
 
 #[test]
-fn a_file_that_is_missing_or_no_json_is_named() {
+fn a_file_that_is_missing_or_not_json_is_named() {
     let folder = tempfile::tempdir().unwrap();
     assert_contains(&Capture::open(folder.path()).unwrap_err().to_string(), &["capture.json", "give the folder"]);
     let file = folder.path().join("capture.json");
@@ -167,17 +167,17 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| drop(v.as_object_mut().unwrap().remove("cameras")), &["the field `cameras` is missing"]),
         (|v| v["cameras"][0]["width"] = json!("wide"), &["cameras[0].width", "the text \"wide\"", "line"]),
         (|v| v["cameras"][0]["width"] = json!(0), &["cameras[\"cam0\"].width", "is 0"]),
-        (|v| v["cameras"][1]["id"] = json!("cam0"), &["cameras", "\"cam0\" is there twice"]),
+        (|v| v["cameras"][1]["id"] = json!("cam0"), &["cameras", "\"cam0\" occurs twice"]),
         (|v| v["cameras"][1]["id"] = json!("../x"), &["cameras", "\"../x\"", "path"]),
         (|v| v["cameras"][0]["intrinsics"][0][0] = json!(0.0), &["cameras[\"cam0\"].intrinsics", "singular"]),
         (|v| v["cameras"][0]["intrinsics"][0][1] = json!(0.3), &["intrinsics", "skew"]),
-        (|v| v["cameras"][0]["rotation"][0][0] = json!(3.0), &["cameras[\"cam0\"].rotation", "no rotation"]),
+        (|v| v["cameras"][0]["rotation"][0][0] = json!(3.0), &["cameras[\"cam0\"].rotation", "is not a rotation"]),
         (
             |v| v["cameras"][0]["rotation"] = json!([[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
             &["rotation", "determinant -1.000"],
         ),
         (|v| v["cameras"][0]["translation"] = json!([0, null, 0]), &["null", "line"]),
-        (|v| v["frames"][1]["id"] = json!("0000"), &["frames", "\"0000\" is there twice"]),
+        (|v| v["frames"][1]["id"] = json!("0000"), &["frames", "\"0000\" occurs twice"]),
         (
             |v| drop(v["frames"][1]["pose"].as_array_mut().unwrap().pop()),
             &["frames[\"0001\"].pose", "15 rows, expected 16"],
@@ -189,7 +189,7 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["splits"]["test"]["frames"] = json!(["0000", "0000"]), &["splits[\"test\"].frames", "twice"]),
         (|v| v["hand_model"] = json!({"kind": "mano"}), &["hand_model.kind", "MANO_RIGHT.pkl", "--hand-model"]),
         (|v| v["hand_model"] = json!({"kind": "foot"}), &["hand_model.kind", "\"foot\"", "procedural"]),
-        (|v| v["hand_model"]["joints"][3] = json!("tail"), &["hand_model.joints", "\"tail\"", "no joint"]),
+        (|v| v["hand_model"]["joints"][3] = json!("tail"), &["hand_model.joints", "\"tail\"", "is not a joint"]),
         (
             |v| {
                 v["hand_model"]["joints"].as_array_mut().unwrap().pop();
@@ -197,17 +197,17 @@ fn each_unusable_field_is_named_with_what_to_do() {
             },
             &["hand_model.joints", "thumb3", "not listed"],
         ),
-        (|v| v["hand_model"]["parents"][3] = json!(0), &["hand_model.parents", "index3", "hangs on wrist"]),
+        (|v| v["hand_model"]["parents"][3] = json!(0), &["hand_model.parents", "index3", "has the parent wrist"]),
         (|v| v["hand_model"]["parents"][3] = json!(99), &["hand_model.parents", "99"]),
         (|v| v["hand_model"]["parameters"]["palm_width"] = json!(-1.0), &["hand_model", "palm_width"]),
         (|v| v["hand_model"] = json!({"kind": "gltf"}), &["hand_model.path", "missing"]),
         (
             |v| v["hand_model"] = json!({"kind": "gltf", "path": "../hand.glb"}),
-            &["hand_model.path", "leads out of the capture's folder"],
+            &["hand_model.path", "leaves the capture's folder"],
         ),
         (|v| v["hand_model"] = json!({"kind": "gltf", "path": "hand.glb"}), &["hand_model", "hand.glb"]),
-        (|v| v["image_path"] = json!("/etc/{camera}/{frame}"), &["image_path", "leads out"]),
-        (|v| v["mask_path"] = json!("masks/{camera}.png"), &["mask_path", "lacks {frame}"]),
+        (|v| v["image_path"] = json!("/etc/{camera}/{frame}"), &["image_path", "leaves the capture's folder"]),
+        (|v| v["mask_path"] = json!("masks/{camera}.png"), &["mask_path", "does not contain {frame}"]),
     ];
     for (change, parts) in cases {
         assert_contains(&message_after(change), parts);
@@ -215,15 +215,18 @@ fn each_unusable_field_is_named_with_what_to_do() {
 }
 
 #[test]
-fn paths_that_leave_the_folder_are_refused_on_any_system() {
+fn paths_that_leave_the_folder_are_rejected_on_any_system() {
     for path in ["..", "a/../../b", "/a", "C:\\a", "a\\..\\b", "", "C:a"] {
         let path = format!("{path}{}", if path.is_empty() { "" } else { "/{camera}/{frame}" });
-        assert_contains(&message_after(|v| v["image_path"] = json!(path)), &["image_path", "leads out"]);
+        assert_contains(
+            &message_after(|v| v["image_path"] = json!(path)),
+            &["image_path", "leaves the capture's folder"],
+        );
     }
 }
 
 #[test]
-fn numbers_that_are_not_finite_are_refused() {
+fn numbers_that_are_not_finite_are_rejected() {
     // JSON has no such numbers; overflowing numbers or text such as NaN must not become one.
     for number in ["1e999", "NaN", "Infinity"] {
         let folder = tempfile::tempdir().unwrap();
@@ -236,7 +239,7 @@ fn numbers_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn rounded_rotations_become_rotations_again() {
+fn rounded_rotations_are_made_orthonormal() {
     let folder = tempfile::tempdir().unwrap();
     let mut capture = sample(folder.path());
     let rounded = |v: f64| (v * 1e4).round() / 1e4;
@@ -248,7 +251,7 @@ fn rounded_rotations_become_rotations_again() {
 }
 
 #[test]
-fn a_truth_that_does_not_fit_is_named() {
+fn a_truth_that_does_not_match_is_named() {
     let folder = tempfile::tempdir().unwrap();
     sample(folder.path()).save().unwrap();
     let file = folder.path().join("truth.json");
@@ -263,7 +266,7 @@ fn a_truth_that_does_not_fit_is_named() {
 }
 
 #[test]
-fn an_unknown_split_lists_those_that_there_are() {
+fn an_unknown_split_lists_the_existing_ones() {
     let folder = tempfile::tempdir().unwrap();
     assert_contains(
         &sample(folder.path()).split("validation").unwrap_err().to_string(),
@@ -272,7 +275,7 @@ fn an_unknown_split_lists_those_that_there_are() {
 }
 
 #[test]
-fn views_keep_the_image_and_cut_the_mask_at_128() {
+fn views_keep_the_image_and_threshold_the_mask_at_128() {
     let folder = tempfile::tempdir().unwrap();
     let mut capture = sample(folder.path());
     let colors: Vec<u8> = (0..36).map(|i| i * 7).collect();
@@ -286,7 +289,7 @@ fn views_keep_the_image_and_cut_the_mask_at_128() {
         assert_eq!(pixel[3], if (3..6).contains(&i) { 255 } else { 0 });
     }
     capture.images.mask = None;
-    assert!(capture.load_view(0, 0).unwrap().rgba.iter().all(|p| p[3] == 255), "without a mask all is hand");
+    assert!(capture.load_view(0, 0).unwrap().rgba.iter().all(|p| p[3] == 255), "without a mask everything is hand");
 }
 
 #[test]
@@ -328,7 +331,7 @@ fn images_that_are_missing_broken_or_of_another_size_are_named() {
 }
 
 #[test]
-fn the_path_traced_capture_is_read_whole() {
+fn the_path_traced_capture_is_read_completely() {
     let Some(folder) = shared("captures/blender-a") else { return };
     let capture = Capture::open(&folder).unwrap();
     assert_eq!((capture.cameras.len(), capture.frames.len()), (30, 52));

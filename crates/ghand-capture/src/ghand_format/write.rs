@@ -13,12 +13,12 @@ use crate::json_file::write_json;
 use crate::truth::{pose_rows, write_truth};
 
 impl Capture {
-    /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must exist.
-    /// Images, masks and a glTF file are not touched.
+    /// Writes `capture.json`, and `truth.json` if the truth is known, into the capture's folder (`root`), which must
+    /// exist. Images, masks and a glTF file are not touched.
     ///
     /// # Errors
-    /// [`CaptureError::Io`] when a file cannot be written; it is then unchanged. [`CaptureError::Invalid`] when the
-    /// format cannot express the capture, as for one that was read from another data set.
+    /// [`CaptureError::Io`] if a file cannot be written; it is then unchanged. [`CaptureError::Invalid`] if the format
+    /// cannot express the capture, such as one read from another data set.
     pub fn save(&self) -> Result<(), CaptureError> {
         self.check_writable()?;
         // The truth first: a folder with a capture.json is a complete capture.
@@ -38,7 +38,7 @@ impl Capture {
             return Ok(());
         };
         let problem =
-            format!("version {VERSION} of capture.json cannot hold them; read the data set from its own folder");
+            format!("version {VERSION} of capture.json cannot express them; read the data set from its own folder");
         Err(CaptureError::Invalid { path: self.root.join(CAPTURE_FILE), field: odd.into(), problem })
     }
 

@@ -76,7 +76,7 @@ impl FileCheck {
         (total, unusable)
     }
 
-    /// Counts a problem and stores it while there is room.
+    /// Counts a problem; stores only the first ones.
     pub(super) fn add(&mut self, problem: FileProblem) {
         *(if problem.missing { &mut self.missing } else { &mut self.broken }) += 1;
         if self.problems.len() < MOST_PROBLEMS {

@@ -11,8 +11,8 @@ use crate::capture::Capture;
 /// to 0.6.
 const LEAST_IOU: f64 = 0.7;
 /// A template that overlaps the masks less than this is elsewhere: translations in millimetres give 0, and training,
-/// which moves a hand by millimetres, cannot recover. Even a hand beside the right place, or a transposed rotation, has
-/// more.
+/// which moves a hand by millimetres, cannot recover. Even a hand beside the right position, or a transposed rotation,
+/// has more.
 const HOPELESS_IOU: f64 = 0.1;
 /// Plausible distances between cameras and a hand, metres: from a lens that nearly touches it to the far end of a hall.
 const DISTANCES: std::ops::Range<f64> = 0.03..20.0;
@@ -90,11 +90,12 @@ fn faulty(
 fn images(found: &CaptureInspection) -> Vec<Finding> {
     let files = &found.files;
     if files.images == 0 {
-        return vec![finding(true, "the splits name no image; list their cameras and frames".into())];
+        return vec![finding(true, "the splits have no images; list their cameras and frames".into())];
     }
     if !found.has_usable_image() {
         let text = format!(
-            "none of the {} images can be used ({} files are missing, {} broken); see that paths, cameras and files belong together",
+            "none of the {} images can be used ({} files are missing, {} broken); check that paths, cameras and files \
+             match",
             files.images, files.missing, files.broken
         );
         return vec![finding(true, text)];
@@ -103,25 +104,18 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
         found,
         |_| true,
         |view| view.brightest < LEAST_BRIGHTNESS,
-        |dark, all| {
-            format!(
-                "{dark} of {all} images are black, or their hand is; export them again with the light that they need"
-            )
-        },
+        |dark, all| format!("{dark} of {all} images, or their hands, are black; export them again with enough light"),
     );
     let flat = faulty(
         found,
         |view| view.brightest >= LEAST_BRIGHTNESS,
         |view| view.contrast <= MOST_OF_ONE_COLOR,
-        |flat, all| format!("{flat} of {all} images are of one colour all over; export them again"),
+        |flat, all| format!("{flat} of {all} images have a single colour; export them again"),
     );
     let holes = views(found).filter(|view| view.nan_pixels > 0).count();
     let holes = (holes > 0).then(|| {
         let all = views(found).count();
-        finding(
-            false,
-            format!("{holes} of {all} images hold pixels that are not a number (NaN), which are taken for black"),
-        )
+        finding(false, format!("{holes} of {all} images have NaN pixels, which count as black"))
     });
     [dark, flat, holes].into_iter().flatten().collect()
 }
@@ -131,8 +125,8 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
     let (looked_at, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
     if without > 0 {
         let text = format!(
-            "{without} of {looked_at} images have no mask; the hand may be anywhere in them, and what is behind it is taken for \
-             hand"
+            "{without} of {looked_at} images have no mask; the hand may be anywhere in them, and the background counts \
+             as hand"
         );
         findings.push(finding(false, text));
     }
@@ -149,20 +143,18 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
         found,
         has_mask,
         |view| view.coverage == Some(1.0),
-        |full, all| {
-            format!("{full} of {all} masks are hand everywhere; a mask is at least 128 on the hand and below elsewhere")
-        },
+        |full, all| format!("{full} of {all} masks are full; a mask is at least 128 on the hand and below elsewhere"),
     ));
     let zero_one = views(found).filter(|view| view.is_zero_one).count();
     if zero_one > 0 {
-        let text =
-            format!("{zero_one} of {looked_at} masks hold 0 and 1 instead of 0 and 255; the 1 is taken for the hand");
+        let text = format!("{zero_one} of {looked_at} masks have 0 and 1 instead of 0 and 255; 1 counts as hand");
         findings.push(finding(false, text));
     }
     let made = found.files.made_masks;
     if made > 0 {
         let text = format!(
-            "{made} of {} masks have no file and are made from the posed hand, which they therefore meet; look at the pictures",
+            "{made} of {} masks have no file and are made from the posed hand, so they always match it; check the \
+             pictures",
             found.files.images
         );
         findings.push(finding(false, text));
@@ -216,8 +208,8 @@ fn poses(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
         return vec![];
     }
     let text = format!(
-        "{long} of {all} joint rotations are longer than a whole turn (2 pi); poses are axis-angle in radians and may be in degrees \
-         here"
+        "{long} of {all} joint rotations are longer than a whole turn (2 pi); poses must be axis-angle in radians, but \
+         may be in degrees here"
     );
     vec![finding(long as f64 >= DEGREES * all as f64, text)]
 }
@@ -228,9 +220,7 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
         |_| true,
         |view| !view.shows_template,
         |outside, all| {
-            format!(
-                "the posed template is outside of {outside} of {all} images; cameras, poses or units are not what they should be"
-            )
+            format!("the posed template is outside {outside} of {all} images; cameras, poses or units are wrong")
         },
     );
     let worse_than = |most: f64, least: f64| {
@@ -244,8 +234,8 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
     };
     let text = |how: &str, splits: String| {
         format!(
-            "the posed template meets the masks of {splits} {how} (mean IoU); an axis, a rotation, a unit or the side of the hand may \
-             not be what the format says"
+            "the posed template matches the masks of {splits} {how} (mean IoU); an axis, a rotation, a unit or the \
+             side of the hand may be wrong"
         )
     };
     let hopeless = Some(worse_than(HOPELESS_IOU, 0.0)).filter(|splits| !splits.is_empty());

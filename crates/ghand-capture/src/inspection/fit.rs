@@ -25,7 +25,7 @@ pub struct ViewFit {
     pub iou_given: Option<f64>,
     /// The same in the true pose, if known.
     pub iou_true: Option<f64>,
-    /// Whether anything of the posed template, in the frame's own pose, is in the image.
+    /// Whether any part of the posed template, in the frame's own pose, is in the image.
     pub shows_template: bool,
     /// The largest value of any channel on the hand, or of the whole image where no hand is marked.
     pub brightest: u8,
@@ -41,8 +41,8 @@ pub struct ViewFit {
 /// then in the true one if known.
 ///
 /// # Errors
-/// [`CaptureError::HandModel`] when shape or pose do not fit the hand model, [`CaptureError::Invalid`] when there is no such
-/// frame.
+/// [`CaptureError::HandModel`] if shape or pose do not match the hand model, [`CaptureError::Invalid`] if there is no
+/// such frame.
 pub fn posed_template(capture: &Capture, frame: usize) -> Result<(Vec<DVec3>, Option<Vec<DVec3>>), CaptureError> {
     let Frame { pose, shape, .. } = capture.frame(frame)?;
     let posed = |pose: &Pose| {
@@ -65,7 +65,7 @@ pub fn true_pose(capture: &Capture, frame: usize) -> Option<&Pose> {
 /// pairs.
 ///
 /// # Errors
-/// [`CaptureError::HandModel`] as of [`posed_template`].
+/// [`CaptureError::HandModel`] as for [`posed_template`].
 pub(super) fn fits(
     capture: &Capture,
     pairs: &[(usize, usize)],

@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_masks_have_one_and_disjoint_ones_zero() {
+    fn equal_masks_have_overlap_one_and_disjoint_ones_zero() {
         assert_eq!(iou(&mask("##.#"), &mask("##.#")), Some(1.0));
         assert_eq!(iou(&mask("##.."), &mask("..##")), Some(0.0));
         assert_eq!(iou(&mask("...."), &mask("...#")), Some(0.0));
@@ -56,27 +56,27 @@ mod tests {
     }
 
     #[test]
-    fn a_case_by_hand() {
+    fn an_overlap_matches_a_hand_calculation() {
         // 2 in both, 5 in either.
         assert_eq!(iou(&mask("###.#.."), &mask(".##..#.")), Some(0.4));
     }
 
     #[test]
-    fn empty_masks_say_nothing_and_lengths_that_differ_disagree() {
+    fn empty_masks_have_no_overlap_and_excess_length_disagrees() {
         assert_eq!(iou(&mask("..."), &mask("...")), None);
         assert_eq!(iou(&[], &[]), None);
         assert_eq!(iou(&mask("##"), &mask("####")), Some(0.5));
     }
 
     #[test]
-    fn spreads_are_of_all_numbers() {
+    fn spreads_cover_all_numbers() {
         let spread = Spread::of([2.0, 0.5, 3.5]);
         assert_eq!(spread, Some(Spread { count: 3, mean: 2.0, min: 0.5, max: 3.5 }));
         assert_eq!(Spread::of([]), None);
     }
 
     #[test]
-    fn a_nan_is_seen_wherever_it_stands() {
+    fn a_nan_is_kept_at_any_position() {
         for values in [[f64::NAN, 1.0, 2.0], [1.0, f64::NAN, 2.0], [1.0, 2.0, f64::NAN]] {
             let spread = Spread::of(values).unwrap();
             assert!(spread.mean.is_nan() && spread.min.is_nan() && spread.max.is_nan(), "{spread:?}");

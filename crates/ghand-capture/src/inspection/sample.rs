@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn every_camera_and_every_frame_has_its_turn() {
+    fn every_camera_and_every_frame_is_sampled() {
         // A stride of 20 would always hit the same one of the 20 cameras.
         let split = Split::product((0..20).collect(), (0..240).collect());
         let found = sample(&split, 240);
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_bounded_without_repetition_and_all_where_there_are_few() {
+    fn samples_are_bounded_without_repetition_and_complete_if_there_are_few() {
         let split = Split::product((0..3).collect(), (0..7).collect());
         for count in [0, 1, 5, 20, 21, 99] {
             let mut found = sample(&split, count);
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_share_the_cameras_among_them() {
+    fn several_calls_use_the_cameras_evenly() {
         let split = Split::product((0..6).collect(), (0..4).collect());
         let mut chosen = HashMap::new();
         for _ in 0..3 {

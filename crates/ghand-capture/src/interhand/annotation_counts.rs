@@ -1,10 +1,10 @@
-//! What annotation files hold, counted: for bytes whose kind and origin nobody vouches for.
+//! Counts the entries of annotation files, for untrusted bytes.
 
 use ghand_core::Side;
 
 use super::{annotations, images, poses};
 
-/// What was found in bytes that were read as each of InterHand2.6M's annotation files, capture 0.
+/// The entries found in bytes read as each of InterHand2.6M's annotation files, capture 0.
 #[derive(Debug)]
 pub struct AnnotationCounts {
     /// Cameras with a position.

@@ -35,7 +35,7 @@ pub(super) fn read_cameras(path: &Path, capture: &str) -> Result<CameraTables, C
     let mut wanted = OfCapture::new(capture);
     read_streaming(path, Object(&mut wanted), REMEDY)?;
     if !wanted.found {
-        let problem = format!("capture {capture:?} is not there; {REMEDY}");
+        let problem = format!("capture {capture:?} is missing; {REMEDY}");
         return Err(FileValidator { path }.invalid("captures", problem));
     }
     Ok(wanted.tables)
@@ -92,7 +92,7 @@ impl<T: for<'a> Deserialize<'a>> Keys for ById<'_, T> {
             return Err(A::Error::custom(format!("more than {MOST_CAMERAS} cameras")));
         }
         match self.0.insert(key.into(), value) {
-            Some(_) => Err(A::Error::custom(format!("camera {key:?} is there twice"))),
+            Some(_) => Err(A::Error::custom(format!("camera {key:?} occurs twice"))),
             None => Ok(()),
         }
     }

@@ -161,10 +161,10 @@ impl<'a> Reader<'a> {
             return Err(format!("more than {MOST_NAMES} cameras"));
         }
         if self.by_id.insert(record.id, self.images.all.len()).is_some() {
-            return Err(format!("image id {} is there twice", record.id));
+            return Err(format!("image id {} occurs twice", record.id));
         }
         if !self.pairs.insert((record.frame_idx, sequence, camera)) {
-            return Err(format!("frame {} of one camera and sequence is there twice", record.frame_idx));
+            return Err(format!("frame {} of one camera and sequence occurs twice", record.frame_idx));
         }
         let number = record.frame_idx;
         self.images.all.push(Image { sequence, number, camera, size, side: None, bounds: None });

@@ -1,4 +1,4 @@
-//! Checks whether poses and hand model belong together: compares annotated joints, from
+//! Checks whether poses and hand model match: compares annotated joints, from
 //! `InterHand2.6M_{subset}_joint_3d.json`, with those of the posed model.
 
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ pub(super) const TIPS: [usize; 5] = [4, 8, 16, 12, 0];
 pub(super) const JOINTS: usize = 21;
 /// Frames that are compared: enough for a mean.
 const COMPARED: usize = 32;
-/// Mean distance above which model and poses do not belong together, metres: the fits are published with about 5 mm,
+/// Mean distance above which model and poses do not match, metres: the fits are published with about 5 mm,
 /// the joints of the two skeletons differ by about as much, and a wrong mean pose moves fingers by centimetres.
 const FAR: f64 = 0.03;
 
@@ -60,7 +60,8 @@ pub(super) fn warning(
     let mean = sum / f64::from(count.max(1));
     Ok((mean > FAR).then(|| {
         format!(
-            "{}: the joints of {} are {:.0} mm from the annotated ones in the mean; see that it is the MANO model of this hand",
+            "{}: the joints of {} are {:.0} mm from the annotated ones on average; check that it is the MANO model of \
+             this hand",
             path.display(),
             model.name,
             1000.0 * mean

@@ -49,8 +49,8 @@ pub(crate) fn locate(path: &Path) -> Option<Result<Location, CaptureError>> {
         };
         let found = PROTOCOL.into_iter().map(location).find(|l| l.folder().is_dir());
         return Some(found.ok_or_else(|| {
-            let problem = "has none of test/Capture0, test/Capture1 and val/Capture0; give the folder of another capture, such as \
-                           images/train/Capture3";
+            let problem = "does not contain test/Capture0, test/Capture1 or val/Capture0; give the folder of another \
+                           capture, such as images/train/Capture3";
             FileValidator { path: &path }.invalid(images, problem)
         }));
     }

@@ -98,7 +98,7 @@ impl Keys for Frames<'_> {
             Side::Left => hands.left,
         };
         match hand.and_then(|hand| self.found.insert(number, hand)) {
-            Some(_) => Err(A::Error::custom(format!("frame {number} is there twice"))),
+            Some(_) => Err(A::Error::custom(format!("frame {number} occurs twice"))),
             None => Ok(()),
         }
     }

@@ -16,8 +16,8 @@ use crate::split::Split;
 use crate::truth::write_truth;
 use crate::view::crop_box;
 
-/// The points that are annotated in a frame, world, metres: MANO's joints in MANO's order, then the tips of the fingers in the
-/// same order (index, middle, little, ring, thumb).
+/// The annotated points of a frame, world, metres: MANO's joints in MANO's order, then the fingertips in the same order
+/// (index, middle, little, ring, thumb).
 pub type Landmarks = [DVec3; JOINTS];
 
 /// The number of the first frame, and the step between frames: the data set has every third.
@@ -30,8 +30,8 @@ fn location(root: &Path) -> Location {
     Location { root: root.into(), images: "images", subset: "test".into(), capture: "0".into() }
 }
 
-/// Gives cameras, frames and images the names that they have in the data set: frames of the split `test` are in the sequence
-/// that tests, the others in the one that trains.
+/// Names cameras, frames and images as in the data set: frames of the split `test` are in the test sequence, the others
+/// in the training sequence.
 pub fn lay_out(capture: &mut Capture) {
     let sequences = Sequences::default().or_default(capture.side);
     let is_test = |i: usize| capture.splits.get("test").is_some_and(|split| split.frames.contains(&i));
@@ -48,11 +48,11 @@ pub fn lay_out(capture: &mut Capture) {
     capture.images.made_masks = None;
 }
 
-/// Writes the annotations of a capture whose names are those of [`lay_out`] and whose images and masks exist, and
-/// `truth.json` beside them. `landmarks` are those of its frames.
+/// Writes the annotations of a capture named by [`lay_out`] whose images and masks exist, and `truth.json` beside them.
+/// `landmarks` are those of its frames.
 ///
 /// # Errors
-/// [`CaptureError::Io`] when a file or folder cannot be written.
+/// [`CaptureError::Io`] if a file or folder cannot be written.
 pub fn write_annotations(capture: &Capture, landmarks: &[Landmarks]) -> Result<(), CaptureError> {
     let location = location(&capture.root);
     let file = |kind: &str| {
@@ -60,9 +60,9 @@ pub fn write_annotations(capture: &Capture, landmarks: &[Landmarks]) -> Result<(
         let folder = path.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map(|()| path.clone()).map_err(|source| CaptureError::Io {
             path,
-            action: "make the folder",
+            action: "create the folder",
             source,
-            remedy: "check that the capture's folder may be written",
+            remedy: "check that the capture's folder is writable (and has free space)",
         })
     };
     let of_capture = |value: Value| json!({ location.capture.as_str(): value });

@@ -97,7 +97,7 @@ impl Place {
         if let Err(error) = written
             && !WARNED.swap(true, Ordering::Relaxed)
         {
-            log::warn!("{}: masks cannot be kept and are made anew each time: {error}", self.file.display());
+            log::warn!("{}: masks cannot be cached and are made again each time: {error}", self.file.display());
         }
     }
 }

@@ -73,13 +73,13 @@ mod tests {
     }
 
     #[test]
-    fn parts_touch_at_corners_and_the_larger_one_stays() {
+    fn parts_are_connected_at_corners_and_the_larger_one_is_kept() {
         assert_eq!(kept(&["##..#", "##...", "..#.."]), ["##...", "##...", "..#.."]);
         assert_eq!(kept(&["#...#", "...##"]), ["....#", "...##"]);
     }
 
     #[test]
-    fn a_ring_counts_with_what_it_encloses_and_what_is_in_it_belongs_to_it() {
+    fn a_ring_counts_with_its_enclosed_pixels_and_includes_its_contents() {
         let ring = [".#####......", ".#...#.#####", ".#.#.#.#####", ".#...#......", ".#####......"];
         let expected = [".#####......", ".#...#......", ".#.#.#......", ".#...#......", ".#####......"];
         assert_eq!(kept(&ring), expected);

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_image_is_left_out_and_what_leaves_the_image_is_cut() {
+    fn triangles_without_an_image_are_skipped_and_others_clipped() {
         let far = [[-1e9, -1e3, 1.0], [1e9, -1e3, 1.0], [2.0, 2.0, 1.0], [0.0, 0.0, -1.0], [f64::NAN, 0.0, 1.0]];
         assert_eq!(filled(&far, &[[0, 1, 2]]), ["######", "######", "......", "......"]);
         for broken in [[0, 1, 3], [0, 1, 4], [0, 1, 99], [0, 1, 1]] {

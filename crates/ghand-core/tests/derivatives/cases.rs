@@ -1,4 +1,4 @@
-//! Random cases and the extremes that they are drawn from.
+//! Random cases and the extremes from which they are drawn.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use proptest::sample::select;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Angles at which something could go wrong: of all joints at once, about random axes.
+/// Critical angles: of all joints at once, about random axes.
 const ANGLES: [(&str, f64); 12] = [
     ("0", 0.0),
     ("1e-300", 1e-300),
@@ -20,7 +20,7 @@ const ANGLES: [(&str, f64); 12] = [
     ("pi + 1e-9", PI + 1e-9),
     ("2 pi", TAU),
     ("100", 100.0),
-    // Each joint has one of the above or any.
+    // Each joint has one of the above or a random one.
     ("mixed", f64::NAN),
 ];
 
@@ -48,7 +48,7 @@ pub enum Residuals {
     Any,
 }
 
-/// What is drawn; all numbers follow from `seed`.
+/// The parameters of a case; all numbers follow from `seed`.
 #[derive(Debug, Clone)]
 pub struct Case {
     pub angle: (&'static str, f64),
@@ -67,7 +67,7 @@ pub struct Case {
     pub seed: u64,
 }
 
-/// Which extremes a problem is about.
+/// The extremes that matter for a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum About {
     Angle,
@@ -84,7 +84,7 @@ prop_compose! {
     pub fn cases()(
         angle in select(&ANGLES[..]),
         place in select(&PLACES[..]),
-        // As many rigs of one joint and of 25 as that each extreme is met in each.
+        // Enough skeletons of one joint and of 25 for every extreme to occur with both.
         joints in prop_oneof![3 => Just(1_usize), 5 => 2_usize..7, 1 => Just(25_usize)],
         points in 1_usize..5,
         bases in 0_usize..3,
@@ -182,7 +182,7 @@ pub fn uniform(rng: &mut ChaCha8Rng, n: usize) -> Vec<f64> {
     (0..n).map(|_| rng.random_range(-1.0..1.0)).collect()
 }
 
-/// A unit vector, now and then along a coordinate axis.
+/// A unit vector, sometimes along a coordinate axis.
 pub fn axis(rng: &mut ChaCha8Rng) -> [f64; 3] {
     let mut axis = [0.0; 3];
     if rng.random_range(0..5) == 0 {

@@ -1,4 +1,4 @@
-//! What "right" means: a problem's values, its gradient against dual numbers, its gradient against differences.
+//! Checks of a problem: its values, its gradient against dual numbers, and its gradient against differences.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -11,24 +11,24 @@ use rand_chacha::ChaCha8Rng;
 use crate::cases::{About, Case, uniform};
 use crate::dual::{Dual, Scalar};
 
-/// Random cases of every derivative.
+/// Number of random cases per derivative.
 const CASES: u32 = 10_000;
-/// Relative errors allowed: of values and of gradients against dual numbers, and of gradients against differences.
+/// Allowed relative errors: of values and of gradients against dual numbers, and of gradients against differences.
 const EXACT: f64 = 1e-8;
 const DIFFERENCES: f64 = 1e-6;
-/// A gradient that cancels is compared with this share of the terms that cancel, if that is more than itself. An error
-/// of 1e-8 of that share is 18 units of rounding (2^-52) of the terms, which even a right sum may be off.
+/// A gradient with cancelling terms is compared with this fraction of the terms, if that is larger than the gradient.
+/// An error of 1e-8 of that fraction is 18 units of rounding (2^-52) of the terms, which even a correct sum may have.
 const SHARE_OF_TERMS: f64 = 4e-7;
-/// Inputs that are differentiated at once.
+/// Number of inputs that are differentiated at once.
 const PARTIALS: usize = 24;
 
-/// One input of a function: what is differentiated to.
+/// One input of a function, with respect to which it is differentiated.
 #[derive(Debug, Clone)]
 pub struct Input {
     pub name: &'static str,
     pub values: Vec<f64>,
-    /// Step of the differences. The loss is a polynomial of degree 2 in all inputs but rotations, and the differences
-    /// are exact for it whatever the step, so that the step can be as large as is good against rounding.
+    /// Step of the differences. The loss is a polynomial of degree 2 in all inputs except rotations, for which the
+    /// differences are exact with any step, so the step can be large enough to make rounding small.
     pub step: f64,
     /// Upper estimate of the terms that are summed in one entry of the gradient.
     pub terms: f64,
@@ -40,10 +40,10 @@ impl Input {
     }
 }
 
-/// A function of the crate with its derivative, and the same function written a second time.
+/// A function of the crate with its derivative, and a second implementation of the same function.
 pub trait Problem {
     fn case(&self) -> &Case;
-    /// The extremes that mean something to this function.
+    /// The extremes that matter for this function.
     fn about(&self) -> &[About];
     fn inputs(&self) -> &[Input];
     /// The outputs of the reference.
@@ -55,7 +55,7 @@ pub trait Problem {
     /// Upper estimate of the outputs and of the terms that are summed in them.
     fn size(&self) -> f64;
 
-    /// The inputs as they were drawn.
+    /// The inputs as drawn.
     fn drawn(&self) -> Vec<&[f64]> {
         self.inputs().iter().map(|input| &input.values[..]).collect()
     }
@@ -94,13 +94,13 @@ struct Errors {
     value: f64,
     dual: f64,
     difference: f64,
-    /// Gradients to one input that were not zero, and how many of these were compared with their terms.
+    /// Number of gradients to one input that were not zero, and of those that were compared with their terms.
     compared: usize,
     by_terms: usize,
 }
 
 fn worse(a: f64, b: f64) -> f64 {
-    // NaN is the worst of all.
+    // NaN is the largest error.
     if a >= b || a.is_nan() { a } else { b }
 }
 
@@ -108,7 +108,7 @@ pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |m, v| worse(m, v.abs()))
 }
 
-/// `error` relative to the right gradient's largest entry. 0 of 0 is no error.
+/// `error` relative to the correct gradient's largest entry. 0 of 0 is not an error.
 fn relative(error: f64, size: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / size }
 }
@@ -153,7 +153,7 @@ fn gradients(problem: &impl Problem) -> Vec<Vec<f64>> {
     problem.gradients(&Loss::new(problem, outputs.len()).slopes(&outputs))
 }
 
-/// The errors of one case; `gradients` are what is judged.
+/// The errors of one case with these `gradients`.
 ///
 /// All gradient entries are compared with dual numbers. Differences are taken along random signs of all entries of an
 /// input at once, and along one entry.
@@ -196,17 +196,18 @@ fn errors(problem: &impl Problem, gradients: &[Vec<f64>]) -> Errors {
     errors
 }
 
-/// Whether errors are within what is allowed. NaN is not.
+/// Whether errors are within the allowed ones. NaN is not.
 fn accepts(errors: &Errors) -> bool {
     errors.value <= EXACT && errors.dual <= EXACT && errors.difference <= DIFFERENCES
 }
 
-/// Proves a derivative at random cases, prints the worst errors at each extreme, and that wrong gradients are refused.
+/// Checks a derivative at random cases, prints the worst errors at each extreme, and checks that wrong gradients are
+/// rejected.
 pub fn prove<P>(name: &str, cases: impl Strategy<Value = Case>, build: impl Fn(&Case) -> P)
 where
     P: Problem,
 {
-    // What a case computes is not worth waking another thread for. A test that starts on this thread later keeps it.
+    // A case is too small for several threads. A test that starts on this thread later keeps this setting.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
     let worst: RefCell<BTreeMap<String, (usize, Errors)>> = RefCell::default();
     let refused = RefCell::new(0);
@@ -229,7 +230,7 @@ where
         if !accepts(&found) {
             return Err(TestCaseError::fail(format!("{found:?}")));
         }
-        // Every so often, each input's gradient is made wrong by little and must be found out.
+        // At intervals, each input's gradient is made slightly wrong, which must be detected.
         if case.seed % 100 == 0 {
             *refused.borrow_mut() += refuses_wrong_gradients(&problem, &gradients);
         }
@@ -250,7 +251,7 @@ where
     assert!(*refused.borrow() > 0, "{name}: no wrong gradient was tried");
 }
 
-/// How many wrong gradients were tried; all of them must be refused.
+/// Number of wrong gradients that were tried; all of them must be rejected.
 fn refuses_wrong_gradients(problem: &impl Problem, gradients: &[Vec<f64>]) -> usize {
     let mut tried = 0;
     for (index, input) in problem.inputs().iter().enumerate() {
@@ -266,7 +267,7 @@ fn refuses_wrong_gradients(problem: &impl Problem, gradients: &[Vec<f64>]) -> us
         let mut gradients = gradients.to_vec();
         gradients[index].iter_mut().for_each(|g| *g += 4.0 * DIFFERENCES * size);
         let found = errors(problem, &gradients).difference;
-        assert!(!(found <= DIFFERENCES), "differences do not see a wrong gradient to {}: {found}", input.name);
+        assert!(!(found <= DIFFERENCES), "differences do not detect a wrong gradient to {}: {found}", input.name);
         tried += 3;
     }
     tried

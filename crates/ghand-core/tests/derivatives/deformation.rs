@@ -1,4 +1,5 @@
-//! The whole way from properties and pose to posed points, the pose response included, in all settings of both switches.
+//! The complete deformation from properties and pose to posed points, including the pose response, in all settings of
+//! both options.
 
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
@@ -70,7 +71,7 @@ impl Whole {
         Whole { case: case.clone(), parents, weights, inputs, size: posed }
     }
 
-    /// The crate's outputs, and its gradients from theirs if they are there.
+    /// The crate's outputs, and its gradients if those of the outputs are given.
     fn run(&self, inputs: &[&[f64]], d_outputs: &[f64]) -> (Deformed, Vec<Vec<f64>>) {
         let &[canonical, joints, basis, coefficients, regressor, residual_weights, rotations, translation, bias, gain] =
             inputs
@@ -80,7 +81,7 @@ impl Whole {
         let n = self.case.points;
         let pose = Pose { rotations: dvec3s(rotations), translation: DVec3::from_slice(translation) };
         let features = pose_features(&pose);
-        // Limits have their derivative tested with the response alone.
+        // The derivative of limits is tested with the response alone.
         let limits = vec![UNLIMITED; gain.len() / 9];
         let response = PoseResponse { bias: bias.to_vec(), gain: gain.to_vec(), limits };
         let values = response.evaluate(&self.weights, &features, n);
@@ -188,21 +189,21 @@ fn prove_settings(name: &str, zero_sum: bool, anchored: bool) {
 }
 
 #[test]
-fn the_whole_path_is_right_with_zero_sum_weights_and_an_anchored_residual_skeleton() {
+fn the_deformation_is_right_with_zero_sum_weights_and_an_anchored_residual_skeleton() {
     prove_settings("deform: ZeroSum, Anchored", true, true);
 }
 
 #[test]
-fn the_whole_path_is_right_with_zero_sum_weights_and_the_papers_residual_skeleton() {
+fn the_deformation_is_right_with_zero_sum_weights_and_the_papers_residual_skeleton() {
     prove_settings("deform: ZeroSum, Paper", true, false);
 }
 
 #[test]
-fn the_whole_path_is_right_with_the_papers_weights_and_an_anchored_residual_skeleton() {
+fn the_deformation_is_right_with_the_papers_weights_and_an_anchored_residual_skeleton() {
     prove_settings("deform: Paper, Anchored", false, true);
 }
 
 #[test]
-fn the_whole_path_is_right_with_the_papers_weights_and_residual_skeleton() {
+fn the_deformation_is_right_with_the_papers_weights_and_residual_skeleton() {
     prove_settings("deform: Paper, Paper", false, false);
 }

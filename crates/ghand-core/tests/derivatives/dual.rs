@@ -1,18 +1,18 @@
-//! Numbers that carry derivatives: forward-mode differentiation, independent of any derivative written by hand.
+//! Numbers that carry derivatives: forward-mode differentiation, independent of hand-written derivatives.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// What the mathematics is written over in `reference`.
+/// The scalar of the mathematics in `reference`.
 pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
-    /// A number that depends on no input.
+    /// A number that does not depend on any input.
     fn constant(value: f64) -> Self;
-    /// `f` of three numbers: `nine` values of which the partial derivatives are known.
+    /// `f` of three numbers: `nine` values with known partial derivatives.
     fn lift(inputs: [Self; 3], nine: [Dual<3>; 9]) -> [Self; 9];
     /// The number without its derivatives.
     fn value(self) -> f64;
 }
 
-/// A number and its derivatives to `K` inputs.
+/// A number and its derivatives with respect to `K` inputs.
 #[derive(Debug, Clone, Copy)]
 pub struct Dual<const K: usize> {
     /// The number.

@@ -1,4 +1,4 @@
-//! The logarithm of a rotation: its derivative is that along the rotations, at R towards `R exp([w]x)`.
+//! The logarithm of a rotation: its derivative along the rotations, at R towards `R exp([w]x)`.
 
 use ghand_core::rotation::{axis_angle_from_rotation, axis_angle_from_rotation_vjp, rotation_from_axis_angle};
 use glam::{DMat3, DVec3};
@@ -24,7 +24,7 @@ impl Logarithm {
             angle = std::f64::consts::PI * (0.5 + 0.5 * uniform(rng, 1)[0]);
         }
         let v = DVec3::from_array(axis(rng)) * angle;
-        // Near a half turn the logarithm changes sides; from there, differences follow the side that they are on.
+        // Near a half turn the logarithm changes sides; differences there follow the side of their start.
         let inputs = vec![Input::new("turn", vec![0.0; 3], 5e-4, 3.0 * SLOPE)];
         Logarithm { case: case.clone(), rotation: rotation_from_axis_angle(v), inputs }
     }
@@ -45,7 +45,7 @@ impl Problem for Logarithm {
     }
 
     fn about(&self) -> &[About] {
-        // Of larger angles' cases, others were made.
+        // Cases of larger angles were replaced.
         if self.case.angle.1 > std::f64::consts::PI { &[] } else { &[About::Angle] }
     }
 

@@ -1,7 +1,7 @@
-//! Every derivative of the crate, at every extreme, against two witnesses: forward-mode differentiation of the
-//! mathematics written a second time (`reference`, `dual`), and differences of the crate's own values.
+//! Checks every derivative of the crate, at every extreme, in two ways: against forward-mode differentiation of a
+//! second implementation (`reference`, `dual`), and against differences of the crate's own values.
 //!
-//! `cargo test -p ghand-core --test derivatives -- --nocapture` prints the worst errors, as `docs/numerics.md` has them.
+//! `cargo test -p ghand-core --test derivatives -- --nocapture` prints the worst errors, as in `docs/numerics.md`.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
@@ -17,9 +17,9 @@ mod reference;
 use check::largest;
 use glam::DVec3;
 
-/// Step of the differences to rotations, radians: five points leave some 1e-9 of the fifth power of the turns along a
-/// chain, and rounding about 1e-13. At an angle of 1e-300 it is far more than the angle: differenced is there between
-/// the turns to both sides of nothing, which is right up to 1e-300.
+/// Step of the differences to rotations, radians: five points leave an error of some 1e-9 of the fifth power of the
+/// turns along a chain, and rounding about 1e-13. At an angle of 1e-300 the step is far larger than the angle: the
+/// differences there are between rotations on both sides of zero, which is exact up to 1e-300.
 const ROTATION_STEP: f64 = 2e-3;
 
 fn dvec3s(flat: &[f64]) -> Vec<DVec3> {
@@ -30,7 +30,7 @@ fn flat(vectors: &[DVec3]) -> Vec<f64> {
     vectors.iter().flat_map(|v| v.to_array()).collect()
 }
 
-/// Joints on the longest way from the root.
+/// Number of joints on the longest path from the root.
 fn depth(parents: &[Option<usize>]) -> f64 {
     let mut depths: Vec<f64> = vec![];
     parents.iter().for_each(|parent| depths.push(1.0 + parent.map_or(0.0, |p| depths[p])));

@@ -1,4 +1,4 @@
-//! Each stage of the way by itself.
+//! Each stage of the deformation alone.
 
 use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, response_features, response_features_vjp};
@@ -62,8 +62,8 @@ struct Part {
     size: f64,
 }
 
-/// How far the limits of a response are from its terms. A term changes by less than 12 in the differences: by at most 2 x 9
-/// steps of 2/3 in the gains. So a term stays on its side of a limit, where it is linear or constant.
+/// How far the limits of a response are from its terms. A term changes by less than 12 in the differences: by at most 2
+/// x 9 steps of 2/3 in the gains. So a term stays on its side of a limit, where it is linear or constant.
 const REACH: f64 = 20.0;
 
 impl Part {
@@ -131,7 +131,7 @@ impl Part {
                 ];
                 let rotations: Vec<[f64; 9]> = inputs[2].values.as_chunks::<9>().0.to_vec();
                 let terms = reference::response_terms(&inputs[1].values, &rotations);
-                // A root's term is 0 and stays so, whatever the limits.
+                // A root's term is 0 and stays 0 with any limits.
                 let mut around = |term: f64| match rng.random_range(0..4) {
                     0 => UNLIMITED,
                     1 => [term - REACH, term + REACH],
@@ -150,7 +150,7 @@ impl Part {
         if self.case.anchored { ResidualSkeleton::Anchored } else { ResidualSkeleton::Paper }
     }
 
-    /// The crate's skinning, to be used while its inputs live.
+    /// The crate's skinning with borrowed inputs.
     fn with_skinning<T>(&self, inputs: &[&[f64]], then: impl FnOnce(&Skinning) -> T) -> T {
         then(&Skinning {
             rest: &dvec3s(inputs[0]),

@@ -28,7 +28,7 @@ impl Hand {
         let parents = case.parents(rng);
         let vertices = case.points(rng, v);
         let rest_joints = case.points(rng, joints);
-        // Some rigs have no pose blend shapes, some joints do not follow the shape.
+        // Some models have no pose blend shapes, some joints do not follow the shape.
         let corrective = if rng.random_range(0..3) == 0 { 0 } else { 9 * (joints - 1) };
         let scaled = |values: Vec<f64>| -> Vec<f64> { values.iter().map(|x| x * 0.1 * size).collect() };
         let shape_directions = dvec3s(&scaled(uniform(rng, 3 * shapes * v)));
@@ -47,7 +47,7 @@ impl Hand {
         let rotations = case.rotations(rng, joints);
         let translation = case.points(rng, 1);
 
-        // Upper estimates. Correctives move by entries of R - I, each at most 2; nine a joint.
+        // Upper estimates. Correctives move by entries of R - I, each at most 2; nine per joint.
         let turned = (0..v).map(|i| weights[i * joints..][..joints].iter().map(|w| w.abs()).sum()).fold(0.0, f64::max);
         let shaped = largest(&vertices) + 0.1 * size * largest(&shape) * shapes as f64;
         let corrected = shaped + 0.1 * size * 2.0 * corrective as f64;

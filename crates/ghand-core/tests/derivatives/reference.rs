@@ -1,5 +1,5 @@
-//! The mathematics a second time, over any scalar: written from the formulas alone, as plainly as possible, and sharing
-//! no code with the crate. Rotations are matrix exponentials by scaling and squaring; the chain is a product of 4x4
+//! A second implementation of the mathematics over any scalar: written from the formulas, as plainly as possible,
+//! without code of the crate. Rotations are matrix exponentials by scaling and squaring; the chain is a product of 4x4
 //! matrices.
 
 use crate::dual::{Dual, Scalar};
@@ -42,7 +42,7 @@ fn exponential<S: Scalar>(v: Vec3<S>) -> [S; 9] {
     let [x, y, z] = v.map(|x| x * S::constant(0.5_f64.powi(halvings)));
     let m = [zero(), -z, y, z, zero(), -x, -y, x, zero()];
     let unit: [S; 9] = std::array::from_fn(|i| S::constant(f64::from(i % 4 == 0)));
-    // The first term left out is below 0.44^17 / 17! = 2e-21.
+    // The first omitted term is below 0.44^17 / 17! = 2e-21.
     let mut sum = unit;
     for k in (1..=16).rev() {
         let next = product3(&m, &sum);
@@ -95,8 +95,8 @@ pub fn chain<S: Scalar>(
     (world, from_rest)
 }
 
-/// `sum_k W_k B_k x + sum_k W^_k B^_k x + t`, with the residual weights made to sum to zero if `zero_sum`; else all B^ are
-/// moved by what puts the image of the origin under B^_0 back to the origin.
+/// `sum_k W_k B_k x + sum_k W^_k B^_k x + t`, with the residual weights made to sum to zero if `zero_sum`; otherwise
+/// all B^ are translated so that B^_0 maps the origin to itself.
 pub struct Skin<'a, S> {
     pub rest: &'a [Vec3<S>],
     pub weights: &'a [f64],

@@ -49,7 +49,8 @@ impl ElementType {
     pub(crate) fn parse(code: &str) -> Result<ElementType, ArrayError> {
         let unusable = || {
             ArrayError(format!(
-                "has elements of type {code:?}; store integers of 1 to 8 bytes or floats of 2 to 8 (array.astype(float))"
+                "has elements of type {code:?}; store integers of 1 to 8 bytes or floats of 2 to 8 \
+                 (array.astype(float))"
             ))
         };
         let (big_endian, rest) = match code.split_at_checked(1) {
@@ -79,7 +80,7 @@ impl ElementType {
             .ok_or_else(|| ArrayError(format!("is far too large ({shape:?}); store less in it")))
     }
 
-    /// The numbers in `bytes`; `fortran` when the first index runs fastest there.
+    /// The numbers in `bytes`; `fortran` if the first index runs fastest there.
     pub(crate) fn numbers(&self, bytes: &[u8], shape: &[usize], fortran: bool) -> Result<NumericArray, ArrayError> {
         let wanted = self.byte_count(shape)?;
         if bytes.len() != wanted {
@@ -102,7 +103,7 @@ impl ElementType {
             (ElementKind::Unsigned, 4) => decode(bytes, big, |b| f64::from(u32::from_le_bytes(b))),
             (ElementKind::Unsigned, 8) => decode(bytes, big, |b| u64::from_le_bytes(b) as f64),
             (ElementKind::Bool, 1) => decode(bytes, big, |[b]| f64::from(u8::from(b != 0))),
-            _ => return Err(ArrayError("holds objects or text; store numbers in it".into())),
+            _ => return Err(ArrayError("has objects or text; store numbers in it".into())),
         };
         let values = if fortran { rows_first(&values, shape) } else { values };
         Ok(NumericArray { shape: shape.to_vec(), values })

@@ -15,30 +15,29 @@ const MAX_HEADER: usize = 10_000;
 
 /// Splits an `.npy` file (format versions 1 to 3) into its header and the bytes after it.
 pub(super) fn split_header(bytes: &[u8]) -> Result<(Header, &[u8]), ArrayError> {
-    let damaged = |problem: &str| {
-        ArrayError(format!("is no .npy file that can be read ({problem}); write it again with numpy.savez"))
-    };
+    let damaged =
+        |problem: &str| ArrayError(format!("is not a readable .npy file ({problem}); write it again with numpy.savez"));
     let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or_else(|| damaged("its first bytes are wrong"))?;
-    let (version, rest) = rest.split_at_checked(2).ok_or_else(|| damaged("it is cut short"))?;
+    let (version, rest) = rest.split_at_checked(2).ok_or_else(|| damaged("it is truncated"))?;
     let length_bytes = match version {
         [1, 0] => 2,
         [2 | 3, 0] => 4,
-        _ => return Err(damaged("its format version is none of 1, 2, 3")),
+        _ => return Err(damaged("its format version is not 1, 2 or 3")),
     };
-    let (length, rest) = rest.split_at_checked(length_bytes).ok_or_else(|| damaged("it is cut short"))?;
+    let (length, rest) = rest.split_at_checked(length_bytes).ok_or_else(|| damaged("it is truncated"))?;
     let length = length.iter().rev().fold(0usize, |value, &byte| value << 8 | usize::from(byte));
     if length > MAX_HEADER {
         return Err(damaged("its header is too long"));
     }
-    let (text, data) = rest.split_at_checked(length).ok_or_else(|| damaged("it is cut short"))?;
-    let text = std::str::from_utf8(text).map_err(|_| damaged("its header is no text"))?;
+    let (text, data) = rest.split_at_checked(length).ok_or_else(|| damaged("it is truncated"))?;
+    let text = std::str::from_utf8(text).map_err(|_| damaged("its header is not text"))?;
     let mut literal = Literal { rest: text };
     let header = literal.header().ok_or_else(|| damaged("its header is not a description of a plain array"))?;
     let (code, fortran, shape) = header;
     Ok((Header { elements: ElementType::parse(&code)?, fortran, shape }, data))
 }
 
-/// Reads the one kind of Python literal that a header may be:
+/// Reads the only kind of Python literal that a header may be:
 /// `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }`, keys in any order.
 struct Literal<'a> {
     rest: &'a str,

@@ -2,7 +2,7 @@
 
 use std::io::{self, Cursor, Write};
 
-/// An array to be written: its name, its shape, and its numbers, rows first.
+/// An array to be written: its name, its shape, and its numbers, row-major.
 pub struct NamedNumbers<'a> {
     /// The name, without `.npy`.
     pub name: &'a str,
@@ -15,7 +15,7 @@ pub struct NamedNumbers<'a> {
 /// The bytes of an archive of arrays of 8-byte floats.
 ///
 /// # Errors
-/// An error of the compressor. That of kind [`io::ErrorKind::InvalidInput`] names an array whose numbers do not fit its shape.
+/// An error of the compressor; [`io::ErrorKind::InvalidInput`] names an array whose numbers do not match its shape.
 pub fn npz_bytes(arrays: &[NamedNumbers]) -> io::Result<Vec<u8>> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     // No timestamps, so that the same arrays give the same bytes.

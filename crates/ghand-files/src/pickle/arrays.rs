@@ -14,8 +14,8 @@ pub struct SparseMatrix {
     pub entries: Vec<(usize, usize, f64)>,
 }
 
-/// How deep arrays may be wrapped in each other; MANO's shape directions are three deep (selection,
-/// chumpy, NumPy), and each selection may double the work.
+/// Largest nesting depth of wrapped arrays; MANO's shape directions are three deep (selection, chumpy, NumPy), and each
+/// selection may double the work.
 const MAX_DEPTH: usize = 4;
 
 /// Most axes of a shape.
@@ -25,18 +25,18 @@ const MAX_AXES: usize = 32;
 const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
 impl Graph<'_> {
-    /// The numbers of an array of any kind but a sparse one, or a single number.
+    /// The numbers of an array of any kind except sparse, or a single number.
     ///
     /// # Errors
-    /// [`ArrayError`] when it is neither, damaged or too large.
+    /// [`ArrayError`] if it is neither, damaged or too large.
     pub fn numbers(&self, id: Id) -> Result<NumericArray, ArrayError> {
         self.numbers_at(id, 0)
     }
 
-    /// The sparse matrix, when it is one.
+    /// The value as a sparse matrix; `None` if it is not one.
     ///
     /// # Errors
-    /// [`ArrayError`] when it is one that is damaged or too large.
+    /// [`ArrayError`] if it is a damaged or too large sparse matrix.
     pub fn sparse(&self, id: Id) -> Result<Option<SparseMatrix>, ArrayError> {
         let id = self.unwrap_objects(id)?;
         let (Class::SparseColumns | Class::SparseRows, Some(state)) = self.object(id) else { return Ok(None) };
@@ -222,7 +222,7 @@ impl Graph<'_> {
 
     /// A NumPy array, in any of its stored forms.
     fn stored(&self, object: &Object) -> Result<Stored, ArrayError> {
-        let damaged = || ArrayError(format!("is an array that cannot be made sense of; {SAVE_AGAIN}"));
+        let damaged = || ArrayError(format!("is not a valid array; {SAVE_AGAIN}"));
         let stored = |shape: Vec<usize>, elements: Id, fortran: bool, data: Id| {
             Ok(Stored { shape, elements: self.element_type(elements)?, fortran, data })
         };
@@ -269,7 +269,7 @@ impl Graph<'_> {
 
     /// A tuple or list of integers that are at least 0, such as a shape.
     fn integers(&self, id: Id) -> Result<Vec<usize>, ArrayError> {
-        let unusable = || ArrayError(format!("has a shape that cannot be made sense of; {SAVE_AGAIN}"));
+        let unusable = || ArrayError(format!("has an invalid shape; {SAVE_AGAIN}"));
         match self.node(id) {
             Node::Tuple(items) | Node::List(items) if items.len() <= MAX_AXES => {
                 items.iter().map(|item| self.integer(*item).ok_or_else(unusable)).collect()

@@ -161,7 +161,7 @@ impl<'a> Machine<'a> {
                 let names = self.pop_many(2)?;
                 let class = match names.iter().map(|id| self.node(*id)).collect::<Result<Vec<_>, _>>()?.as_slice() {
                     [Node::Text(module), Node::Text(name)] => find(module, name)?,
-                    _ => return Err(self.damaged("a name is no text")),
+                    _ => return Err(self.damaged("a name is not text")),
                 };
                 self.push(Node::Class(class));
             }
@@ -201,13 +201,13 @@ impl<'a> Machine<'a> {
                 let object = self.top()?;
                 match self.node_mut(object)? {
                     Node::Object(object) => object.state = Some(state),
-                    _ => return Err(self.damaged("a state belongs to no object")),
+                    _ => return Err(self.damaged("a state does not belong to an object")),
                 }
             }
             b'P' | b'Q' => return Err(PickleError::Unsupported("a persistent id", self.instruction)),
             0x82..=0x84 => return Err(PickleError::Unsupported("a registered extension", self.instruction)),
-            0x97 | 0x98 => return Err(PickleError::Unsupported("data outside of the file", self.instruction)),
-            _ => return Err(self.damaged("there is no such instruction")),
+            0x97 | 0x98 => return Err(PickleError::Unsupported("data outside the file", self.instruction)),
+            _ => return Err(self.damaged("unknown instruction")),
         }
         Ok(())
     }
@@ -285,7 +285,7 @@ impl<'a> Machine<'a> {
             // UNICODE
             b'V' => {
                 let line = self.line()?;
-                return Ok(text::raw_unicode(line).ok_or_else(|| self.damaged("a text is none"))?.into());
+                return Ok(text::raw_unicode(line).ok_or_else(|| self.damaged("a text is invalid"))?.into());
             }
             // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8
             b'X' => u64::from(u32::from_le_bytes(self.array()?)),
@@ -293,7 +293,7 @@ impl<'a> Machine<'a> {
             _ => u64::from_le_bytes(self.array()?),
         };
         let bytes = self.take_long(length)?;
-        Ok(std::str::from_utf8(bytes).map_err(|_| self.damaged("a text is no UTF-8"))?.into())
+        Ok(std::str::from_utf8(bytes).map_err(|_| self.damaged("a text is not UTF-8"))?.into())
     }
 
     /// The name that an instruction gives in two lines.
@@ -316,7 +316,7 @@ impl<'a> Machine<'a> {
     fn class(&self, id: Id) -> Result<Class, PickleError> {
         match self.node(id)? {
             Node::Class(class) => Ok(*class),
-            _ => Err(self.damaged("what is called is no class or function")),
+            _ => Err(self.damaged("the called object is not a class or function")),
         }
     }
 
@@ -324,7 +324,7 @@ impl<'a> Machine<'a> {
         match self.node(id)? {
             // Calls have few arguments; without a limit, one long tuple could be copied many times.
             Node::Tuple(items) if items.len() <= 8 => Ok(items.clone()),
-            _ => Err(self.damaged("arguments are no short tuple")),
+            _ => Err(self.damaged("arguments are not a short tuple")),
         }
     }
 
@@ -332,7 +332,7 @@ impl<'a> Machine<'a> {
         let list = self.top()?;
         match self.node_mut(list)? {
             Node::List(list) => list.extend(items),
-            _ => return Err(self.damaged("an item belongs to no list")),
+            _ => return Err(self.damaged("an item does not belong to a list")),
         }
         Ok(())
     }
@@ -345,7 +345,7 @@ impl<'a> Machine<'a> {
         }
         match self.node_mut(dictionary)? {
             Node::Dict(entries) => entries.extend(pairs.iter().map(|&[key, value]| (key, value))),
-            _ => return Err(self.damaged("an entry belongs to no dictionary")),
+            _ => return Err(self.damaged("an entry does not belong to a dictionary")),
         }
         Ok(())
     }
@@ -374,7 +374,7 @@ impl<'a> Machine<'a> {
     }
 
     fn pop_to_mark(&mut self) -> Result<Vec<Id>, PickleError> {
-        let mark = self.marks.pop().ok_or_else(|| self.damaged("there is no mark"))?;
+        let mark = self.marks.pop().ok_or_else(|| self.damaged("a mark is missing"))?;
         Ok(self.stack.split_off(mark))
     }
 
@@ -385,7 +385,7 @@ impl<'a> Machine<'a> {
     }
 
     fn recall(&mut self, key: u32) -> Result<(), PickleError> {
-        let id = self.memo.get(&key).copied().ok_or_else(|| self.damaged("nothing is remembered under this key"))?;
+        let id = self.memo.get(&key).copied().ok_or_else(|| self.damaged("the memo has no such key"))?;
         self.stack.push(id);
         Ok(())
     }
@@ -406,18 +406,18 @@ impl<'a> Machine<'a> {
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
         let bytes = self.take(N)?;
-        <[u8; N]>::try_from(bytes).map_err(|_| self.cut_short())
+        <[u8; N]>::try_from(bytes).map_err(|_| self.truncated())
     }
 
     fn take_long(&mut self, length: u64) -> Result<&'a [u8], PickleError> {
-        let length = usize::try_from(length).map_err(|_| self.cut_short())?;
+        let length = usize::try_from(length).map_err(|_| self.truncated())?;
         self.take(length)
     }
 
-    /// The next bytes. Nothing is allocated for them, so that their declared number need not be trusted.
+    /// The next bytes. Nothing is allocated for them, so their declared number need not be trusted.
     fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
-        let end = self.at.checked_add(length).ok_or_else(|| self.cut_short())?;
-        let bytes = self.input.get(self.at..end).ok_or_else(|| self.cut_short())?;
+        let end = self.at.checked_add(length).ok_or_else(|| self.truncated())?;
+        let bytes = self.input.get(self.at..end).ok_or_else(|| self.truncated())?;
         self.at = end;
         Ok(bytes)
     }
@@ -425,7 +425,7 @@ impl<'a> Machine<'a> {
     /// The rest of a line, without its end.
     fn line(&mut self) -> Result<&'a [u8], PickleError> {
         let rest = self.input.get(self.at..).unwrap_or_default();
-        let end = rest.iter().position(|byte| *byte == b'\n').ok_or_else(|| self.cut_short())?;
+        let end = rest.iter().position(|byte| *byte == b'\n').ok_or_else(|| self.truncated())?;
         let line = self.take(end)?;
         self.take(1)?;
         Ok(line)
@@ -442,11 +442,11 @@ impl<'a> Machine<'a> {
 
     fn parse_line<T: std::str::FromStr>(&self, line: &[u8]) -> Result<T, PickleError> {
         let number = std::str::from_utf8(line).ok().and_then(|line| line.trim().parse().ok());
-        number.ok_or_else(|| self.damaged("a number is none or too large"))
+        number.ok_or_else(|| self.damaged("a number is invalid or too large"))
     }
 
-    fn cut_short(&self) -> PickleError {
-        self.damaged("it is cut short")
+    fn truncated(&self) -> PickleError {
+        self.damaged("it is truncated")
     }
 
     fn damaged(&self, problem: &'static str) -> PickleError {

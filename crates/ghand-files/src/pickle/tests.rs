@@ -29,7 +29,7 @@ fn show(graph: &Graph, id: Id) -> String {
 }
 
 #[test]
-fn every_instruction_does_what_python_does() {
+fn every_instruction_behaves_as_in_python() {
     let cases: [(&[u8], &str); 45] = [
         (b"N.", "None"),
         (b"\x88.", "true"),
@@ -88,30 +88,30 @@ fn every_instruction_does_what_python_does() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_pickles_are_rejected() {
     let cases: [(&[u8], &str); 22] = [
-        (b"", "cut short"),
-        (b"N", "cut short"),
+        (b"", "truncated"),
+        (b"N", "truncated"),
         (b".", "stack is empty"),
         (b"(.", "stack is empty"),
-        (b"N(0\xff", "no such instruction"),
+        (b"N(0\xff", "unknown instruction"),
         (b"N(\x85.", "stack is empty"),
-        (b"Nt.", "no mark"),
-        (b"h\x00.", "remembered"),
-        (b"NNa.", "no list"),
-        (b"NNNs.", "no dictionary"),
+        (b"Nt.", "mark is missing"),
+        (b"h\x00.", "memo has no such key"),
+        (b"NNa.", "not belong to a list"),
+        (b"NNNs.", "not belong to a dictionary"),
         (b"}(Nu.", "no value"),
-        (b"NNb.", "no object"),
-        (b"NNR.", "no class"),
-        (b"cnumpy\ndtype\nNR.", "no short tuple"),
-        (b"NN\x93.", "no text"),
+        (b"NNb.", "not belong to an object"),
+        (b"NNR.", "not a class"),
+        (b"cnumpy\ndtype\nNR.", "not a short tuple"),
+        (b"NN\x93.", "not text"),
         (b"S'a\n.", "not quoted"),
         (b"T\xff\xff\xff\xff.", "negative"),
         (b"\x8a\x09\x00\x00\x00\x00\x00\x00\x00\x00\x01.", "too large"),
         (b"I1x\n.", "number"),
         (b"X\x01\x00\x00\x00\xff.", "UTF-8"),
         (b"\x80\x06N.", "protocol"),
-        (b"N\x97.", "outside of the file"),
+        (b"N\x97.", "outside the file"),
     ];
     for (bytes, wanted) in cases {
         let message = Graph::read(bytes).unwrap_err().to_string();

@@ -1,14 +1,14 @@
-//! How much one file may hold.
+//! Limits on the content of one file.
 
 use std::cell::Cell;
 
 /// Most numbers of a file, 256 MiB as f64.
 const MAX_NUMBERS: usize = 1 << 25;
 
-/// Most values of a file that are no numbers of an array; each takes some 100 bytes.
+/// Most values of a file that are not numbers of an array; each takes some 100 bytes.
 const MAX_VALUES: usize = 1 << 22;
 
-/// What may still be read.
+/// The rest that may still be read.
 pub(super) struct Budget {
     numbers: Cell<usize>,
     values: Cell<usize>,
@@ -33,5 +33,5 @@ impl Budget {
 fn take(left: &Cell<usize>, count: usize, what: &str, most: usize) -> Result<(), String> {
     let rest = left.get().checked_sub(count);
     left.set(rest.unwrap_or(0));
-    rest.map(drop).ok_or_else(|| format!("holds more than {most} {what}; split it, or keep only what is needed"))
+    rest.map(drop).ok_or_else(|| format!("has more than {most} {what}; split it, or keep only what is needed"))
 }

@@ -1,14 +1,14 @@
-//! Items in a row become an array of numbers as long as they are alike.
+//! Collects items into an array of numbers as long as they have the same shape, else into a list.
 
 use super::Value;
 use super::budget::Budget;
 use crate::npz::NumericArray;
 
-/// Items of a list or an array, as many as came so far.
+/// The items so far.
 pub(super) enum Items {
-    /// Nothing but `null`, so many times.
+    /// This many `null`s and nothing else.
     Nothing(usize),
-    /// So many arrays of one shape.
+    /// This many arrays of one shape.
     Alike { count: usize, shape: Vec<usize>, values: Vec<f64> },
     /// Anything.
     Mixed(Vec<Value>),
@@ -45,7 +45,7 @@ impl Items {
         Ok(())
     }
 
-    /// The items as they were before they were found to be alike.
+    /// The items as separate values.
     fn mix(&mut self, budget: &Budget) -> Result<&mut Vec<Value>, String> {
         let items = match self {
             Items::Mixed(items) => std::mem::take(items),
@@ -67,7 +67,7 @@ impl Items {
         }
     }
 
-    /// The list or array of all of them. Rows of nothing but `null` are numbers that are missing.
+    /// The list or array of all items. Rows with nothing but `null` are missing numbers.
     pub(super) fn finish(self) -> Value {
         match self {
             Items::Nothing(0) => Value::List(vec![]),

@@ -1,4 +1,5 @@
-//! JSON and JSON Lines, with what Python's `json` makes of numbers that are not finite and JavaScript's of typed arrays.
+//! JSON and JSON Lines, including the way in which Python's `json` writes numbers that are not finite, and JavaScript
+//! writes typed arrays.
 
 use std::borrow::Cow;
 use std::fmt::{self, Display};
@@ -11,7 +12,7 @@ use super::collect::Items;
 use crate::json_error::plain_json_error;
 use crate::npz::NumericArray;
 
-/// Whether the bytes begin as an object or an array does. A pickle may begin with `(` or `}`, but not so.
+/// Whether the bytes begin like an object or an array. A pickle may begin with `(` or `}`, but not with these.
 pub(super) fn recognizes(bytes: &[u8]) -> bool {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     matches!(text.first(), Some(b'{' | b'['))
@@ -21,9 +22,8 @@ pub(super) fn from_json(bytes: &[u8]) -> Result<Value, String> {
     let bytes = without_nan(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let mut input = serde_json::Deserializer::from_slice(&bytes);
     let budget = Budget::new();
-    let wrong = |error: serde_json::Error| {
-        format!("{}; correct the file at that place or export it again", plain_json_error(&error))
-    };
+    let wrong =
+        |error: serde_json::Error| format!("{}; correct the file there, or export it again", plain_json_error(&error));
     let value = Seed(&budget).deserialize(&mut input).map_err(wrong)?;
     match input.end() {
         Ok(()) => Ok(value),
@@ -32,7 +32,7 @@ pub(super) fn from_json(bytes: &[u8]) -> Result<Value, String> {
     }
 }
 
-/// Whether the first line that is not blank is a JSON value by itself, as in JSON Lines.
+/// Whether the first line that is not blank is a complete JSON value, as in JSON Lines.
 fn is_lines(bytes: &[u8]) -> bool {
     let first = bytes.split(|byte| *byte == b'\n').find(|line| !line.trim_ascii().is_empty());
     first.is_some_and(|line| serde_json::from_slice::<serde::de::IgnoredAny>(line).is_ok())
@@ -55,7 +55,7 @@ fn from_lines(bytes: &[u8]) -> Result<Value, String> {
     Ok(items.finish())
 }
 
-/// `{"0":a,"1":b,...}`, as JavaScript's `JSON.stringify` writes a typed array, is the array.
+/// Converts `{"0":a,"1":b,...}`, which JavaScript's `JSON.stringify` writes for a typed array, to an array.
 fn typed_array(entries: &[(String, Value)]) -> Option<NumericArray> {
     let number = |(place, (name, value)): (usize, &(String, Value))| match value {
         Value::Numbers(array) if array.shape.is_empty() && *name == place.to_string() => array.values.first().copied(),
@@ -65,7 +65,7 @@ fn typed_array(entries: &[(String, Value)]) -> Option<NumericArray> {
     (values.len() > 1).then(|| NumericArray { shape: vec![values.len()], values })
 }
 
-/// Python writes `NaN` and `Infinity`, which no JSON has; they become `null`, which among numbers is read as NaN.
+/// Python writes `NaN` and `Infinity`, which are not JSON; they become `null`, which among numbers is read as NaN.
 fn without_nan(bytes: &[u8]) -> Cow<'_, [u8]> {
     const WORDS: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
     let mut out: Vec<u8> = Vec::new();
@@ -166,7 +166,7 @@ impl<'de> Visitor<'de> for Seed<'_> {
         let mut names: Vec<&str> = entries.iter().map(|(name, _)| name.as_str()).collect();
         names.sort_unstable();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(A::Error::custom(format!("{:?} is there twice in one object", pair[0])));
+            return Err(A::Error::custom(format!("{:?} occurs twice in one object", pair[0])));
         }
         Ok(typed_array(&entries).map_or(Value::Map(entries), Value::Numbers))
     }

@@ -6,7 +6,7 @@ use super::collect::Items;
 use crate::npz::{ElementKind, Npz, StoredArray, read_npy};
 use crate::pickle::{Graph, Id, Plain};
 
-/// How deep values may lie in each other; what trackers write is five deep.
+/// Largest nesting depth of values; files of trackers are five deep.
 const MAX_DEPTH: usize = 32;
 
 pub(super) fn from_pickle(bytes: &[u8]) -> Result<Value, String> {
@@ -17,14 +17,14 @@ pub(super) fn from_npy(bytes: &[u8]) -> Result<Value, String> {
     array(read_npy(bytes.to_vec()).map_err(|error| error.to_string())?, &Budget::new())
 }
 
-/// All arrays of an archive by name. One that cannot be read is marked so.
+/// All arrays of an archive by name. Unreadable ones are [`Value`]s that say so.
 pub(super) fn from_npz(bytes: &[u8]) -> Result<Value, String> {
     let mut npz = Npz::open(bytes).map_err(|error| error.to_string())?;
     let budget = Budget::new();
     let mut entries: Vec<(String, Value)> = Vec::new();
     for name in npz.names() {
         if entries.iter().any(|(known, _)| *known == name) {
-            return Err(format!("{name:?} is there twice; write the .npz again"));
+            return Err(format!("{name:?} occurs twice; write the .npz again"));
         }
         let stored = npz.stored(&name).map_err(|error| error.to_string());
         entries.push((name, stored.and_then(|stored| array(stored, &budget)).unwrap_or_else(Value::Unreadable)));
@@ -40,17 +40,17 @@ fn pickled(bytes: &[u8], budget: &Budget) -> Result<Value, String> {
 fn array(stored: StoredArray, budget: &Budget) -> Result<Value, String> {
     let StoredArray { elements, fortran, shape, data } = stored;
     match elements.kind {
-        // An object in an archive is a pickle of the array that holds it.
+        // An object in an archive is stored as a pickle of an array.
         ElementKind::Object => pickled(&data, budget),
         ElementKind::Bytes | ElementKind::Unicode => match shape[..] {
-            [] => elements.text(&data).map(Value::Text).ok_or_else(|| "holds text that is none".into()),
+            [] => elements.text(&data).map(Value::Text).ok_or_else(|| "has invalid text".into()),
             [count] if elements.size > 0 => {
                 budget.values(count)?;
                 let texts = data.chunks(elements.size).take(count).map(|text| elements.text(text).map(Value::Text));
                 let texts: Option<Vec<Value>> = texts.collect();
-                texts.map(Value::List).ok_or_else(|| "holds text that is none".into())
+                texts.map(Value::List).ok_or_else(|| "has invalid text".into())
             }
-            _ => Err("holds text in more than one axis".into()),
+            _ => Err("has text in more than one axis".into()),
         },
         _ => {
             budget.numbers(shape.iter().try_fold(1, |n: usize, axis| n.checked_mul(*axis)).unwrap_or(usize::MAX))?;
@@ -60,10 +60,10 @@ fn array(stored: StoredArray, budget: &Budget) -> Result<Value, String> {
     }
 }
 
-/// A value of a pickle. Values may be shared there, or hold themselves: what is made of them is paid for each time.
+/// A value of a pickle. Values may be shared there, or contain themselves: every copy counts against the budget.
 fn value(graph: &Graph, id: Id, budget: &Budget, depth: usize) -> Result<Value, String> {
     if depth > MAX_DEPTH {
-        return Err(format!("has values more than {MAX_DEPTH} deep in each other; store plain arrays"));
+        return Err(format!("has values nested more than {MAX_DEPTH} deep; store plain arrays"));
     }
     budget.values(1)?;
     let plain = match graph.plain(id) {

@@ -16,7 +16,7 @@ fn problem(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn rows_that_are_alike_are_one_array() {
+fn rows_of_equal_shape_become_one_array() {
     assert_eq!(json("[[1,2,3],[4,5,6]]"), array(&[2, 3], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
     assert_eq!(json("[[[1]],[[2]]]"), array(&[2, 1, 1], &[1.0, 2.0]));
     assert_eq!(json("[true,false,2]"), array(&[3], &[1.0, 0.0, 2.0]));
@@ -31,7 +31,7 @@ fn rows_that_are_alike_are_one_array() {
 }
 
 #[test]
-fn numbers_that_are_missing_or_that_only_python_writes_are_nan() {
+fn missing_numbers_and_those_that_only_python_writes_are_nan() {
     for text in ["[null,1]", "[1,null]", "[NaN,1]", "[1, -Infinity]", "[1,Infinity]", "[null,null]"] {
         let value = json(text);
         let array = value.numbers().unwrap();
@@ -43,16 +43,16 @@ fn numbers_that_are_missing_or_that_only_python_writes_are_nan() {
 }
 
 #[test]
-fn damaged_or_endless_input_is_an_error_that_says_so() {
-    assert!(problem(b"{\"a\":1,\"a\":2}").contains("\"a\" is there twice"));
+fn damaged_or_endless_input_is_a_clear_error() {
+    assert!(problem(b"{\"a\":1,\"a\":2}").contains("\"a\" occurs twice"));
     assert!(problem(b"{\"a\":[1,2").contains("ends too early"));
     assert!(problem(b"{} x").contains("trailing"));
     assert!(problem(b"hello").contains("neither JSON"));
     assert!(problem(b"").contains("neither JSON"));
     assert!(problem(&b"[".repeat(100_000)).contains("recursion"));
     let many = format!("[{}0]", "\"\",".repeat((1 << 22) + 1));
-    assert!(problem(many.as_bytes()).contains("holds more than 4194304 values"));
-    // A list of a list of itself would be read for ever.
+    assert!(problem(many.as_bytes()).contains("has more than 4194304 values"));
+    // A list that contains itself would be read forever.
     assert!(problem(b"\x80\x02]q\x00(h\x00h\x00e.").contains("deep"));
     assert!(problem(b"cos\nsystem\n.").contains("os.system"));
 }
@@ -63,7 +63,7 @@ fn json_lines_are_a_list_of_their_values_and_a_broken_line_is_named() {
     let Value::List(frames) = json("\n{\"a\":1}\r\n\n{\"a\":NaN}\n{\"b\":[2]}") else { panic!("a list") };
     assert_eq!(frames.len(), 3);
     assert_eq!((frames[0].get("a").and_then(Value::number), frames[1].get("a")), (Some(1.0), Some(&Value::Nothing)));
-    // One line alone is the value itself.
+    // A single line is the value itself.
     assert_eq!(json("{\"a\":1}\n").get("a").and_then(Value::number), Some(1.0));
     let cut = problem(b"{\"a\":1}\n{\"a\":2}\n{\"a\":");
     assert!(cut.contains("line 3: ") && cut.contains("ends too early"), "{cut}");
@@ -79,10 +79,10 @@ fn typed_arrays_of_javascript_are_arrays_and_other_maps_stay_maps() {
 }
 
 #[test]
-fn memory_is_bounded_whatever_a_file_says() {
+fn memory_is_bounded_for_any_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.json");
-    // A sparse file: 2 GiB that take no room.
+    // A sparse file: 2 GiB that take no disk space.
     File::create(&path).unwrap().set_len(2 << 30).unwrap();
     assert!(Value::read(&path).unwrap_err().to_string().contains("larger than 512 MiB"));
     let budget = budget::Budget::new();
@@ -110,7 +110,7 @@ fn npy(code: &str, shape: &str, data: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn archives_give_arrays_texts_and_halves_and_mark_what_they_cannot_give() {
+fn archives_are_read_with_texts_and_halves_and_mark_unreadable_entries() {
     let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     // 1, -2, the smallest number above 0, infinity.

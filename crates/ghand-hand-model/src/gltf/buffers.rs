@@ -48,7 +48,7 @@ impl<'a> Buffers<'a> {
         let field = format!("buffer {}", buffer.index());
         let fail = |problem: String| self.source.invalid(&field, problem);
         if buffer.length() as u64 > MAX_BYTES {
-            let problem = format!("has {} bytes, more than {MAX_BYTES}; export the hand alone", buffer.length());
+            let problem = format!("has {} bytes, more than {MAX_BYTES}; export only the hand", buffer.length());
             return Err(fail(problem));
         }
         let bytes = match (buffer.source(), self.data.get(buffer.index())) {
@@ -66,7 +66,7 @@ impl<'a> Buffers<'a> {
         let bytes = bytes.ok_or_else(|| fail("has no data; export the hand again, without mesh compression".into()))?;
         if bytes.len() < buffer.length() {
             let problem = format!(
-                "has {} of {} bytes; the file is cut short, copy or export it again",
+                "has {} of {} bytes; the file is truncated, copy or export it again",
                 bytes.len(),
                 buffer.length()
             );
@@ -80,7 +80,7 @@ impl<'a> Buffers<'a> {
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(',').and_then(|(kind, data)| kind.ends_with(";base64").then_some(data));
             let encoded = encoded.ok_or("is a data: URI without base64; export as .glb or with a .bin file")?;
-            return BASE64.decode(encoded).map_err(|error| format!("is no base64 ({error}); export the hand again"));
+            return BASE64.decode(encoded).map_err(|error| format!("is not base64 ({error}); export the hand again"));
         }
         let folder = self.folder.ok_or_else(|| format!("is in the file {uri}; export as .glb, which is one file"))?;
         let path = folder.join(relative_path(uri)?);
@@ -149,7 +149,7 @@ impl<'a> Buffers<'a> {
             return Err(fail("is empty; export the hand again"));
         }
         if count.saturating_mul(N) > MAX_NUMBERS {
-            return Err(fail(&format!("has {count} entries, more than any hand; export the hand alone")));
+            return Err(fail(&format!("has {count} entries, more than any hand needs; export only the hand")));
         }
         let mut values = match accessor.view() {
             Some(view) => self.elements(&view, accessor.offset(), kind, count, field, &convert)?,
@@ -190,8 +190,10 @@ impl<'a> Buffers<'a> {
             self.source.invalid(field, "reaches beyond its buffer; the file is damaged, copy or export it again".into())
         };
         let unusable = || {
-            self.source
-                .invalid(field, format!("has components of type {kind:?}; export it as glTF demands, unquantized"))
+            self.source.invalid(
+                field,
+                format!("has components of type {kind:?}; export it as glTF requires, without quantization"),
+            )
         };
         let bytes = self.bytes(&view.buffer())?;
         let size = kind.size() * N;
@@ -233,8 +235,8 @@ fn integer(kind: DataType, bytes: &[u8]) -> Option<u32> {
 fn relative_path(uri: &str) -> Result<PathBuf, String> {
     let decoded = percent_decode_str(uri)
         .decode_utf8()
-        .map_err(|_| format!("lies at '{uri}', which is no UTF-8; rename the file"))?;
-    let outside = || format!("lies at '{uri}', outside of the .gltf file's folder; put it beside the .gltf file");
+        .map_err(|_| format!("is at '{uri}', which is not UTF-8; rename the file"))?;
+    let outside = || format!("is at '{uri}', outside the .gltf file's folder; put it beside the .gltf file");
     // A colon is part of a scheme or of a Windows drive; a backslash separates folders on Windows.
     if decoded.is_empty() || decoded.contains([':', '\\', '\0']) {
         return Err(outside());

@@ -55,7 +55,7 @@ impl Rig {
     pub(super) fn read(file: &Gltf, skin: &Skin, buffers: &Buffers, source: &Source) -> Result<Rig, HandModelError> {
         let nodes: Vec<Node> = skin.joints().take(MAX_JOINTS + 1).collect();
         if nodes.len() > MAX_JOINTS {
-            let problem = format!("has more than {MAX_JOINTS} joints; export the hand's armature alone");
+            let problem = format!("has more than {MAX_JOINTS} joints; export only the hand's armature");
             return Err(source.invalid("skin", problem));
         }
         // Without them, each part of the mesh is in the axes of its joint, and there is no common rest surface.
@@ -102,7 +102,7 @@ fn webxr_parent(joint: usize) -> Option<usize> {
     }
 }
 
-/// Joints of the skin in the order of [`WEBXR_JOINTS`]; `None` when the rig has other names.
+/// Joints of the skin in the order of [`WEBXR_JOINTS`]; `None` if the rig has other names.
 fn webxr_order(nodes: &[Node], source: &Source) -> Result<Option<Vec<usize>>, HandModelError> {
     let find = |name: &str| nodes.iter().position(|node| node.name() == Some(name));
     let found: Vec<Option<usize>> = WEBXR_JOINTS.iter().map(|name| find(name)).collect();
@@ -152,7 +152,7 @@ fn tree_order(file: &Gltf, nodes: &[Node], source: &Source) -> Result<Order, Han
         let next = (0..nodes.len())
             .find(|&k| placed[k].is_none() && skin_parents[k].is_none_or(|parent: usize| placed[parent].is_some()));
         let Some(next) = next else {
-            return Err(source.invalid("nodes", "form a circle; the file is damaged, export it again".into()));
+            return Err(source.invalid("nodes", "form a cycle; the file is damaged, export it again".into()));
         };
         placed[next] = Some(order.len());
         order.push(next);

@@ -130,7 +130,7 @@ fn buffers_beside_a_gltf_file_are_found() {
 }
 
 #[test]
-fn bad_files_are_refused_with_the_part_and_a_remedy() {
+fn bad_files_are_rejected_with_the_part_and_a_remedy() {
     let small = SmallHand::new;
     let uri = |uri: &str| small().replace(r#""byteLength":432}"#, &format!(r#""byteLength":432,"uri":"{uri}"}}"#));
     let required = |name: &str| {
@@ -145,24 +145,24 @@ fn bad_files_are_refused_with_the_part_and_a_remedy() {
         (small().replace(r#""JOINTS_0":2,"WEIGHTS_0":3"#, r#""NORMAL":0"#), "JOINTS_0: is missing"),
         (small().replace(r#","inverseBindMatrices":4"#, ""), "inverseBindMatrices: are missing"),
         (small().replace(r#""TEXCOORD_0":1"#, r#""TEXCOORD_0":0"#), "has 3 components, expected 2"),
-        (small().replace(r#""POSITION":0"#, r#""POSITION":9"#), "POSITION: names accessor 9 of 5"),
+        (small().replace(r#""POSITION":0"#, r#""POSITION":9"#), "POSITION: refers to accessor 9 of 5"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":4,"type":"MAT4""#), "beyond its buffer"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":99999999999,"type":"MAT4""#), "more than any hand"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":999999,"type":"MAT4""#), "beyond its buffer"),
         (small().replace(r#""count":3,"type":"MAT4""#, r#""count":2,"type":"MAT4""#), "2 for 3 joints"),
         (uri("data:;base64,AA=="), "buffer 0: has 1 of 432 bytes"),
-        (uri("data:;base64,A!=="), "buffer 0: is no base64"),
+        (uri("data:;base64,A!=="), "buffer 0: is not base64"),
         (uri("data:text/plain,hello"), "buffer 0: is a data: URI without base64"),
-        (uri("../secret.bin"), "buffer 0: lies at '../secret.bin', outside of the .gltf file's folder"),
-        (uri("a/%2e%2E/%2e./secret.bin"), "outside of the .gltf file's folder; put it beside the .gltf file"),
-        (uri("/etc/passwd"), "lies at '/etc/passwd', outside"),
-        (uri("file:///etc/passwd"), "lies at 'file:///etc/passwd', outside"),
-        (uri("https://example.org/a.bin"), "lies at 'https://example.org/a.bin', outside"),
-        (uri("%FF.bin"), "is no UTF-8"),
+        (uri("../secret.bin"), "buffer 0: is at '../secret.bin', outside the .gltf file's folder"),
+        (uri("a/%2e%2E/%2e./secret.bin"), "outside the .gltf file's folder; put it beside the .gltf file"),
+        (uri("/etc/passwd"), "is at '/etc/passwd', outside"),
+        (uri("file:///etc/passwd"), "is at 'file:///etc/passwd', outside"),
+        (uri("https://example.org/a.bin"), "is at 'https://example.org/a.bin', outside"),
+        (uri("%FF.bin"), "is not UTF-8"),
         (uri("."), "it is a folder, not a file; put '.' beside the .gltf file"),
         (uri("none.bin"), "put 'none.bin' beside the .gltf file"),
         (small().replace(r#""byteLength":432}"#, r#""byteLength":4320000000}"#), "more than 1073741824"),
-        (required("KHR_draco_mesh_compression"), "extensionsRequired: names KHR_draco_mesh_compression"),
+        (required("KHR_draco_mesh_compression"), "extensionsRequired: lists KHR_draco_mesh_compression"),
         (required("EXT_meshopt_compression"), "export without mesh compression"),
         (required("KHR_mesh_quantization"), "export without quantization"),
         (required("EXT_unknown"), "EXT_unknown"),
@@ -173,8 +173,8 @@ fn bad_files_are_refused_with_the_part_and_a_remedy() {
         ),
         (small().put(0, f32::NAN), "POSITION: entry 0 is not finite"),
         (small().put(72, f32::INFINITY), "TEXCOORD_0: entry 0 is not finite"),
-        (small().put(144, -1.0), "WEIGHTS_0: holds -1"),
-        (small().put(144, 0.0), "vertex 0 is bound to no joint"),
+        (small().put(144, -1.0), "WEIGHTS_0: has -1"),
+        (small().put(144, 0.0), "vertex 0 is not bound to any joint"),
         (small().put(240, 0.0), "that of joint 0 cannot be inverted"),
     ];
     for (hand, expected) in cases {
@@ -183,14 +183,14 @@ fn bad_files_are_refused_with_the_part_and_a_remedy() {
     }
     let mut wild = SmallHand::new();
     wild.bytes[120] = 77;
-    assert!(wild.read().unwrap_err().to_string().contains("JOINTS_0: names joint 77 of 3"));
+    assert!(wild.read().unwrap_err().to_string().contains("JOINTS_0: refers to joint 77 of 3"));
 }
 
 #[test]
-fn a_file_cut_anywhere_is_an_error_not_a_panic() {
+fn a_file_truncated_anywhere_is_an_error_not_a_panic() {
     let glb = SmallHand::new().glb();
     for length in 0..glb.len() {
-        assert!(read_bytes(&glb[..length]).is_err(), "{length} of {} bytes were taken for a hand", glb.len());
+        assert!(read_bytes(&glb[..length]).is_err(), "{length} of {} bytes were accepted as a hand", glb.len());
     }
 }
 

@@ -47,7 +47,7 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
         }
     }
     if faces.is_empty() {
-        return Err(source.invalid("mesh", "has no triangle with an area; export the hand again".into()));
+        return Err(source.invalid("mesh", "has only triangles without area; export the hand again".into()));
     }
     Ok(HandModel {
         name: source.name.clone(),

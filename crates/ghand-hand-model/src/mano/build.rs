@@ -40,7 +40,7 @@ pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<H
         if let Some(found) = fields.text(key)
             && found != usual
         {
-            warnings.push(format!("{key} is {found:?}, MANO has {usual:?}: poses may not mean what they should"));
+            warnings.push(format!("{key} is {found:?}, MANO has {usual:?}: poses may be misinterpreted"));
         }
     }
     let joint_names = if parents == PARENTS {
@@ -87,7 +87,7 @@ fn faces(fields: &mut Fields, v: usize) -> Result<Vec<[u32; 3]>, HandModelError>
     }
     let range = 0.0..v as f64;
     if let Some(bad) = array.values.iter().find(|i| !range.contains(*i) || i.fract() != 0.0) {
-        let problem = format!("names vertex {bad} of {v}; the file is damaged, copy or download it again");
+        let problem = format!("refers to vertex {bad} of {v}; the file is damaged, copy or download it again");
         return Err(fields.invalid("f", problem));
     }
     Ok(array.values.as_chunks().0.iter().map(|face: &[f64; 3]| face.map(|i| i as u32)).collect())
@@ -102,7 +102,7 @@ fn parents(fields: &mut Fields) -> Result<Vec<Option<usize>>, HandModelError> {
     };
     let (parent_row, joint_row) = array.values.split_at(n);
     if let Some(k) = joint_row.iter().enumerate().position(|(k, joint)| *joint != k as f64) {
-        let problem = format!("calls joint {k} {}; joints must be numbered in order", joint_row[k]);
+        let problem = format!("numbers joint {k} as {}; joints must be numbered in order", joint_row[k]);
         return Err(fields.invalid("kintree_table", problem));
     }
     let parent = |(k, &parent): (usize, &f64)| match k {
@@ -110,7 +110,8 @@ fn parents(fields: &mut Fields) -> Result<Vec<Option<usize>>, HandModelError> {
         1.. if parent.fract() == 0.0 && (0.0..k as f64).contains(&parent) => Ok(Some(parent as usize)),
         _ => {
             let problem = format!(
-                "gives joint {k} the parent {parent}; only joint 0 is a root (-1), and a parent must come before its children"
+                "gives joint {k} the parent {parent}; only joint 0 is a root (-1), and a parent must come before its \
+                 children"
             );
             Err(fields.invalid("kintree_table", problem))
         }
@@ -163,12 +164,12 @@ fn joint_regressor(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<Vec<(u
             for (joint, vertex, value) in sparse.entries {
                 rows[joint].push((vertex as u32, value));
             }
-            // Terms are added in the order of the vertices, whatever their order in the file.
+            // Terms are added in the order of the vertices, independent of their order in the file.
             rows.iter_mut().for_each(|row| row.sort_by_key(|(vertex, _)| *vertex));
         }
     }
     if let Some(joint) = rows.iter().position(Vec::is_empty) {
-        let problem = format!("has nothing for joint {joint}; pass a MANO model as downloaded");
+        let problem = format!("has no entry for joint {joint}; pass a MANO model as downloaded");
         return Err(fields.invalid("J_regressor", problem));
     }
     Ok(rows)
@@ -226,7 +227,7 @@ fn check_joints(fields: &mut Fields, joints: &[DVec3], warnings: &mut Vec<String
         return;
     }
     let Ok(array) = fields.numbers("J") else {
-        warnings.push("J cannot be read; the joints are regressed from the vertices, which needs no J".into());
+        warnings.push("J cannot be read; it is not needed, because the joints are regressed from the vertices".into());
         return;
     };
     if array.shape != [joints.len(), 3] {

@@ -44,7 +44,7 @@ impl<'a> Fields<'a> {
         if let Store::Pickle(graph) = &store
             && !graph.is_dictionary()
         {
-            return fail("pickle", format!("holds no dictionary; {remedy}"));
+            return fail("pickle", format!("does not contain a dictionary; {remedy}"));
         }
         Ok(Fields { origin, remedy, store })
     }
@@ -53,7 +53,7 @@ impl<'a> Fields<'a> {
         invalid(self.origin, field, problem)
     }
 
-    /// Whether the key is there.
+    /// Whether the key exists.
     pub(super) fn contains(&self, key: &str) -> bool {
         match &self.store {
             Store::Pickle(graph) => graph.entry(key).is_some(),
@@ -106,7 +106,7 @@ impl<'a> Fields<'a> {
                     .map(Stored::Pickled)
             }
             Store::Npz(npz) => npz.stored(key).and_then(|stored| match stored.pickle() {
-                // An object in an archive is a pickle of the array that holds it.
+                // An object in an archive is stored as a pickle of an array.
                 Some(pickle) => {
                     let graph = Graph::read(pickle).map_err(|error| ArrayError(error.to_string()))?;
                     pickled(&graph, graph.root()).map(Stored::Pickled)
@@ -136,7 +136,7 @@ fn invalid(origin: &str, field: &str, problem: String) -> HandModelError {
 }
 
 fn not_finite(value: f64, place: &[usize]) -> String {
-    format!("holds {value} at {place:?}; all numbers must be finite, copy or download the file again")
+    format!("has {value} at {place:?}; all numbers must be finite, copy or download the file again")
 }
 
 /// The index of the `at`-th number of an array.

@@ -13,12 +13,12 @@ impl<'a> NamedArrays<'a> {
     /// for messages.
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] when it is neither, is damaged, or names a class or function that no array needs.
+    /// [`HandModelError::Invalid`] if it is neither, is damaged, or names a class or function that no array needs.
     pub fn open(origin: &'a str, bytes: &'a [u8], remedy: &'a str) -> Result<NamedArrays<'a>, HandModelError> {
         Fields::open(origin, bytes, remedy).map(NamedArrays)
     }
 
-    /// Whether there is an array of that name.
+    /// Whether an array of this name exists.
     pub fn contains(&self, name: &str) -> bool {
         self.0.contains(name)
     }
@@ -26,7 +26,7 @@ impl<'a> NamedArrays<'a> {
     /// The array of that name.
     ///
     /// # Errors
-    /// [`HandModelError::Invalid`] when it is missing, damaged, too large, not numeric or not finite.
+    /// [`HandModelError::Invalid`] if it is missing, damaged, too large, not numeric or not finite.
     pub fn numbers(&mut self, name: &str) -> Result<NumericArray, HandModelError> {
         self.0.numbers(name)
     }

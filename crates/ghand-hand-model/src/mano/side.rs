@@ -13,18 +13,18 @@ pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warn
     let by_shape = side_of_shape(model);
     let Some(known) = asked.or_else(|| side_of_name(Path::new(name))) else {
         return by_shape.unwrap_or_else(|| {
-            warnings.push("neither the file's name nor the joints tell the side; it is taken for a right hand".into());
+            warnings.push("neither the file's name nor the joints show the side; assuming a right hand".into());
             Side::Right
         });
     };
     if by_shape.is_some_and(|by_shape| by_shape != known) {
         let word = if known == Side::Left { "left" } else { "right" };
-        warnings.push(format!("is taken for a {word} hand, but its thumb is on the other side"));
+        warnings.push(format!("is read as a {word} hand, but its thumb is on the other side"));
     }
     known
 }
 
-/// "left" or "right" in the name, when it is only one of them.
+/// "left" or "right" in the name, if it contains only one of them.
 fn side_of_name(path: &Path) -> Option<Side> {
     let name = path.file_stem()?.to_string_lossy().to_lowercase();
     match (name.contains("left"), name.contains("right")) {
@@ -81,7 +81,9 @@ pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnin
         Some(correlation) if correlation > 0.2 => false,
         _ => {
             warnings.push(
-                "shapedirs do not tell whether they have the bug of the published left model, and are left as they are; put the right model's file beside this one".into(),
+                "shapedirs do not show whether they have the bug of the published left model, and are used unchanged; \
+                 put the right model's file beside this one"
+                    .into(),
             );
             false
         }
@@ -89,8 +91,8 @@ pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnin
 }
 
 /// The published test: the sum over vertices and directions of the differences in x is below 1. (It is about 0 with
-/// the bug, and twice the right hand's x without.) Since the sum depends on the size of the mesh, they must also be nearer
-/// to the right hand's than to their mirror image.
+/// the bug, and twice the right hand's x without.) Since the sum depends on the size of the mesh, they must also be
+/// nearer to the right hand's than to their mirror image.
 fn compare_with_right(left: &HandModel, right: &[u8]) -> Option<bool> {
     let right = build::build(&mut Fields::open("right hand", right, REMEDY).ok()?, &mut Vec::new()).ok()?;
     if right.shape_directions.len() != left.shape_directions.len() {

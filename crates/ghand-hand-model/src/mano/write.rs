@@ -13,8 +13,8 @@ use crate::{HandModelError, export};
 /// which should therefore contain `right` or `left`.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the joints do not follow the skin, which MANO's files cannot express;
-/// [`HandModelError::Write`] when the file cannot be written; it is then unchanged.
+/// [`HandModelError::Invalid`] if the joints do not follow the skin, which MANO's files cannot express;
+/// [`HandModelError::Write`] if the file cannot be written; it is then unchanged.
 pub fn write_mano(path: &Path, model: &HandModel) -> Result<(), HandModelError> {
     model.validate()?;
     if model.joint_regressor.is_empty() {
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_model_without_a_regressor_is_refused_and_no_file_is_left() {
+    fn a_model_without_a_regressor_is_rejected_and_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let mut model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         model.joint_regressor.clear();

@@ -31,14 +31,14 @@ pub struct UvLayout {
 /// The file's v is measured from the bottom of a texture and is converted to one measured from the top.
 ///
 /// # Errors
-/// [`HandModelError::Io`] when the file cannot be read; [`HandModelError::Invalid`] names file, line and a remedy when
-/// it is not an OBJ file with UVs, is larger than 64 MiB, or belongs to another mesh: one with another number of
-/// vertices, with mostly different edges, or with the opposite winding.
+/// [`HandModelError::Io`] if the file cannot be read; [`HandModelError::Invalid`] names file, line and a remedy if it
+/// is not an OBJ file with UVs, is larger than 64 MiB, or belongs to another mesh: one with another number of vertices,
+/// with mostly different edges, or with the opposite winding.
 pub fn read_obj_uvs(path: &Path, vertex_count: usize, faces: &[[u32; 3]]) -> Result<UvLayout, HandModelError> {
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
     let origin = path.display().to_string();
     let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
-        let problem = format!("is larger than {} MiB; export the hand's mesh alone", MAX_BYTES >> 20);
+        let problem = format!("is larger than {} MiB; export only the hand's mesh", MAX_BYTES >> 20);
         return Err(HandModelError::invalid(origin, "size", problem));
     };
     // Names and comments may be in any encoding.
@@ -46,7 +46,7 @@ pub fn read_obj_uvs(path: &Path, vertex_count: usize, faces: &[[u32; 3]]) -> Res
         .map_err(|(field, problem)| HandModelError::invalid(origin, field, problem))
 }
 
-/// What is wrong, and where.
+/// The problem, and its line.
 type Flaw = (String, String);
 
 fn at_line(line: usize, problem: impl Into<String>) -> Flaw {
@@ -87,7 +87,8 @@ fn parse(text: &str, vertex_count: usize, model_faces: &[[u32; 3]]) -> Result<Uv
     }
     if vertices != vertex_count {
         let problem = format!(
-            "{vertices}, the hand model has {vertex_count}; export the UVs of this model's mesh with its vertices in order"
+            "{vertices}, the hand model has {vertex_count}; export the UVs of this model's mesh with its vertices in \
+             order"
         );
         return Err(("vertices".into(), problem));
     }
@@ -97,10 +98,13 @@ fn parse(text: &str, vertex_count: usize, model_faces: &[[u32; 3]]) -> Result<Uv
     let uv_count = layout.uvs.len();
     for ((face, face_uv), line) in layout.faces.iter().zip(&layout.face_uvs).zip(lines) {
         if let Some(i) = face.iter().find(|&&i| i as usize >= vertex_count) {
-            return Err(at_line(line, format!("names vertex {} of {vertex_count}; export again", u64::from(*i) + 1)));
+            return Err(at_line(
+                line,
+                format!("refers to vertex {} of {vertex_count}; export again", u64::from(*i) + 1),
+            ));
         }
         if let Some(i) = face_uv.iter().find(|&&i| i as usize >= uv_count) {
-            return Err(at_line(line, format!("names UV point {} of {uv_count}; export again", u64::from(*i) + 1)));
+            return Err(at_line(line, format!("refers to UV point {} of {uv_count}; export again", u64::from(*i) + 1)));
         }
     }
     check_same_mesh(&layout.faces, model_faces)?;
@@ -130,7 +134,8 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
 fn uv_point<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<DVec2, String> {
     let mut number = || -> Result<f64, String> {
         let word = words.next().ok_or("a UV point needs two numbers; export the mesh again")?;
-        let value: f64 = word.parse().map_err(|_| format!("'{}' is no number; export the mesh again", short(word)))?;
+        let value: f64 =
+            word.parse().map_err(|_| format!("'{}' is not a number; export the mesh again", short(word)))?;
         if !(-BORDER..=1.0 + BORDER).contains(&value) {
             return Err(format!("UV {value} is not in 0 to 1; unwrap the mesh into one UV square"));
         }
@@ -148,10 +153,11 @@ fn corner(word: &str, vertices: usize, uvs: usize) -> Result<(u32, u32), String>
         if part.is_empty() {
             return Err(format!("corner '{}' has no UV point; export the mesh with UVs", short(word)));
         }
-        let number: i64 = part.parse().map_err(|_| format!("'{}' is no index; export the mesh again", short(part)))?;
+        let number: i64 =
+            part.parse().map_err(|_| format!("'{}' is not an index; export the mesh again", short(part)))?;
         // Negative indices count back from the latest point.
         let index = if number < 0 { so_far as i64 + number } else { number - 1 };
-        u32::try_from(index).map_err(|_| format!("'{}' names no point; indices start at 1", short(part)))
+        u32::try_from(index).map_err(|_| format!("'{}' does not refer to a point; indices start at 1", short(part)))
     };
     Ok((index(vertices)?, index(uvs)?))
 }
@@ -190,7 +196,8 @@ fn check_same_mesh(faces: &[[u32; 3]], model_faces: &[[u32; 3]]) -> Result<(), F
         faces.iter().fold((0, 0), |(same, turned), &[a, b, c]| (same + found([a, b, c]), turned + found([a, c, b])));
     if turned > same {
         let problem = format!(
-            "{turned} of {} are wound the other way round; use the atlas of this hand, not of the other one, or turn the faces",
+            "{turned} of {} have the opposite winding; use the atlas of this hand, not of the other one, or flip the \
+             faces",
             faces.len()
         );
         return Err(("faces".into(), problem));

@@ -26,7 +26,7 @@ fn square() -> UvLayout {
 }
 
 #[test]
-fn all_ways_to_write_faces_are_read_alike_with_v_from_the_top() {
+fn all_notations_of_faces_are_read_alike_with_v_from_the_top() {
     let faces = [
         "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n",
         "f 1/1/1 2/2/1 3/3/1 4/4/1\n",
@@ -46,7 +46,7 @@ fn all_ways_to_write_faces_are_read_alike_with_v_from_the_top() {
 }
 
 #[test]
-fn what_cannot_be_used_is_refused_with_line_and_remedy() {
+fn unusable_files_are_rejected_with_line_and_remedy() {
     let quad = "f 1/1 2/2 3/3 4/4\n";
     let cases = [
         (String::new(), "vertices: 0, the hand model has 4"),
@@ -56,19 +56,22 @@ fn what_cannot_be_used_is_refused_with_line_and_remedy() {
         (format!("{SQUARE}f 1//1 2//1 3//1\n"), "line 9: corner '1//1' has no UV point"),
         (format!("{SQUARE}{quad}f 1/1 2/2\n"), "line 10: a face needs three corners"),
         (format!("{SQUARE}f\n"), "line 9: a face without corners"),
-        (format!("{SQUARE}f 0/1 2/2 3/3\n"), "line 9: '0' names no point"),
-        (format!("{SQUARE}f 1/-5 2/2 3/3\n"), "line 9: '-5' names no point"),
-        (format!("{SQUARE}f 1/1 2/2 9223372036854775807/3\n"), "line 9: '9223372036854775807' names no point"),
-        (format!("{SQUARE}f -9223372036854775808/1 2/2 3/3\n"), "names no point"),
-        (format!("{SQUARE}f 1/1 2/2 5/3\n"), "line 9: names vertex 5 of 4"),
-        (format!("{SQUARE}f 1/1 2/2 3/4294967296\n"), "line 9: names UV point 4294967296 of 4"),
-        (format!("{SQUARE}f 1/1 x/2 3/3\n"), "line 9: 'x' is no index"),
+        (format!("{SQUARE}f 0/1 2/2 3/3\n"), "line 9: '0' does not refer to a point"),
+        (format!("{SQUARE}f 1/-5 2/2 3/3\n"), "line 9: '-5' does not refer to a point"),
+        (
+            format!("{SQUARE}f 1/1 2/2 9223372036854775807/3\n"),
+            "line 9: '9223372036854775807' does not refer to a point",
+        ),
+        (format!("{SQUARE}f -9223372036854775808/1 2/2 3/3\n"), "does not refer to a point"),
+        (format!("{SQUARE}f 1/1 2/2 5/3\n"), "line 9: refers to vertex 5 of 4"),
+        (format!("{SQUARE}f 1/1 2/2 3/4294967296\n"), "line 9: refers to UV point 4294967296 of 4"),
+        (format!("{SQUARE}f 1/1 x/2 3/3\n"), "line 9: 'x' is not an index"),
         (format!("{SQUARE}vt 0.5\n{quad}"), "line 9: a UV point needs two numbers"),
-        (format!("{SQUARE}vt 0.5 up\n{quad}"), "line 9: 'up' is no number"),
+        (format!("{SQUARE}vt 0.5 up\n{quad}"), "line 9: 'up' is not a number"),
         (format!("{SQUARE}vt 0.5 NaN\n{quad}"), "line 9: UV NaN is not in 0 to 1; unwrap"),
         (format!("{SQUARE}vt 1.5 0\n{quad}"), "line 9: UV 1.5 is not in 0 to 1"),
         (format!("{SQUARE}f 2/2 4/4 3/3\nf 2/2 4/4 1/1\nf 2/2 4/4 2/2\n"), "faces: only 4 of 9 edges are the hand"),
-        (format!("{SQUARE}f 4/4 3/3 2/2 1/1\nf 1/1 4/4 3/3\n"), "wound the other way round"),
+        (format!("{SQUARE}f 4/4 3/3 2/2 1/1\nf 1/1 4/4 3/3\n"), "have the opposite winding"),
         (format!("{SQUARE}f {}\n", "z".repeat(5000)), "line 9: 'zzzz"),
     ];
     for (text, expected) in cases {
@@ -81,7 +84,7 @@ fn what_cannot_be_used_is_refused_with_line_and_remedy() {
 }
 
 #[test]
-fn a_file_of_many_gigabytes_is_refused_before_it_is_read() {
+fn a_file_of_many_gigabytes_is_rejected_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.obj");
     // Takes no disk space: the file is sparse.
@@ -114,7 +117,7 @@ fn numbers(text: &str, key: &str) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn what_is_written_is_read_back_with_the_same_seams() {
+fn a_written_file_is_read_back_with_the_same_seams() {
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.obj");
@@ -161,7 +164,7 @@ fn a_welded_rig_is_written_in_the_order_of_its_file() {
 }
 
 #[test]
-fn a_rig_with_another_atlas_still_joins_the_right_places() {
+fn a_rig_with_another_atlas_still_joins_the_right_points() {
     let Some(mut model) = generic_hand() else { return };
     model.uvs.reverse();
     let last = model.uvs.len() as u32 - 1;

@@ -18,8 +18,7 @@ const MAX_DECIMALS: i32 = 20;
 /// from the bottom, as usual in OBJ.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] when the model breaks its invariants, or `positions` are not finite or not one per
-/// vertex.
+/// [`HandModelError::Invalid`] if the model breaks its invariants, or `positions` are not finite or not one per vertex.
 pub fn obj_text(model: &HandModel, positions: &[DVec3]) -> Result<String, HandModelError> {
     export::check(model, positions)?;
     let order = file_order(model);
@@ -52,7 +51,7 @@ pub fn obj_text(model: &HandModel, positions: &[DVec3]) -> Result<String, HandMo
 /// Writes [`obj_text`] to a file atomically.
 ///
 /// # Errors
-/// As [`obj_text`]; [`HandModelError::Write`] when the file cannot be written.
+/// As for [`obj_text`]; [`HandModelError::Write`] if the file cannot be written.
 pub fn write_obj(path: &Path, model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
     let text = obj_text(model, positions)?;
     export::write(path, text.as_bytes())

@@ -141,7 +141,7 @@ fn the_other_shape_directions_change_what_their_names_say_by_the_documented_amou
 }
 
 #[test]
-fn no_shape_of_two_units_turns_a_triangle_round() {
+fn no_shape_of_two_units_flips_a_triangle() {
     for direction in 0..10 {
         for value in [-2.0, 2.0] {
             let shaped = shape_hand(hand(), &unit(direction, value)).unwrap();
@@ -158,7 +158,7 @@ fn no_shape_of_two_units_turns_a_triangle_round() {
 }
 
 #[test]
-fn regressed_joints_are_the_skeletons_and_follow_every_shape() {
+fn regressed_joints_match_the_skeleton_and_follow_every_shape() {
     let lengths = ProceduralHand::default();
     for lengths in
         [ProceduralHand { detail: 1, ..lengths.clone() }, ProceduralHand { detail: 3, ..lengths.clone() }, lengths]
@@ -217,7 +217,7 @@ fn a_bent_finger_keeps_its_volume_with_correctives() {
 }
 
 #[test]
-fn correctives_turn_no_more_triangles_round_than_blending_alone_does() {
+fn correctives_flip_no_more_triangles_than_blending_alone() {
     for name in POSE_NAMES {
         let pose = named_pose(name, hand()).unwrap();
         let count = |model: &HandModel| inverted(&pose_hand(model, &[], &pose).unwrap().vertices);

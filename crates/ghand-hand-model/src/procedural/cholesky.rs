@@ -35,7 +35,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn the_solution_solves_the_equations() {
+    fn the_solution_satisfies_the_equations() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
         for n in [1, 4, 9, 34] {
             let factor: Vec<f64> = (0..n * n).map(|_| rng.random_range(-1.0..1.0)).collect();

@@ -111,7 +111,7 @@ fn default_hand_has_an_adults_size_and_the_documented_frame() {
 }
 
 #[test]
-fn every_joint_lies_inside_of_the_skin() {
+fn every_joint_is_inside_the_skin() {
     let model = ProceduralHand::default().build().unwrap();
     for (name, joint) in model.joint_names.iter().zip(&model.joints) {
         // The solid angle of a closed surface is 4 pi from inside and 0 from outside (Van Oosterom and Strackee).

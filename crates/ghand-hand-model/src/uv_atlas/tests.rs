@@ -57,7 +57,7 @@ fn chart_of_face(atlas: &Atlas) -> Vec<usize> {
     atlas.face_uvs.iter().map(|t| root(&mut group, t[0] as usize)).collect()
 }
 
-/// Whether two triangles overlap by more than a millionth of their size, whatever their winding.
+/// Whether two triangles overlap by more than a millionth of their size, with any winding.
 fn overlap(first: [DVec2; 3], second: [DVec2; 3]) -> bool {
     let shrunk = |t: [DVec2; 3]| {
         let centre = (t[0] + t[1] + t[2]) / 3.0;
@@ -193,7 +193,7 @@ fn cube() -> Mesh {
 }
 
 #[test]
-fn hands_without_uvs_get_an_atlas_that_is_one_to_one_even_and_full() {
+fn hands_without_uvs_get_a_one_to_one_even_and_dense_atlas() {
     for detail in [1, 2, 4] {
         let hand = procedural(detail);
         let name = format!("procedural hand of detail {detail}");
@@ -205,7 +205,7 @@ fn hands_without_uvs_get_an_atlas_that_is_one_to_one_even_and_full() {
 }
 
 #[test]
-fn every_face_of_a_hand_of_manos_fineness_gets_texels() {
+fn every_face_of_a_hand_as_fine_as_manos_gets_texels() {
     let mesh = open_hand();
     let (_, samples) = check("open hand", &mesh);
     assert_even("open hand", &samples);
@@ -220,7 +220,7 @@ fn every_face_of_a_hand_of_manos_fineness_gets_texels() {
 }
 
 #[test]
-fn a_fist_hides_nothing() {
+fn the_atlas_of_a_fist_is_complete() {
     let hand = procedural(1);
     let mut pose = Pose::rest(hand.joint_count());
     pose.rotations[1..].fill(DVec3::new(0.0, 0.0, 1.2));
@@ -258,7 +258,7 @@ fn simple_solids_fill_the_square() {
 }
 
 #[test]
-fn place_and_size_do_not_matter() {
+fn position_and_size_do_not_matter() {
     let (vertices, faces) = open_hand();
     let expected = build_atlas(&vertices, &faces).unwrap();
     // A power of two only changes exponents: the same bits.
@@ -310,7 +310,7 @@ fn tangled_surfaces_get_an_atlas_too() {
 }
 
 #[test]
-fn faces_without_area_lie_at_a_point_of_the_atlas() {
+fn faces_without_area_are_at_one_point_of_the_atlas() {
     let (mut vertices, mut faces) = cube();
     vertices.push(DVec3::new(0.5, 0.0, 0.0));
     // Two equal corners, three equal corners, and three corners on a line.
@@ -339,7 +339,7 @@ fn unusable_meshes_are_errors() {
 }
 
 #[test]
-fn thousands_of_pieces_find_a_place() {
+fn thousands_of_pieces_fit_into_an_atlas() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut point = || DVec3::from_array(std::array::from_fn(|_| random.random()));
     let vertices: Vec<DVec3> = (0..15_000).map(|_| point()).collect();

@@ -11,12 +11,12 @@ use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};
 use crate::support::python::{Array, Py, array, chumpy_selection, dictionary, npy, pickle, string, zip};
 
 fn read(bytes: &[u8]) -> Result<ManoFile, HandModelError> {
-    // The side is given so that no time goes into guessing it.
+    // The side is given to save the time to guess it.
     read_mano_bytes("some/file", bytes, None, &ManoOptions { side: Some(Side::Right), ..Default::default() })
 }
 
 fn assert_refused(bytes: &[u8], words: &[&str]) {
-    let message = read(bytes).expect_err("it must be refused").to_string();
+    let message = read(bytes).expect_err("it must be rejected").to_string();
     // File, field, and what to do.
     let remedies = ["download", "re-save", "save it", "store", "write", "pass", "bind", "must", "copy"];
     assert!(message.starts_with("some/file: ") && remedies.iter().any(|r| message.contains(r)), "{message}");
@@ -36,14 +36,14 @@ fn numbers(code: &'static str, shape: &[usize], values: &[f64]) -> Py {
     Py::Array(array(code, shape, false, values))
 }
 
-/// All ways to write the small hand.
+/// The small hand in every layout.
 fn small_files() -> Vec<Vec<u8>> {
     let entries = Hand::small().published();
     vec![as_pickle(&entries), as_npz(&entries, false), as_npz(&entries, true)]
 }
 
 #[test]
-fn a_file_cut_anywhere_is_refused() {
+fn a_file_truncated_anywhere_is_rejected() {
     for bytes in small_files() {
         assert!(read(&bytes).is_ok());
         for length in 0..bytes.len() {
@@ -53,12 +53,12 @@ fn a_file_cut_anywhere_is_refused() {
 }
 
 #[test]
-fn a_file_with_any_byte_changed_never_panics_and_gives_a_sound_model_or_an_error() {
+fn a_file_with_any_byte_changed_gives_a_valid_model_or_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let uv_obj = folder.path().join("uv.obj");
     let model = read(&small_files()[0]).unwrap().model;
     write_obj(&uv_obj, &model, &model.vertices).unwrap();
-    // Texture coordinates are given so that no time goes into building an atlas.
+    // Texture coordinates are given to save the time to build an atlas.
     let options = ManoOptions { side: Some(Side::Right), uv_obj: Some(uv_obj), ..Default::default() };
     let read = |bytes: &[u8]| read_mano_bytes("some/file", bytes, None, &options);
     for bytes in small_files() {
@@ -77,7 +77,7 @@ fn a_file_with_any_byte_changed_never_panics_and_gives_a_sound_model_or_an_error
 }
 
 #[test]
-fn what_no_model_needs_is_named_and_not_run() {
+fn classes_that_no_model_needs_are_named_and_not_executed() {
     let folder = tempfile::tempdir().unwrap();
     let trace = folder.path().join("run");
     let command = string(&format!("touch {}", trace.display()));
@@ -92,26 +92,26 @@ fn what_no_model_needs_is_named_and_not_run() {
 }
 
 #[test]
-fn neither_lengths_nor_depth_nor_sharing_take_memory_or_time() {
+fn lengths_depth_and_sharing_take_little_memory_and_time() {
     let begin = Instant::now();
     let long = |code: u8| [&[0x80, 5, code][..], &(1u64 << 40).to_le_bytes(), b"."].concat();
     for code in [0x8e, 0x96, 0x8d] {
-        assert_refused(&long(code), &["pickle", "cut short"]);
+        assert_refused(&long(code), &["pickle", "truncated"]);
     }
     let deep = 1_000_000;
     let repeat = |head: &[u8], body: &[u8], tail: &[u8]| [b"\x80\x02", head, &body.repeat(deep), tail].concat();
-    // A million marks; lists, tuples and dictionaries in each other; one list in itself.
+    // A million marks; nested lists, tuples and dictionaries; one list inside itself.
     assert_refused(&repeat(b"", b"(", b"."), &["damaged"]);
     assert_refused(&repeat(b"", b"]", &[&b"a".repeat(deep - 1)[..], b"."].concat()), &["dictionary"]);
     assert_refused(&repeat(b"N", b"\x85", b"."), &["dictionary"]);
     assert_refused(&repeat(b"}", b"K\x01}", &[&b"s".repeat(deep)[..], b"."].concat()), &["v_template"]);
     assert_refused(b"\x80\x02]q\x00h\x00a.", &["dictionary"]);
     assert_refused(b"\x80\x02}q\x00U\x0av_templateh\x00s.", &["v_template", "dictionary"]);
-    // A tuple of two of the one before, and so on: 2^64 leaves.
+    // Each tuple contains the previous one twice: 2^64 leaves.
     assert_refused(&repeat(b"N", b"2\x86", b"."), &["dictionary"]);
     assert_refused(&repeat(b"N", b"N0", b"."), &["dictionary"]);
     assert_refused(&[b"\x80\x02".to_vec(), b"N0".repeat(1 << 22)].concat(), &["instructions"]);
-    // A selection of itself, and an array whose shape is the array.
+    // A selection from itself, and an array whose shape is the array.
     let itself = b"\x80\x02}U\x0av_templatecchumpy.reordering\nSelect\n)\x81q\x00}(U\x01ah\x00U\x04idxsh\x00ubs.";
     assert_refused(itself, &["v_template", "wrapped"]);
     let shape = b"\x80\x02}U\x0av_templatecnumpy.core.multiarray\n_reconstruct\n)Rq\x00\
@@ -121,7 +121,7 @@ fn neither_lengths_nor_depth_nor_sharing_take_memory_or_time() {
 }
 
 #[test]
-fn shapes_that_do_not_fit_are_named() {
+fn shapes_that_do_not_match_are_named() {
     let small = Hand::small();
     let shapes = |rows, count| array("<f8", &[rows, 3, count], false, &vec![0.0; rows * 3 * count]);
     let cases = [
@@ -151,7 +151,7 @@ fn shapes_that_do_not_fit_are_named() {
 }
 
 #[test]
-fn numbers_that_cannot_be_are_named() {
+fn invalid_numbers_are_named() {
     let small = Hand::small();
     let with = |at: usize, value: f64, values: &[f64]| {
         let mut values = values.to_vec();
@@ -176,7 +176,7 @@ fn numbers_that_cannot_be_are_named() {
         ("kintree_table", tree(&[-1., -1., 1., 0., 1., 2.]), "joint 1 the parent -1"),
         ("kintree_table", tree(&[-1., 0., 1., 0., 2., 1.]), "joints must be numbered in order"),
         ("J_regressor", numbers("<f8", &[3, 5], &with(0, f64::NAN, &[0.2; 15])), "NaN at [0, 0]"),
-        ("J_regressor", numbers("<f8", &[3, 5], &[0.0; 15]), "nothing for joint 0"),
+        ("J_regressor", numbers("<f8", &[3, 5], &[0.0; 15]), "no entry for joint 0"),
     ];
     for (key, value, words) in cases {
         assert_refused(&as_pickle(&changed(key, value.clone())), &[key, words]);
@@ -185,7 +185,7 @@ fn numbers_that_cannot_be_are_named() {
 }
 
 #[test]
-fn arrays_that_cannot_be_are_named() {
+fn invalid_arrays_are_named() {
     let flat = |code, values: &[f64]| numbers(code, &[values.len()], values);
     let sparse = |starts: &[f64], indices: &[f64], data: &[f64]| {
         let state = dictionary(vec![
@@ -216,7 +216,7 @@ fn arrays_that_cannot_be_are_named() {
         ("v_template", select(&[15.0; 15], &[5, 3]), "number 15 of 15"),
         ("v_template", select(&[0.0; 15], &[4, 3]), "15 numbers for the shape [4, 3]"),
         ("v_template", select(&[0.0; 15], &[1 << 40, 1 << 40]), "15 numbers for the shape"),
-        ("v_template", select(&[0.0; 15], &[-5, -3]), "has a shape"),
+        ("v_template", select(&[0.0; 15], &[-5, -3]), "has an invalid shape"),
         ("v_template", string("no array"), "is text"),
         ("v_template", sparse(&[0.; 6], &[], &[]), "sparse"),
         ("v_template", Py::List(vec![Py::Int(1)]), "is a list"),
@@ -233,8 +233,8 @@ fn arrays_that_cannot_be_are_named() {
 }
 
 #[test]
-fn archives_that_unpack_to_too_much_are_refused() {
-    // Half a gigabyte of zeros in half a megabyte, and a shape that no memory holds.
+fn archives_that_are_too_large_when_unpacked_are_rejected() {
+    // Half a gigabyte of zeros in half a megabyte, and a shape that does not fit into any memory.
     let mut bomb = npy(&numbers("<f8", &[5, 3], &Hand::small().vertices));
     bomb.resize((1 << 29) + 1, 0);
     let files = |bytes: Vec<u8>| vec![("v_template.npy".to_owned(), bytes)];
@@ -242,14 +242,14 @@ fn archives_that_unpack_to_too_much_are_refused() {
     let archive = zip(&files(bomb), true);
     assert!(archive.len() < 1 << 20);
     let writing = begin.elapsed();
-    assert_refused(&archive, &["v_template", "unpacks to too much"]);
+    assert_refused(&archive, &["v_template", "too large when unpacked"]);
     assert!(begin.elapsed() < 2 * writing + Duration::from_secs(5));
     let shape = Py::Array(Array { code: "<f8", shape: vec![1 << 60, 3], fortran: false, bytes: vec![] });
     assert_refused(&zip(&files(npy(&shape)), true), &["v_template", "at most 33554432 numbers"]);
 }
 
 #[test]
-fn npy_headers_that_are_no_plain_arrays_are_refused() {
+fn npy_headers_of_other_than_plain_arrays_are_rejected() {
     let header = |version: [u8; 2], text: &str| {
         let mut bytes = [b"\x93NUMPY".as_slice(), &version].concat();
         bytes.extend((text.len() as u16).to_le_bytes());
@@ -261,7 +261,7 @@ fn npy_headers_that_are_no_plain_arrays_are_refused() {
     };
     let good = "{'descr': '<f8', 'fortran_order': False, 'shape': (5, 3), }";
     for version in [[1, 0], [2, 0], [3, 0]] {
-        // Read: the next key is what is missing.
+        // This one is read: the next key is missing.
         assert_refused(&header(version, good), &["f: is missing"]);
     }
     let python_two = "{'shape': (5L, 3L), 'descr': \"<f8\", 'fortran_order': True}\n";
@@ -280,14 +280,14 @@ fn npy_headers_that_are_no_plain_arrays_are_refused() {
         ([1, 0], "((((((((((((((((((("),
     ];
     for (version, text) in unreadable {
-        assert_refused(&header(version, text), &["v_template", "no .npy file"]);
+        assert_refused(&header(version, text), &["v_template", "not a readable .npy file"]);
     }
     let wrong_length = "{'descr': '<f8', 'fortran_order': False, 'shape': (4, 3), }";
     assert_refused(&header([1, 0], wrong_length), &["v_template", "120 bytes"]);
 }
 
 #[test]
-fn what_is_no_model_at_all_is_told_so() {
+fn files_that_are_not_models_are_reported_as_such() {
     for bytes in [&b""[..], b"<html>", b"\x93NUMPY\x01\x00", b"\x1f\x8b", b"version https://git-lfs"] {
         assert_refused(bytes, &["neither a pickle nor an .npz"]);
     }

@@ -1,4 +1,4 @@
-//! What is written in any layout is read back to the last bit.
+//! Files of every layout are read back to the last bit.
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{HandModel, Side};
@@ -23,7 +23,7 @@ fn transposed(values: &[f64], count: usize) -> Vec<DVec3> {
     (0..count).flat_map(|k| (0..vertices).map(move |i| DVec3::from_array([0, 1, 2].map(|a| part(i, a, k))))).collect()
 }
 
-/// `assert_eq` on f64 takes 0 for -0: bits tell them apart.
+/// `assert_eq` on f64 does not distinguish 0 and -0; bits do.
 fn bits(values: &[DVec3]) -> Vec<[u64; 3]> {
     values.iter().map(|v| v.to_array().map(f64::to_bits)).collect()
 }
@@ -69,7 +69,7 @@ fn a_pickle_without_chumpy_is_read_to_the_last_bit() {
 #[test]
 fn archives_are_read_to_the_last_bit_stored_or_deflated() {
     let hand = Hand::procedural(200, (20, 10));
-    // The regressor and the shape directions of the published layout are objects, which lie in the archive as pickles.
+    // The regressor and the shape directions of the published layout are objects, stored in the archive as pickles.
     for entries in [hand.published(), hand.plain()] {
         for deflate in [false, true] {
             assert_is(&read(&as_npz(&entries, deflate)).model, &hand);
@@ -78,7 +78,7 @@ fn archives_are_read_to_the_last_bit_stored_or_deflated() {
 }
 
 #[test]
-fn the_content_decides_and_not_the_files_ending() {
+fn the_format_follows_from_the_content_not_the_extension() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.npz");
     let hand = Hand::procedural(200, (20, 10));
@@ -112,7 +112,7 @@ fn rigs_with_other_joints_get_numbered_names() {
 fn a_regressor_stored_by_rows_and_out_of_order_is_the_same() {
     let hand = Hand::small();
     let flat = |code, values: &[f64]| Py::Array(array(code, &[values.len()], false, values));
-    // By rows, the entries of the second row in falling order, and the shape under its older name.
+    // By rows, with the entries of the second row in descending order, and the shape under its older name.
     let state = dictionary(vec![
         ("shape", Py::Tuple(vec![Py::Int(3), Py::Int(5)])),
         ("indptr", flat("<i8", &[0., 2., 4., 5.])),
@@ -125,7 +125,7 @@ fn a_regressor_stored_by_rows_and_out_of_order_is_the_same() {
 }
 
 #[test]
-fn weights_that_sum_to_one_keep_their_bits_and_others_are_divided_by_their_sum() {
+fn weights_that_sum_to_one_are_kept_exactly_and_others_normalised() {
     let hand = Hand::small();
     let mut weights = hand.weights.clone();
     weights[3..6].copy_from_slice(&[0.2502, 0.75, -1e-10]);
@@ -141,7 +141,7 @@ fn weights_that_sum_to_one_keep_their_bits_and_others_are_divided_by_their_sum()
 type Change<'a> = &'a dyn Fn(&mut Entries);
 
 #[test]
-fn what_is_unusual_is_said_but_read() {
+fn unusual_files_are_read_with_a_warning() {
     let hand = Hand::procedural(200, (20, 10));
     let warnings_of = |change: Change| {
         let mut entries = hand.published();
@@ -162,7 +162,7 @@ fn what_is_unusual_is_said_but_read() {
 }
 
 #[test]
-fn keys_of_no_concern_may_hold_anything_that_can_be_read() {
+fn unused_keys_may_have_any_readable_value() {
     let mut entries = Hand::small().published();
     entries.push(("hands_coeffs", Py::List(vec![string("any"), Py::Int(-7)])));
     entries.push(("note", Py::Call("__builtin__", "set", vec![Py::List(vec![])])));

@@ -1,4 +1,4 @@
-//! Which hand it is, and the bug of the published left model.
+//! The side of a hand, and the bug of the published left model.
 
 use ghand_core::Side;
 use ghand_hand_model::mano::{LeftShapes, ManoFile, ManoOptions, read_mano_bytes, read_mano_with_warnings};
@@ -10,11 +10,11 @@ fn right() -> Hand {
     Hand::procedural(500, (20, 10))
 }
 
-/// A left hand whose shape directions are the right hand's in x.
+/// A left hand whose shape directions have the right hand's x components.
 fn left_with_bug() -> Hand {
     let mut hand = right().mirrored();
     hand.shape_directions = right().shape_directions;
-    // Mirrored in y and z instead would be another bug; the published one is in x alone.
+    // Mirroring in y and z instead would be another bug; the published one is only in x.
     hand
 }
 
@@ -28,7 +28,7 @@ fn mirrored(directions: &[DVec3]) -> Vec<DVec3> {
 }
 
 #[test]
-fn the_side_is_that_asked_for_else_that_of_the_name_else_that_of_the_thumb() {
+fn the_side_follows_the_option_else_the_name_else_the_thumb() {
     let (right, left) = (right(), right().mirrored());
     let side = |name: &str, hand: &Hand, side| {
         let file = read(name, hand, None, &ManoOptions { side, ..Default::default() });
@@ -40,13 +40,13 @@ fn the_side_is_that_asked_for_else_that_of_the_name_else_that_of_the_thumb() {
     assert_eq!(side("hand.pkl", &left, None), (Side::Left, 0));
     assert_eq!(side("left_right.pkl", &left, None), (Side::Left, 0));
     assert_eq!(side("mano_left.pkl", &left, Some(Side::Left)), (Side::Left, 0));
-    // Contradictions are said: name or wish against the thumb.
+    // Contradictions are reported: name or option against the thumb.
     assert_eq!(side("MANO_RIGHT.pkl", &left, None), (Side::Right, 1));
     assert_eq!(side("MANO_RIGHT.pkl", &right, Some(Side::Left)), (Side::Left, 1));
 }
 
 #[test]
-fn the_bug_of_the_left_model_is_found_and_mended_with_and_without_the_right_model() {
+fn the_bug_of_the_left_model_is_corrected_with_and_without_the_right_model() {
     let mended = mirrored(&read("right.pkl", &right(), None, &ManoOptions::default()).model.shape_directions);
     for beside in [None, Some(&right())] {
         let file = read("left.pkl", &left_with_bug(), beside, &ManoOptions::default());
@@ -59,7 +59,7 @@ fn the_bug_of_the_left_model_is_found_and_mended_with_and_without_the_right_mode
 }
 
 #[test]
-fn the_bug_is_left_alone_when_asked_for() {
+fn the_bug_is_kept_on_request() {
     let options = ManoOptions { left_shapes: LeftShapes::AsPublished, ..Default::default() };
     let file = read("left.pkl", &left_with_bug(), None, &options);
     assert!(file.has_left_shape_bug);
@@ -68,11 +68,11 @@ fn the_bug_is_left_alone_when_asked_for() {
 }
 
 #[test]
-fn a_right_hand_never_has_the_bug_and_shapes_that_do_not_tell_are_said() {
+fn a_right_hand_never_has_the_bug_and_inconclusive_shapes_are_reported() {
     let options = ManoOptions { side: Some(Side::Right), ..Default::default() };
     assert!(!read("right.pkl", &left_with_bug(), Some(&right()), &options).has_left_shape_bug);
     let mut hand = right().mirrored();
-    // Growth along x alone.
+    // Growth along x only.
     hand.shape_directions.iter_mut().enumerate().filter(|(k, _)| k / 20 % 3 != 0).for_each(|(_, d)| *d = 0.0);
     let file = read("left.pkl", &hand, None, &ManoOptions::default());
     assert!(!file.has_left_shape_bug && file.warnings.len() == 1, "{:?}", file.warnings);
@@ -83,7 +83,7 @@ fn a_right_hand_never_has_the_bug_and_shapes_that_do_not_tell_are_said() {
 fn the_right_model_is_found_beside_the_left_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("MANO_LEFT.pkl");
-    // Shapes that tell nothing by themselves: only the comparison can find the bug.
+    // Inconclusive shapes: only the comparison can detect the bug.
     let mut right = right();
     right.shape_directions.iter_mut().enumerate().filter(|(k, _)| k / 20 % 3 != 0).for_each(|(_, d)| *d = 0.0);
     let mut left = right.mirrored();

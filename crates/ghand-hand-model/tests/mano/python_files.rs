@@ -1,4 +1,4 @@
-//! Files that Python itself wrote, in every protocol; `tests/data/mano/make.py` says how.
+//! Files written by Python itself, in every protocol; see `tests/data/mano/make.py`.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ fn folder() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mano")
 }
 
-/// Number `k` of the arrays that are counted through.
+/// Number `k` of the arrays with consecutive numbers.
 fn third(k: usize) -> f64 {
     (k + 1) as f64 / 3.0
 }

@@ -1,4 +1,4 @@
-//! Hands to be written to MANO files, of made-up numbers.
+//! Hands with synthetic numbers, to be written to MANO files.
 
 use ghand_hand_model::mano::PARENTS;
 use ghand_hand_model::procedural::ProceduralHand;
@@ -14,7 +14,7 @@ pub struct Hand {
     pub parents: Vec<Option<usize>>,
     pub weights: Vec<f64>,
     pub regressor: Vec<Vec<(u32, f64)>>,
-    /// How many shape directions there are, and how many of them are selected in the published layout.
+    /// Number of shape directions, and of those that are selected in the published layout.
     pub shapes: (usize, usize),
     pub shape_directions: Vec<f64>,
     pub pose_directions: Vec<f64>,
@@ -25,7 +25,7 @@ pub struct Hand {
 /// Keys and values of a file.
 pub type Entries = Vec<(&'static str, Py)>;
 
-/// A number between -1 and 1 with a full mantissa, another one for each `k`.
+/// A number between -1 and 1 with a full mantissa, different for each `k`.
 pub fn number(k: usize) -> f64 {
     let mut bits = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     bits = (bits ^ (bits >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -42,8 +42,8 @@ impl Hand {
         Hand::of(vertices, faces, vec![None, Some(0), Some(1)], weights, regressor, (3, 2))
     }
 
-    /// A hand of MANO's joints with so many vertices, spread over the built-in hand; the triangles between them are made
-    /// up unless all vertices are asked for.
+    /// A hand with MANO's joints and this many vertices, spread over the built-in hand; the triangles between them are
+    /// arbitrary unless all vertices are requested.
     pub fn procedural(count: usize, shapes: (usize, usize)) -> Hand {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let chosen: Vec<usize> = (0..count).map(|k| k * model.vertices.len() / count).collect();
@@ -54,7 +54,7 @@ impl Hand {
         } else {
             (0..2 * count - 4).flat_map(|k| [k, k + 1, k + 2].map(|i| (i % count) as f64)).collect()
         };
-        // The mean of the vertices around a joint is near to it; a regressor of MANO has about as many.
+        // The mean of the vertices around a joint is near it; a regressor of MANO has about as many.
         let regressor = model.joints.iter().map(|joint| {
             let mut near: Vec<u32> = (0..count as u32).collect();
             near.sort_by(|a, b| {
@@ -79,7 +79,7 @@ impl Hand {
         shapes: (usize, usize),
     ) -> Hand {
         let (n, bones) = (vertices.len(), parents.len() - 1);
-        // The first direction is growth along all axes, so that it tells left from right; the others are small.
+        // The first direction is growth along all axes, which distinguishes left from right; the others are small.
         let growth = |at: usize| match at % shapes.0 {
             0 => 0.1 * vertices[at / shapes.0] + 1e-4 * number(at),
             _ => 1e-4 * number(at),
@@ -102,7 +102,7 @@ impl Hand {
         self.vertices.len() / 3
     }
 
-    /// The mirror image in x, triangles turned round.
+    /// The mirror image in x, with flipped triangles.
     pub fn mirrored(&self) -> Hand {
         let mut hand = self.clone();
         let flip = |values: &mut Vec<f64>, width: usize| {
@@ -115,13 +115,13 @@ impl Hand {
         hand
     }
 
-    /// The shape directions that are in use, `(V, 3, n_s)`.
+    /// The selected shape directions, `(V, 3, n_s)`.
     pub fn selected_shapes(&self) -> Vec<f64> {
         let (all, used) = self.shapes;
         self.shape_directions.chunks(all).flat_map(|row| row[..used].to_vec()).collect()
     }
 
-    /// Joints as the file stores them, `(n_b, 3)`.
+    /// Joints as stored in the file, `(n_b, 3)`.
     fn joints(&self) -> Vec<f64> {
         let joint =
             |row: &Vec<(u32, f64)>, axis| row.iter().map(|(i, w)| self.vertices[3 * *i as usize + axis] * w).sum();
@@ -156,7 +156,7 @@ impl Hand {
         entries
     }
 
-    /// Nothing but NumPy arrays.
+    /// Only NumPy arrays.
     pub fn plain(&self) -> Entries {
         let (v, n) = (self.vertex_count(), self.parents.len());
         let mut regressor = vec![0.0; n * v];

@@ -1,4 +1,4 @@
-//! Files that the tests and benchmarks of the MANO reader read.
+//! Files for the tests and benchmarks of the MANO reader.
 #![allow(dead_code, reason = "not every test and benchmark needs every helper")]
 #![allow(clippy::unwrap_used, missing_docs, reason = "a test fails by panicking, and is read with its helpers")]
 

@@ -111,7 +111,7 @@ pub fn chumpy_selection(x: Array, count: usize) -> Py {
     Py::Instance("chumpy.reordering", "Select", Box::new(state))
 }
 
-/// A pickle of protocol 2 as Python 2.7 writes it: every value is remembered, strings are bytes, objects are built from
+/// A pickle of protocol 2 as Python 2.7 writes it: every value is memoised, strings are bytes, objects are built from
 /// their state.
 pub fn pickle(value: &Py) -> Vec<u8> {
     let mut pickler = Pickler { out: vec![0x80, 2], memo: 0 };

@@ -11,14 +11,14 @@ const MOST_SIGMA: f64 = 0.01;
 /// Steps smaller than this, radians or metres, have no visible effect.
 const SMALL_STEP: f64 = 1e-5;
 
-/// A hardly damped step that reduces the sum by less than this fraction is the last one.
+/// An almost undamped step that reduces the sum by less than this fraction is the last one.
 const SMALL_GAIN: f64 = 1e-4;
 
 /// Damping, as a fraction of the diagonal: at first, and when no step helps any more.
 const FIRST_DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e8;
 
-/// Least squares over [`UNKNOWNS`]; the last of them, as many as there are ranges, have one each.
+/// Least squares over [`UNKNOWNS`]; the last unknowns have one range each.
 pub(super) trait Problem {
     /// Ranges of the last unknowns.
     fn ranges(&self) -> &[Range];
@@ -28,7 +28,7 @@ pub(super) trait Problem {
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64;
     /// `J^T J` and `J^T e`.
     fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]);
-    /// An equivalent vector, where one is better.
+    /// Replaces the unknowns by an equivalent vector, if one is better.
     fn settle(&self, x: &mut [f64; UNKNOWNS]);
 }
 

@@ -3,9 +3,9 @@
 //! The ranges are those of the American Academy of Orthopaedic Surgeons ("Joint motion: method of measuring and
 //! recording"): fingers, knuckle 90 degrees of bending and 45 of stretching, 20 to either side; middle hinge 100 and 0,
 //! last hinge 90 and 0; thumb, base 15 and 20 with 70 away from the palm, knuckle 50 and 0, hinge 80 and 20. A margin
-//! is added to each: a rig at rest is not at the surgeons' zero, its axes are not exactly a person's, and the three
-//! angles of the thumb's base mix. The ranges apply to the components of a joint's axis-angle vector along the axes of
-//! its hinge.
+//! is added to each: a skeleton at rest is not at the surgeons' zero, its axes are not exactly a person's, and the
+//! three angles of the thumb's base mix. The ranges apply to the components of a joint's axis-angle vector along the
+//! axes of its hinge.
 
 use ghand_hand_model::joint_names::Finger;
 

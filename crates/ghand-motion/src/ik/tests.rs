@@ -51,7 +51,7 @@ fn every_named_pose_is_found_from_rest_under_any_rotation() {
 }
 
 #[test]
-fn natural_poses_are_found_cold_and_from_the_frame_before() {
+fn natural_poses_are_found_with_and_without_the_previous_frame() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     for model in hands() {
         let ik = ik(&model);
@@ -70,7 +70,7 @@ fn natural_poses_are_found_cold_and_from_the_frame_before() {
 }
 
 #[test]
-fn the_comparison_above_rejects_another_pose_and_what_is_not_finite() {
+fn the_pose_comparison_rejects_another_pose_and_numbers_that_are_not_finite() {
     let model = procedural(Side::Right);
     let fist = named_pose("fist", model).unwrap();
     let mut other = fist.clone();
@@ -131,10 +131,7 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
                 let components = (axes.transpose() * solution.pose.rotations[*joint]).to_array();
                 for (value, range) in components.iter().zip(&ik.ranges[3 * k..]) {
                     let slack = 1e-9;
-                    assert!(
-                        (range.low - slack..=range.high + slack).contains(value),
-                        "{value} is outside of {range:?}"
-                    );
+                    assert!((range.low - slack..=range.high + slack).contains(value), "{value} is outside {range:?}");
                 }
                 let [a, b] = [&pose, &solution.pose].map(|p| rotation_from_axis_angle(p.rotations[*joint]));
                 angles.push(axis_angle_from_rotation(&(a.transpose() * b)).length().to_degrees());
@@ -193,7 +190,7 @@ fn hands_of_other_sizes_and_proportions_are_fitted_with_the_same_rotations() {
 }
 
 #[test]
-fn landmarks_that_are_no_hand_have_no_pose() {
+fn landmarks_that_are_not_a_hand_have_no_pose() {
     let model = procedural(Side::Right);
     let ik = ik(model);
     let good = ik.landmarks(&Pose::rest(16));
@@ -215,7 +212,7 @@ fn landmarks_that_are_no_hand_have_no_pose() {
 }
 
 #[test]
-fn a_jacobian_is_that_of_differences() {
+fn a_jacobian_matches_finite_differences() {
     for model in [Some(procedural(Side::Right).clone()), generic(Side::Left)].into_iter().flatten() {
         let ik = ik(&model);
         let mut rng = ChaCha8Rng::seed_from_u64(8);

@@ -59,7 +59,7 @@ fn the_rate_changes_the_number_of_frames_and_nothing_else() {
 }
 
 #[test]
-fn names_that_are_none_and_rigs_that_say_nothing_have_no_motion() {
+fn unknown_names_and_unnamed_skeletons_have_no_motion() {
     assert!(motion("salute", procedural(Side::Right), 30.0).is_none());
     let mut strange = procedural(Side::Right).clone();
     strange.joint_names[4] = "bone".into();
@@ -67,7 +67,7 @@ fn names_that_are_none_and_rigs_that_say_nothing_have_no_motion() {
 }
 
 #[test]
-fn between_takes_the_shorter_way_whatever_the_vectors() {
+fn interpolation_takes_the_shorter_way_for_any_vectors() {
     let pose = |x: f64| Pose { rotations: vec![DVec3::X * x], translation: DVec3::ZERO };
     // 350 degrees and 10: the rotation between is 20 degrees.
     let middle = between(&pose(350f64.to_radians()), &pose(10f64.to_radians()), 0.5);

@@ -1,6 +1,6 @@
-//! The rig of the rows in a file of poses, as described by ghand's own files.
+//! The skeleton of the rows in a file of poses, as described by ghand's own files.
 //!
-//! `hand_model` of the JSON (in an `.npz` the arrays themselves) may hold:
+//! `hand_model` of the JSON (in an `.npz` the arrays themselves) may contain:
 //!
 //! | | |
 //! |---|---|
@@ -8,12 +8,12 @@
 //! | `side` | `"right"` or `"left"` |
 //! | `parents` | row of each joint's parent, which precedes it; -1 for the root |
 //! | `rest_joints` | rest positions `[n_b][3]`, metres, in the axes that the rotations are in |
-//! | `tips` | fingertips at rest `[5][3]`, thumb to little finger; default: a joint at the tip, else beyond the last bone |
-//! | `vertices`, `triangles` | their numbers in the mesh: rigs of the same mesh share its rest pose |
+//! | `tips` | fingertips at rest `[5][3]`, thumb to little finger; default: a tip joint, else beyond the last bone |
+//! | `vertices`, `triangles` | their numbers in the mesh: skeletons of the same mesh share its rest pose |
 //! | `name` | for messages |
 //!
-//! Names alone are enough for a model that has these names. Transferring poses to another rig needs `side`, `parents`
-//! and `rest_joints`.
+//! Names alone are enough for a model that has these names. Transferring poses to another skeleton needs `side`,
+//! `parents` and `rest_joints`.
 
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::{HandModel, Side};
@@ -36,7 +36,7 @@ const LARGEST_COORDINATE: f64 = 1000.0;
 /// Default distance of a fingertip from the last joint, in lengths of the preceding bone.
 const TIP_LENGTH: f64 = 0.9;
 
-/// A rig described by a file.
+/// A skeleton described by a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FileSkeleton {
     pub name: String,
@@ -50,14 +50,15 @@ pub(crate) struct FileSkeleton {
 }
 
 impl FileSkeleton {
-    /// Reads the description in `map`, whose members are called `prefix` and the name in messages. `None` when it names no joints.
+    /// Reads the description in `map`, whose members are called `prefix` and the name in messages. `None` when it names
+    /// no joints.
     pub fn read(source: &Source, map: &Value, prefix: &str) -> Result<Option<FileSkeleton>, PoseError> {
         let field = |name: &str| format!("{prefix}{name}");
         let Some(names) = map.get("joints") else { return Ok(None) };
         let joint_names = texts(source, &field("joints"), names)?;
         let count = joint_names.len();
         if let Some((k, name)) = joint_names.iter().enumerate().find(|(k, name)| joint_names[..*k].contains(name)) {
-            return Err(source.invalid(&field("joints"), format!("{name:?} is there twice (again as number {k})")));
+            return Err(source.invalid(&field("joints"), format!("{name:?} occurs twice (again at index {k})")));
         }
         let side = match map.get("side") {
             None => None,
@@ -89,13 +90,13 @@ impl FileSkeleton {
             side: Some(model.side),
             parents: Some(model.parents.clone()),
             rest_joints: Some(model.joints.clone()),
-            // Joints whose names say nothing have no fingers.
+            // Joints with unknown names have no fingers.
             tips: RestSkeleton::of(model).ok().map(|rig| rig.tips),
             mesh: Some([model.vertices.len(), model.faces.len()]),
         }
     }
 
-    /// As [`FileSkeleton::read`] reads it.
+    /// In the form that [`FileSkeleton::read`] reads.
     pub fn to_json(&self) -> serde_json::Value {
         let rows = |points: &[DVec3]| points.iter().map(DVec3::to_array).collect::<Vec<_>>();
         let mut map = json!({"name": self.name, "joints": self.joint_names});
@@ -118,7 +119,7 @@ impl FileSkeleton {
         map
     }
 
-    /// The data that a transfer needs and that the description lacks.
+    /// The data for a transfer that is missing in the description.
     pub fn missing(&self) -> Vec<&'static str> {
         let parts = [
             ("side", self.side.is_none()),
@@ -128,10 +129,10 @@ impl FileSkeleton {
         parts.into_iter().filter_map(|(name, missing)| missing.then_some(name)).collect()
     }
 
-    /// The rig with its frames.
+    /// The skeleton with its frames.
     ///
     /// # Errors
-    /// [`PoseError::Invalid`] when something is missing, or the joints' names do not tell what they stand for.
+    /// [`PoseError::Invalid`] if something is missing, or the joints' names do not identify their parts.
     pub fn rig(&self, source: &Source) -> Result<RestSkeleton, PoseError> {
         let (Some(side), Some(parents), Some(joints)) = (self.side, &self.parents, &self.rest_joints) else {
             return Err(source.invalid("hand_model", format!("lacks {}", self.missing().join(", "))));
@@ -140,9 +141,9 @@ impl FileSkeleton {
         RestSkeleton::from_rest_pose(&self.name, side, &self.joint_names, parents, joints, tips)
     }
 
-    /// Whether rotations of this rig apply to a model unchanged: it has the model's joints, and either the same joints
-    /// at rest, or the same mesh at rest in about the same pose. The latter is a hand of other proportions, such as an
-    /// avatar with learned joints: there, copied rotations move the skin in the same way.
+    /// Whether rotations of this skeleton apply to a model unchanged: it has the model's joints, and either the same
+    /// joints at rest, or the same mesh at rest in about the same pose. The latter is a hand of other proportions, such
+    /// as an avatar with learned joints: there, copied rotations move the skin in the same way.
     pub fn is_of(&self, model: &HandModel, source: &Source) -> bool {
         let Some(rows) = self.rows_of(&model.joint_names) else { return false };
         let same_mesh = || {
@@ -204,7 +205,7 @@ fn points(value: &Value, count: usize) -> Result<Vec<DVec3>, String> {
     };
     let within = |value: &f64| value.abs() <= LARGEST_COORDINATE;
     match array.values.iter().position(|value| !within(value)) {
-        Some(k) => Err(format!("row {} holds {}; give metres, at most {LARGEST_COORDINATE}", k / 3, array.values[k])),
+        Some(k) => Err(format!("row {} has {}; give metres, at most {LARGEST_COORDINATE}", k / 3, array.values[k])),
         None => Ok(array.values.chunks_exact(3).map(DVec3::from_slice).collect()),
     }
 }

@@ -1,4 +1,4 @@
-//! Folders that hold poses: a capture, or a sequence of HO-3D.
+//! Folders with poses: a capture, or a sequence of HO-3D.
 
 use std::path::{Path, PathBuf};
 
@@ -28,8 +28,8 @@ pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
     }
     if files.is_empty() {
         return Err(invalid(format!(
-            "has neither a {CAPTURE_FILE} nor the .pkl files of an HO-3D sequence, in it or in its folder meta; give one of these, \
-             or the file that holds the poses"
+            "has neither a {CAPTURE_FILE} nor the .pkl files of an HO-3D sequence, in it or in its folder meta; give \
+             one of these, or the file with the poses"
         )));
     }
     if files.len() > MOST_FILES {
@@ -44,7 +44,7 @@ pub(super) fn read(path: &Path) -> Result<(PathBuf, Value), PoseError> {
         let value = read(file)?;
         if !ho3d::is_frame(&value) {
             let problem =
-                "has no \"handPose\", as the files of an HO-3D sequence have; give the one file that holds the poses";
+                "has no \"handPose\", as the files of an HO-3D sequence have; give the one file with the poses";
             let source = ValueError::Content(problem.into());
             return Err(PoseError::File { path: file.clone(), source });
         }

@@ -1,11 +1,12 @@
 //! ghand's own poses, as JSON, JSON Lines and `.npz`.
 //!
-//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle rotations in
-//! radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing. The frames alone, as a list
-//! or one on each line, and one frame alone are read, too. `hand_model` describes the rig that the rows are for (`file_skeleton.rs`): they
-//! are matched to the model's joints by name, or carried over if the rig is another one. A capture's `capture.json` is such a file; its rig
-//! is that of its hand model. For a MANO model, rotations are measured from its mean pose, unless the file says
-//! `"flat_hand_mean":true` or is a capture.
+//! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle
+//! rotations in radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing.
+//! The frames alone, as a list or one on each line, and one frame alone are read, too. `hand_model` describes the
+//! skeleton that the rows are for (`file_skeleton.rs`): they are matched to the model's joints by name, or carried over
+//! if the skeleton is another one. A capture's `capture.json` is such a file; its skeleton is that of its hand model.
+//! For a MANO model, rotations are measured from its mean pose, unless the file says `"flat_hand_mean":true` or is a
+//! capture.
 //!
 //! `.npz`: `pose` (T, n_b, 3), and optionally `translation` (T, 3), `shape` (T, n_s), `fps`, `flat_hand_mean`, `ids`
 //! (T), and the members of `hand_model`.
@@ -75,7 +76,7 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
             _ => id_of(frame, number),
         };
         if !ids.insert(id.clone()) {
-            return Err(source.invalid("frames", format!("the id {id:?} is there twice; give each frame its own")));
+            return Err(source.invalid("frames", format!("the id {id:?} occurs twice; give each frame its own")));
         }
         let field = |name: &str| format!("frames[{id:?}].{name}");
         let Some(pose) = frame.get("pose") else {
@@ -126,12 +127,12 @@ fn numbers(source: &Source, field: &str, value: &Value) -> Result<Vec<f64>, Pose
         other => return Err(source.invalid(field, format!("is {}, must be a list of numbers", other.kind()))),
     };
     match values.iter().find(|value| !value.is_finite()) {
-        Some(_) => Err(source.invalid(field, "holds a number that is not finite".into())),
+        Some(_) => Err(source.invalid(field, "has a number that is not finite".into())),
         None => Ok(values),
     }
 }
 
-/// Rows of three finite numbers; messages name the joint where the rig does.
+/// Rows of three finite numbers; messages name the joint if the skeleton does.
 fn rotations(source: &Source, field: &str, value: &Value, rig: Option<&FileSkeleton>) -> Result<Vec<DVec3>, PoseError> {
     let joint = |row: usize| {
         let name = rig.and_then(|rig| rig.joint_names.get(row));
@@ -145,7 +146,7 @@ fn rotations(source: &Source, field: &str, value: &Value, rig: Option<&FileSkele
         let values = row.numbers().map(|array| array.values.as_slice()).unwrap_or_default();
         match values {
             [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(*x, *y, *z)),
-            [_, _, _] => Err(source.invalid(field, format!("{} holds a number that is not finite", joint(number)))),
+            [_, _, _] => Err(source.invalid(field, format!("{} has a number that is not finite", joint(number)))),
             _ => {
                 let problem = format!(
                     "{} has {} numbers, expected 3: an axis-angle rotation in radians",
@@ -200,7 +201,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     }
     let mut seen = HashSet::new();
     if let Some(id) = ids.iter().find(|id| !seen.insert(id.as_str())) {
-        return Err(source.invalid("ids", format!("{id:?} is there twice; give each frame its own")));
+        return Err(source.invalid("ids", format!("{id:?} occurs twice; give each frame its own")));
     }
     let mut frames = Vec::with_capacity(count);
     for (k, id) in ids.iter().enumerate() {
@@ -209,7 +210,7 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
         let shape = shapes.get(k).cloned().unwrap_or_default();
         for (name, values) in [("pose", &numbers[..]), ("translation", translation), ("shape", &shape)] {
             if values.iter().any(|value| !value.is_finite()) {
-                return Err(source.invalid(&format!("{name}[{k}]"), "holds a number that is not finite".into()));
+                return Err(source.invalid(&format!("{name}[{k}]"), "has a number that is not finite".into()));
             }
         }
         let rotations = numbers.chunks_exact(3).map(DVec3::from_slice).collect();
@@ -223,8 +224,8 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 
-/// Writes poses of a hand model as ghand's own JSON, atomically. The file describes the model's rig, so that the poses
-/// can drive any other rig.
+/// Writes poses of a hand model as ghand's own JSON, atomically. The file describes the model's skeleton, so that the
+/// poses can drive any other skeleton.
 ///
 /// # Errors
 /// [`PoseError::Write`] when the file cannot be written; it is then unchanged.

@@ -76,7 +76,7 @@ fn hands(frame: &Value) -> Hands {
     hands.into_iter().enumerate().map(|(k, hand)| (sides.get(k).copied(), hand)).collect()
 }
 
-/// The sides that a value names at any depth, in order.
+/// The sides named in a value at any depth, in order.
 fn all_sides(value: &Value) -> Vec<Side> {
     match value {
         Value::Text(_) => side_of(value).into_iter().collect(),
@@ -148,7 +148,8 @@ pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], Stri
     let span = points.iter().map(|point| point.distance(points[0])).fold(0.0, f64::max);
     if span > LARGEST_SPAN {
         return Err(format!(
-            "the landmarks are up to {span:.3} m from the wrist, a hand's up to 0.25; give metres (millimetres / 1000, not pixels)"
+            "the landmarks are up to {span:.3} m from the wrist, a hand's at most 0.25; give metres (millimetres / \
+             1000, not pixels)"
         ));
     }
     for (k, point) in points.iter().enumerate() {

@@ -19,8 +19,9 @@
 //! - **ARCTIC** (`.mano.npy`, or as `.npz`): for each hand `rot` (T, 3), `pose` (T, 45), `trans` (T, 3), `shape` (10);
 //!   in maps `right` and `left`, with suffixes `_r` and `_l`, or without. Measured from MANO's mean pose. 30 frames per
 //!   second.
-//! - **AMASS** (`.npz`): `poses` (T, 156) of SMPL-H or (T, 165) of SMPL-X, whose last 90 numbers are the left and the right hand, or
-//!   `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45). Only the fingers move. From the flat hand.
+//! - **AMASS** (`.npz`): `poses` (T, 156) of SMPL-H or (T, 165) of SMPL-X, whose last 90 numbers are the left and the
+//!   right hand, or `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45). Only the fingers move.
+//!   Measured from the flat hand.
 //!
 //! A field `flat_hand_mean` in the file overrides these.
 
@@ -147,7 +148,7 @@ fn axis_angles(values: &[f64], joints: std::ops::Range<usize>) -> Result<Vec<DVe
 /// The rotation of an axis-angle vector or of a matrix, row by row.
 fn axis_angle(values: &[f64]) -> Result<DVec3, &'static str> {
     if values.iter().any(|value| !value.is_finite()) {
-        return Err("holds a number that is not finite");
+        return Err("has a number that is not finite");
     }
     if values.len() == 3 {
         return Ok(DVec3::from_slice(values));
@@ -194,7 +195,7 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
         (None, _) => None,
     };
     let Some(capture) = capture else {
-        let problem = format!("there are {}; take one of them with --take", names.join(", "));
+        let problem = format!("there are {}; choose one with --take", names.join(", "));
         return Err(source.invalid("captures", problem));
     };
     let mut frames: Vec<(&String, &Value)> = capture.entries().iter().map(|(id, frame)| (id, frame)).collect();
@@ -228,15 +229,16 @@ fn first<'a>(maps: &[&'a Value], names: &[&str]) -> Option<&'a Value> {
     names.iter().find_map(|name| maps.iter().find_map(|map| map.get(name)))
 }
 
-/// Whether a rig has MANO's joints, in MANO's axes: fingers along -X of a right hand (+X of a left one), back of the hand +Y.
+/// Whether a skeleton has MANO's joints, in MANO's axes: fingers along -X of a right hand (+X of a left one), back of
+/// the hand +Y.
 pub(super) fn is_mano(rig: &RestSkeleton) -> bool {
     let same = rig.joint_names.iter().map(String::as_str).eq(JOINT_NAMES);
     let sign = if rig.side == Side::Right { -1.0 } else { 1.0 };
     same && rig.palm().is_some_and(|[forward, back, _]| forward.x * sign > 0.7 && back.y > 0.7)
 }
 
-/// A MANO-like rig from the built-in hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a left hand to
-/// +X), back of the hand from +X (-X) to +Y.
+/// A MANO-like skeleton from the built-in hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a
+/// left hand to +X), back of the hand from +X (-X) to +Y.
 pub(super) fn stand_in(side: Side) -> Result<RestSkeleton, PoseError> {
     // Building a hand takes longer than reading most files.
     static RIGS: [OnceLock<RestSkeleton>; 2] = [const { OnceLock::new() }; 2];

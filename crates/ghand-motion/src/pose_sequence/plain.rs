@@ -185,11 +185,11 @@ fn recording_of_frames(
         let Some(found) = found else {
             let known: Vec<&str> = frame.entries().iter().map(|(name, _)| name.as_str()).collect();
             let found = if known.is_empty() { frame.kind() } else { known.join(", ") };
-            reader.skip(&id, format!("has no numbers of a shape that is known, but {found}"));
+            reader.skip(&id, format!("has no array of a known shape, but {found}"));
             continue;
         };
         if found.meaning != meaning {
-            reader.skip(&id, format!("has numbers of the shape {:?}, unlike the frames before", found.array.shape));
+            reader.skip(&id, format!("has numbers of the shape {:?}, unlike the previous frames", found.array.shape));
             continue;
         }
         let numbers = |names: &[&str]| -> &[f64] {

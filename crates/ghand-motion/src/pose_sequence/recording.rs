@@ -27,7 +27,7 @@ pub(crate) enum Motion {
     Landmarks { frames: Vec<LandmarkFrame> },
 }
 
-/// Rotations in the order of the joints of the model that they are used with, or of a rig that the file describes.
+/// Rotations in the order of the joints of the model that they are used with, or of a skeleton that the file describes.
 pub(crate) struct Rows {
     pub rig: Option<FileSkeleton>,
     pub frames: Vec<PoseFrame>,
@@ -35,7 +35,7 @@ pub(crate) struct Rows {
     pub capture_kind: Option<String>,
     /// Whether they are measured from the model's mean pose, if it has one.
     pub from_mean: bool,
-    /// Which hand it is, if the file says so outside the rig.
+    /// Which hand it is, if the file says so outside the skeleton.
     pub side: Option<Side>,
 }
 

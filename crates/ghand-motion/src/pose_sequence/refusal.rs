@@ -1,4 +1,4 @@
-//! Describes a file that is not understood, and what would be.
+//! Describes a file that is not supported, and the supported kinds.
 
 use ghand_files::value::Value;
 
@@ -20,15 +20,16 @@ pub(super) fn problem(value: &Value) -> String {
         COMPONENT_NAMES.iter().find(|name| [Some(value), first].iter().flatten().any(|v| v.get(name).is_some()));
     if let Some(name) = components {
         return format!(
-            "{name:?} holds principal components of a pose, not rotations; store MANO's full pose, 45 or 48 axis-angle numbers, \
-             instead (components @ hands_components + hands_mean)"
+            "{name:?} contains principal components of a pose, not rotations; store MANO's full pose, 45 or 48 \
+             axis-angle numbers, instead (components @ hands_components + hands_mean)"
         );
     }
     format!(
-        "is {}, which is no kind of poses that is read; give ghand's own (\"frames\" with \"pose\", n_b rows of 3); MANO's \
-         rotations as an array (T, 45), (T, 48), (T, 15, 3), (T, 16, 3), (T, 15, 3, 3) or (T, 16, 3, 3), as \"global_orient\" with \
-         \"hand_pose\", \"rot\" with \"pose\", \"poses\" (T, 156 or 165) or \"handPose\"; landmarks (T, 21, 3) or \
-         \"world_landmarks\"; joints of WebXR or OpenXR as \"joints\" or (T, 25, 16); docs/poses.md has them all",
+        "is {}, which is not a supported kind of poses; give ghand's own (\"frames\" with \"pose\", n_b rows of 3); \
+         MANO's rotations as an array (T, 45), (T, 48), (T, 15, 3), (T, 16, 3), (T, 15, 3, 3) or (T, 16, 3, 3), as \
+         \"global_orient\" with \"hand_pose\", \"rot\" with \"pose\", \"poses\" (T, 156 or 165) or \"handPose\"; \
+         landmarks (T, 21, 3) or \"world_landmarks\"; joints of WebXR or OpenXR as \"joints\" or (T, 25, 16); see \
+         docs/poses.md for all of them",
         found(value, true)
     )
 }

@@ -39,8 +39,7 @@ impl Source<'_> {
         if numbers.checked_mul(frames).is_some_and(|copies| copies <= MOST_COPIES) {
             return Ok(());
         }
-        let problem =
-            format!("has {numbers} numbers for each of {frames} frames, which is far too much; give some ten");
+        let problem = format!("has {numbers} numbers for each of {frames} frames, which is too many; give about ten");
         Err(self.invalid(field, problem))
     }
 
@@ -53,8 +52,8 @@ impl Source<'_> {
             _ => {
                 let (low, high) = (FPS_RANGE.start(), FPS_RANGE.end());
                 let problem = format!(
-                    "is {}; give frames a second from {low} to {high}, or leave it away for {DEFAULT_FPS}: cameras and trackers \
-                     are within",
+                    "is {}; give frames per second from {low} to {high}, or omit it for {DEFAULT_FPS}; cameras and \
+                     trackers are in this range",
                     shown(fps)
                 );
                 Err(self.invalid(name, problem))
@@ -63,8 +62,7 @@ impl Source<'_> {
     }
 }
 
-/// Checks whether a hand can have this pose and shape; otherwise returns the field that is out of range and its
-/// problem.
+/// Checks that pose and shape are possible; otherwise returns the field that is out of range and its problem.
 pub(crate) fn in_range(pose: &Pose, shape: &[f64], names: &[String]) -> Result<(), (&'static str, String)> {
     pose.check_range(names).and_then(|()| check_shape_range(shape)).map_err(|error| {
         let field = match error {
@@ -82,7 +80,7 @@ pub(crate) fn point_in_range(point: DVec3) -> Result<(), String> {
     match distance.partial_cmp(&LARGEST_TRANSLATION) {
         Some(order) if order.is_le() => Ok(()),
         _ if !point.is_finite() => Err("is not finite".into()),
-        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} can be; give metres")),
+        _ => Err(format!("is {distance:?} m away, at most {LARGEST_TRANSLATION} is allowed; give metres")),
     }
 }
 
@@ -112,7 +110,7 @@ impl Skipped {
             return Err(source.invalid("frames", problem));
         }
         let are = if self.count == 1 { "is" } else { "are" };
-        Ok(Some(format!("{} of {total} frames {are} left out; the first, frame {id:?}: {problem}", self.count)))
+        Ok(Some(format!("{} of {total} frames {are} skipped; the first, frame {id:?}: {problem}", self.count)))
     }
 }
 

@@ -62,7 +62,7 @@ fn assert_same(found: &PoseSequence, expected: &[Pose], tolerance: f64) {
 }
 
 #[test]
-fn the_comparison_rejects_what_is_off_or_not_finite() {
+fn the_comparison_rejects_errors_and_numbers_that_are_not_finite() {
     let pose = Pose::rest(16);
     let mut other = pose.clone();
     assert!(difference(&pose, &other) == 0.0);
@@ -73,7 +73,7 @@ fn the_comparison_rejects_what_is_off_or_not_finite() {
 }
 
 #[test]
-fn own_poses_are_read_written_and_read_again_bit_for_bit() {
+fn ghand_poses_are_read_written_and_read_again_bit_for_bit() {
     let poses = poses(right(), 3);
     let frames: Vec<Json> = poses
         .iter()
@@ -110,7 +110,7 @@ fn rows_are_matched_by_name_and_a_missing_joint_is_named() {
 }
 
 #[test]
-fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
+fn invalid_ghand_poses_are_errors_with_file_field_and_remedy() {
     let good = || vec![[0.0; 3]; 16];
     let frame = |pose: Json| json!({"frames": [{"id": "a", "pose": pose}]});
     let mut long = json!(good());
@@ -129,7 +129,7 @@ fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
         (json!({"fps": "x", "frames": [{"pose": good()}]}), &["fps", "text"]),
         (
             json!({"frames": [{"id": "a", "pose": good()}, {"id": "a", "pose": good()}]}),
-            &["frames", "\"a\" is there twice"],
+            &["frames", "\"a\" occurs twice"],
         ),
         (
             json!({"frames": [{"id": "a", "pose": good(), "translation": [1, 2]}]}),
@@ -138,7 +138,7 @@ fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
         (json!({"frames": [{"id": "a", "pose": good(), "shape": [1, null]}]}), &["frames[\"a\"].shape", "not finite"]),
         (json!({"format": "x", "frames": [{"pose": good()}]}), &["format", "ghand-capture"]),
         (json!({"format": "ghand-capture", "version": 2, "frames": [{"pose": good()}]}), &["version", "must be 1"]),
-        (json!({"hello": 1}), &["content", "\"hello\" (a number)", "no kind of poses"]),
+        (json!({"hello": 1}), &["content", "\"hello\" (a number)", "not a supported kind of poses"]),
     ] {
         let error = read(&file, right()).unwrap_err().to_string();
         assert!(error.starts_with("poses.json: ") && parts.iter().all(|part| error.contains(part)), "{error}");
@@ -148,7 +148,7 @@ fn own_poses_that_are_wrong_are_errors_with_file_field_and_remedy() {
 }
 
 #[test]
-fn a_capture_of_another_rig_is_carried_over() {
+fn the_poses_of_a_capture_with_another_skeleton_are_retargeted() {
     let Some(model) = generic(Side::Right) else { return };
     let Some(capture) = shared("captures/blender-a") else { return };
     let own = Capture::open(&capture).unwrap();
@@ -174,7 +174,7 @@ fn xr_joints(model: &HandModel, pose: &Pose) -> Vec<(String, [f64; 3], [f64; 4])
 }
 
 #[test]
-fn joints_of_webxr_and_openxr_drive_a_hand_of_any_rig() {
+fn joints_of_webxr_and_openxr_drive_a_hand_with_any_skeleton() {
     for side in [Side::Right, Side::Left] {
         let Some(model) = generic(side) else { return };
         let poses = poses(&model, 3);
@@ -241,7 +241,7 @@ fn joints_of_webxr_and_openxr_drive_a_hand_of_any_rig() {
 }
 
 #[test]
-fn world_landmarks_are_fitted_and_image_landmarks_are_refused() {
+fn world_landmarks_are_fitted_and_image_landmarks_are_rejected() {
     for side in [Side::Right, Side::Left] {
         let model = procedural(side);
         let ik = HandIk::new(&RestSkeleton::of(model).unwrap());
@@ -282,7 +282,7 @@ fn world_landmarks_are_fitted_and_image_landmarks_are_refused() {
         let sequence = read(&gaps, model).unwrap();
         assert_eq!(sequence.frames.len(), 2);
         assert!(
-            sequence.warnings.len() == 1 && sequence.warnings[0].contains("2 of 4 frames are left out"),
+            sequence.warnings.len() == 1 && sequence.warnings[0].contains("2 of 4 frames are skipped"),
             "{:?}",
             sequence.warnings
         );
@@ -307,7 +307,7 @@ fn npz(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
 }
 
 #[test]
-fn own_archives_are_read_with_names_and_rate() {
+fn ghand_archives_are_read_with_names_and_rate() {
     let poses = poses(right(), 2);
     let doubles = |values: Vec<f64>| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let turned = doubles(poses.iter().flat_map(|p| rows(p).concat()).collect());
@@ -335,7 +335,7 @@ fn own_archives_are_read_with_names_and_rate() {
 }
 
 #[test]
-fn archives_of_many_empty_rows_or_one_long_row_for_all_are_refused() {
+fn archives_with_many_empty_rows_or_one_long_row_for_all_are_rejected() {
     // 10^18 frames without joints take no bytes in the file.
     let empty = npz(&[("pose", npy("(1000000000000000000, 0, 3)", "<f8", &[]))]);
     let message =

@@ -17,7 +17,8 @@ use crate::ik::HandIk;
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
 
-/// ghand's own rows for the model, and their original hand: unchanged if their rig is the model's, else transferred.
+/// ghand's own rows for the model, and their original hand: unchanged if their skeleton is the model's, else
+/// transferred.
 pub(super) fn rows(
     source: &Source,
     rows: Rows,
@@ -29,7 +30,7 @@ pub(super) fn rows(
     let from_mean = from_mean && !options.flat_mean;
     let rig = rig.map(|rig| FileSkeleton { side: rig.side.or(side).or(options.side), ..rig });
     let pose_model = options.pose_model.as_ref();
-    // The best description of the rig: the file itself, the capture's hand model, or the model given by the user.
+    // The best description of the skeleton: the file itself, the capture's hand model, or the model given by the user.
     let is_complete = rig.as_ref().is_some_and(|rig| rig.missing().is_empty());
     let named = match (&rig, capture_kind.as_deref(), pose_model) {
         _ if is_complete => None,
@@ -73,7 +74,7 @@ pub(super) fn rows(
         if options.side.is_some_and(|wanted| wanted != own) {
             let name = side_name(own);
             let problem = format!(
-                "the rows are described as those of a {name} hand, which --side contradicts; leave --side away: poses of the \
+                "the file says that the rows are of a {name} hand, which contradicts --side; omit --side: poses of the \
                  other hand are mirrored"
             );
             return Err(source.invalid("hand_model.side", problem));
@@ -101,17 +102,17 @@ pub(super) fn rows(
         let side = side.unwrap_or(model.side);
         let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() }.build()?;
         warnings.push(
-            "the file names joints but not where they are at rest; the poses are taken for the built-in hand's (hand_model.side, \
-             parents and rest_joints tell, or --pose-model)"
+            "the file names joints but not their rest positions; the poses are read as those of the built-in hand (add \
+             hand_model.side, parents and rest_joints, or use --pose-model)"
                 .into(),
         );
         return Ok((carried_over(frames, &RestSkeleton::of(&hand)?, &RestSkeleton::of(model)?), side));
     }
     let lacking = model.joint_names.iter().find(|joint| !full.joint_names.contains(joint));
     let problem = format!(
-        "lacks the model's joint {:?}, so that the poses are of another rig, and {} of that rig missing; write the poses again \
-         with `ghand pose --hand-model THEIR_MODEL --pose FILE --out POSES.json`, which adds it, or name their model with \
-         --pose-model",
+        "lacks the model's joint {:?}, so the poses are for another skeleton, whose {} missing; write the poses again \
+         with `ghand pose --hand-model THEIR_MODEL --pose FILE --out POSES.json`, which adds it, or give their model \
+         with --pose-model",
         lacking.map_or("", String::as_str),
         match &full.missing()[..] {
             [one] => format!("hand_model.{one} is"),
@@ -127,8 +128,8 @@ fn check(source: &Source, frames: &[PoseFrame], names: &[String]) -> Result<(), 
         if pose.rotations.len() != names.len() {
             let [got, expected] = [pose.rotations.len(), names.len()];
             let problem = format!(
-                "has {got} rows, expected {expected}: one for each joint; poses of another rig take \"hand_model\" with its \
-                 \"joints\", \"side\", \"parents\" and \"rest_joints\", or its model in --pose-model"
+                "has {got} rows, expected {expected}: one per joint; poses of another skeleton need \"hand_model\" \
+                 with its \"joints\", \"side\", \"parents\" and \"rest_joints\", or its model in --pose-model"
             );
             return Err(source.invalid(&format!("frames[{id:?}].pose"), problem));
         }
@@ -256,8 +257,8 @@ fn from_opengl(pose: &mut Pose, wrist: DVec3) {
 }
 
 fn mean_is_unknown() -> String {
-    "the poses are measured from MANO's mean pose, which only a MANO model's file tells; give it with --pose-model, or the hand \
-     stays too flat"
+    "the poses are measured from MANO's mean pose, which is only in a MANO file; give one with --pose-model, or the \
+     hand will be too flat"
         .into()
 }
 
@@ -269,14 +270,14 @@ fn add_mean(frames: &mut [PoseFrame], model: &HandModel) {
     }
 }
 
-/// Poses of one rig for another. Shape parameters are those of the other model and stay behind.
+/// Poses of one skeleton for another. Shape parameters are those of the other model and stay behind.
 pub(super) fn carried_over(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &RestSkeleton) -> Vec<PoseFrame> {
     let retarget = Retarget::new(from, to);
     let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
     frames.into_iter().map(frame).collect()
 }
 
-/// Poses of the model that place its joints at the landmarks, as far as its rig allows.
+/// Poses of the model that place its joints at the landmarks, as far as its skeleton allows.
 pub(super) fn fitted(
     source: &Source,
     frames: &[LandmarkFrame],
@@ -295,7 +296,7 @@ pub(super) fn fitted(
                 last = Some(solution.pose.clone());
                 posed.push(PoseFrame { id: frame.id.clone(), pose: solution.pose, shape: vec![] });
             }
-            None => skipped.add(&frame.id, "its landmarks are not a hand: they lie in one place or in a line"),
+            None => skipped.add(&frame.id, "its landmarks are not a hand: they are at one point or on a line"),
         }
     }
     warnings.extend(skipped.finish(source, frames.len())?);

@@ -306,7 +306,7 @@ fn matrix(values: &[f64], by_rows: bool) -> Result<Placed, String> {
         return Err(format!("has a matrix of {} numbers, expected 16", values.len()));
     };
     if numbers.iter().any(|number| !number.is_finite()) {
-        return Err("its matrix holds a number that is not finite".into());
+        return Err("its matrix has a number that is not finite".into());
     }
     let matrix = DMat4::from_cols_array(numbers);
     let matrix = if by_rows { matrix.transpose() } else { matrix };
@@ -326,7 +326,7 @@ fn placed(position: DVec3, orientation: DQuat) -> Result<Placed, String> {
     point_in_range(position).map_err(|problem| format!("its position {problem}"))?;
     let length = orientation.length();
     if !length.is_finite() {
-        return Err("its quaternion holds a number that is not finite".into());
+        return Err("its quaternion has a number that is not finite".into());
     }
     if length == 0.0 {
         return Err("its quaternion is all zeros; the rest is 0, 0, 0, 1".into());

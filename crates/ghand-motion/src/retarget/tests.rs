@@ -19,7 +19,7 @@ fn difference(a: &DMat3, b: &DMat3) -> f64 {
     (*a - *b).to_cols_array().iter().map(|e| e.abs()).fold(0.0, larger)
 }
 
-/// Whether two poses are the same to 1e-6 on all joints of a role that both rigs have.
+/// Whether two poses are the same to 1e-6 on all joints of a role that both skeletons have.
 fn same(first: &RestSkeleton, second: &RestSkeleton, before: &Pose, after: &Pose) -> Result<(), String> {
     for (k, role) in first.roles.iter().enumerate() {
         if role.is_none_or(|role| second.joint(role).is_none()) {
@@ -35,7 +35,7 @@ fn same(first: &RestSkeleton, second: &RestSkeleton, before: &Pose, after: &Pose
 }
 
 #[test]
-fn there_and_back_is_the_identity() {
+fn a_round_trip_is_the_identity() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let rigs: Vec<RestSkeleton> = hands().iter().map(|model| RestSkeleton::of(model).unwrap()).collect();
     let rigs: Vec<RestSkeleton> = rigs.into_iter().chain([Side::Right, Side::Left].map(RestSkeleton::webxr)).collect();
@@ -54,7 +54,7 @@ fn there_and_back_is_the_identity() {
 }
 
 #[test]
-fn the_comparison_above_rejects_a_joint_that_is_off_and_what_is_not_finite() {
+fn the_round_trip_comparison_rejects_a_wrong_joint_and_numbers_that_are_not_finite() {
     let model = procedural(Side::Right);
     let rig = RestSkeleton::of(model).unwrap();
     let pose = named_pose("fist", model).unwrap();
@@ -73,7 +73,7 @@ fn the_comparison_above_rejects_a_joint_that_is_off_and_what_is_not_finite() {
 }
 
 #[test]
-fn metacarpals_that_move_are_lost_but_fingers_point_where_they_did() {
+fn metacarpal_motion_is_lost_but_finger_directions_are_kept() {
     let Some(model) = generic(Side::Right) else { return };
     let (first, second) = (RestSkeleton::of(&model).unwrap(), RestSkeleton::of(procedural(Side::Right)).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(2);
@@ -90,7 +90,7 @@ fn metacarpals_that_move_are_lost_but_fingers_point_where_they_did() {
 }
 
 #[test]
-fn bones_point_where_they_pointed_and_wrists_stay() {
+fn bones_keep_their_directions_and_wrists_their_positions() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     for from in hands() {
         for to in hands().iter().filter(|to| to.side == from.side) {
@@ -127,7 +127,7 @@ fn a_mirrored_pose_is_the_mirror_image() {
 }
 
 #[test]
-fn named_poses_stay_what_they_are_on_another_rig() {
+fn named_poses_are_the_same_on_another_skeleton() {
     let Some(model) = generic(Side::Left) else { return };
     let (from, to) = (RestSkeleton::of(procedural(Side::Right)).unwrap(), RestSkeleton::of(&model).unwrap());
     let way = Retarget::new(&from, &to);
@@ -139,14 +139,14 @@ fn named_poses_stay_what_they_are_on_another_rig() {
         for role in to.roles.iter().flatten() {
             let k = to.joint(*role).unwrap();
             let angle = axis_angle_from_rotation(&(carried[k].transpose() * own[k])).length().to_degrees();
-            // The rigs' rest poses differ by so much.
+            // The rest poses differ by this much.
             assert!(angle < 35.0, "{name}: {role:?} by {angle} degrees");
         }
     }
 }
 
 #[test]
-fn rigs_whose_joints_say_nothing_are_refused_with_their_names() {
+fn skeletons_with_unknown_joint_names_are_rejected_with_the_names() {
     let mut model = procedural(Side::Right).clone();
     model.joint_names[3] = "bone".into();
     let error = RestSkeleton::of(&model).unwrap_err().to_string();

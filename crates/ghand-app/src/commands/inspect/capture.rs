@@ -76,9 +76,9 @@ fn hand_model(capture: &Capture) -> String {
 
 fn frames(capture: &Capture, found: &CaptureInspection) -> String {
     let truth = match found.frames_with_truth {
-        0 => "no true pose is known".into(),
-        all if all == capture.frames.len() => "the true poses of all are known".into(),
-        some => format!("the true poses of {some} are known"),
+        0 => "true poses: none".into(),
+        all if all == capture.frames.len() => "true poses: all".into(),
+        some => format!("true poses: {some}"),
     };
     format!("{}; {truth}", capture.frames.len())
 }
@@ -120,7 +120,7 @@ fn sizes(found: &CaptureInspection) -> Vec<String> {
 fn files(opened: &Opened, found: &CaptureInspection) -> Vec<String> {
     let files = &found.files;
     let state = match files.missing + files.broken {
-        0 => "all there and of their cameras' sizes".into(),
+        0 => "all present, with their cameras' sizes".into(),
         _ => format!("{} missing, {} broken", files.missing, files.broken),
     };
     let mut lines = vec![format!("{}, images and masks of {} views: {state}", files.files, files.images)];
@@ -134,7 +134,7 @@ fn files(opened: &Opened, found: &CaptureInspection) -> Vec<String> {
     }
     let decoded = |split: &SplitFacts| format!("{} {} of {}", split.name, split.views.len(), split.images);
     let samples: Vec<String> = found.splits.iter().map(decoded).collect();
-    lines.push(format!("decoded for what follows: {}", samples.join(", ")));
+    lines.push(format!("decoded for the checks below: {}", samples.join(", ")));
     lines
 }
 

@@ -1,5 +1,5 @@
-//! The contact sheet: some images of a capture, each with the posed template over it, so that a convention that is not the
-//! format's is seen at once.
+//! The contact sheet: some images of a capture, each with the posed template over it, which shows wrong conventions at
+//! a glance.
 
 mod overlay;
 mod window;
@@ -22,7 +22,7 @@ const SHEET_WIDTH: u32 = 1600;
 /// Between the pictures of a view, and between views, pixels.
 const GAP: u32 = 4;
 const MARGIN: u32 = 16;
-/// Grey of the sheet, and the colours of what is written.
+/// Grey of the sheet, and the colours of the text.
 const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
@@ -41,14 +41,14 @@ pub enum ContactSheetError {
 /// One view of the sheet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SheetView {
-    /// Name of a split that it is in.
+    /// Name of its split.
     pub split: String,
-    /// Which it is, and how well the template meets its mask.
+    /// The view, and how well the template matches its mask.
     pub fit: ViewFit,
 }
 
-/// The pictures of a view with a line for each: the image, with the template in the given pose, and in the true one where that
-/// is known and another.
+/// The pictures of a view with a line of text each: the image, the template in the given pose, and the template in the
+/// true pose if this is known and different.
 struct Row {
     title: String,
     pictures: Vec<(String, RgbImage)>,
@@ -69,7 +69,7 @@ fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetVi
     let fit = view.fit;
     let rgba = capture.load_view(fit.camera, fit.frame)?.rgba;
     let (given, truth) = posed_template(capture, fit.frame)?;
-    // Whoever has loaded the view has found them.
+    // They were found when the view was loaded.
     let (Some(camera), Some(frame)) = (capture.cameras.get(fit.camera), capture.frames.get(fit.frame)) else {
         return Ok(Row { title: String::new(), pictures: vec![] });
     };
@@ -83,8 +83,8 @@ fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetVi
         let value = iou.map_or("-".into(), |iou| format!("{iou:.3}"));
         match cell.with_template(renderer, &capture.hand_model, positions) {
             Ok(picture) => pictures.push((format!("{name} {value}"), picture)),
-            // A template too far off to be drawn is what the sheet is to show.
-            Err(MeshError::Invalid { .. }) => pictures.push((format!("{name}: too far off"), cell.image.clone())),
+            // The sheet reports a template that is too far away to be drawn.
+            Err(MeshError::Invalid { .. }) => pictures.push((format!("{name}: too far away"), cell.image.clone())),
             Err(error) => return Err(error),
         }
         Ok(())
@@ -100,7 +100,7 @@ fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetVi
     Ok(Row { title: format!("{number}  {}  {}  {}", view.split, camera.id, frame.id), pictures })
 }
 
-/// The largest size of a picture's shape that a cell holds.
+/// The largest size with a picture's aspect ratio that fits into a cell.
 fn cell_size([width, height]: [u32; 2]) -> [u32; 2] {
     let [width, height] = [f64::from(width.max(1)), f64::from(height.max(1))];
     let scale = (f64::from(CELL[0]) / width).min(f64::from(CELL[1]) / height);
@@ -134,7 +134,7 @@ fn laid_out(rows: &[Row]) -> RgbImage {
     sheet
 }
 
-/// Writes what the colours mean; gives the width of that, pixels.
+/// Writes the legend of the colours; returns its width, pixels.
 fn legend(sheet: &mut RgbImage, [left, top]: [u32; 2]) -> u32 {
     let entries =
         [(ON_MASK, "template on the mask"), (OFF_MASK, "template off the mask"), (MISSED, "mask without template")];
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_are_scaled_to_a_cell_whole() {
+    fn whole_images_are_scaled_to_a_cell() {
         assert_eq!(cell_size([334, 512]), [157, 240]);
         assert_eq!(cell_size([4096, 3000]), [320, 234]);
         assert_eq!(cell_size([100, 50]), [320, 160]);

@@ -21,7 +21,7 @@ pub fn describe(file: &HandModelFile) -> String {
     }
     let in_file = match model.source_vertices.len() {
         0 => String::new(),
-        split => format!(" ({split} in the file, split at seams)"),
+        split => format!(" ({split} in the file, where seams are split)"),
     };
     row("vertices", format!("{}{in_file}", model.vertices.len()));
     let opening = match found.boundary_edges {

@@ -1,23 +1,23 @@
-//! What becomes of the viewer when its device is lost: the subject, the pose and the view stay, the rest is made anew.
+//! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
 use crate::viewer::app::Viewer;
 use crate::viewer::picture::{Median, Picture};
 
-/// How often in a row the device may be lost before any picture is done.
+/// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
 
 impl Viewer {
-    /// Asks the device whether it is lost. Then nothing can be drawn with it any more.
+    /// Whether the device is lost. A lost device cannot draw anything.
     pub fn is_lost(&self) -> bool {
         self.gpu.poll().is_err() && self.gpu.is_lost()
     }
 
-    /// Runs `show`, which shows the viewer, and if the device is lost meanwhile runs it again with a new one. What `show`
-    /// draws the user interface with must be made anew by it, too.
+    /// Runs `show`, which shows the viewer. If the device is lost meanwhile, runs it again with a new one; `show` must
+    /// then also create its own drawing resources again.
     ///
     /// # Errors
-    /// That of `show` if it failed for another reason or the device is lost every time, else one that says why there is no
-    /// new device.
+    /// The error of `show` if it failed for another reason or the device is lost every time, else one that says why
+    /// there is no new device.
     pub fn persist<T>(&mut self, mut show: impl FnMut(&mut Viewer) -> anyhow::Result<T>) -> anyhow::Result<T> {
         let mut losses = 0;
         loop {
@@ -29,7 +29,7 @@ impl Viewer {
             if losses > MOST_LOSSES {
                 return result;
             }
-            log::warn!("the graphics device was lost: the viewer goes on with a new one");
+            log::warn!("the graphics device was lost: the viewer continues with a new one");
             self.renew()?;
         }
     }
@@ -68,7 +68,7 @@ mod tests {
         Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap()
     }
 
-    /// The hand beside the panel, on which are times.
+    /// The hand without the panel, because the panel shows times.
     fn shot(viewer: &mut Viewer) -> RgbImage {
         let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
         screenshot(viewer, [400, 200], file.path()).unwrap();
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_viewer_whose_device_was_lost_shows_the_same_picture_on_another() {
+    fn a_viewer_shows_the_same_picture_after_a_device_loss() {
         let mut viewer = viewer();
         viewer.camera.zoom(1.5);
         let before = shot(&mut viewer);
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_viewer_whose_device_is_lost_every_time_ends_with_the_reason() {
+    fn a_viewer_that_loses_every_device_ends_with_the_reason() {
         let mut viewer = viewer();
         let mut tries = 0;
         let error = viewer
@@ -105,7 +105,7 @@ mod tests {
             .unwrap_err();
         assert_eq!(tries, 1 + MOST_LOSSES);
         assert!(error.to_string().contains("was lost"), "{error}");
-        // What fails for another reason is not repeated; a window closed by its user is no failure.
+        // Other failures are not retried; a window closed by its user is not a failure.
         viewer.renew().unwrap();
         assert_eq!(viewer.persist(|_| -> anyhow::Result<()> { anyhow::bail!("no") }).unwrap_err().to_string(), "no");
         assert_eq!(viewer.persist(|_| Ok(7)).unwrap(), 7);

@@ -30,7 +30,7 @@ struct Headless {
 }
 
 impl Headless {
-    /// With so many seconds from frame to frame.
+    /// With this many seconds between frames.
     fn new(subject: Subject, size: Vec2, step_secs: f32) -> Headless {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let viewer = Viewer::new(&gpu, subject, "test".into()).unwrap();
@@ -41,7 +41,7 @@ impl Headless {
         Headless { harness: builder.build_ui_state(show, State { viewer, renderer }) }
     }
 
-    /// The bare hand at rest.
+    /// The untrained hand at rest.
     fn bare_hand() -> Headless {
         Headless::new(Subject::avatar(bare_hand().unwrap()), SIZE, 1.0)
     }
@@ -57,7 +57,7 @@ impl Headless {
         }
     }
 
-    /// Draws one frame, in which all these events happen, waits for its picture, and returns whether there was one to wait for.
+    /// Draws one frame with all these events, waits for its picture, and returns whether there was one.
     fn frame(&mut self, events: Vec<Event>) -> bool {
         let before = self.viewer().last_frame;
         self.harness.input_mut().events.extend(events);
@@ -66,7 +66,7 @@ impl Headless {
         before != self.viewer().last_frame
     }
 
-    /// Clicks on what has that name, over several frames.
+    /// Clicks on the control with that name, over several frames.
     fn click(&mut self, name: &str) {
         self.harness.get_by_label(name).click();
         self.harness.step();
@@ -91,7 +91,7 @@ fn small_scene() -> Subject {
 #[test]
 fn only_changes_are_rendered() {
     let mut ui = Headless::bare_hand();
-    // The first pictures may have lacked room.
+    // The first pictures may have lacked memory.
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(!ui.frame(Vec::new()) && !ui.frame(vec![Event::PointerMoved(egui::pos2(500.0, 200.0))]));
     let fist = pose_by_name("fist", &ui.hand().avatar.model).unwrap();
@@ -105,12 +105,12 @@ fn only_changes_are_rendered() {
 }
 
 #[test]
-fn a_picture_that_lacked_room_is_rendered_again() {
+fn a_picture_with_too_little_memory_is_rendered_again() {
     let mut ui = Headless::bare_hand();
     ui.frame(Vec::new());
     ui.viewer().camera.zoom(4.0);
     assert!(ui.frame(Vec::new()));
-    assert!(!ui.viewer().finish().unwrap(), "the picture had room; zoom in further");
+    assert!(!ui.viewer().finish().unwrap(), "the picture had enough memory; zoom in further");
     assert!(ui.frame(Vec::new()));
     assert!(ui.viewer().finish().unwrap());
     assert!(!ui.frame(Vec::new()));
@@ -130,7 +130,7 @@ fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
     };
     settle(&mut ui);
     assert_eq!(ui.viewer().detail, 1.0);
-    // As a device that holds no more than the picture has now.
+    // Like a device that cannot hold more than the picture needs now.
     ui.viewer().too_many = ui.viewer().picture.intersections();
     ui.viewer().detail = DETAIL_STEP.powi(2);
     settle(&mut ui);
@@ -148,7 +148,7 @@ fn every_control_has_a_name() {
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
     ui.click("Joints");
     ui.click("Index finger");
-    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are not there");
+    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are missing");
     ui.harness.check_accessibility();
 }
 

@@ -193,7 +193,7 @@ impl Parts {
 }
 
 #[test]
-fn a_tree_of_turned_and_scaled_nodes_poses_as_the_standard_says() {
+fn a_tree_of_rotated_and_scaled_nodes_poses_as_the_standard_says() {
     for seed in 0..5 {
         let rig = TreeRig::new(seed);
         let model = read_bytes(&rig.glb).unwrap();

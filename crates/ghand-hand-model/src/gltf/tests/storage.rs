@@ -7,7 +7,7 @@ use base64::prelude::{BASE64_STANDARD, BASE64_STANDARD_NO_PAD};
 
 use super::*;
 
-/// The small hand as a .gltf file in a folder of its own, its buffer at `uri`.
+/// The small hand as a .gltf file in its own folder, with its buffer at `uri`.
 struct LooseHand {
     folder: tempfile::TempDir,
     bytes: Vec<u8>,
@@ -60,7 +60,7 @@ fn names_of_buffers_may_be_percent_encoded_and_in_folders_below() {
 }
 
 #[test]
-fn of_a_huge_buffer_only_what_the_file_names_is_read() {
+fn only_the_declared_part_of_a_huge_buffer_is_read() {
     let hand = LooseHand::new("huge.bin");
     // Takes no disk space: the file is sparse except for its beginning.
     hand.put("huge.bin").set_len(10 << 30).unwrap();
@@ -71,10 +71,10 @@ fn of_a_huge_buffer_only_what_the_file_names_is_read() {
 }
 
 #[test]
-fn buffers_that_no_accessor_needs_need_not_be_there() {
+fn buffers_that_no_accessor_needs_may_be_missing() {
     let hand = SmallHand::new().replace(r#""byteLength":432}"#, r#""byteLength":432},{"byteLength":9,"uri":"no.bin"}"#);
     hand.read().unwrap();
-    // Nor can a second buffer be the GLB's.
+    // A second buffer cannot be the GLB's either.
     let message = SmallHand::new()
         .replace(r#""byteLength":432}"#, r#""byteLength":432},{"byteLength":432}"#)
         .replace(r#"{"buffer":0,"byteOffset":240"#, r#"{"buffer":1,"byteOffset":240"#)
@@ -126,7 +126,7 @@ fn sparse_accessors_replace_entries_of_others_or_of_zeros() {
 }
 
 #[test]
-fn damaged_and_endless_storage_is_refused() {
+fn damaged_and_endless_storage_is_rejected() {
     let zeros = || sparse("", 5121);
     let mut beyond = zeros();
     beyond.bytes[433] = 6;
@@ -152,7 +152,7 @@ fn damaged_and_endless_storage_is_refused() {
 }
 
 #[test]
-fn joints_in_a_circle_are_refused() {
+fn joints_in_a_cycle_are_rejected() {
     let circle = SmallHand::new().replace(r#"{"name":"tip"}"#, r#"{"name":"tip","children":[4]}"#);
     let message = circle.read().unwrap_err().to_string();
     assert!(message.contains("small.glb: "), "{message}");

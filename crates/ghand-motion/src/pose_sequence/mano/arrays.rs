@@ -24,7 +24,7 @@ pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
     let (fingers_count, fingers) = array("pred_hand_pose", 45)?;
     let (place_count, places) = array("pred_trans", 3)?;
     if [fingers_count, place_count].iter().any(|other| *other != count) {
-        return Err(source.invalid("pred_hand_pose", format!("and pred_trans must have {count} frames as pred_rot")));
+        return Err(source.invalid("pred_hand_pose", format!("and pred_trans must have {count} frames like pred_rot")));
     }
     let shapes = value.get("pred_betas").map_or(Ok((count, vec![])), |_| array("pred_betas", 10))?.1;
     let valid = value.get("pred_valid").map_or(Ok((count, vec![])), |_| array("pred_valid", 1))?.1;

@@ -104,7 +104,7 @@ fn walk<'a>(
     Ok(())
 }
 
-/// The hands of one dictionary, of which its arrays hold one or many.
+/// The hands of one dictionary, whose arrays contain one or many.
 fn parameters(
     source: &Source,
     id: Option<&str>,
@@ -133,7 +133,7 @@ fn parameters(
     };
     let count = pose.values.len() / width;
     let [shapes, places] = [first(maps, &SHAPE_NAMES), first(maps, &PLACE_NAMES)];
-    // All dictionaries of a file may share parameters of one above them, and each would have a copy.
+    // All dictionaries of a file may share parameters of an enclosing one, and each would have a copy.
     for (name, value, most) in
         [("global_orient", Some(orient), 9), ("betas", shapes, MOST_SHAPES), ("the place", places, 3)]
     {

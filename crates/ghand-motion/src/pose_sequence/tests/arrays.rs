@@ -69,7 +69,7 @@ fn arrays_of_manos_rotations_are_read_in_every_shape_and_wrapping() {
         }
         let one = read(&listed[1], &model).unwrap();
         assert_same(&one, &expected[1..2], 1e-9);
-        // They also transfer to another rig: the bones point the same way.
+        // They also transfer to another skeleton: the bones point the same way.
         assert_eq!(read(array, &webxr(Side::Right)).unwrap().frames.len(), 3);
     }
     let sequence = read(&arrays[3].0, &model).unwrap();
@@ -77,7 +77,7 @@ fn arrays_of_manos_rotations_are_read_in_every_shape_and_wrapping() {
 }
 
 #[test]
-fn what_lies_beside_an_array_is_used() {
+fn arrays_beside_the_poses_are_used() {
     let model = mano(Side::Right);
     let poses = poses(&model, 3);
     let fingers: Vec<Vec<f64>> = poses.iter().map(|p| row(p)[3..].to_vec()).collect();
@@ -112,11 +112,11 @@ fn arrays_of_numpy_are_read_with_and_without_a_name() {
         let sequence = read_poses_bytes("poses.npz", &file, &model, &PoseOptions::default()).unwrap();
         assert_same(&sequence, &expected, 0.0);
     }
-    // Two arrays could be the pose, and the name of neither decides.
+    // Two arrays could be the pose, and neither name decides.
     let error =
         read_poses_bytes("poses.npz", &npz(&[("a", array.clone()), ("b", array)]), &model, &PoseOptions::default());
     assert!(error.unwrap_err().to_string().contains("\"a\" (numbers of the shape [2, 48])"));
-    // For a model with other joints, rows are its own.
+    // For a model with other joints, rows are for these joints.
     let own = webxr(Side::Right);
     let turned = super::poses(&own, 2);
     let file = npy("(2, 25, 3)", "<f8", &bytes(turned.iter().flat_map(row).collect()));
@@ -151,7 +151,7 @@ fn freihand_parameters_are_from_the_mean_pose_and_of_right_hands() {
 }
 
 #[test]
-fn landmarks_as_numbers_alone_are_fitted_where_they_are() {
+fn plain_landmark_arrays_are_fitted_at_their_positions() {
     let ik = HandIk::new(&RestSkeleton::of(right()).unwrap());
     let move_to = |name: &str| Pose { translation: DVec3::new(0.05, -0.1, 0.6), ..named_pose(name, right()).unwrap() };
     let poses = ["point", "victory", "open"].map(move_to);
@@ -239,7 +239,7 @@ fn ho3d_frames_and_folders_of_them_come_from_opengls_camera() {
 }
 
 #[test]
-fn ho3d_joints_stand_in_for_poses_in_its_own_order() {
+fn ho3d_joints_replace_missing_poses_in_ho3ds_order() {
     let ik = HandIk::new(&RestSkeleton::of(right()).unwrap());
     let pose = Pose { translation: DVec3::new(0.05, -0.1, 0.6), ..named_pose("point", right()).unwrap() };
     let points = ik.landmarks(&pose);
@@ -253,7 +253,7 @@ fn ho3d_joints_stand_in_for_poses_in_its_own_order() {
 }
 
 #[test]
-fn what_webxrs_fill_poses_gives_is_read_in_every_wrapping() {
+fn the_output_of_webxrs_fill_poses_is_read_in_every_wrapping() {
     let model = webxr(Side::Right);
     let poses = poses(&model, 3);
     let of_joint = |(_, p, q): &(String, [f64; 3], [f64; 4])| {

@@ -8,8 +8,8 @@ use ghand_hand_model::named_poses::named_pose;
 use super::super::*;
 use crate::test_hands::procedural;
 
-/// A hand of 25 joints with WebXR's names whose rest pose is the built-in hand's relaxed one, in rotated axes: a rig as
-/// different from the built-in hand's as real ones are.
+/// A hand of 25 joints with WebXR's names whose rest pose is the built-in hand's relaxed one, in rotated axes: a
+/// skeleton as different from the built-in hand's as real ones are.
 pub(super) fn webxr(side: Side) -> HandModel {
     let hand = procedural(side);
     let rig = RestSkeleton::of(hand).unwrap();

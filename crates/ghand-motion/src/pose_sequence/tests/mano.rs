@@ -45,7 +45,7 @@ fn interhand_poses_get_the_mean_and_skip_what_is_missing() {
     assert_eq!((sequence.fps, sequence.frames[0].id.as_str(), sequence.frames[0].shape.len()), (5.0, "9", 10));
     assert_same(&sequence, &[with_mean(&poses[0]), with_mean(&poses[1])], 0.0);
     assert!(
-        sequence.warnings.len() == 1 && sequence.warnings[0].contains("1 of 3 frames is left out"),
+        sequence.warnings.len() == 1 && sequence.warnings[0].contains("1 of 3 frames is skipped"),
         "{:?}",
         sequence.warnings
     );
@@ -63,7 +63,7 @@ fn interhand_poses_get_the_mean_and_skip_what_is_missing() {
 }
 
 #[test]
-fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored() {
+fn hamer_estimates_are_read_in_every_layout_and_left_ones_are_mirrored() {
     let model = mano(Side::Right);
     let poses: Vec<Pose> = poses(&model, 2);
     let matrices = |rotations: &[DVec3]| -> Vec<[[f64; 3]; 3]> {
@@ -117,7 +117,7 @@ fn hamer_estimates_are_read_however_they_are_stored_and_left_ones_are_mirrored()
     bad[0]["pred_mano_params"]["global_orient"] = json!([[[null, 0, 0], [0, 1, 0], [0, 0, 1]]]);
     let error = read(&bad, &model).unwrap_err().to_string();
     assert!(
-        error.contains("none of the 2") && error.contains("joint \"wrist\" holds a number that is not finite"),
+        error.contains("none of the 2") && error.contains("joint \"wrist\" has a number that is not finite"),
         "{error}"
     );
 }
@@ -167,7 +167,7 @@ fn hawor_arctic_and_amass_arrays_are_read() {
 }
 
 #[test]
-fn mano_poses_drive_other_rigs_exactly_with_the_model_and_nearly_without() {
+fn mano_poses_drive_other_skeletons_exactly_with_the_model_and_nearly_without() {
     for side in [Side::Right, Side::Left] {
         let model = mano(side);
         for to in hands().iter().filter(|to| to.side == side) {

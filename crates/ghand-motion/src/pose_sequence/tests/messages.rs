@@ -7,11 +7,11 @@ use super::*;
 fn says(file: &Json, model: &HandModel, parts: &[&str]) {
     let error = read(file, model).unwrap_err().to_string();
     assert!(error.starts_with("poses.json: "), "{error}");
-    parts.iter().for_each(|part| assert!(error.contains(part), "{part} is not in {error}"));
+    parts.iter().for_each(|part| assert!(error.contains(part), "{part} is missing in {error}"));
 }
 
 #[test]
-fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() {
+fn impossible_numbers_are_named_by_frame_and_joint_in_every_format() {
     let model = mano(Side::Right);
     let mut huge = Pose::rest(16);
     huge.rotations[13].y = 1e30;
@@ -19,7 +19,7 @@ fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() 
     far.translation.z = 1e30;
     let own =
         |pose: &Pose| json!({"frames": [{"id": "a", "pose": rows(pose), "translation": pose.translation.to_array()}]});
-    says(&own(&huge), &model, &["frames[\"a\"].pose", "joint \"thumb1\" turns by 1e30 rad", "radians"]);
+    says(&own(&huge), &model, &["frames[\"a\"].pose", "joint \"thumb1\" rotates by 1e30 rad", "radians"]);
     says(&own(&far), &model, &["frames[\"a\"].translation", "1e30 m", "give metres"]);
     let shaped = |value: f64| json!({"frames": [{"id": "a", "pose": rows(&Pose::rest(16)), "shape": [0.0, value]}]});
     says(&shaped(1e4), &model, &["frames[\"a\"].shape", "number 1 is 10000.0", "from -100 to 100"]);
@@ -34,7 +34,7 @@ fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() 
         json!({"handPose": numbers}),
         json!([{"right": {"mano_pose": numbers}}]),
     ] {
-        says(&file, &model, &["frame \"0000\"", "joint \"thumb1\" turns by 1e30 rad"]);
+        says(&file, &model, &["frame \"0000\"", "joint \"thumb1\" rotates by 1e30 rad"]);
     }
     let translated = json!([{"global_orient": [0, 0, 0], "hand_pose": vec![0; 45], "transl": [0, 0, 1e30]}]);
     says(&translated, &model, &["frame \"0000\"", "translation: is 1e30 m long"]);
@@ -51,7 +51,7 @@ fn numbers_that_no_hand_can_have_are_named_by_frame_and_joint_in_every_format() 
 }
 
 #[test]
-fn joints_of_xr_that_were_not_tracked_are_told_by_name_and_reason() {
+fn untracked_xr_joints_are_reported_by_name_and_reason() {
     let model = webxr(Side::Right);
     let joint = |position: Json, orientation: Json| json!({"position": position, "orientation": orientation});
     let good = || joint(json!([0, 0, 0]), json!([0, 0, 0, 1]));
@@ -61,7 +61,7 @@ fn joints_of_xr_that_were_not_tracked_are_told_by_name_and_reason() {
     };
     for (bad, expected) in [
         (joint(json!([0, 0, 0]), json!([0, 0, 0, 0])), "quaternion is all zeros"),
-        (joint(json!([0, 0, 0]), json!([0, 0, 0, null])), "quaternion holds a number that is not finite"),
+        (joint(json!([0, 0, 0]), json!([0, 0, 0, null])), "quaternion has a number that is not finite"),
         (joint(json!([0, 0, 0]), json!([0, 0, 0, 9])), "quaternion has the length 9.0, expected 1"),
         (joint(json!([0, 0]), json!([0, 0, 0, 1])), "position is not 3 numbers"),
         (joint(json!([0, null, 0]), json!([0, 0, 0, 1])), "position is not finite"),
@@ -78,7 +78,7 @@ fn joints_of_xr_that_were_not_tracked_are_told_by_name_and_reason() {
 }
 
 #[test]
-fn a_refusal_tells_what_is_there_and_what_would_do() {
+fn an_error_names_the_content_and_the_supported_kinds() {
     let would_do = ["(T, 48)", "\"hand_pose\"", "\"handPose\"", "(T, 21, 3)", "\"world_landmarks\"", "docs/poses.md"];
     for (file, found) in [
         (
@@ -101,7 +101,7 @@ fn a_refusal_tells_what_is_there_and_what_would_do() {
 }
 
 #[test]
-fn rates_that_no_camera_has_are_refused_with_the_range() {
+fn implausible_rates_are_rejected_with_the_range() {
     let file = |fps: f64| json!({"fps": fps, "frames": [{"pose": vec![[0.0; 3]; 16]}]});
     for fps in [1e9, 0.0, -1.0, 1e-9] {
         says(&file(fps), right(), &["fps", &fps.to_string(), "from 0.001 to 10000"]);
@@ -110,7 +110,7 @@ fn rates_that_no_camera_has_are_refused_with_the_range() {
 }
 
 #[test]
-fn a_hand_that_a_file_keeps_apart_is_taken_and_frames_without_it_are_counted() {
+fn a_separately_stored_hand_is_used_and_frames_without_it_are_counted() {
     let model = mano(Side::Right);
     let poses = poses(&model, 3);
     let hand = |pose: &Pose| json!({"mano_pose": rows(pose).concat(), "trans": pose.translation.to_array()});

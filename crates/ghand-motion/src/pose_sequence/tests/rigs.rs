@@ -1,4 +1,4 @@
-//! Poses that ghand wrote for one rig, transferred to another.
+//! Poses that ghand wrote for one skeleton, transferred to another.
 
 use super::hands::{directions, webxr};
 use super::mano::mano;
@@ -22,7 +22,7 @@ fn worst_angle(a: &[DVec3], b: &[DVec3]) -> f64 {
 }
 
 #[test]
-fn poses_written_for_one_rig_make_the_fingers_of_another_point_the_same_way() {
+fn poses_for_one_skeleton_give_another_the_same_finger_directions() {
     let mut models: Vec<HandModel> = vec![right().clone(), webxr(Side::Right), mano(Side::Right)];
     models.extend(generic(Side::Right));
     for from in &models {
@@ -51,7 +51,7 @@ fn poses_written_for_one_rig_make_the_fingers_of_another_point_the_same_way() {
 }
 
 #[test]
-fn there_and_back_through_files_is_the_same_pose() {
+fn a_round_trip_through_files_gives_the_same_pose() {
     let (own, other) = (right(), webxr(Side::Right));
     let poses = poses(own, 3);
     let there: Vec<Pose> =
@@ -60,19 +60,19 @@ fn there_and_back_through_files_is_the_same_pose() {
 }
 
 #[test]
-fn an_avatar_whose_joints_were_learned_takes_its_templates_rotations_as_they_are() {
+fn an_avatar_with_learned_joints_uses_its_templates_rotations_unchanged() {
     let mut learned = right().clone();
     learned.joints.iter_mut().skip(1).for_each(|joint| *joint += DVec3::new(0.002, -0.004, 0.003));
     learned.joints[5] += DVec3::new(0.006, 0.0, -0.004);
     let poses = poses(right(), 2);
     assert_same(&read(&written(right(), &poses), &learned).unwrap(), &poses, 0.0);
-    // The same names on a hand in other axes are another rig.
+    // The same names on a hand in other axes are another skeleton.
     let turned = read(&written(right(), &poses), &mano(Side::Right)).unwrap();
     assert!(difference(&turned.frames[0].pose, &poses[0]) > 0.1);
 }
 
 #[test]
-fn files_that_name_joints_alone_are_taken_for_the_built_in_hands_or_say_what_is_missing() {
+fn files_with_only_joint_names_are_read_for_the_built_in_hand_or_rejected() {
     let poses = poses(right(), 2);
     let other = webxr(Side::Right);
     let full = written(right(), &poses);
@@ -105,7 +105,7 @@ fn files_that_name_joints_alone_are_taken_for_the_built_in_hands_or_say_what_is_
 }
 
 #[test]
-fn a_description_that_cannot_be_is_refused_with_its_field() {
+fn an_impossible_description_is_rejected_with_its_field() {
     let file = written(right(), &poses(right(), 1));
     let with = |name: &str, value: Json| {
         let mut file = file.clone();
@@ -118,23 +118,23 @@ fn a_description_that_cannot_be_is_refused_with_its_field() {
         ("parents", json!([-1, 0]), "16 numbers"),
         ("parents", json!([-1, 0, 3, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]), "joint 2 has parent 3"),
         ("rest_joints", json!([[0, 0, 0]]), "16 rows of 3 numbers"),
-        ("rest_joints", json!(vec![[0.0, 1e9, 0.0]; 16]), "row 0 holds 1000000000"),
+        ("rest_joints", json!(vec![[0.0, 1e9, 0.0]; 16]), "row 0 has 1000000000"),
         ("tips", json!("long"), "5 rows"),
         ("side", json!("up"), "\"right\" or \"left\""),
-        ("joints", json!(twice), "\"wrist\" is there twice"),
+        ("joints", json!(twice), "\"wrist\" occurs twice"),
     ] {
         let error = with(name, value);
         assert!(error.starts_with(&format!("poses.json: hand_model.{name}: ")) && error.contains(expected), "{error}");
     }
     // Joints at the same position have no direction.
-    assert!(with("rest_joints", json!(vec![[0.0; 3]; 16])).contains("lie in one place"));
+    assert!(with("rest_joints", json!(vec![[0.0; 3]; 16])).contains("are at one point"));
     let options = PoseOptions { side: Some(Side::Left), ..Default::default() };
     let error = read_with(&file, right(), &options).unwrap_err().to_string();
     assert!(error.contains("hand_model.side") && error.contains("right hand"), "{error}");
 }
 
 #[test]
-fn a_file_without_fingertips_lets_the_last_bones_go_on() {
+fn without_fingertips_the_last_bones_continue_straight() {
     let other = webxr(Side::Right);
     let poses = poses(right(), 1);
     let mut file = written(right(), &poses);
@@ -145,7 +145,7 @@ fn a_file_without_fingertips_lets_the_last_bones_go_on() {
 }
 
 #[test]
-fn a_hand_of_the_other_side_without_a_rig_is_mirrored() {
+fn a_hand_of_the_other_side_without_a_skeleton_is_mirrored() {
     let poses = poses(right(), 2);
     let frames: Vec<Json> =
         poses.iter().map(|pose| json!({"pose": rows(pose), "translation": pose.translation.to_array()})).collect();

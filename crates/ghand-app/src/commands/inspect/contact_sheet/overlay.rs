@@ -1,4 +1,4 @@
-//! The posed template over an image: where both are, and where only one is.
+//! The posed template over an image: where template and mask overlap, and where there is only one of them.
 
 use ghand_core::{Camera, HandModel};
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
@@ -9,16 +9,16 @@ use image::{GrayImage, Rgb, RgbImage};
 /// Colour of the template on the mask, and of the template beyond it.
 pub const ON_MASK: Rgb<u8> = Rgb([150, 240, 205]);
 pub const OFF_MASK: Rgb<u8> = Rgb([255, 62, 48]);
-/// Colour of what the template misses of the mask.
+/// Colour of the mask where the template misses it.
 pub const MISSED: Rgb<u8> = Rgb([40, 120, 255]);
 
-/// Part of the image's light that is left around and below the template.
+/// Fraction of the image's brightness that remains around and below the template.
 const DARKENED: f32 = 0.65;
-/// How much of the colours above covers the image where both are, where the template is alone, and where the mask is.
+/// Opacity of the colours above: where both are, where only the template is, and where only the mask is.
 const STRENGTH: [f32; 3] = [0.45, 0.85, 0.65];
-/// Samples of a pixel along each axis.
+/// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 4;
-/// Light from everywhere: as much shade as tells the fingers apart without hiding the image.
+/// Light from all directions: just enough shade to distinguish the fingers without hiding the image.
 const AMBIENT: f64 = 0.35;
 
 /// An image at the size of its cell.
@@ -27,12 +27,13 @@ pub struct Cell {
     camera: Camera,
     /// The image.
     pub image: RgbImage,
-    /// How much of each pixel is mask, 255 for all of it.
+    /// Mask coverage of each pixel, 255 for full.
     mask: GrayImage,
 }
 
 impl Cell {
-    /// Scales a window (x, y, width, height) of an image (`rgba`, mask in place of alpha) of the camera's size to `size`.
+    /// Scales a window (x, y, width, height) of an image (`rgba`, mask in place of alpha) of the camera's size to
+    /// `size`.
     pub fn new(camera: &Camera, rgba: &[[u8; 4]], [left, top, width, height]: [u32; 4], size: [u32; 2]) -> Cell {
         let at = |x: u32, y: u32| {
             let index = (top + y) as usize * camera.width as usize + (left + x) as usize;
@@ -55,7 +56,7 @@ impl Cell {
     /// The darkened image under a hand model's mesh with its vertices at `positions` (world, metres).
     ///
     /// # Errors
-    /// [`MeshError`] when the mesh cannot be drawn.
+    /// [`MeshError`] if the mesh cannot be drawn.
     pub fn with_template(
         &self,
         renderer: &MeshRenderer,
@@ -84,8 +85,8 @@ impl Cell {
     }
 }
 
-/// A pixel of which the parts `mask` and `template` are covered by mask and template, the latter with so much light; all in
-/// `[0, 1]`.
+/// A pixel whose fractions `mask` and `template` are covered by mask and template, the latter with brightness `light`;
+/// all in `[0, 1]`.
 fn blend(pixel: Rgb<u8>, mask: f32, template: f32, light: f32) -> Rgb<u8> {
     let color = |c: Rgb<u8>| Vec3::from(c.0.map(f32::from));
     let dark = color(pixel) * DARKENED;
@@ -103,12 +104,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_only_one_covers_has_its_colour_and_the_rest_is_darkened() {
+    fn areas_covered_by_one_of_both_have_its_colour_and_the_rest_is_darkened() {
         let grey = Rgb([100; 3]);
         let [r, _, b] = blend(grey, 0.0, 1.0, 1.0).0;
-        assert!(r > b + 100, "the template alone is red");
+        assert!(r > b + 100, "only template is red");
         let [r, _, b] = blend(grey, 1.0, 0.0, 1.0).0;
-        assert!(b > r + 100, "the mask alone is blue");
+        assert!(b > r + 100, "only mask is blue");
         let both = blend(grey, 1.0, 1.0, 1.0).0;
         assert!(both.iter().all(|v| *v > 100) && both[1] > both[0].max(both[2]), "both are green: {both:?}");
         assert!(blend(grey, 1.0, 1.0, 0.3).0 < both, "shade is seen");
@@ -118,7 +119,7 @@ mod tests {
     #[test]
     fn a_scaled_image_and_its_camera_show_a_point_at_the_same_place() {
         let camera = Camera::look_at(DVec3::NEG_Z, DVec3::ZERO, DVec3::NEG_Y, 0.5, 301, 200);
-        // A white block around the corner of pixels that is the image of a point.
+        // A white block around the pixel corner where a point is seen.
         let point = ((DVec2::new(190.0, 80.0) - camera.principal) / camera.focal).extend(0.0);
         let (pixel, _) = camera.project(point);
         let near = |i: usize| {

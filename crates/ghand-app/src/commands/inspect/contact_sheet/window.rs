@@ -1,15 +1,16 @@
-//! The part of an image that is shown: where the hand is small, the hand and what lies around it.
+//! The part of an image that is shown: a small hand is shown with its surroundings only.
 
 use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
-/// Part of the window, from edge to edge, that mask and template may take.
+/// Fraction of the window, from edge to edge, that mask and template may fill.
 const FILL: f64 = 0.8;
-/// A window that is not smaller than this part of the image is the whole image, so that views are cut only where that helps.
+/// A window that is not smaller than this fraction of the image becomes the whole image: views are cropped only if it
+/// helps.
 const LARGEST: f64 = 0.7;
 
-/// The window (x, y, width, height; pixels) of the image's shape around the mask (`rgba`, in place of alpha) and the images of
-/// `points` (world, metres), as far as they are in the image; the whole image where there is nothing.
+/// The window (x, y, width, height; pixels), with the image's aspect ratio, around the mask (alpha of `rgba`) and the
+/// projected `points` (world, metres) inside the image; the whole image if there are none.
 pub fn window(camera: &Camera, rgba: &[[u8; 4]], points: impl Iterator<Item = DVec3>) -> [u32; 4] {
     let whole = [0, 0, camera.width, camera.height];
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
@@ -27,7 +28,7 @@ pub fn window(camera: &Camera, rgba: &[[u8; 4]], points: impl Iterator<Item = DV
         }
     }
     let scale = ((high - low) / size).max_element() / FILL;
-    // Nothing leaves an infinite box.
+    // The box of no points is infinite.
     if !(scale.is_finite() && scale < LARGEST) || high.cmplt(low).any() {
         return whole;
     }
@@ -49,8 +50,8 @@ mod tests {
     }
 
     #[test]
-    fn small_hands_fill_their_window_and_large_ones_are_shown_whole() {
-        // 39 of 200 rows between the outermost centres, over 0.8: 0.24375 of the image, which is rounded up.
+    fn small_hands_fill_their_window_and_large_ones_get_the_whole_image() {
+        // 39 of 200 rows between the outermost centres, over 0.8: 0.24375 of the image, rounded up.
         assert_eq!(of_box([100, 80, 40, 40], &[]), [71, 76, 98, 49]);
         assert_eq!(of_box([0, 0, 40, 40], &[]), [0, 0, 98, 49]);
         assert_eq!(of_box([360, 160, 40, 40], &[]), [302, 151, 98, 49]);
@@ -59,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_template_elsewhere_in_the_image_widens_the_window_and_one_without_image_does_not() {
+    fn a_template_widens_the_window_if_it_is_inside_the_image() {
         let far_right = DVec3::new(0.4, 0.0, 0.0);
         assert_eq!(of_box([10, 80, 40, 40], &[far_right]), [0, 0, 400, 200]);
         let alone = of_box([100, 80, 40, 40], &[]);

@@ -1,4 +1,4 @@
-//! Motions play until somebody stops them; poses are set by sliders and numbers.
+//! Motions play until the user stops them; sliders and numbers set poses.
 
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, pos2};
@@ -8,8 +8,8 @@ use super::*;
 use crate::pose_choice::PoseReadingArgs;
 use crate::viewer::screenshot::screenshot;
 
-/// Name of the slider of the place in a motion.
-const PLACE: &str = "Place in the motion";
+/// Name of the slider for the position in a motion.
+const PLACE: &str = "Position in the motion";
 const SMALL: Vec2 = vec2(400.0, 300.0);
 
 /// What `--pose` gives for a name or a file.
@@ -17,7 +17,7 @@ fn poses(text: &str) -> PoseSequence {
     PoseReadingArgs::default().load(text, &small_hand().avatar.model).unwrap()
 }
 
-/// A file of 1.92 seconds of poses in which all joints turn, at a rate that no decimals fit.
+/// A file with 1.92 seconds of poses in which all joints rotate, at a rate without a finite decimal form.
 fn pose_file(folder: &std::path::Path) -> String {
     let pose =
         |k: usize| (0..16).map(|joint| format!("[0,{},-0.0001]", 0.003 * (k + joint) as f64)).collect::<Vec<_>>();
@@ -36,7 +36,7 @@ fn playing(sequence: PoseSequence, step_secs: f32) -> Headless {
 }
 
 impl Headless {
-    /// Seconds into the motion, and whether it plays.
+    /// The position in the motion, seconds, and whether it plays.
     fn place(&mut self) -> (f64, bool) {
         self.hand().timeline.as_ref().unwrap().state()
     }
@@ -58,7 +58,7 @@ impl Headless {
 }
 
 #[test]
-fn what_the_viewer_is_opened_with_plays_at_its_pace_at_any_frame_rate() {
+fn an_initial_motion_plays_at_its_own_speed_at_any_frame_rate() {
     let folder = tempfile::tempdir().unwrap();
     for text in ["count".to_owned(), pose_file(folder.path())] {
         let sequence = poses(&text);
@@ -85,7 +85,7 @@ fn what_the_viewer_is_opened_with_plays_at_its_pace_at_any_frame_rate() {
 }
 
 #[test]
-fn a_motion_that_is_clicked_plays_and_a_click_stops_it() {
+fn a_click_on_a_motion_plays_it_and_another_stops_it() {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SMALL, 0.1);
     ui.click("grasp");
     let (before, _) = ui.place();
@@ -96,7 +96,7 @@ fn a_motion_that_is_clicked_plays_and_a_click_stops_it() {
     let stopped = ui.place();
     ui.frame(Vec::new());
     assert_eq!((stopped.1, stopped), (false, ui.place()));
-    // It goes on where it was, however long the pause.
+    // It continues where it was, however long the pause.
     ui.harness.input_mut().time = Some(1000.0);
     ui.click("Play");
     assert!(ui.place().1 && ui.place().0 - stopped.0 < 0.5, "{stopped:?} {:?}", ui.place());
@@ -124,7 +124,7 @@ fn the_time_slider_scrubs_and_stops() {
     let rail = ui.harness.get_by_role_and_label(Role::Slider, PLACE).rect();
     ui.pointer(rail.center(), Some(true));
     assert!((ui.place().0 - 0.5 * end).abs() < 0.1 * end);
-    // Held still, it stays.
+    // A slider that is held still keeps its value.
     let held = ui.place();
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!((held.1, held), (false, ui.place()));
@@ -140,7 +140,7 @@ fn the_time_slider_scrubs_and_stops() {
 }
 
 #[test]
-fn who_poses_the_hand_stops_its_motion_but_does_not_lose_it() {
+fn manual_posing_stops_the_motion_but_keeps_it() {
     let mut ui = playing(poses("count"), 0.1);
     ui.click("fist");
     let fist = pose_by_name("fist", &ui.hand().avatar.model).unwrap();
@@ -160,7 +160,7 @@ fn who_poses_the_hand_stops_its_motion_but_does_not_lose_it() {
 }
 
 #[test]
-fn joint_sliders_show_no_minus_zero_and_take_only_angles() {
+fn joint_sliders_show_no_minus_zero_and_accept_only_angles() {
     let mut hand = small_hand();
     hand.pose.rotations[0] = glam::DVec3::new(-0.001, 0.0, -1.0);
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
@@ -171,7 +171,7 @@ fn joint_sliders_show_no_minus_zero_and_take_only_angles() {
     let before = ui.hand().pose.clone();
     for text in ["nan", "inf", "-inf", "200", "-1e9", "fist", ""] {
         ui.enter("x", text);
-        assert_eq!(ui.hand().pose, before, "{text:?} was taken");
+        assert_eq!(ui.hand().pose, before, "{text:?} was accepted");
     }
     ui.enter("x", "-12");
     assert!((ui.hand().pose.rotations[0].x.to_degrees() + 12.0).abs() < 1e-9);

@@ -1,4 +1,4 @@
-//! The pointer turns, moves and zooms the view, however slowly frames are drawn.
+//! The pointer rotates, moves and zooms the view at any frame rate.
 
 use egui::{Modifiers, PointerButton, Pos2, pos2};
 
@@ -12,7 +12,7 @@ fn button(button: PointerButton, pressed: bool, pos: Pos2) -> Event {
     Event::PointerButton { pos, button, pressed, modifiers: Modifiers::default() }
 }
 
-/// A drag as a window gets it.
+/// A drag as a window receives it.
 fn drag(pointer_button: PointerButton, from: Pos2, to: Pos2) -> Vec<Event> {
     let moved = (1..=7).map(|k| Event::PointerMoved(from + (to - from) * (k as f32 / 7.0)));
     [Event::PointerMoved(from), button(pointer_button, true, from)]
@@ -54,13 +54,13 @@ fn viewer() -> Headless {
     ui
 }
 
-/// Lets time pass in small steps until nothing moves by itself.
+/// Advances time in small steps until animations have ended.
 fn settle(ui: &mut Headless) {
     (0..20).for_each(|_| _ = ui.frame(Vec::new()));
 }
 
 #[test]
-fn a_drag_turns_or_moves_the_view_by_its_length_in_however_few_frames() {
+fn a_drag_moves_the_view_by_its_length_at_any_frame_rate() {
     let mut ui = viewer();
     let picture = ui.viewer().picture.texture().unwrap();
     let edge = f64::from(picture.width().min(picture.height()));
@@ -74,7 +74,7 @@ fn a_drag_turns_or_moves_the_view_by_its_length_in_however_few_frames() {
             expected.pan(by(A, B), edge)
         }
         let events = drag(pointer_button, A, B);
-        // From all events in one frame to each in its own.
+        // From all events in one frame to one event per frame.
         for size in [events.len(), 5, 2, 1] {
             let mut ui = viewer();
             events.chunks(size).for_each(|frame| _ = ui.frame(frame.to_vec()));
@@ -94,7 +94,7 @@ fn two_drags_in_one_frame_both_count() {
 }
 
 #[test]
-fn what_begins_on_the_panel_leaves_the_view_alone() {
+fn a_drag_that_begins_on_the_panel_does_not_change_the_view() {
     for one_frame in [true, false] {
         let mut ui = viewer();
         let before = ui.viewer().camera.clone();
@@ -107,7 +107,7 @@ fn what_begins_on_the_panel_leaves_the_view_alone() {
 }
 
 #[test]
-fn a_drag_goes_on_over_the_panel_and_outside_of_the_window() {
+fn a_drag_continues_over_the_panel_and_outside_the_window() {
     let mut ui = viewer();
     let mut expected = ui.viewer().camera.clone();
     expected.orbit(by(A, pos2(-20.0, 210.0)));
