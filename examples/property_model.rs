@@ -50,7 +50,7 @@ impl PropertyModel for Wave {
         Err(not_trained())
     }
 
-    fn pose_numbers(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
+    fn pose_parameters(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
         Ok(Vec::new())
     }
 

@@ -30,7 +30,7 @@ struct Varyings {
     // UV and nothing, or a colour.
     @location(1) surface: vec3f,
     @location(2) depth: f32,
-    @location(3) exposure: f32,
+    @location(3) light_visibility: f32,
 }
 
 struct Targets {
@@ -43,7 +43,7 @@ fn vertex(
     @location(0) position_camera: vec3f,
     @location(1) normal_world: vec3f,
     @location(2) surface: vec3f,
-    @location(3) exposure: f32,
+    @location(3) light_visibility: f32,
 ) -> Varyings {
     let z = position_camera.z;
     var out: Varyings;
@@ -57,7 +57,7 @@ fn vertex(
     out.normal = normal_world;
     out.surface = surface;
     out.depth = z;
-    out.exposure = exposure;
+    out.light_visibility = light_visibility;
     return out;
 }
 
@@ -105,7 +105,7 @@ fn fragment(in: Varyings) -> Targets {
         color = sample_color(in.surface.xy);
     }
     if uniforms.modes.x == SHADING_LIT {
-        color = min(color * shade(in.normal) * in.exposure, vec3f(1.0));
+        color = min(color * shade(in.normal) * in.light_visibility, vec3f(1.0));
     }
     return Targets(vec4f(color, 1.0), in.depth);
 }

@@ -4,11 +4,11 @@
 //! abort, and Rust's own allocator also aborts. Without this module a user would see only `Segmentation fault`.
 
 #[cfg(target_os = "linux")]
-pub use linux::explain;
+pub use linux::explain_crashes;
 
 /// Other systems report crashes themselves.
 #[cfg(not(target_os = "linux"))]
-pub fn explain() {}
+pub fn explain_crashes() {}
 
 #[cfg(target_os = "linux")]
 mod linux {
@@ -30,7 +30,7 @@ mod linux {
 
     /// From now on a crash is explained on stderr. With a limit on the address space, a crash is a failed allocation
     /// and ends the process with exit code 1; otherwise the crash continues after the sentence.
-    pub fn explain() {
+    pub fn explain_crashes() {
         let limit = address_space_limit_mib();
         let sentence = match limit {
             Some(limit) => format!(

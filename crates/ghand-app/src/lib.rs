@@ -1,6 +1,5 @@
 //! Parts of the programs `train`, `viewer` and `ghand`: the commands, the viewer, and the reading of input.
 
-pub mod bare_hand;
 pub mod capture_args;
 pub mod capture_preflight;
 pub mod cli;
@@ -15,4 +14,5 @@ pub mod pose_choice;
 pub mod runtime_dir;
 pub mod scene_framing;
 pub mod train_run;
+pub mod untrained_hand;
 pub mod viewer;

@@ -93,7 +93,7 @@ pub fn draw(
     let mesh = MeshInstance {
         positions,
         normals: &model.vertex_normals(positions),
-        exposure: None,
+        light_visibility: None,
         triangles: &model.faces,
         surface,
     };

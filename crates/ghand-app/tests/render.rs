@@ -123,7 +123,7 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     };
     let with = |first: &[&'static str]| [first, &turntable].concat();
     check(&with(&["missing.ghand"]), &["missing.ghand"]);
-    check(&with(&["cut.ghand"]), &["cut.ghand", "cut short"]);
+    check(&with(&["cut.ghand"]), &["cut.ghand", "truncated"]);
     check(&with(&["text.ghand"]), &["text.ghand"]);
     check(&with(&["hand.ghand", "--pose", "missing.json"]), &["missing.json"]);
     check(&with(&["hand.ghand", "--pose", "broken.json"]), &["broken.json"]);

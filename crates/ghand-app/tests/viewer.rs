@@ -123,7 +123,7 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     };
     check(&["hand.ghand"], &["no display", "--screenshot"]);
     check(&["missing.ghand", "--screenshot", "a.png"], &["missing.ghand"]);
-    check(&["cut.ghand", "--screenshot", "a.png"], &["cut.ghand", "cut short"]);
+    check(&["cut.ghand", "--screenshot", "a.png"], &["cut.ghand", "truncated"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--pose", "salute"], &["salute", "thumbs-up"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--adapter", "no such"], &["no such", "adapter"]);
     check(&["hand.ghand", "--screenshot", "a.png", "--size", "64"], &["--size"]);

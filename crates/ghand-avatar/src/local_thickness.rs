@@ -9,7 +9,7 @@ use rayon::prelude::*;
 const START: f64 = 1e-5;
 
 /// Distance at which the ray from `origin` along `direction` (a unit vector) exits through the triangle, metres.
-fn exit(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+fn exit_distance(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let facing = normal.dot(direction);
@@ -36,7 +36,7 @@ fn at_vertices(model: &HandModel) -> Vec<f64> {
     let thickness = |(vertex, normal): (&DVec3, &DVec3)| {
         let inwards = -normal.normalize_or_zero();
         let origin = *vertex + inwards * START;
-        triangles.iter().filter_map(|t| exit(origin, inwards, *t)).fold(f64::INFINITY, f64::min)
+        triangles.iter().filter_map(|t| exit_distance(origin, inwards, *t)).fold(f64::INFINITY, f64::min)
     };
     model.vertices.par_iter().zip(&normals).map(thickness).collect()
 }
@@ -63,10 +63,10 @@ mod tests {
     fn a_ray_exits_only_through_the_back_of_a_face() {
         let face = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let inside = DVec3::new(0.2, 0.2, -3.0);
-        assert_eq!(exit(inside, DVec3::Z, face), Some(3.0));
-        assert_eq!(exit(inside, -DVec3::Z, face), None);
-        assert_eq!(exit(DVec3::new(0.2, 0.2, 3.0), -DVec3::Z, face), None, "from outside");
-        assert_eq!(exit(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "next to the face");
+        assert_eq!(exit_distance(inside, DVec3::Z, face), Some(3.0));
+        assert_eq!(exit_distance(inside, -DVec3::Z, face), None);
+        assert_eq!(exit_distance(DVec3::new(0.2, 0.2, 3.0), -DVec3::Z, face), None, "from outside");
+        assert_eq!(exit_distance(DVec3::new(0.8, 0.8, -3.0), DVec3::Z, face), None, "next to the face");
     }
 
     #[test]

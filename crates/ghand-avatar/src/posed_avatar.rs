@@ -3,7 +3,7 @@
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_render::deform::{Deformation, DeformationBackward, TablePlace, Template as DeformTemplate, pose_stride};
+use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, TablePlace, pose_stride};
 use ghand_render::{Gpu, RenderError};
 
 use crate::avatar::Avatar;

@@ -99,7 +99,7 @@ pub trait PropertyModel {
     ///
     /// # Errors
     /// As [`PropertyModel::tables`].
-    fn pose_numbers(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
+    fn pose_parameters(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
 
     /// Reads back the gradients of the parameters by their names in the avatar file, for tests and plots.
     ///

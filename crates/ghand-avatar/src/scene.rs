@@ -75,7 +75,7 @@ impl Scene {
     ///
     /// # Errors
     /// As [`Scene::new`].
-    pub fn of_splats(gpu: &Gpu, splats: &SplatScene, max_size: [u32; 2]) -> Result<Scene, RenderError> {
+    pub fn of_static_gaussians(gpu: &Gpu, splats: &SplatScene, max_size: [u32; 2]) -> Result<Scene, RenderError> {
         let options = SplatOptions { model: splats.model(), purpose: Purpose::Images, depth: false };
         let splatter = Splatter::new(gpu, options, splats.count, max_size)?;
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&splats.table));
@@ -108,7 +108,7 @@ impl Scene {
     }
 
     /// The splatter and the avatars, borrowed together to make gradients of both.
-    pub fn parts_mut(&mut self) -> (&Splatter, &mut [PosedAvatar]) {
+    pub fn splatter_and_avatars_mut(&mut self) -> (&Splatter, &mut [PosedAvatar]) {
         (&self.splatter, &mut self.avatars)
     }
 

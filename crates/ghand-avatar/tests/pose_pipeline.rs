@@ -33,7 +33,7 @@ fn widen(values: &[f32]) -> Vec<f64> {
 fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let mut scene = Scene::new(&gpu, &[avatar], Purpose::Gradients, 2, [16, 16]).unwrap();
-    let (splatter, avatars) = scene.parts_mut();
+    let (splatter, avatars) = scene.splatter_and_avatars_mut();
     let (gaussians, on_device) = (splatter.gaussians(), splatter.d_gaussians());
     let posed = &mut avatars[0];
     let backward = posed.prepare_training(&gpu, on_device, &[1.0; JOINTS]).unwrap();
@@ -47,12 +47,12 @@ fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     gpu.queue.write_buffer(on_device, 0, bytemuck::cast_slice(d_gaussians));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     posed.encode(&gpu, &mut encoder).unwrap();
-    backward.encode_points(&mut encoder);
+    backward.encode_point_gradients(&mut encoder);
     offset_penalty.encode(&mut encoder);
     scale_penalty.encode(&mut encoder);
-    backward.encode_properties(&mut encoder);
+    backward.encode_property_gradients(&mut encoder);
     posed.model.backward(&gpu, &mut encoder).unwrap();
-    backward.encode_pose(&mut encoder);
+    backward.encode_pose_gradient(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
     let table: Vec<f32> = buffers::read(&gpu, gaussians, 7 * COUNT).unwrap();
     let d_pose: Vec<f32> = buffers::read(&gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();

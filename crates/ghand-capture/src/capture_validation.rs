@@ -188,7 +188,7 @@ impl FileValidator<'_> {
 
     /// Rejects paths that could leave the capture's folder on any system. Links inside the folder are the user's
     /// responsibility.
-    pub fn stays_inside(&self, field: &str, path: &str) -> Result<(), CaptureError> {
+    pub fn is_inside_capture(&self, field: &str, path: &str) -> Result<(), CaptureError> {
         let normal = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         if normal && !path.is_empty() && !path.contains(['\\', ':', '\0']) {
             return Ok(());

@@ -24,7 +24,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::mano::PARENTS;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::camera_choice::well_spread;
+use crate::camera_sampling::farthest_point_sampling;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::capture_validation::{CameraEntry, FileValidator, JointRows, Position};
 use crate::error::CaptureError;
@@ -36,7 +36,7 @@ pub use annotation_counts::{AnnotationCounts, count_annotations};
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};
-pub use write::{Landmarks, lay_out, write_annotations};
+pub use write::{Landmarks, rename_as_interhand, write_annotations};
 
 /// Stride of the images in the split `test`, as in HandAvatar; `test_all` has all of them.
 const TEST_STRIDE: usize = 200;
@@ -249,7 +249,7 @@ fn splits(cameras: &[Camera], train: Vec<(usize, usize)>, test: Vec<(usize, usiz
     let (train, test) = (Split::of_pairs(train), Split::of_pairs(test));
     let mut splits = BTreeMap::new();
     for count in SPARSE {
-        let chosen = well_spread(cameras, &train.cameras, count);
+        let chosen = farthest_point_sampling(cameras, &train.cameras, count);
         splits.insert(format!("train{count}"), train.filtered(|v| chosen.contains(&v.camera)));
     }
     splits.insert("train".into(), train);

@@ -4,8 +4,8 @@
 //! contents. [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read
 //! published data sets. [`ViewStore`] decodes images in the background, [`inspection`] checks any capture.
 
-pub mod camera_choice;
 pub mod camera_file;
+pub mod camera_sampling;
 pub mod capture;
 mod capture_validation;
 pub mod distortion;

@@ -46,7 +46,7 @@ impl fmt::Display for SkipReason {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SkippedImages {
     /// Number of checked images.
-    pub looked_at: usize,
+    pub checked: usize,
     /// Skipped images by reason.
     pub reasons: BTreeMap<SkipReason, usize>,
     /// The problem of the first missing or broken file, if known.
@@ -56,7 +56,7 @@ pub struct SkippedImages {
 impl SkippedImages {
     /// Counts one checked image.
     pub fn add(&mut self, reason: Option<SkipReason>) {
-        self.looked_at += 1;
+        self.checked += 1;
         if let Some(reason) = reason {
             *self.reasons.entry(reason).or_default() += 1;
         }
@@ -70,7 +70,7 @@ impl SkippedImages {
 
 impl fmt::Display for SkippedImages {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of {} images are skipped", self.total(), self.looked_at)?;
+        write!(f, "{} of {} images are skipped", self.total(), self.checked)?;
         for (i, (reason, count)) in self.reasons.iter().enumerate() {
             write!(f, "{} {count} {reason}", if i == 0 { ":" } else { "," })?;
         }
@@ -94,6 +94,6 @@ mod tests {
         assert_eq!(counts.to_string(), "3 of 4 images are skipped: 1 without a file, 2 too dark");
         counts.first = Some("0.png: gone".into());
         assert!(counts.to_string().ends_with("2 too dark; the first: 0.png: gone"));
-        assert_eq!(SkippedImages { looked_at: 4, ..Default::default() }.to_string(), "0 of 4 images are skipped");
+        assert_eq!(SkippedImages { checked: 4, ..Default::default() }.to_string(), "0 of 4 images are skipped");
     }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// file keeps its permissions; a new one gets those that the user's umask allows.
 ///
 /// # Errors
-/// As for [`check_target`], and any error of the file system; the file at `path` is then unchanged.
+/// As for [`check_writable`], and any error of the file system; the file at `path` is then unchanged.
 pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
     let target = replaceable(path)?;
     let folder = folder_of(&target);
@@ -35,7 +35,7 @@ pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
 /// # Errors
 /// An error that names the obstacle: `path` is a folder, a pipe, a device, a read-only file or a cycle of symbolic
 /// links, or one of its parents is a file.
-pub fn check_target(path: &Path) -> io::Result<()> {
+pub fn check_writable(path: &Path) -> io::Result<()> {
     replaceable(path).map(|_| ())
 }
 
@@ -115,12 +115,12 @@ mod tests {
     fn parent_folders_are_created_but_not_below_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a/b/c.json");
-        check_target(&file).unwrap();
+        check_writable(&file).unwrap();
         assert_eq!(entries(folder.path()), 0);
         write_atomically(&file, b"x").unwrap();
         assert_eq!(std::fs::read(&file).unwrap(), b"x");
         let through = file.join("d/e.json");
-        assert!(check_target(&through).is_err());
+        assert!(check_writable(&through).is_err());
         assert!(write_atomically(&through, b"x").is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"x");
     }
@@ -141,7 +141,7 @@ mod tests {
             for path in [pipe.as_path(), link.as_path(), Path::new("/dev/null")] {
                 let error = write_atomically(path, b"x").unwrap_err().to_string();
                 assert!(error.contains("pipe or a device"), "{}: {error}", path.display());
-                assert!(check_target(path).is_err());
+                assert!(check_writable(path).is_err());
             }
             assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
             assert!(std::fs::metadata("/dev/null").unwrap().file_type().is_char_device());

@@ -29,7 +29,7 @@ pub struct Npz<'a> {
 
 impl<'a> Npz<'a> {
     /// Whether the bytes begin like an archive.
-    pub fn recognizes(bytes: &[u8]) -> bool {
+    pub fn recognises_bytes(bytes: &[u8]) -> bool {
         bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")
     }
 

@@ -148,7 +148,7 @@ pub struct Graph<'a> {
 
 impl<'a> Graph<'a> {
     /// Whether the bytes begin like a pickle of a dictionary or an object, in any protocol.
-    pub fn recognizes(bytes: &[u8]) -> bool {
+    pub fn recognises_bytes(bytes: &[u8]) -> bool {
         matches!(bytes.first(), Some(0x80 | b'(' | b'}' | b'c'))
     }
 

@@ -42,7 +42,7 @@ use crate::PoseError;
 use crate::rest_skeleton::RestSkeleton;
 pub(crate) use recording::{Motion, Recording};
 pub(crate) use source::{Skipped, Source};
-use to_model::{carried_over, fitted, mano_rows, rows, side_name};
+use to_model::{fitted, mano_rows, retargeted, rows, side_name};
 
 /// Default rate, frames per second.
 pub const DEFAULT_FPS: f64 = 30.0;
@@ -148,7 +148,7 @@ pub fn poses_of_value(
     let (mut frames, side) = match motion {
         Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
         Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
-        Motion::WebXr { frames } => (carried_over(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
+        Motion::WebXr { frames } => (retargeted(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
         Motion::Landmarks { frames } => (fitted(&source, &frames, side, model, &mut warnings)?, side),
     };
     if side != model.side {

@@ -64,7 +64,7 @@ pub struct PoseUniforms {
 
 /// The hand to be deformed.
 #[derive(Debug, Clone, Copy)]
-pub struct Template<'a> {
+pub struct DeformTemplate<'a> {
     /// Rest positions, `[3][N]`, metres.
     pub rest: &'a [f32],
     /// Skinning weights, `[n_b][N]`.
@@ -168,7 +168,7 @@ pub struct Deformation {
 impl Deformation {
     /// A deformation that fills the rows of mean, standard deviation and colour at `place` in `gaussians`, the table of
     /// a splatter of isotropic Gaussians with plain colours.
-    pub fn new(gpu: &Gpu, template: &Template, gaussians: &wgpu::Buffer, place: TablePlace) -> Deformation {
+    pub fn new(gpu: &Gpu, template: &DeformTemplate, gaussians: &wgpu::Buffer, place: TablePlace) -> Deformation {
         let joints = template.parents.len();
         let count = template.rest.len() / 3;
         let current = PoseUniforms {
@@ -326,9 +326,9 @@ impl BackwardBuffers {
     }
 }
 
-/// The backward pass of a [`Deformation`]. In this order: [`DeformationBackward::encode_points`], penalties on offsets
-/// and properties, [`DeformationBackward::encode_properties`], the property model's backward pass, which adds to
-/// [`DeformationBackward::d_local`], and [`DeformationBackward::encode_pose`].
+/// The backward pass of a [`Deformation`]. In this order: [`DeformationBackward::encode_point_gradients`], penalties on offsets
+/// and properties, [`DeformationBackward::encode_property_gradients`], the property model's backward pass, which adds to
+/// [`DeformationBackward::d_local`], and [`DeformationBackward::encode_pose_gradient`].
 pub struct DeformationBackward {
     buffers: BackwardBuffers,
     place: TablePlace,
@@ -382,19 +382,19 @@ impl DeformationBackward {
     }
 
     /// dL/d(local rotations), `[n_b][9]`, row-major. A property model that depends on the pose adds its part between
-    /// [`DeformationBackward::encode_properties`] and [`DeformationBackward::encode_pose`].
+    /// [`DeformationBackward::encode_property_gradients`] and [`DeformationBackward::encode_pose_gradient`].
     pub fn d_local(&self) -> &wgpu::Buffer {
         &self.buffers.d_local
     }
 
-    /// Its first three rows are dL/d(offset), `[3][N]`, between [`DeformationBackward::encode_points`] and
-    /// [`DeformationBackward::encode_properties`]: penalties on the offsets are added there.
+    /// Its first three rows are dL/d(offset), `[3][N]`, between [`DeformationBackward::encode_point_gradients`] and
+    /// [`DeformationBackward::encode_property_gradients`]: penalties on the offsets are added there.
     pub fn d_offsets(&self) -> &wgpu::Buffer {
         &self.buffers.d_skin
     }
 
     /// Encodes the gradients from the table of Gaussians to scale, colour, residual weights and points.
-    pub fn encode_points(&self, encoder: &mut wgpu::CommandEncoder) {
+    pub fn encode_point_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
         let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
         encoder.copy_buffer_to_buffer(&b.d_gaussians, self.place.byte(ROW_SCALE), &g.scale, 0, row);
         for c in 0..3 {
@@ -406,14 +406,14 @@ impl DeformationBackward {
 
     /// Encodes the gradients from the points to all other properties, and the residual skeleton's part of the local
     /// rotations' gradient.
-    pub fn encode_properties(&self, encoder: &mut wgpu::CommandEncoder) {
+    pub fn encode_property_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "property gradients");
         self.residual_skeleton.encode(&mut pass);
         self.blend_shapes.encode(&mut pass);
     }
 
     /// Encodes the gradients of pose and rest joints.
-    pub fn encode_pose(&self, encoder: &mut wgpu::CommandEncoder) {
+    pub fn encode_pose_gradient(&self, encoder: &mut wgpu::CommandEncoder) {
         self.skeleton.encode(&mut compute_pass(encoder, "pose gradient"));
     }
 }

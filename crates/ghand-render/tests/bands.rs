@@ -153,8 +153,8 @@ fn the_blocks_of_a_large_mesh_image_join_without_a_seam() {
             depth: rows.flat_map(|row| whole.depth[row].to_vec()).collect(),
         }
     };
-    let in_sight = |x: std::ops::Range<usize>| x.filter(|x| (0..100).any(|y| window.rgba[y * 80 + x][3] > 0.0)).count();
-    assert!(in_sight(30..44) > 10 && in_sight(44..58) > 10, "the torus is on both sides of the border");
+    let visible = |x: std::ops::Range<usize>| x.filter(|x| (0..100).any(|y| window.rgba[y * 80 + x][3] > 0.0)).count();
+    assert!(visible(30..44) > 10 && visible(44..58) > 10, "the torus is on both sides of the border");
     // Up to 8 samples within rounding of an edge can flip.
     compare(&window, &cut(0), 8).unwrap();
     assert!(compare(&window, &cut(1), 8).is_err(), "the comparison detects a shift");

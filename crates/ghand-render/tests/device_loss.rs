@@ -117,7 +117,7 @@ fn all_calls_that_wait_for_a_lost_device_fail_at_once_and_say_so() {
         let triangle = MeshInstance {
             positions: &[DVec3::ZERO, DVec3::X, DVec3::Y],
             normals: &[DVec3::Z; 3],
-            exposure: None,
+            light_visibility: None,
             triangles: &[[0, 1, 2]],
             surface: Surface::Texture { uvs: &[DVec2::ZERO; 3], texture: &texture },
         };
@@ -205,15 +205,15 @@ fn work_is_restarted_after_each_loss_until_there_are_too_many() {
             Ok(*tries)
         };
         let mut tries = 0;
-        assert_eq!(gpu.persist("counting", |gpu| lose(2, &mut tries, gpu)).unwrap(), 3);
+        assert_eq!(gpu.retry_on_device_loss("counting", |gpu| lose(2, &mut tries, gpu)).unwrap(), 3);
         assert!(!gpu.is_lost());
         let mut tries = 0;
-        let given_up = gpu.persist("counting", |gpu| lose(usize::MAX, &mut tries, gpu));
+        let given_up = gpu.retry_on_device_loss("counting", |gpu| lose(usize::MAX, &mut tries, gpu));
         assert!(matches!(given_up, Err(Failed::Render(RenderError::Lost(_)))), "{given_up:?}");
         assert_eq!(tries, 4);
         // Work that failed for another reason is not repeated; a device lost earlier is replaced first.
         let mut tries = 0;
-        let other = gpu.persist("failing", |gpu| -> Result<(), Failed> {
+        let other = gpu.retry_on_device_loss("failing", |gpu| -> Result<(), Failed> {
             tries += 1;
             gpu.wait()?;
             Err(RenderError::Invalid("no".into()).into())

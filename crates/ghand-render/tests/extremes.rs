@@ -8,7 +8,7 @@ use common::*;
 use ghand_core::Camera;
 use ghand_render::Tier;
 use ghand_render::reference::project::{Color, Gaussian};
-use ghand_render::reference::rasterize::{Cuts, Scene};
+use ghand_render::reference::rasterize::{CutOffs, Scene};
 use ghand_render::splat::{Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};
 use glam::{DMat3, DVec2, DVec3, DVec4};
 use rand::RngExt;
@@ -47,7 +47,7 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
     let pixels = (camera.width * camera.height) as usize;
     let weights = random_weights(11, pixels);
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let scene = Scene { gaussians, camera, background, antialias: model.antialias, cuts: Cuts::default() };
+    let scene = Scene { gaussians, camera, background, antialias: model.antialias, cuts: CutOffs::default() };
     let twin = scene.rasterize();
     let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
     let gradient = scene.rasterize_vjp(&d_image).0;
@@ -349,7 +349,8 @@ fn a_million_gaussians() {
     splatter.set_view(&gpu, View::new(&camera, count, BACKGROUND, 1.0)).unwrap();
     let image = splatter.render(&gpu).unwrap();
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let scene = Scene { gaussians: &gaussians, camera: &camera, background, antialias: false, cuts: Cuts::default() };
+    let scene =
+        Scene { gaussians: &gaussians, camera: &camera, background, antialias: false, cuts: CutOffs::default() };
     let (error, flips) = compare_images(&image.rgba, &scene.rasterize(), 2e-3);
     println!("1,000,000 Gaussians: image {error:.1e}, {flips} of {} pixels flipped", image.rgba.len());
     assert!(error <= 1e-3 && flips * 20 <= image.rgba.len(), "{error}, {flips} flips");

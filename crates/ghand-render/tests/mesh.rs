@@ -119,7 +119,7 @@ fn a_mesh_is_in_front_of_or_behind_splats_by_the_splatters_depth() {
         let wall = Model::plain(&corners, &[[0, 1, 2]]);
         let mesh = wall.with(Surface::Color(DVec3::new(0.0, 0.0, 1.0)));
         let mesh = renderer.render(&mesh, &camera, &faces(1, Shading::Unlit)).unwrap();
-        let both = mesh.with_splats(&layer, 0.0).unwrap();
+        let both = mesh.composite_with_splats(&layer, 0.0).unwrap();
         let blue = both.rgba[middle][2];
         assert!(if mesh_is_seen { blue == 1.0 } else { blue < 0.2 }, "at {depth}: {blue}");
         assert_eq!(both.rgba[0], [0.0, 0.0, 1.0, 1.0], "where there is no splat, the wall hides the background");
@@ -193,7 +193,7 @@ fn unusable_input_is_named() {
     };
     let mesh = torus.textured();
     says(MeshInstance { normals: &[], ..mesh }, &camera, &style, "vertices");
-    says(MeshInstance { exposure: Some(&[]), ..mesh }, &camera, &style, "exposure");
+    says(MeshInstance { light_visibility: Some(&[]), ..mesh }, &camera, &style, "light_visibility");
     says(MeshInstance { triangles: &[[0, 1, 99_999]], ..mesh }, &camera, &style, "triangles");
     says(torus.with(Surface::Texture { uvs: &[], texture: &torus.texture }), &camera, &style, "uvs");
     let broken = Texture { width: 2, height: 2, rgb: vec![] };
@@ -213,8 +213,8 @@ fn unusable_input_is_named() {
     says(model.textured(), &camera, &style, "positions: vertex 5 is");
     let model = bad(|m| m.normals[5].x = f64::INFINITY);
     says(model.textured(), &camera, &style, "normals: the normal of vertex 5");
-    let model = bad(|m| m.exposure[5] = f64::NAN);
-    says(model.textured(), &camera, &style, "exposure: vertex 5");
+    let model = bad(|m| m.light_visibility[5] = f64::NAN);
+    says(model.textured(), &camera, &style, "light_visibility: vertex 5");
     let model = bad(|m| m.uvs[5].x = f64::NAN);
     says(model.textured(), &camera, &style, "uvs: the UV of vertex 5");
     let model = bad(|m| m.colors[5].x = f64::NAN);

@@ -57,14 +57,14 @@ impl Anatomy {
     /// 1 where the skin faces away from the palm, -1 where it faces in the palm's direction.
     pub(super) fn facing(&self, point: &SkinPoint) -> f64 {
         let mut dorsal = DVec3::X;
-        for (finger, &membership) in self.fingers.iter().zip(point.memberships) {
+        for (finger, &membership) in self.fingers.iter().zip(point.finger_weights) {
             dorsal = dorsal.lerp(finger.dorsal, membership.clamp(0.0, 1.0));
         }
         point.normal.dot(dorsal.normalize())
     }
 
     /// How much of a vertex moves with each finger, from its row of skinning weights.
-    pub fn memberships(&self, weights: &[f64]) -> Vec<f64> {
+    pub fn finger_weights(&self, weights: &[f64]) -> Vec<f64> {
         self.fingers.iter().map(|f| f.joints.iter().map(|&j| weights[j]).sum()).collect()
     }
 }
@@ -76,13 +76,13 @@ pub(super) struct SkinPoint<'a> {
     /// Unit normal, outwards.
     pub normal: DVec3,
     /// How much of it belongs to each finger of the anatomy, `[0, 1]`.
-    pub memberships: &'a [f64],
+    pub finger_weights: &'a [f64],
 }
 
 impl SkinPoint<'_> {
     /// How much of it does not belong to any finger, `[0, 1]`.
     pub(super) fn palm_part(&self) -> f64 {
-        1.0 - self.memberships.iter().sum::<f64>().clamp(0.0, 1.0)
+        1.0 - self.finger_weights.iter().sum::<f64>().clamp(0.0, 1.0)
     }
 
     /// Its position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side;

@@ -26,11 +26,11 @@ pub(super) struct Atlas {
 }
 
 impl Atlas {
-    /// `normals` and `memberships` are those of the model's vertices.
+    /// `normals` and `finger_weights` are those of the model's vertices.
     pub(super) fn new(
         model: &HandModel,
         normals: &[DVec3],
-        memberships: &[Vec<f64>],
+        finger_weights: &[Vec<f64>],
         skin: &Skin,
         folds: &Folds,
     ) -> Atlas {
@@ -40,11 +40,11 @@ impl Atlas {
                 let (face, b) = (*owner)?;
                 let corners = model.faces[face as usize].map(|v| v as usize);
                 let mix = |values: &[DVec3]| (0..3).map(|c| values[corners[c]] * b[c]).sum::<DVec3>();
-                let memberships: Vec<f64> = (0..memberships[corners[0]].len())
-                    .map(|finger| (0..3).map(|c| memberships[corners[c]][finger] * b[c]).sum())
+                let finger_weights: Vec<f64> = (0..finger_weights[corners[0]].len())
+                    .map(|finger| (0..3).map(|c| finger_weights[corners[c]][finger] * b[c]).sum())
                     .collect();
                 let normal = mix(normals).normalize_or_zero();
-                let point = SkinPoint { position: mix(&model.vertices), normal, memberships: &memberships };
+                let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights };
                 Some((skin.look(&point), folds.at(&point)))
             })
             .collect();

@@ -65,7 +65,7 @@ fn draw_view(
         positions: &posed.positions,
         normals: &posed.normals,
         uvs: &hand.mesh.uvs,
-        exposure: &posed.exposure,
+        light_visibility: &posed.light_visibility,
         triangles: &hand.mesh.triangles,
         texture: &posed.texture,
         lighting,

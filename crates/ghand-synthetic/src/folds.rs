@@ -98,7 +98,7 @@ impl Folds<'_> {
     pub(super) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
         let palm_part = point.palm_part();
         let mut folds = vec![self.palm(point, palm_part)];
-        for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.memberships).enumerate() {
+        for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.finger_weights).enumerate() {
             if membership + palm_part <= 0.2 {
                 continue;
             }

@@ -7,12 +7,12 @@
 
 pub(crate) mod anatomy;
 mod atlas;
-pub(crate) mod camera_rig;
+pub(crate) mod camera_placement;
 mod complexion;
 mod curve;
 mod draw;
-mod exposure;
 mod folds;
+mod light_visibility;
 mod noise;
 mod skin;
 mod skinning;
@@ -25,9 +25,9 @@ mod true_hand;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ghand_capture::camera_choice::well_spread;
+use ghand_capture::camera_sampling::farthest_point_sampling;
 use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
-use ghand_capture::interhand::{lay_out, write_annotations};
+use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, Pose, Side};
 use ghand_hand_model::mano::write_mano;
@@ -115,7 +115,7 @@ pub struct SceneLight {
     pub color: DVec3,
 }
 
-/// The light of a scene: colour = texture x exposure x (ambient + sum of color x max(0, (n.l + wrap) / (1 + wrap))),
+/// The light of a scene: colour = texture x visibility x (ambient + sum of color x max(0, (n.l + wrap) / (1 + wrap))),
 /// clamped to 1, in display values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneLighting {
@@ -137,7 +137,7 @@ pub struct SceneMesh<'a> {
     /// UV of each vertex, (0, 0) at the outer corner of the first texel.
     pub uvs: &'a [DVec2],
     /// The fraction of the light that reaches each vertex past the rest of the hand, `[0, 1]`.
-    pub exposure: &'a [f64],
+    pub light_visibility: &'a [f64],
     /// Triangles as vertex indices.
     pub triangles: &'a [[u32; 3]],
     /// Colour of the skin.
@@ -184,7 +184,7 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
             capture.save()?;
         }
         CaptureFormat::InterHand => {
-            lay_out(&mut capture);
+            rename_as_interhand(&mut capture);
             draw(&capture, &true_hand, render)?;
             write_mano(&workshop.path().join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
             let poses = capture.truth.iter().flatten().flatten();
@@ -272,12 +272,12 @@ fn plan(
         CaptureFormat::Ghand => 0.0,
         CaptureFormat::InterHand => INTERHAND_BORDER,
     };
-    let cameras = camera_rig::cameras(count, options.width, options.height, border, &points);
+    let cameras = camera_placement::cameras(count, options.width, options.height, border, &points);
     // Test cameras are spread between the others.
     let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));
     let train_frames: Vec<usize> = (0..options.train_frames).collect();
-    let five = well_spread(&cameras, &train_cameras, 5);
+    let five = farthest_point_sampling(&cameras, &train_cameras, 5);
     let splits = BTreeMap::from([
         ("train".to_owned(), Split::product(train_cameras, train_frames.clone())),
         ("train5".to_owned(), Split::product(five, train_frames)),

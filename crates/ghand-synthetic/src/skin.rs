@@ -66,7 +66,7 @@ impl<'a> Skin<'a> {
 
         self.veins(point, palm_part, facing, &mut color, &mut height);
         self.freckles(p, back, &mut color);
-        for (finger, &membership) in self.anatomy.fingers.iter().zip(point.memberships) {
+        for (finger, &membership) in self.anatomy.fingers.iter().zip(point.finger_weights) {
             if membership + palm_part > 0.2 {
                 self.knuckles(finger, point, membership, &mut color, &mut height);
             }

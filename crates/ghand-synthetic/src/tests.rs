@@ -18,12 +18,12 @@ fn options() -> SyntheticOptions {
 /// A renderer that draws the vertices as points: enough to show the hand's position.
 fn points(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String> {
     let mut pixels = vec![[0; 4]; camera.width as usize * camera.height as usize];
-    for (position, exposure) in scene.positions.iter().zip(scene.exposure) {
+    for (position, light_visibility) in scene.positions.iter().zip(scene.light_visibility) {
         let (pixel, depth) = camera.project(*position);
         let inside =
             pixel.min_element() >= 0.0 && pixel.x < f64::from(camera.width) && pixel.y < f64::from(camera.height);
-        if !(inside && depth > 0.3 && (0.0..=1.0).contains(exposure)) {
-            return Err(format!("a vertex is at {pixel}, depth {depth}, exposure {exposure}"));
+        if !(inside && depth > 0.3 && (0.0..=1.0).contains(light_visibility)) {
+            return Err(format!("a vertex is at {pixel}, depth {depth}, light_visibility {light_visibility}"));
         }
         pixels[pixel.y as usize * camera.width as usize + pixel.x as usize] = [200, 150, (depth * 300.0) as u8, 255];
     }

@@ -15,8 +15,8 @@ use super::anatomy::Anatomy;
 use super::anatomy::SkinPoint;
 use super::atlas::Atlas;
 use super::complexion::Complexion;
-use super::exposure::Exposure;
 use super::folds::{Bend, Fold, Folds, bent};
+use super::light_visibility::LightVisibility;
 use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
@@ -39,14 +39,14 @@ pub(super) struct TrueHand {
     atlas: Atlas,
     pub(super) anatomy: Anatomy,
     complexion: Complexion,
-    exposure: Exposure,
+    light_visibility: LightVisibility,
 }
 
 /// One frame, at the render mesh's vertices.
 pub(super) struct PosedHand {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
-    pub exposure: Vec<f64>,
+    pub light_visibility: Vec<f64>,
     pub texture: Texture,
 }
 
@@ -63,20 +63,21 @@ impl TrueHand {
         }
         let complexion = Complexion::of(seed);
         let (skin, folds) = (Skin::new(&anatomy, &complexion, seed), Folds::new(&anatomy, seed));
-        let memberships: Vec<Vec<f64>> =
-            (0..model.vertices.len()).map(|v| anatomy.memberships(model.vertex_weights(v))).collect();
+        let finger_weights: Vec<Vec<f64>> =
+            (0..model.vertices.len()).map(|v| anatomy.finger_weights(model.vertex_weights(v))).collect();
         let normals = model.vertex_normals(&model.vertices);
         let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let point = SkinPoint { position: model.vertices[v], normal: normals[v], memberships: &memberships[v] };
+                let point =
+                    SkinPoint { position: model.vertices[v], normal: normals[v], finger_weights: &finger_weights[v] };
                 (skin.look(&point), folds.at(&point))
             })
             .collect();
-        let atlas = Atlas::new(&model, &normals, &memberships, &skin, &folds);
-        let exposure = Exposure::new(&anatomy, &model);
+        let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
+        let light_visibility = LightVisibility::new(&anatomy, &model);
         let mesh = RenderMesh::from_model(&model);
-        Ok(TrueHand { mesh, looks, atlas, exposure, normals, anatomy, complexion, coarse_vertices, model })
+        Ok(TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model })
     }
 
     /// Rest positions with the relief of a pose.
@@ -92,11 +93,11 @@ impl TrueHand {
         let bend = Bend::of(&self.anatomy, pose);
         let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
         let normals = self.model.vertex_normals(&positions);
-        let exposure = self.exposure.of(&self.model, pose, &positions, &normals);
+        let light_visibility = self.light_visibility.of(&self.model, pose, &positions, &normals);
         PosedHand {
             positions: self.mesh.gather(&positions),
             normals: self.mesh.gather(&normals),
-            exposure: self.mesh.source_vertices.iter().map(|&v| exposure[v as usize]).collect(),
+            light_visibility: self.mesh.source_vertices.iter().map(|&v| light_visibility[v as usize]).collect(),
             texture: self.atlas.texture(&bend, &self.complexion),
         }
     }

@@ -8,7 +8,7 @@ use ghand_render::{Gpu, RenderError};
 use serde::Serialize;
 
 use crate::floor::{Floor, FloorError};
-use crate::metrics::{Comparator, Likeness, quantize};
+use crate::metrics::{Comparator, ImageSimilarity, quantize};
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
@@ -38,9 +38,9 @@ pub struct EvaluatedView {
     /// The floor's picture.
     pub floor: Vec<[u8; 3]>,
     /// Similarity of the avatar's picture to the truth.
-    pub likeness: Likeness,
+    pub likeness: ImageSimilarity,
     /// Similarity of the floor's picture to the truth.
-    pub floor_likeness: Likeness,
+    pub floor_likeness: ImageSimilarity,
 }
 
 /// Means over the views of a split.
@@ -49,9 +49,9 @@ pub struct Evaluation {
     /// Number of views.
     pub views: usize,
     /// Similarity of the avatar's pictures to the truth.
-    pub avatar: Likeness,
+    pub avatar: ImageSimilarity,
     /// Similarity of the floor's pictures to the truth.
-    pub floor: Likeness,
+    pub floor: ImageSimilarity,
 }
 
 /// Renders every view of a split in the capture's own poses and compares avatar and floor with the truth. `each` is
@@ -75,7 +75,7 @@ pub fn evaluate(
     let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
     let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize)?;
     let background = capture.background;
-    let mut sum = [Likeness::default(); 2];
+    let mut sum = [ImageSimilarity::default(); 2];
     let mut views = 0;
     let mut posed = None;
     for &SplitView { frame, camera: camera_index, .. } in &split.views {
@@ -109,7 +109,8 @@ pub fn evaluate(
         });
     }
     let n = views.max(1) as f64;
-    let [avatar, floor] = sum.map(|s| Likeness { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });
+    let [avatar, floor] =
+        sum.map(|s| ImageSimilarity { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });
     Ok(Evaluation { views, avatar, floor })
 }
 

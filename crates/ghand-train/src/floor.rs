@@ -93,7 +93,7 @@ impl<'a> MeshPainter<'a> {
         let instance = MeshInstance {
             positions: &self.mesh.gather(&positions),
             normals: &self.mesh.gather(&normals),
-            exposure: None,
+            light_visibility: None,
             triangles: &self.mesh.triangles,
             surface: Surface::Texture { uvs: &self.mesh.uvs, texture },
         };

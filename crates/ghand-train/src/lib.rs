@@ -1,14 +1,14 @@
 //! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
 //! beat), and the report.
 
+mod divergence;
+pub mod draw_text;
 pub mod evaluate;
 pub mod floor;
-pub mod lettering;
-mod loss_watch;
+mod memory_check;
 pub mod metrics;
 pub mod pose_prior;
 pub mod report;
-mod room;
 mod setting_rules;
 pub mod settings;
 pub mod step;

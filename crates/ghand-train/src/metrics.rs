@@ -7,7 +7,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 /// Similarity of a picture to its truth.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Likeness {
+pub struct ImageSimilarity {
     /// PSNR over all pixels, dB, on 8-bit values.
     pub psnr: f64,
     /// PSNR over the truth's mask, dB.
@@ -57,7 +57,7 @@ impl Comparator {
         size: [u32; 2],
         picture: &[[u8; 3]],
         truth: &[[u8; 4]],
-    ) -> Result<Likeness, RenderError> {
+    ) -> Result<ImageSimilarity, RenderError> {
         let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
         for (p, t) in picture.iter().zip(truth) {
             let error: f64 = (0..3).map(|c| ((f64::from(p[c]) - f64::from(t[c])) / 255.0).powi(2)).sum();
@@ -76,7 +76,7 @@ impl Comparator {
         self.loss.encode(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
         let ssim = self.loss.value(gpu)?.ssim_sum / count;
-        Ok(Likeness { psnr: psnr(sum, 3 * picture.len()), psnr_hand: psnr(hand_sum, hand), ssim })
+        Ok(ImageSimilarity { psnr: psnr(sum, 3 * picture.len()), psnr_hand: psnr(hand_sum, hand), ssim })
     }
 }
 

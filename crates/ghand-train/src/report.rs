@@ -2,8 +2,8 @@
 
 use image::{Rgb, RgbImage};
 
+use crate::draw_text::{LINE, letter_width, write};
 use crate::evaluate::EvaluatedView;
-use crate::lettering::{LINE, letter_width, write};
 
 /// Gap between columns, pixels.
 const GAP: u32 = 4;
@@ -63,11 +63,11 @@ fn place(sheet: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2],
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Likeness;
+    use crate::metrics::ImageSimilarity;
 
     fn view(size: [u32; 2], psnr: f64) -> EvaluatedView {
         let pixels = (size[0] * size[1]) as usize;
-        let likeness = Likeness { psnr, psnr_hand: psnr, ..Likeness::default() };
+        let likeness = ImageSimilarity { psnr, psnr_hand: psnr, ..ImageSimilarity::default() };
         EvaluatedView {
             name: ["cam03".into(), "0012".into()],
             size,

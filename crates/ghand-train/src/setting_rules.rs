@@ -92,13 +92,14 @@ fn whole(text: &str) -> Option<u64> {
 }
 
 /// Similarity of two names, from 0 to 1, above which one counts as a misspelling of the other.
-const ALIKE: f64 = 0.6;
+const MIN_SIMILARITY: f64 = 0.6;
 
 /// The message for a `key` that is not a setting.
 pub(crate) fn unknown(key: &str, names: &[String]) -> String {
     let plain = key.to_lowercase().replace('-', "_");
     let likeness = |name: &String| strsim::normalized_damerau_levenshtein(&plain, name);
-    let nearest = names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|n| likeness(n) >= ALIKE);
+    let nearest =
+        names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|n| likeness(n) >= MIN_SIMILARITY);
     let question = nearest.map_or(String::new(), |name| format!("did you mean `{name}`? "));
     format!("unknown setting; {question}The settings are {}", names.join(", "))
 }

@@ -70,7 +70,7 @@ impl Step {
     ) -> Result<Step, RenderError> {
         let (count, joint_count) = (avatar.template.len(), avatar.template.joint_count());
         let mut scene = Scene::new(gpu, &[avatar], Purpose::Gradients, frames, max_size)?;
-        let (splatter, avatars) = scene.parts_mut();
+        let (splatter, avatars) = scene.splatter_and_avatars_mut();
         let posed = first(avatars)?;
         let loss =
             ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize)?;
@@ -124,10 +124,10 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    pub fn hand_numbers(&self, gpu: &Gpu, frames: usize) -> Result<HandNumbers, RenderError> {
+    pub fn hand_parameters(&self, gpu: &Gpu, frames: usize) -> Result<HandParameters, RenderError> {
         let avatar = self.avatar()?;
-        Ok(HandNumbers {
-            response: avatar.model.pose_numbers(gpu)?,
+        Ok(HandParameters {
+            response: avatar.model.pose_parameters(gpu)?,
             joints: buffers::read(gpu, avatar.deformation.joints(), self.joint_count)?,
             poses: buffers::read(gpu, avatar.deformation.poses(), frames * pose_stride(self.joint_count))?,
         })
@@ -147,15 +147,15 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) -> Result<(), RenderError> {
-        self.aim(gpu, view, value_count, background, settings, rates.scale_weight)?;
+        self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, .. } = self;
         scene.run_frame(gpu, |splatter, encoder| {
             loss.encode(encoder);
             splatter.backward(encoder);
-            backward.encode_points(encoder);
+            backward.encode_point_gradients(encoder);
             offset_penalty.encode(encoder);
             scale_penalty.encode(encoder);
-            backward.encode_properties(encoder);
+            backward.encode_property_gradients(encoder);
         })?;
         self.learn(gpu, view.frame, settings, rates)
     }
@@ -165,7 +165,7 @@ impl Step {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let model = &mut first(self.scene.avatars_mut())?.model;
         model.backward(gpu, &mut encoder)?;
-        self.backward.encode_pose(&mut encoder);
+        self.backward.encode_pose_gradient(&mut encoder);
         model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
         self.update_hand(gpu, &mut encoder, frame, settings, rates);
         gpu.queue.submit([encoder.finish()]);
@@ -183,7 +183,7 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
     ) -> Result<f64, RenderError> {
-        self.aim(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
+        self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
         let loss = &self.loss;
         self.scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
@@ -191,7 +191,7 @@ impl Step {
     }
 
     /// Sets the view for the next frame.
-    fn aim(
+    fn set_view_and_loss(
         &mut self,
         gpu: &Gpu,
         view: &TrainView,
@@ -254,7 +254,7 @@ impl Step {
 
 /// The numbers learned for the whole hand.
 #[derive(Debug, Clone)]
-pub struct HandNumbers {
+pub struct HandParameters {
     /// The pose response, shared by all Gaussians.
     pub response: Vec<f32>,
     /// Rest joints, metres.

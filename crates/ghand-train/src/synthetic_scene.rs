@@ -53,7 +53,7 @@ pub fn make_capture_unless(
         let mesh = MeshInstance {
             positions: scene.positions,
             normals: scene.normals,
-            exposure: Some(scene.exposure),
+            light_visibility: Some(scene.light_visibility),
             triangles: scene.triangles,
             surface: Surface::Texture { uvs: scene.uvs, texture: scene.texture },
         };

@@ -14,10 +14,10 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
+use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::floor::texel_colors;
-use crate::loss_watch::{Fault, check_change, check_gaussians, check_hand, check_loss, remedy};
+use crate::memory_check;
 use crate::pose_prior::shrink;
-use crate::room;
 use crate::settings::TrainSettings;
 use crate::step::{Rates, Step};
 use crate::train_error::TrainError;
@@ -75,7 +75,7 @@ pub struct Trainer<'a> {
 }
 
 /// Number of views on which the loss before and after a stage is compared.
-const WATCHED_VIEWS: usize = 8;
+const REFERENCE_VIEWS: usize = 8;
 /// Iterations between two readings of the loss for the progress bar; reading waits for the device.
 const LOSS_EVERY: u64 = 25;
 /// Number of views decoded ahead of their use, if not all fit into memory.
@@ -139,7 +139,7 @@ impl<'a> Trainer<'a> {
             }
         }
         let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
-        room::check(gaussians, capture.template.joint_count(), settings)?;
+        memory_check::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
             capture,
@@ -190,7 +190,7 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            let mut refined = gpu.persist("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.poses;
+            let mut refined = gpu.retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.poses;
             recenter(&mut refined, &self.poses);
             self.poses = refined;
         }
@@ -203,7 +203,7 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let done = gpu.persist("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?;
+        let done = gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?;
         let iterations = stage.done + done.iterations;
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
@@ -252,14 +252,14 @@ impl<'a> Trainer<'a> {
             let camera = &self.capture.cameras[view.camera_index];
             3.0 * f64::from(camera.width) * f64::from(camera.height) / f64::from(stage.reduction.pow(2))
         };
-        let diverged = |fault: Fault, done: u64| TrainError::Diverged {
+        let diverged = |fault: Divergence, done: u64| TrainError::Diverged {
             stage: stage.number,
             iteration: stage.done + done,
             iterations: self.settings.iterations,
             fault: fault.to_string(),
             remedy: remedy(&self.settings),
         };
-        let loss_at_start = self.watched_loss(gpu, &mut step, stage, background)?;
+        let loss_at_start = self.reference_loss(gpu, &mut step, stage, background)?;
         check_loss(loss_at_start).map_err(|fault| diverged(fault, 0))?;
         let mut done = 0;
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
@@ -323,7 +323,7 @@ impl<'a> Trainer<'a> {
         let (response, moved, poses) = self.read_hand(gpu, &step)?;
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
-        let loss_at_end = self.watched_loss(gpu, &mut step, stage, background)?;
+        let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
@@ -333,14 +333,20 @@ impl<'a> Trainer<'a> {
 
     /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.
     fn read_hand(&self, gpu: &Gpu, step: &Step) -> Result<LearnedHand, RenderError> {
-        let numbers = step.hand_numbers(gpu, self.poses.len())?;
+        let numbers = step.hand_parameters(gpu, self.poses.len())?;
         let poses = poses_of(&numbers.poses, numbers.joints.len());
         Ok((numbers.response, numbers.joints, poses))
     }
 
     /// The mean loss over a fixed, evenly spaced selection of the views.
-    fn watched_loss(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, background: [f32; 3]) -> Result<f64, TrainError> {
-        let count = self.views.len().min(WATCHED_VIEWS);
+    fn reference_loss(
+        &self,
+        gpu: &Gpu,
+        step: &mut Step,
+        stage: &Stage,
+        background: [f32; 3],
+    ) -> Result<f64, TrainError> {
+        let count = self.views.len().min(REFERENCE_VIEWS);
         let mut sum = 0.0;
         for k in 0..count {
             let view = self.views.get(k * self.views.len() / count, stage.reduction)?;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-use ghand_avatar::properties::direct::unlimited;
+use ghand_avatar::properties::direct::no_limits;
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
@@ -69,7 +69,7 @@ fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
     let mut free = trained.avatar.clone();
     let PropertyTables::Direct(tables) = &mut free.tables;
-    tables.response_limits = unlimited(tables.response_limits.len() / 2);
+    tables.response_limits = no_limits(tables.response_limits.len() / 2);
 
     // The limits do not change training poses.
     for pose in &trained.poses {

@@ -164,7 +164,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
             let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
             step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
-            (step.tables(gpu).unwrap(), step.hand_numbers(gpu, split.frames.len()).unwrap().poses)
+            (step.tables(gpu).unwrap(), step.hand_parameters(gpu, split.frames.len()).unwrap().poses)
         };
         let learned = learn(false);
         assert!(learned == learn(true));

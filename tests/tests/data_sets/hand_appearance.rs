@@ -29,7 +29,7 @@ fn camera_and_poses_equal_the_written_ones() {
     let folder = subject();
     let opened = Capture::open_with(folder.path(), &options()).unwrap();
     let capture = opened.capture;
-    assert_eq!((opened.skipped_images.total(), opened.skipped_images.looked_at), (0, 10));
+    assert_eq!((opened.skipped_images.total(), opened.skipped_images.checked), (0, 10));
     assert_eq!((capture.side, capture.background), (Side::Right, [1.0; 3]));
     let camera = &capture.cameras[0];
     assert_eq!((camera.width, camera.height, capture.cameras.len()), (448, 448, 1));

@@ -203,7 +203,7 @@ fn null_annotations_are_errors_or_skipped() {
         d.mano["0"][crate::interhand_files::number(0).to_string()] = json!({"right": null, "left": null});
     });
     let counts = opened.unwrap().skipped_images;
-    assert!(counts.total() > 3 && counts.total() < counts.looked_at, "{counts}");
+    assert!(counts.total() > 3 && counts.total() < counts.checked, "{counts}");
 }
 
 #[test]

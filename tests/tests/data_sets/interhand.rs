@@ -18,7 +18,7 @@ fn cameras_and_poses_equal_the_written_ones() {
     let (opened, folder) = open_after(|_| ());
     let opened = opened.unwrap();
     let (capture, expected) = (opened.capture, synthetic());
-    assert_eq!((opened.skipped_images.total(), opened.skipped_images.looked_at), (0, 6 * 3 + 2 * 2));
+    assert_eq!((opened.skipped_images.total(), opened.skipped_images.checked), (0, 6 * 3 + 2 * 2));
     assert_eq!((capture.side, capture.background), (Side::Right, [0.0; 3]));
     assert_eq!(capture.hand_model_source, HandModelSource::Mano);
     assert_eq!((capture.cameras.len(), capture.frames.len()), (8, 5));

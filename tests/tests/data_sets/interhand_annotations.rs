@@ -68,7 +68,7 @@ fn unusable_images_are_counted_by_reason() {
         (SkipReason::Broken, 1),
     ];
     assert_eq!(reasons, expected);
-    assert_eq!(opened.skipped_images.looked_at, 22 + 2);
+    assert_eq!(opened.skipped_images.checked, 22 + 2);
     assert_eq!(opened.capture.splits["train"].views.len(), 18 - 6 - 6);
     assert!(opened.capture.camera_index("410001").is_none() && opened.capture.camera_index("400999").is_none());
 }

@@ -137,7 +137,7 @@ fn images_with_unusable_content_are_dropped_and_counted() {
             [(SkipReason::Broken, 2), (SkipReason::Dark, 1), (SkipReason::SmallMask, 1)],
             "pass {pass}"
         );
-        assert_eq!(counts.looked_at, 19);
+        assert_eq!(counts.checked, 19);
         assert_eq!((again.splits["train"].views.len(), again.splits["train"].frames.len()), (14, 3));
     }
     // A split without usable images is an error.

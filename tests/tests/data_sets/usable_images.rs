@@ -26,7 +26,7 @@ fn copied(folder: &Path) -> Capture {
 fn a_complete_capture_is_unchanged() {
     let mut capture = synthetic().clone();
     let counts = capture.skip_unusable_images(&["train", "test"]).unwrap();
-    assert_eq!((counts.looked_at, counts.total()), (18 + 4, 0));
+    assert_eq!((counts.checked, counts.total()), (18 + 4, 0));
     assert_eq!(capture, *synthetic());
 }
 

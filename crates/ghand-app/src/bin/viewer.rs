@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Parser;
-use ghand_app::bare_hand::bare_hand;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
+use ghand_app::untrained_hand::untrained_hand;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::subject::Subject;
@@ -67,6 +67,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
         Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),
-        None => Ok((Subject::avatar(bare_hand()?), "no trained avatar yet: untrained hand".into())),
+        None => Ok((Subject::avatar(untrained_hand()?), "no trained avatar yet: untrained hand".into())),
     }
 }

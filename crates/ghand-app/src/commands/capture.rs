@@ -67,7 +67,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };
-    adapter.open()?.persist("the synthetic capture", |gpu| -> anyhow::Result<()> {
+    adapter.open()?.retry_on_device_loss("the synthetic capture", |gpu| -> anyhow::Result<()> {
         Ok(make_capture(gpu, &options, &args.out)?)
     })?;
     let images = options.views * options.train_frames + options.test_views * options.test_frames;

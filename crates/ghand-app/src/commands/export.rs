@@ -7,7 +7,7 @@ use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
-use ghand_files::atomic_file::check_target;
+use ghand_files::atomic_file::check_writable;
 use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
@@ -41,14 +41,14 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.ply.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("ply")) {
         bail!("--ply {}: must end in .ply", args.ply.display());
     }
-    check_target(&args.ply).with_context(|| format!("--ply {}: cannot be written", args.ply.display()))?;
+    check_writable(&args.ply).with_context(|| format!("--ply {}: cannot be written", args.ply.display()))?;
     let avatar = Avatar::load(&args.avatar)?;
     let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");
     let frame = choose_frame(frames, wanted).with_context(|| args.pose.clone())?;
     // Only the pose is needed, not the picture: one tile is the smallest picture.
     let mut gpu = adapter.open()?;
-    let scene = gpu.persist("the export", |gpu| -> anyhow::Result<SplatScene> {
+    let scene = gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
         let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, [8, 8])?;
         scene.set_pose(gpu, 0, 0, &frame.pose)?;
         Ok(scene.posed_splats(gpu, 0)?)

@@ -14,7 +14,7 @@ use ghand_avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
 use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
-use ghand_files::atomic_file::check_target;
+use ghand_files::atomic_file::check_writable;
 use ghand_render::DeviceError;
 
 use crate::capture_args::CaptureOptions;
@@ -92,7 +92,8 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
-        check_target(&sheet).with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
+        check_writable(&sheet)
+            .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }
     let opened = args.options.open(path)?;
     let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
@@ -125,8 +126,9 @@ fn write_sheet(
         Err(error) if !is_wanted && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
         opened => opened?,
     };
-    let sheet = gpu
-        .persist("the contact sheet", |gpu| -> anyhow::Result<_> { Ok(contact_sheet(gpu, &opened.capture, views)?) })?;
+    let sheet = gpu.retry_on_device_loss("the contact sheet", |gpu| -> anyhow::Result<_> {
+        Ok(contact_sheet(gpu, &opened.capture, views)?)
+    })?;
     write_png(path, &sheet)?;
     Ok(format!("pictures: {}", path.display()))
 }

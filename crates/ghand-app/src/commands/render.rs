@@ -110,7 +110,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut gpu = adapter.open()?;
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
-    gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
+    gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let most = [size[0], band_rows(gpu, size)];
         let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, most)?;
         while let Some((pose, camera)) = series.next().and_then(|number| pictures.get(number)) {

@@ -91,7 +91,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     let mut broken = 0;
-    gpu.persist("rendering", |gpu| -> anyhow::Result<()> {
+    gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let mut splatter = splatter(gpu, args, &scene, size, weights.is_some())?;
         while let Some(camera) = series.next().and_then(|number| cameras.get(number)) {
             let view = View::new(camera, scene.count, args.background.color(), 1.0);

@@ -17,7 +17,7 @@ use crate::commands::render::write_png;
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{evaluate_images, failure, pose_error, print_table};
-use crate::train_run::interruption::{BEFORE_TRAINING, Interruption};
+use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
 use crate::train_run::results::{save_metrics, save_poses};
 use crate::train_run::run_folder::{AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
 
@@ -84,7 +84,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = args.folder()?;
-    let interruption = Interruption::listen(BEFORE_TRAINING)?;
+    let interruption = Interruption::listen(STOPPED_BEFORE_TRAINING)?;
     interruption.remove_at_end(folder.leftovers());
 
     let demo = match (&args.capture.capture, &args.out) {
@@ -120,7 +120,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let report_path = folder.file(REPORT_FILE);
     interruption.whole(|| -> anyhow::Result<()> {
         trained.avatar.save(&avatar_path)?;
-        folder.remove_figures()?;
+        folder.remove_other_results()?;
         save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
     })?;
     interruption
@@ -129,8 +129,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut shown = None;
     let images = match capture.splits.get(test_split) {
         Some(test) if !test.views.is_empty() => {
-            let (metrics, views) = gpu
-                .persist("the evaluation", |gpu| evaluate_images(gpu, &capture, &train_split, &trained, test_split))?;
+            let (metrics, views) = gpu.retry_on_device_loss("the evaluation", |gpu| {
+                evaluate_images(gpu, &capture, &train_split, &trained, test_split)
+            })?;
             shown = Some(report(&views));
             Some(metrics)
         }

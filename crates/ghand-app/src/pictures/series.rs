@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use ghand_files::atomic_file::check_target;
+use ghand_files::atomic_file::check_writable;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +58,7 @@ impl Series {
         fps: f64,
     ) -> anyhow::Result<Series> {
         if let Destination::Picture(path, _) | Destination::Film(path, _) = destination {
-            check_target(path).with_context(|| format!("--out {}: cannot be written", path.display()))?;
+            check_writable(path).with_context(|| format!("--out {}: cannot be written", path.display()))?;
         }
         let mut still = StillFormat::Png;
         let sink = match destination {

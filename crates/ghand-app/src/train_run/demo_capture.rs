@@ -8,7 +8,7 @@ use ghand_train::synthetic_scene::make_capture_unless;
 
 use crate::cli::Stopped;
 use crate::say;
-use crate::train_run::interruption::{BEFORE_TRAINING, Interruption};
+use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
 
 /// Shared by runs without `--out`; relative to the current folder.
 pub const DEMO_CAPTURE: &str = "out/demo-capture";
@@ -25,10 +25,10 @@ pub fn demo_capture(gpu: &mut Gpu, folder: PathBuf, interruption: &Interruption)
     }
     say!("making a synthetic capture in {}", folder.display());
     interruption.stop_first();
-    let made = gpu.persist("the synthetic capture", |gpu| -> anyhow::Result<bool> {
+    let made = gpu.retry_on_device_loss("the synthetic capture", |gpu| -> anyhow::Result<bool> {
         Ok(make_capture_unless(gpu, &SyntheticOptions::default(), &folder, interruption.stop())?)
     });
-    interruption.end_with(BEFORE_TRAINING.into());
+    interruption.end_with(STOPPED_BEFORE_TRAINING.into());
     match made {
         Ok(true) => Ok(folder),
         Ok(false) => {

@@ -15,7 +15,7 @@ use crate::train_run::run_folder::Leftovers;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Message of a run that ends before its training.
-pub const BEFORE_TRAINING: &str = "stopped before training: nothing was saved";
+pub const STOPPED_BEFORE_TRAINING: &str = "stopped before training: nothing was saved";
 
 /// What the next signal does.
 enum Response {

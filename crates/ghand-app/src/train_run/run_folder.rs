@@ -146,7 +146,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// An error that names the file that cannot be removed.
-    pub fn remove_figures(&self) -> anyhow::Result<()> {
+    pub fn remove_other_results(&self) -> anyhow::Result<()> {
         for name in RESULTS.into_iter().filter(|name| *name != AVATAR_FILE) {
             let path = self.file(name);
             match std::fs::remove_file(&path) {
@@ -227,7 +227,7 @@ mod tests {
         assert!(error.contains("avatar.ghand") && error.contains("--force"), "{error}");
         let forced = RunFolder::named(&path, true).unwrap();
         std::fs::write(forced.file(METRICS_FILE), "{}").unwrap();
-        forced.remove_figures().unwrap();
+        forced.remove_other_results().unwrap();
         let busy = RunFolder::named(&path, true).unwrap_err().to_string();
         assert!(busy.contains("another run is writing"), "{busy}");
         drop(forced);

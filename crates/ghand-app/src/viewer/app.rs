@@ -10,7 +10,7 @@ use glam::DVec2;
 
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::navigation::{Drag, Drags};
-use crate::viewer::picture::{Median, Picture, Progress, Shot};
+use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
 use crate::viewer::subject::Subject;
 
 /// Longest edge of the picture, pixels, on a graphics card.
@@ -45,7 +45,7 @@ pub struct Viewer {
     /// Fewest tile intersections that the device could not hold.
     too_many: u32,
     /// What the picture shows, if it is complete or in progress.
-    shown: Option<Shot>,
+    shown: Option<PictureInputs>,
     texture: Option<egui::TextureId>,
     failure: Option<RenderError>,
     measure: bool,
@@ -211,7 +211,7 @@ impl Viewer {
         let rect = ui.max_rect();
         self.navigate(ui, rect);
         let size = self.picture_size(rect, ui.ctx().pixels_per_point());
-        let shot = Shot {
+        let shot = PictureInputs {
             pose: self.subject.pose().cloned(),
             camera: self.camera.camera(size),
             background: self.background.map(|v| f32::from(v) / 255.0),
@@ -252,7 +252,7 @@ impl Viewer {
         }
     }
 
-    fn render(&mut self, shot: Shot, renderer: &mut egui_wgpu::Renderer) {
+    fn render(&mut self, shot: PictureInputs, renderer: &mut egui_wgpu::Renderer) {
         match self.picture.render(&self.gpu, &shot) {
             Ok(renewed) => {
                 if renewed {

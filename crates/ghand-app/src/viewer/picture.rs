@@ -24,7 +24,7 @@ const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::BYTES;
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Shot {
+pub struct PictureInputs {
     /// The pose, if the subject has one.
     pub pose: Option<Pose>,
     /// The camera; its size is the picture's.
@@ -182,7 +182,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
-    pub fn render(&mut self, gpu: &Gpu, shot: &Shot) -> Result<bool, RenderError> {
+    pub fn render(&mut self, gpu: &Gpu, shot: &PictureInputs) -> Result<bool, RenderError> {
         let (width, height) = (shot.camera.width, shot.camera.height);
         if let Some(pose) = &shot.pose {
             self.scene.set_pose(gpu, 0, 0, pose)?;
@@ -320,8 +320,8 @@ mod tests {
     use ghand_render::{AdapterChoice, buffers};
 
     use super::*;
-    use crate::bare_hand::bare_hand;
     use crate::framing::turntable;
+    use crate::untrained_hand::untrained_hand;
 
     fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
         let row = (4 * texture.width()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -344,7 +344,7 @@ mod tests {
     #[test]
     fn the_texture_holds_what_the_splatter_rendered() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let avatar = bare_hand().unwrap();
+        let avatar = untrained_hand().unwrap();
         let pose = Pose::rest(avatar.model.joint_count());
         let mut picture = Picture::new(&gpu, &Subject::avatar(avatar.clone()), [128, 128]).unwrap();
         let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [128, 128]).unwrap();
@@ -352,7 +352,7 @@ mod tests {
         // The second picture is smaller: rows must not be mixed up.
         for size in [[101, 77], [50, 90]] {
             let camera = &turntable(&avatar.model, &[&pose], 1, size)[0][0];
-            let shot = Shot { pose: Some(pose.clone()), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
+            let shot = PictureInputs { pose: Some(pose.clone()), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
             assert!(picture.render(&gpu, &shot).unwrap());
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);

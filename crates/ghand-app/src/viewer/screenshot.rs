@@ -24,7 +24,7 @@ const MOST_RUNS: usize = 8;
 /// An error that says why there is no picture, or names the file that could not be written.
 pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
     viewer.subject_mut().pause();
-    let rgb = viewer.persist(|viewer| picture(viewer, size))?;
+    let rgb = viewer.retry_on_device_loss(|viewer| picture(viewer, size))?;
     write_png(path, &rgb)
 }
 

@@ -12,7 +12,7 @@ const LONGEST_CLICK_SECS: f64 = 3.0;
 const DOUBLE_CLICK_SECS: f64 = 0.5;
 
 /// Makes clicks work at any frame rate.
-pub fn take_clicks_in_slow_frames(context: &Context) {
+pub fn keep_clicks_in_slow_frames(context: &Context) {
     context.add_plugin(ClicksOverTwoFrames::default());
     context.options_mut(|options| {
         options.input_options.max_click_duration = LONGEST_CLICK_SECS;
@@ -70,7 +70,7 @@ mod tests {
     fn show(slow_frames: bool, events: &[Event]) -> (f64, [usize; 2]) {
         let context = Context::default();
         if slow_frames {
-            take_clicks_in_slow_frames(&context);
+            keep_clicks_in_slow_frames(&context);
         }
         let (mut value, mut clicks) = (0.0, [0; 2]);
         for frame in 0..8 {

@@ -12,8 +12,8 @@ use ghand_hand_model::read::{ReadOptions, read_hand_model};
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
-use crate::bare_hand::bare_hand_of;
 use crate::file_kind::{FileKind, file_kind};
+use crate::untrained_hand::untrained_avatar_of;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::hand::Hand;
 use crate::viewer::scene::read_scene;
@@ -49,7 +49,7 @@ impl Subject {
                 for warning in &file.warnings {
                     log::warn!("{}: {warning}", path.display());
                 }
-                Ok(Subject::avatar(bare_hand_of(&file.model)?))
+                Ok(Subject::avatar(untrained_avatar_of(&file.model)?))
             }
             FileKind::Other => bail!(
                 "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or \
@@ -126,7 +126,7 @@ impl Subject {
     pub fn on_device(&self, gpu: &Gpu, max_size: [u32; 2]) -> Result<Scene, RenderError> {
         match self {
             Subject::Hand(hand) => Scene::new(gpu, &[hand.avatar()], Purpose::Images, 1, max_size),
-            Subject::Scene { gaussians, .. } => Scene::of_splats(gpu, gaussians, max_size),
+            Subject::Scene { gaussians, .. } => Scene::of_static_gaussians(gpu, gaussians, max_size),
         }
     }
 }

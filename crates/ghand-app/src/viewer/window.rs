@@ -7,7 +7,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::cli;
 use crate::viewer::app::Viewer;
-use crate::viewer::slow_frames::take_clicks_in_slow_frames;
+use crate::viewer::slow_frames::keep_clicks_in_slow_frames;
 
 /// Initial size of the window, points.
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
@@ -84,7 +84,7 @@ pub fn check_display() -> anyhow::Result<()> {
 /// # Errors
 /// An error that says why there is no window and what to do.
 pub fn open(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
-    viewer.persist(|viewer| {
+    viewer.retry_on_device_loss(|viewer| {
         run(viewer, title)?;
         Ok(viewer.gpu().check()?)
     })
@@ -112,7 +112,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     };
     let create: eframe::AppCreator<'_> = Box::new(|context| {
         style(&context.egui_ctx);
-        take_clicks_in_slow_frames(&context.egui_ctx);
+        keep_clicks_in_slow_frames(&context.egui_ctx);
         context.egui_ctx.add_plugin(DrawNothingOnceLost { gpu });
         Ok(Box::new(Window { viewer, closing: false }))
     });

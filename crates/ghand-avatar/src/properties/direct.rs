@@ -8,4 +8,4 @@ mod tensors;
 pub use device::{DirectModel, ResponseUniforms};
 pub use response_limits::RESPONSE_MARGIN;
 pub(super) use tables::bytes_per_gaussian;
-pub use tables::{DirectTables, table_lengths, unlimited};
+pub use tables::{DirectTables, no_limits, table_lengths};

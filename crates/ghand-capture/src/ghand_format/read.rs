@@ -156,7 +156,7 @@ impl Reader<'_> {
                         self.invalid("hand_model.path", "is missing; give the glTF or GLB file beside the capture")
                     );
                 };
-                self.validator.stays_inside("hand_model.path", path)?;
+                self.validator.is_inside_capture("hand_model.path", path)?;
                 let model = read_gltf(&root.join(path)).map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Gltf { path: path.clone() })
             }
@@ -321,7 +321,7 @@ impl Reader<'_> {
     ) -> Result<(), CaptureError> {
         let templates = [("image_path", Some(&images.image)), ("mask_path", images.mask.as_ref())];
         for (field, template) in templates.into_iter().filter_map(|(field, t)| Some((field, t?))) {
-            self.validator.stays_inside(field, template)?;
+            self.validator.is_inside_capture(field, template)?;
             for (placeholder, count) in [("{camera}", cameras.len()), ("{frame}", frames.len())] {
                 if count > 1 && !template.contains(placeholder) {
                     let problem =

@@ -122,10 +122,10 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
 
 fn masks(found: &CaptureInspection) -> Vec<Finding> {
     let mut findings = vec![];
-    let (looked_at, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
+    let (checked, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
     if without > 0 {
         let text = format!(
-            "{without} of {looked_at} images have no mask; the hand may be anywhere in them, and the background counts \
+            "{without} of {checked} images have no mask; the hand may be anywhere in them, and the background counts \
              as hand"
         );
         findings.push(finding(false, text));
@@ -147,7 +147,7 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
     ));
     let zero_one = views(found).filter(|view| view.is_zero_one).count();
     if zero_one > 0 {
-        let text = format!("{zero_one} of {looked_at} masks have 0 and 1 instead of 0 and 255; 1 counts as hand");
+        let text = format!("{zero_one} of {checked} masks have 0 and 1 instead of 0 and 255; 1 counts as hand");
         findings.push(finding(false, text));
     }
     let made = found.files.made_masks;

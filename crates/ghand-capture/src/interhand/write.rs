@@ -32,7 +32,7 @@ fn location(root: &Path) -> Location {
 
 /// Names cameras, frames and images as in the data set: frames of the split `test` are in the test sequence, the others
 /// in the training sequence.
-pub fn lay_out(capture: &mut Capture) {
+pub fn rename_as_interhand(capture: &mut Capture) {
     let sequences = Sequences::default().or_default(capture.side);
     let is_test = |i: usize| capture.splits.get("test").is_some_and(|split| split.frames.contains(&i));
     let names: Vec<String> = (0..capture.frames.len())
@@ -48,7 +48,7 @@ pub fn lay_out(capture: &mut Capture) {
     capture.images.made_masks = None;
 }
 
-/// Writes the annotations of a capture named by [`lay_out`] whose images and masks exist, and `truth.json` beside them.
+/// Writes the annotations of a capture named by [`rename_as_interhand`] whose images and masks exist, and `truth.json` beside them.
 /// `landmarks` are those of its frames.
 ///
 /// # Errors

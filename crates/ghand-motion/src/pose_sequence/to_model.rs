@@ -86,7 +86,7 @@ pub(super) fn rows(
             }
             return Ok((frames, own));
         }
-        return Ok((carried_over(frames, &full.rig(source)?, &RestSkeleton::of(model)?), own));
+        return Ok((retargeted(frames, &full.rig(source)?, &RestSkeleton::of(model)?), own));
     }
     let side = options.side.or(full.side).or(side);
     if full.rows_of(&model.joint_names).is_some() {
@@ -106,7 +106,7 @@ pub(super) fn rows(
              hand_model.side, parents and rest_joints, or use --pose-model)"
                 .into(),
         );
-        return Ok((carried_over(frames, &RestSkeleton::of(&hand)?, &RestSkeleton::of(model)?), side));
+        return Ok((retargeted(frames, &RestSkeleton::of(&hand)?, &RestSkeleton::of(model)?), side));
     }
     let lacking = model.joint_names.iter().find(|joint| !full.joint_names.contains(joint));
     let problem = format!(
@@ -241,10 +241,10 @@ pub(super) fn mano_rows(
     };
     turn(&mut frames, &rig);
     if rig.side == side {
-        return Ok(carried_over(frames, &rig, &target));
+        return Ok(retargeted(frames, &rig, &target));
     }
     frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
-    Ok(carried_over(frames, &rig, &target))
+    Ok(retargeted(frames, &rig, &target))
 }
 
 /// From OpenGL's camera (y up, looking along -z) to ghand's world (y down, looking along z): the whole hand rotates by
@@ -271,7 +271,7 @@ fn add_mean(frames: &mut [PoseFrame], model: &HandModel) {
 }
 
 /// Poses of one skeleton for another. Shape parameters are those of the other model and stay behind.
-pub(super) fn carried_over(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &RestSkeleton) -> Vec<PoseFrame> {
+pub(super) fn retargeted(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &RestSkeleton) -> Vec<PoseFrame> {
     let retarget = Retarget::new(from, to);
     let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
     frames.into_iter().map(frame).collect()

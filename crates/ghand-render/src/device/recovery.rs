@@ -37,7 +37,7 @@ impl Gpu {
     /// # Errors
     /// The error of `work` if it failed for another reason or after the device was lost several times; [`DeviceError`]
     /// if no new device can be opened.
-    pub fn persist<T, E: From<DeviceError>>(
+    pub fn retry_on_device_loss<T, E: From<DeviceError>>(
         &mut self,
         what: &str,
         mut work: impl FnMut(&Gpu) -> Result<T, E>,

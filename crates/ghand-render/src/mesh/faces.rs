@@ -18,7 +18,7 @@ struct MeshVertex {
     normal_world: [f32; 3],
     /// UV and 0, or a colour.
     surface: [f32; 3],
-    exposure: f32,
+    light_visibility: f32,
 }
 
 /// `MeshUniforms` of `mesh.wgsl`.
@@ -168,7 +168,7 @@ fn vertices(mesh: &MeshInstance, camera: &Camera) -> Vec<MeshVertex> {
             position_camera: camera.camera_from_world(*p).as_vec3().to_array(),
             normal_world: n.as_vec3().to_array(),
             surface: mesh.surface.at_vertex(i).as_vec3().to_array(),
-            exposure: mesh.exposure.map_or(1.0, |e| e[i] as f32),
+            light_visibility: mesh.light_visibility.map_or(1.0, |e| e[i] as f32),
         })
         .collect()
 }

@@ -49,7 +49,7 @@ impl MeshImage {
     ///
     /// # Errors
     /// [`MeshError::Invalid`] if the sizes differ or the bias is not finite.
-    pub fn with_splats(&self, splats: &SplatLayer, bias: f32) -> Result<Image, MeshError> {
+    pub fn composite_with_splats(&self, splats: &SplatLayer, bias: f32) -> Result<Image, MeshError> {
         let SplatLayer { image, depths, background } = splats;
         let (width, height) = (self.width, self.height);
         let pixels = self.rgba.len();
@@ -96,7 +96,7 @@ mod tests {
         let over = |c: usize| coverage * color[c] + (1.0 - coverage) * BACKGROUND[c];
         let image = Image { width: 1, height: 1, rgba: vec![[over(0), over(1), over(2), coverage]] };
         let layer = SplatLayer { image: &image, depths: &[depth], background: BACKGROUND };
-        mesh.with_splats(&layer, bias).unwrap().rgba[0]
+        mesh.composite_with_splats(&layer, bias).unwrap().rgba[0]
     }
 
     /// A front layer over a back layer over the background: straight colours and coverages.
@@ -147,7 +147,7 @@ mod tests {
         let image = |width, rgba| Image { width, height: 1, rgba };
         let fails = |image: &Image, depths: &[f32], bias| {
             let layer = SplatLayer { image, depths, background: BACKGROUND };
-            red.with_splats(&layer, bias).unwrap_err().to_string()
+            red.composite_with_splats(&layer, bias).unwrap_err().to_string()
         };
         assert!(fails(&image(2, vec![[0.0; 4]; 2]), &[0.0; 2], 0.0).contains("splats: 2 x 1"));
         assert!(fails(&image(1, vec![[0.0; 4]]), &[], 0.0).contains("0 depths"));

@@ -63,7 +63,7 @@ pub struct MeshInstance<'a> {
     pub normals: &'a [DVec3],
     /// The fraction of light that reaches each vertex past other geometry, `[0, 1]`; `None` for all of it. Unlit
     /// shading ignores it.
-    pub exposure: Option<&'a [f64]>,
+    pub light_visibility: Option<&'a [f64]>,
     /// Triangles as vertex indices; both sides are drawn.
     pub triangles: &'a [[u32; 3]],
     /// Colours.
@@ -84,7 +84,7 @@ pub struct Light {
 pub enum Shading {
     /// The surface's colours unchanged.
     Unlit,
-    /// Lambert: colour x exposure x (ambient + sum of lights), clamped to 1.
+    /// Lambert: colour x visibility x (ambient + sum of lights), clamped to 1.
     Lit {
         /// Ambient light.
         ambient: DVec3,
@@ -172,13 +172,16 @@ fn check_mesh(mesh: &MeshInstance, camera: &Camera) -> Result<(), MeshError> {
         let problem = format!("{n} positions but {} normals; give one of each per vertex", mesh.normals.len());
         return MeshError::invalid("vertices", problem);
     }
-    if let Some(exposure) = mesh.exposure {
-        if exposure.len() != n {
-            let problem = format!("{} numbers for {n} vertices; give one each", exposure.len());
-            return MeshError::invalid("exposure", problem);
+    if let Some(light_visibility) = mesh.light_visibility {
+        if light_visibility.len() != n {
+            let problem = format!("{} numbers for {n} vertices; give one each", light_visibility.len());
+            return MeshError::invalid("light_visibility", problem);
         }
-        if let Some(i) = exposure.iter().position(|e| !e.is_finite()) {
-            return MeshError::invalid("exposure", format!("vertex {i} has {}; give finite numbers", exposure[i]));
+        if let Some(i) = light_visibility.iter().position(|e| !e.is_finite()) {
+            return MeshError::invalid(
+                "light_visibility",
+                format!("vertex {i} has {}; give finite numbers", light_visibility[i]),
+            );
         }
     }
     for (i, position) in mesh.positions.iter().enumerate() {

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use super::MeshError;
 
-/// The colour of [`heat`] at weight 0: a grey that does not occur in the ramp.
+/// The colour of [`weight_color`] at weight 0: a grey that does not occur in the ramp.
 pub const NO_WEIGHT: DVec3 = DVec3::splat(0.72);
 /// Weights below this fade to grey. A model's weights end at the edges of its triangles; without a fade the border of a
 /// joint's region would be as jagged as these.
@@ -31,7 +31,7 @@ const VIRIDIS: [[u8; 3]; 9] = [
 
 /// The colour of a weight, display values: [`NO_WEIGHT`] at 0, fading until [`FADED_WEIGHT`] into the ramp from dark
 /// violet to yellow, which is for 1 and above. NaN is black.
-pub fn heat(weight: f64) -> DVec3 {
+pub fn weight_color(weight: f64) -> DVec3 {
     if weight.is_nan() {
         return DVec3::ZERO;
     }
@@ -45,10 +45,10 @@ pub fn heat(weight: f64) -> DVec3 {
     NO_WEIGHT.lerp(ramp, t * t * (3.0 - 2.0 * t))
 }
 
-/// [`heat`] as a texture one texel high, for [`joint_heat_uvs`]. With it, every pixel has the colour of its
+/// [`weight_color`] as a texture one texel high, for [`joint_heat_uvs`]. With it, every pixel has the colour of its
 /// interpolated weight, which interpolated vertex colours do not give.
 pub fn heat_texture() -> Texture {
-    let color = |texel: u32| heat(f64::from(texel) / f64::from(HEAT_TEXELS - 1));
+    let color = |texel: u32| weight_color(f64::from(texel) / f64::from(HEAT_TEXELS - 1));
     let rgb = (0..HEAT_TEXELS).map(|texel| color(texel).to_array().map(|v| (v * 255.0).round() as u8)).collect();
     Texture { width: HEAT_TEXELS, height: 1, rgb }
 }
@@ -94,12 +94,12 @@ fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
     DVec3::from(linear.clamp(DVec3::ZERO, DVec3::ONE).to_array().map(encode)).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Colours of the vertices by the weight of one joint ([`heat`]), for row-major weights `[V][joint_count]`.
+/// Colours of the vertices by the weight of one joint ([`weight_color`]), for row-major weights `[V][joint_count]`.
 ///
 /// # Errors
 /// [`MeshError::Invalid`] if the table's length does not match, the joint does not exist, or a weight is not finite.
 pub fn joint_heat(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec3>, MeshError> {
-    Ok(joint_weights(weights, joint_count, joint)?.map(heat).collect())
+    Ok(joint_weights(weights, joint_count, joint)?.map(weight_color).collect())
 }
 
 /// The weight of one joint at each vertex.
@@ -162,16 +162,16 @@ mod tests {
 
     #[test]
     fn heat_fades_from_grey_without_a_border_and_gets_lighter_with_the_weight() {
-        let colors: Vec<DVec3> = (0..=1000).map(|i| oklab(heat(f64::from(i) / 1000.0))).collect();
+        let colors: Vec<DVec3> = (0..=1000).map(|i| oklab(weight_color(f64::from(i) / 1000.0))).collect();
         let faded = (1000.0 * FADED_WEIGHT) as usize;
         assert!(colors[faded..].windows(2).all(|pair| pair[1].x > pair[0].x));
         // Neighbouring patches can be distinguished from 0.02 on: no step is visible.
         assert!(colors.windows(2).all(|pair| pair[0].distance(pair[1]) < 0.01));
         // Halfway through the fade the colour is clearly visible, and beyond it no colour of the ramp is the grey.
         assert!(colors[faded / 2..].iter().all(|color| color.distance(oklab(NO_WEIGHT)) > 0.1));
-        assert_eq!(heat(0.0), NO_WEIGHT);
-        assert_eq!((heat(1.5), heat(-1.0)), (heat(1.0), NO_WEIGHT));
-        assert_eq!(heat(f64::NAN), DVec3::ZERO);
+        assert_eq!(weight_color(0.0), NO_WEIGHT);
+        assert_eq!((weight_color(1.5), weight_color(-1.0)), (weight_color(1.0), NO_WEIGHT));
+        assert_eq!(weight_color(f64::NAN), DVec3::ZERO);
     }
 
     #[test]
@@ -186,7 +186,7 @@ mod tests {
             let last = f64::from(HEAT_TEXELS - 1);
             let sampled = texel(at.floor()).lerp(texel((at.floor() + 1.0).min(last)), at - at.floor());
             // Texels are rounded to 8 bits.
-            assert!(sampled.distance(heat(*weight)) < 0.004, "{weight}: {sampled} {}", heat(*weight));
+            assert!(sampled.distance(weight_color(*weight)) < 0.004, "{weight}: {sampled} {}", weight_color(*weight));
         }
         assert!(joint_heat_uvs(&weights, 1, 1).is_err());
     }
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn vertices_get_the_colours_of_their_rows() {
         let weights = [1.0, 0.0, 0.0, 0.25, 0.75, 0.0];
-        assert_eq!(joint_heat(&weights, 3, 1).unwrap(), [NO_WEIGHT, heat(0.75)]);
+        assert_eq!(joint_heat(&weights, 3, 1).unwrap(), [NO_WEIGHT, weight_color(0.75)]);
         let mixed = 0.25 * joint_color(0) + 0.75 * joint_color(1);
         assert_eq!(joint_mix(&weights, 3).unwrap(), [joint_color(0), mixed]);
         assert!(joint_heat(&[], 3, 0).unwrap().is_empty());

@@ -17,7 +17,7 @@ struct Corner {
     normal: DVec3,
     /// UV and 0, or a colour.
     surface: DVec3,
-    exposure: f64,
+    light_visibility: f64,
 }
 
 impl Corner {
@@ -26,7 +26,7 @@ impl Corner {
             camera: self.camera.lerp(other.camera, t),
             normal: self.normal.lerp(other.normal, t),
             surface: self.surface.lerp(other.surface, t),
-            exposure: self.exposure + (other.exposure - self.exposure) * t,
+            light_visibility: self.light_visibility + (other.light_visibility - self.light_visibility) * t,
         }
     }
 }
@@ -62,7 +62,7 @@ pub fn render(mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result
             camera: around.camera_from_world(mesh.positions[i as usize]),
             normal: mesh.normals[i as usize],
             surface: mesh.surface.at_vertex(i as usize),
-            exposure: mesh.exposure.map_or(1.0, |e| e[i as usize]),
+            light_visibility: mesh.light_visibility.map_or(1.0, |e| e[i as usize]),
         });
         let clipped = clip_near(&corners);
         for i in 1..clipped.len().saturating_sub(1) {
@@ -134,18 +134,18 @@ fn fill(
                 continue;
             }
             let weights = (over_z * depth).to_array();
-            let (mut normal, mut at_sample, mut exposure) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            let (mut normal, mut at_sample, mut light_visibility) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             for (weight, corner) in weights.iter().zip(&corners) {
                 normal += *weight * corner.normal;
                 at_sample += *weight * corner.surface;
-                exposure += *weight * corner.exposure;
+                light_visibility += *weight * corner.light_visibility;
             }
             samples.depth[index] = depth;
             let color = match surface {
                 Surface::Texture { texture, .. } => sample_color(texture, at_sample.truncate()),
                 Surface::VertexColors(_) | Surface::Color(_) => at_sample,
             };
-            samples.color[index] = shade(color, normal, exposure, shading);
+            samples.color[index] = shade(color, normal, light_visibility, shading);
         }
     }
 }
@@ -164,7 +164,7 @@ fn sample_color(texture: &Texture, uv: DVec2) -> DVec3 {
     top.lerp(bottom, f.y)
 }
 
-fn shade(color: DVec3, normal: DVec3, exposure: f64, shading: &Shading) -> DVec3 {
+fn shade(color: DVec3, normal: DVec3, light_visibility: f64, shading: &Shading) -> DVec3 {
     match shading {
         // The resolve ignores the colour of transparent faces.
         Shading::Unlit | Shading::Transparent => color,
@@ -174,7 +174,7 @@ fn shade(color: DVec3, normal: DVec3, exposure: f64, shading: &Shading) -> DVec3
                 let cosine = normal.dot(light.direction.normalize_or_zero());
                 sum + light.color * ((cosine + wrap) / (1.0 + wrap)).max(0.0)
             });
-            (color * light * exposure).min(DVec3::ONE)
+            (color * light * light_visibility).min(DVec3::ONE)
         }
     }
 }
@@ -205,7 +205,7 @@ fn resolve(
             if let Some((wireframe, lines)) = lines {
                 let hidden = wireframe.hidden.unwrap_or_default();
                 color = color.lerp(hidden.extend(1.0), lines.hidden[index]);
-                color = color.lerp(wireframe.color.extend(1.0), lines.in_sight[index]);
+                color = color.lerp(wireframe.color.extend(1.0), lines.visible[index]);
                 nearest = nearest.min(lines.depth[index]);
             }
             sum += color;

@@ -12,7 +12,7 @@ pub(super) const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// The cut-offs of blending. Tests with finite differences set them so that the image is smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cuts {
+pub struct CutOffs {
     /// Contributions with a smaller alpha are skipped.
     pub alpha_min: f64,
     /// Upper bound of alpha.
@@ -23,9 +23,9 @@ pub struct Cuts {
     pub tiled: bool,
 }
 
-impl Default for Cuts {
+impl Default for CutOffs {
     fn default() -> Self {
-        Cuts { alpha_min: ALPHA_MIN, alpha_max: ALPHA_MAX, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
+        CutOffs { alpha_min: ALPHA_MIN, alpha_max: ALPHA_MAX, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
     }
 }
 
@@ -41,7 +41,7 @@ pub struct Scene<'a> {
     /// Whether opacity compensates for the screen-space blur.
     pub antialias: bool,
     /// The cut-offs.
-    pub cuts: Cuts,
+    pub cuts: CutOffs,
 }
 
 /// Gaussian weight and alpha (before the upper cut) of a splat at a pixel centre.
@@ -226,7 +226,7 @@ mod tests {
             let gaussians = random_scene(&mut rng, bases);
             let weights: Vec<[f64; 4]> =
                 (0..17 * 15).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
-            let cuts = Cuts { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
+            let cuts = CutOffs { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
             let background = DVec3::new(0.3, 0.1, 0.7);
             let loss = |gaussians: &[Gaussian], camera: &Camera| -> f64 {
                 let scene = Scene { gaussians, camera, background, antialias, cuts };

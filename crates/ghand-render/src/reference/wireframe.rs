@@ -7,7 +7,7 @@ use crate::mesh::Segment;
 /// The lines at k times the image's size.
 pub(super) struct LineSamples {
     /// Coverage by visible lines.
-    pub in_sight: Vec<f64>,
+    pub visible: Vec<f64>,
     /// Coverage by lines behind faces; 0 if they are not drawn.
     pub hidden: Vec<f64>,
     /// Camera z of the nearest line, infinity where there is none.
@@ -25,7 +25,7 @@ pub(super) struct FaceDepths<'a> {
 pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceDepths) -> LineSamples {
     let count = faces.width * faces.height;
     let mut lines =
-        LineSamples { in_sight: vec![0.0; count], hidden: vec![0.0; count], depth: vec![f64::INFINITY; count] };
+        LineSamples { visible: vec![0.0; count], hidden: vec![0.0; count], depth: vec![f64::INFINITY; count] };
     let reach = half_width + 0.5;
     for segment in segments {
         let [a, b] = segment.ends;
@@ -38,12 +38,12 @@ pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, fa
                 let middle = a.lerp(b, t);
                 let coverage = coverage(at.distance(middle), half_width);
                 let inverse_depth = segment.inverse_depths[0] * (1.0 - t) + segment.inverse_depths[1] * t;
-                let in_sight = in_sight(middle, inverse_depth + segment.tolerance, faces);
-                if coverage == 0.0 || !(in_sight || hidden) {
+                let visible = visible(middle, inverse_depth + segment.tolerance, faces);
+                if coverage == 0.0 || !(visible || hidden) {
                     continue;
                 }
                 let index = y * faces.width + x;
-                let covered = if in_sight { &mut lines.in_sight } else { &mut lines.hidden };
+                let covered = if visible { &mut lines.visible } else { &mut lines.hidden };
                 covered[index] = covered[index].max(coverage);
                 lines.depth[index] = lines.depth[index].min(1.0 / inverse_depth);
             }
@@ -65,7 +65,7 @@ fn coverage(distance: f64, half_width: f64) -> f64 {
 }
 
 /// Whether at one of the four samples around `place` no face is nearer than `inverse_depth`.
-fn in_sight(place: DVec2, inverse_depth: f64, faces: &FaceDepths) -> bool {
+fn visible(place: DVec2, inverse_depth: f64, faces: &FaceDepths) -> bool {
     let base = (place - 0.5).floor();
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].iter().any(|(dx, dy)| {
         let x = (base.x + dx).clamp(0.0, faces.width as f64 - 1.0) as usize;

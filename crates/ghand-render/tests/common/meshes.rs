@@ -12,7 +12,7 @@ pub struct Model {
     pub normals: Vec<DVec3>,
     pub uvs: Vec<DVec2>,
     pub colors: Vec<DVec3>,
-    pub exposure: Vec<f64>,
+    pub light_visibility: Vec<f64>,
     pub triangles: Vec<[u32; 3]>,
     pub texture: Texture,
 }
@@ -26,7 +26,7 @@ impl Model {
             normals: vec![DVec3::Z; n],
             uvs: vec![DVec2::ZERO; n],
             colors: vec![DVec3::ONE; n],
-            exposure: vec![1.0; n],
+            light_visibility: vec![1.0; n],
             triangles: triangles.to_vec(),
             texture: Texture::plain([255; 3]),
         }
@@ -44,7 +44,7 @@ impl Model {
         MeshInstance {
             positions: &self.positions,
             normals: &self.normals,
-            exposure: Some(&self.exposure),
+            light_visibility: Some(&self.light_visibility),
             triangles: &self.triangles,
             surface,
         }
@@ -66,7 +66,7 @@ pub fn torus(n: u32, m: u32) -> Model {
             t.normals.push(normal);
             t.uvs.push(uv);
             t.colors.push(0.5 + 0.5 * DVec3::new(s.cos(), t_angle.cos(), (3.0 * s).sin()));
-            t.exposure.push(0.6 + 0.4 * (3.0 * s).cos());
+            t.light_visibility.push(0.6 + 0.4 * (3.0 * s).cos());
             if i < n && j < m {
                 let a = i * (m + 1) + j;
                 t.triangles.extend([[a, a + m + 1, a + m + 2], [a, a + m + 2, a + 1]]);

@@ -7,7 +7,7 @@ pub mod meshes;
 
 use ghand_core::Camera;
 use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
-use ghand_render::reference::rasterize::{Cuts, Scene};
+use ghand_render::reference::rasterize::{CutOffs, Scene};
 use ghand_render::splat::{Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
 use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier, buffers};
 use glam::{DVec2, DVec3};
@@ -241,7 +241,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
         camera,
         background: DVec3::from(BACKGROUND.map(f64::from)),
         antialias: model.antialias,
-        cuts: Cuts::default(),
+        cuts: CutOffs::default(),
     };
     let (twin, depth) = (scene.rasterize(), scene.depth());
     let mut weights = random_weights(3, twin.len());

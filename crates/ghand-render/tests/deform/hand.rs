@@ -7,7 +7,8 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skeleton::{Affine, Chain, pose_skeleton};
 use ghand_core::skinning::ResidualWeights;
 use ghand_render::deform::{
-    CHAIN_STRIDE, CoefficientLayout, Deformation, DeformationBackward, Properties, ROW_MOMENT, TablePlace, Template,
+    CHAIN_STRIDE, CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, Properties, ROW_MOMENT,
+    TablePlace,
 };
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::{DMat3, DVec3};
@@ -145,7 +146,7 @@ impl Run {
             planes(&widen(&random(11, 3 * COUNT, 1.0)), COUNT).iter().map(|n| n.normalize()).collect();
         let normals: Vec<f32> = (0..3).flat_map(|c| normals.iter().map(move |n| n[c] as f32)).collect();
         let parents = PARENTS.map(|p| p.map_or(-1, |p| p as i32));
-        let template = Template {
+        let template = DeformTemplate {
             rest: &rest,
             weights: &weights,
             normals: Some(&normals),
@@ -197,12 +198,12 @@ impl Run {
         submit(&|encoder| {
             deformation.encode_skeleton(encoder);
             deformation.encode_skin(encoder);
-            backward.encode_points(encoder);
+            backward.encode_point_gradients(encoder);
         });
         let d_points = planes(&read(backward.d_offsets(), 3 * COUNT), COUNT);
-        submit(&|encoder| backward.encode_properties(encoder));
+        submit(&|encoder| backward.encode_property_gradients(encoder));
         let d_skin = read(backward.d_offsets(), 15 * COUNT);
-        submit(&|encoder| backward.encode_pose(encoder));
+        submit(&|encoder| backward.encode_pose_gradient(encoder));
         let [residual_joints, residual_chain] = deformation.residual_chain();
         let offsets = read(deformation.offsets(), 6 * COUNT);
         let gradients: Vec<Vec<f64>> =

@@ -8,7 +8,7 @@ use ghand_capture::inspection::{ViewFit, posed_template, true_pose};
 use ghand_capture::{Capture, CaptureError};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshRenderer};
-use ghand_train::lettering::{LINE, letter_width, write};
+use ghand_train::draw_text::{LINE, letter_width, write};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 

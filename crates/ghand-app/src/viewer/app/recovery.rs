@@ -18,7 +18,10 @@ impl Viewer {
     /// # Errors
     /// The error of `show` if it failed for another reason or the device is lost every time, else one that says why
     /// there is no new device.
-    pub fn persist<T>(&mut self, mut show: impl FnMut(&mut Viewer) -> anyhow::Result<T>) -> anyhow::Result<T> {
+    pub fn retry_on_device_loss<T>(
+        &mut self,
+        mut show: impl FnMut(&mut Viewer) -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
         let mut losses = 0;
         loop {
             let result = show(self);
@@ -54,15 +57,15 @@ mod tests {
     use image::RgbImage;
 
     use super::*;
-    use crate::bare_hand::bare_hand;
     use crate::pose_choice::pose_by_name;
+    use crate::untrained_hand::untrained_hand;
     use crate::viewer::hand::Hand;
     use crate::viewer::screenshot::screenshot;
     use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let avatar = bare_hand().unwrap();
+        let avatar = untrained_hand().unwrap();
         let mut hand = Hand::new(avatar);
         hand.pose = pose_by_name("fist", &hand.avatar.model).unwrap();
         Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap()
@@ -97,7 +100,7 @@ mod tests {
         let mut viewer = viewer();
         let mut tries = 0;
         let error = viewer
-            .persist(|viewer| -> anyhow::Result<()> {
+            .retry_on_device_loss(|viewer| -> anyhow::Result<()> {
                 tries += 1;
                 viewer.gpu.device.destroy();
                 Ok(viewer.gpu.wait()?)
@@ -107,7 +110,10 @@ mod tests {
         assert!(error.to_string().contains("was lost"), "{error}");
         // Other failures are not retried; a window closed by its user is not a failure.
         viewer.renew().unwrap();
-        assert_eq!(viewer.persist(|_| -> anyhow::Result<()> { anyhow::bail!("no") }).unwrap_err().to_string(), "no");
-        assert_eq!(viewer.persist(|_| Ok(7)).unwrap(), 7);
+        assert_eq!(
+            viewer.retry_on_device_loss(|_| -> anyhow::Result<()> { anyhow::bail!("no") }).unwrap_err().to_string(),
+            "no"
+        );
+        assert_eq!(viewer.retry_on_device_loss(|_| Ok(7)).unwrap(), 7);
     }
 }

@@ -11,8 +11,8 @@ use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::AdapterChoice;
 
 use super::*;
-use crate::bare_hand::bare_hand;
 use crate::pose_choice::pose_by_name;
+use crate::untrained_hand::untrained_hand;
 use crate::viewer::hand::Hand;
 use crate::viewer::scene::tests::scene;
 
@@ -42,8 +42,8 @@ impl Headless {
     }
 
     /// The untrained hand at rest.
-    fn bare_hand() -> Headless {
-        Headless::new(Subject::avatar(bare_hand().unwrap()), SIZE, 1.0)
+    fn untrained_hand() -> Headless {
+        Headless::new(Subject::avatar(untrained_hand().unwrap()), SIZE, 1.0)
     }
 
     fn viewer(&mut self) -> &mut Viewer {
@@ -90,7 +90,7 @@ fn small_scene() -> Subject {
 
 #[test]
 fn only_changes_are_rendered() {
-    let mut ui = Headless::bare_hand();
+    let mut ui = Headless::untrained_hand();
     // The first pictures may have lacked memory.
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(!ui.frame(Vec::new()) && !ui.frame(vec![Event::PointerMoved(egui::pos2(500.0, 200.0))]));
@@ -106,7 +106,7 @@ fn only_changes_are_rendered() {
 
 #[test]
 fn a_picture_with_too_little_memory_is_rendered_again() {
-    let mut ui = Headless::bare_hand();
+    let mut ui = Headless::untrained_hand();
     ui.frame(Vec::new());
     ui.viewer().camera.zoom(4.0);
     assert!(ui.frame(Vec::new()));
@@ -118,7 +118,7 @@ fn a_picture_with_too_little_memory_is_rendered_again() {
 
 #[test]
 fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
-    let mut ui = Headless::bare_hand();
+    let mut ui = Headless::untrained_hand();
     ui.frame(Vec::new());
     let settle = |ui: &mut Headless| {
         for _ in 0..40 {

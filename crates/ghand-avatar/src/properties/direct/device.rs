@@ -244,7 +244,7 @@ impl PropertyModel for DirectModel {
         }))
     }
 
-    fn pose_numbers(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
+    fn pose_parameters(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
         buffers::read(gpu, &self.tables[4], self.lengths()[4])
     }
 

@@ -45,7 +45,7 @@ pub(in crate::properties) fn bytes_per_gaussian(joints: usize, config: &AvatarCo
 }
 
 /// Limits for `terms` joint terms, `[terms][2]`, that have no effect. Finite, as all numbers of an avatar must be.
-pub fn unlimited(terms: usize) -> Vec<f32> {
+pub fn no_limits(terms: usize) -> Vec<f32> {
     [f32::MIN, f32::MAX].repeat(terms)
 }
 
@@ -100,7 +100,7 @@ impl DirectTables {
             regressor: vec![0.0; lengths[2]],
             appearance,
             response,
-            response_limits: unlimited(lengths[5] / 2),
+            response_limits: no_limits(lengths[5] / 2),
         }
     }
 }

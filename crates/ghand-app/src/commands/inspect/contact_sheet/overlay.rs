@@ -66,7 +66,7 @@ impl Cell {
         let mesh = MeshInstance {
             positions,
             normals: &model.vertex_normals(positions),
-            exposure: None,
+            light_visibility: None,
             triangles: &model.faces,
             surface: Surface::Color(DVec3::ONE),
         };

@@ -7,7 +7,7 @@ use crate::settings::TrainSettings;
 
 /// Why a stage failed.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Fault {
+pub(crate) enum Divergence {
     /// Something is infinite or not a number.
     NotFinite(&'static str),
     /// The loss over the same views is higher than before the first iteration.
@@ -19,43 +19,43 @@ pub(crate) enum Fault {
     },
 }
 
-impl std::fmt::Display for Fault {
+impl std::fmt::Display for Divergence {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Fault::NotFinite(what) => write!(f, "{what} became infinite or not a number"),
-            Fault::Risen { from, to } => write!(f, "the loss rose from {from:.4} to {to:.4}"),
+            Divergence::NotFinite(what) => write!(f, "{what} became infinite or not a number"),
+            Divergence::Risen { from, to } => write!(f, "the loss rose from {from:.4} to {to:.4}"),
         }
     }
 }
 
 /// Fails unless the loss is a finite number.
-pub(crate) fn check_loss(loss: f64) -> Result<(), Fault> {
-    if loss.is_finite() { Ok(()) } else { Err(Fault::NotFinite("the loss")) }
+pub(crate) fn check_loss(loss: f64) -> Result<(), Divergence> {
+    if loss.is_finite() { Ok(()) } else { Err(Divergence::NotFinite("the loss")) }
 }
 
 /// Fails if the loss over the same views has risen, or is not a finite number.
-pub(crate) fn check_change(from: f64, to: f64) -> Result<(), Fault> {
+pub(crate) fn check_change(from: f64, to: f64) -> Result<(), Divergence> {
     check_loss(from)?;
     check_loss(to)?;
-    if to > from { Err(Fault::Risen { from, to }) } else { Ok(()) }
+    if to > from { Err(Divergence::Risen { from, to }) } else { Ok(()) }
 }
 
-fn check_values(learned: &[(&'static str, &[f32])]) -> Result<(), Fault> {
+fn check_values(learned: &[(&'static str, &[f32])]) -> Result<(), Divergence> {
     match learned.iter().find(|(_, values)| values.iter().any(|v| !v.is_finite())) {
-        Some((name, _)) => Err(Fault::NotFinite(name)),
+        Some((name, _)) => Err(Divergence::NotFinite(name)),
         None => Ok(()),
     }
 }
 
 /// Fails unless the numbers learned for the whole hand are finite. They are few enough to be read regularly.
-pub(crate) fn check_hand(response: &[f32], joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Fault> {
+pub(crate) fn check_hand(response: &[f32], joints: &[[f32; 3]], poses: &[Pose]) -> Result<(), Divergence> {
     check_values(&[("the pose response", response), ("the rest joints", joints.as_flattened())])?;
     let is_finite = |p: &Pose| p.translation.is_finite() && p.rotations.iter().all(|r| r.is_finite());
-    if poses.iter().all(is_finite) { Ok(()) } else { Err(Fault::NotFinite("a pose")) }
+    if poses.iter().all(is_finite) { Ok(()) } else { Err(Divergence::NotFinite("a pose")) }
 }
 
 /// Fails unless the numbers learned for each Gaussian are finite.
-pub(crate) fn check_gaussians(tables: &PropertyTables) -> Result<(), Fault> {
+pub(crate) fn check_gaussians(tables: &PropertyTables) -> Result<(), Divergence> {
     check_values(&tables.parts())
 }
 
@@ -108,9 +108,9 @@ mod tests {
     fn a_loss_must_not_rise_and_must_be_finite() {
         check_change(0.5, 0.5).unwrap();
         check_change(0.5, 0.1).unwrap();
-        assert_eq!(check_change(0.5, 0.51), Err(Fault::Risen { from: 0.5, to: 0.51 }));
+        assert_eq!(check_change(0.5, 0.51), Err(Divergence::Risen { from: 0.5, to: 0.51 }));
         for (from, to) in [(f64::NAN, 0.1), (0.1, f64::NAN), (0.1, f64::INFINITY)] {
-            assert_eq!(check_change(from, to), Err(Fault::NotFinite("the loss")));
+            assert_eq!(check_change(from, to), Err(Divergence::NotFinite("the loss")));
         }
     }
 
@@ -148,7 +148,7 @@ mod tests {
         let turned = Pose { rotations: vec![DVec3::new(0.0, f64::NAN, 0.0)], ..pose.clone() };
         check(&tables, &joints, &[pose.clone(), turned]).unwrap_err();
         let moved = Pose { translation: DVec3::new(0.0, f64::INFINITY, 0.0), ..pose };
-        assert_eq!(check(&tables, &joints, &[moved]), Err(Fault::NotFinite("a pose")));
+        assert_eq!(check(&tables, &joints, &[moved]), Err(Divergence::NotFinite("a pose")));
     }
 
     #[test]

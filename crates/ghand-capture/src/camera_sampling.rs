@@ -3,7 +3,7 @@
 use ghand_core::Camera;
 
 /// `count` of the cameras' indices, each the farthest from those before it, starting with the first.
-pub fn well_spread(cameras: &[Camera], among: &[usize], count: usize) -> Vec<usize> {
+pub fn farthest_point_sampling(cameras: &[Camera], among: &[usize], count: usize) -> Vec<usize> {
     let mut chosen: Vec<usize> = among.first().copied().into_iter().collect();
     while chosen.len() < count.min(among.len()) {
         let gap = |&i: &usize| {
@@ -28,8 +28,8 @@ mod tests {
     fn each_camera_is_the_farthest_from_those_before_it() {
         let at = |x: f64| Camera::look_at(DVec3::new(x, 0.0, -1.0), DVec3::new(x, 0.0, 0.0), DVec3::Y, 0.5, 8, 8);
         let cameras: Vec<Camera> = [5.0, 0.0, 1.0, 4.0, 10.0, 7.5].into_iter().map(at).collect();
-        assert_eq!(well_spread(&cameras, &[1, 2, 3, 4, 5], 3), [1, 3, 4]);
-        assert_eq!(well_spread(&cameras, &[1, 2], 5), [1, 2]);
-        assert_eq!(well_spread(&cameras, &[], 5), [0usize; 0]);
+        assert_eq!(farthest_point_sampling(&cameras, &[1, 2, 3, 4, 5], 3), [1, 3, 4]);
+        assert_eq!(farthest_point_sampling(&cameras, &[1, 2], 5), [1, 2]);
+        assert_eq!(farthest_point_sampling(&cameras, &[], 5), [0usize; 0]);
     }
 }

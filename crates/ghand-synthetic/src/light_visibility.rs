@@ -18,12 +18,12 @@ struct Ball {
 }
 
 /// The balls of a hand.
-pub(super) struct Exposure {
+pub(super) struct LightVisibility {
     balls: Vec<Ball>,
 }
 
-impl Exposure {
-    pub(super) fn new(anatomy: &Anatomy, model: &HandModel) -> Exposure {
+impl LightVisibility {
+    pub(super) fn new(anatomy: &Anatomy, model: &HandModel) -> LightVisibility {
         let mut balls = Vec::new();
         for finger in &anatomy.fingers {
             for k in 0..3 {
@@ -42,7 +42,7 @@ impl Exposure {
                 }
             }
         }
-        Exposure { balls }
+        LightVisibility { balls }
     }
 
     /// The fraction of the light that reaches each vertex, `[0, 1]`.
@@ -53,7 +53,7 @@ impl Exposure {
         (positions.par_iter().zip(normals).enumerate())
             .map(|(v, (p, n))| {
                 let weights = model.vertex_weights(v);
-                let mut exposure = 1.0;
+                let mut light_visibility = 1.0;
                 for (ball, center) in self.balls.iter().zip(&centers) {
                     let towards = *center - *p;
                     let squared = towards.length_squared().max(ball.radius * ball.radius);
@@ -61,10 +61,11 @@ impl Exposure {
                     let cosine = n.dot(towards) / squared.sqrt();
                     if cosine > 0.0 {
                         let own = weights[ball.joint];
-                        exposure *= 1.0 - (1.0 - own) * cosine * (ball.radius * ball.radius / squared).min(1.0) * 0.8;
+                        light_visibility *=
+                            1.0 - (1.0 - own) * cosine * (ball.radius * ball.radius / squared).min(1.0) * 0.8;
                     }
                 }
-                exposure
+                light_visibility
             })
             .collect()
     }

@@ -19,15 +19,15 @@ const FACING: f64 = 0.25;
 ///
 /// # Errors
 /// [`HandModelError`] if the built-in hand cannot be built, which would be a bug.
-pub fn bare_hand() -> Result<Avatar, HandModelError> {
-    bare_hand_of(&ProceduralHand::default().build()?)
+pub fn untrained_hand() -> Result<Avatar, HandModelError> {
+    untrained_avatar_of(&ProceduralHand::default().build()?)
 }
 
-/// Like [`bare_hand`], for any hand model.
+/// Like [`untrained_hand`], for any hand model.
 ///
 /// # Errors
 /// [`HandModelError`] if the model's texture coordinates are not usable for an avatar.
-pub fn bare_hand_of(model: &HandModel) -> Result<Avatar, HandModelError> {
+pub fn untrained_avatar_of(model: &HandModel) -> Result<Avatar, HandModelError> {
     let config = AvatarConfig::default();
     let mut avatar = Avatar::untrained(model, &config, COLOR.to_array(), 0)?;
     let Upright { up, back } = Upright::at_rest(model);
