@@ -174,7 +174,7 @@ mod tests {
             let (here, there) = (folder.path().join("here"), folder.path().join("there"));
             symlink(&there, &here).unwrap();
             symlink(&here, &there).unwrap();
-            assert!(write_atomically(&here, b"x").unwrap_err().to_string().contains("circle"));
+            assert!(write_atomically(&here, b"x").unwrap_err().to_string().contains("cycle"));
         }
 
         #[test]
