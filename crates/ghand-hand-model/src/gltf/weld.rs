@@ -61,8 +61,10 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
         face_uvs,
         weights,
         shape_directions: vec![],
+        shape_names: vec![],
         pose_directions: vec![],
         joint_regressor: vec![],
+        joint_directions: vec![],
         pose_space: None,
         source_vertices: welded_from_raw,
     })
