@@ -7,12 +7,14 @@
 //!
 //! Units are metres and radians.
 
+mod cholesky;
 mod error;
 mod export;
 pub mod glb;
 pub mod gltf;
 pub mod inspection;
 pub mod joint_names;
+mod joint_regressor;
 pub mod mano;
 pub mod named_poses;
 pub mod obj;

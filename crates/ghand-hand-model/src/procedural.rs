@@ -26,7 +26,6 @@
 //! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
 //! (`correctives`).
 
-mod cholesky;
 mod correctives;
 mod flesh;
 mod glove;
