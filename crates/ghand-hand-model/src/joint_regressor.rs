@@ -38,8 +38,8 @@ impl Conditions {
     /// rounding and the others nearly.
     pub(crate) fn smallest_weights(&self, exact: usize) -> Row {
         let mut weights = vec![0.0; self.candidates.len()];
-        // Some conditions depend on each other. So the smallest weights that nearly satisfy all of them are found first,
-        // and then corrected for those that must hold exactly.
+        // Some conditions depend on each other. So the smallest weights that nearly satisfy all of them are found
+        // first, and then corrected for those that must hold exactly.
         for (count, ridge) in [(self.count, 1e-6), (exact, 0.0), (exact, 0.0)] {
             let mut gram = vec![0.0; count * count];
             let mut missing = vec![0.0; count];

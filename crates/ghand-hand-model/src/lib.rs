@@ -1,7 +1,8 @@
 //! Hand models: readers and writers, UV atlases, the built-in hand, and surface samples.
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
-//! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands.
+//! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands,
+//! [`shape_values`] understands shapes by name.
 //! [`joint_names`] maps joint names to parts of the hand, [`named_poses`] has poses by name, [`surface`] samples the
 //! points that become an avatar's Gaussians.
 //!
@@ -20,6 +21,7 @@ pub mod named_poses;
 pub mod obj;
 pub mod procedural;
 pub mod read;
+pub mod shape_values;
 pub mod surface;
 pub mod uv_atlas;
 

@@ -11,6 +11,7 @@ use ghand_core::{HandModel, Pose};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::glb::write_glb;
 use ghand_hand_model::obj::write_obj;
+use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::pose_sequence::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
@@ -41,6 +42,10 @@ pub struct PoseArgs {
     /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
+    /// The hand's shape instead of the poses': names or numbers of shape directions with values,
+    /// finger-length=2,hand-scale=-1, or values in order, 0.5,1,-2; `inspect` lists the names
+    #[arg(long, value_name = "NAME=VALUE,...", allow_hyphen_values = true)]
+    shape: Option<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
     /// Frame of the file: its id or its number, counted from 0 [default: the first; for .json, all]
@@ -99,6 +104,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let model = &file.model;
     let mut sequence = sequence(args, model)?;
+    if let Some(text) = &args.shape {
+        let shape = shape_from_text(model, text).context("--shape")?;
+        sequence.frames.iter_mut().for_each(|frame| frame.shape.clone_from(&shape));
+    }
     if let Some(Output::Poses(path)) = output {
         if args.picture.is_some() {
             bail!(

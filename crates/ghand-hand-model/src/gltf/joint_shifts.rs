@@ -85,8 +85,8 @@ fn entries_of_targets(entries: Vec<Value>, target_names: &[Option<String>]) -> V
         return entries;
     }
     // Of targets with the same name, each takes the next entry.
-    let mut take = |name| entries.iter_mut().find(|entry| belongs(entry, name)).and_then(Option::take);
-    target_names.iter().map(|name| take(name)).collect()
+    let take = |name| entries.iter_mut().find(|entry| belongs(entry, name)).and_then(Option::take);
+    target_names.iter().map(take).collect()
 }
 
 /// The rows of an entry, one per joint of the skin.

@@ -42,7 +42,8 @@ pub(super) fn displacements(
         let Some(accessor) = target.positions() else { return Ok(vec![[0.0; 3]; count]) };
         if accessor.data_type() != DataType::F32 {
             let problem = format!(
-                "has components of type {:?}, but glTF allows only floats in a morph target; export without quantization",
+                "has components of type {:?}, but glTF allows only floats in a morph target; export without \
+                 quantization",
                 accessor.data_type()
             );
             return Err(source.invalid(&field, problem));
@@ -72,7 +73,7 @@ pub(super) fn names_in_file(extras: Option<&RawValue>, count: usize) -> Vec<Opti
 /// A different name for each target: `shape-3` for one without, `wide-2` for the second `wide`.
 pub(super) fn unique_names(names: Vec<Option<String>>) -> Vec<String> {
     let mut taken = HashSet::new();
-    let mut unique = |(k, name): (usize, Option<String>)| {
+    let unique = |(k, name): (usize, Option<String>)| {
         let wanted = name.filter(|name| !name.trim().is_empty()).unwrap_or_else(|| format!("shape-{k}"));
         let mut name = wanted.clone();
         let mut copies = 1;
@@ -82,5 +83,5 @@ pub(super) fn unique_names(names: Vec<Option<String>>) -> Vec<String> {
         }
         name
     };
-    names.into_iter().enumerate().map(&mut unique).collect()
+    names.into_iter().enumerate().map(unique).collect()
 }
