@@ -9,6 +9,7 @@ mod buffers;
 mod joint_shifts;
 mod joints;
 mod morph_targets;
+mod pose_correctives;
 mod weld;
 
 use std::path::Path;
@@ -57,9 +58,10 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
 /// children. It is a left hand if the names of the file or its nodes say so.
 ///
 /// The mesh's morph targets are the shape directions, with the names of its extras (`targetNames`), or `shape-0`,
-/// `shape-1` and so on. The skin's extras tell how they move the joints: `"shape": [{"name": "finger-length",
-/// "joint_shift": [[x, y, z], ...]}, ...]` has one row per joint of the skin, metres per unit of the target's weight.
-/// Without that, each joint follows the skin around it, which gives a warning.
+/// `shape-1` and so on; weights that the file gives them are ignored. The skin's extras tell how they move the joints:
+/// `"shape": [{"name": "finger-length", "joint_shift": [[x, y, z], ...]}, ...]` has one row per joint of the skin,
+/// metres per unit of the target's weight. Without that, each joint follows the skin around it, which gives a warning.
+/// Pose correctives are read as [`crate::rigged_glb`] writes them.
 ///
 /// # Errors
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
@@ -75,8 +77,8 @@ pub fn read_gltf_with_warnings(path: &Path) -> Result<GltfFile, HandModelError> 
     read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 
-/// Reads the bytes of a file as [`read_gltf_with_warnings`] does. `name` is the file's, for messages and for the side; `folder`
-/// contains the other files that it refers to; without a folder, such a reference is an error.
+/// Reads the bytes of a file as [`read_gltf_with_warnings`] does. `name` is the file's, for messages and for the side;
+/// `folder` contains the other files that it refers to; without a folder, such a reference is an error.
 ///
 /// # Errors
 /// As in [`read_gltf_with_warnings`].
@@ -115,6 +117,8 @@ pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Resul
             );
         }
     }
+    model.pose_directions =
+        pose_correctives::pose_directions(skin.extras().as_deref(), &model, &file, &buffers, &source)?;
     model.validate()?;
     Ok(GltfFile { model, warnings })
 }

@@ -2,7 +2,7 @@
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
 //! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands,
-//! [`shape_values`] understands shapes by name.
+//! [`rigged_glb`] rigged ones. [`shape_values`] understands shapes by name.
 //! [`joint_names`] maps joint names to parts of the hand, [`named_poses`] has poses by name, [`surface`] samples the
 //! points that become an avatar's Gaussians.
 //!
@@ -12,6 +12,7 @@ mod cholesky;
 mod error;
 mod export;
 pub mod glb;
+mod glb_document;
 pub mod gltf;
 pub mod inspection;
 pub mod joint_names;
@@ -21,6 +22,7 @@ pub mod named_poses;
 pub mod obj;
 pub mod procedural;
 pub mod read;
+pub mod rigged_glb;
 pub mod shape_values;
 pub mod surface;
 pub mod uv_atlas;

@@ -89,7 +89,7 @@ enum Output<'a> {
     Poses(&'a Path),
 }
 
-type WriteMesh = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
+type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandModelError>;
 
 /// Poses the hand model, writes its mesh and draws it, or writes the poses.
 ///
@@ -133,7 +133,8 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         _ => None,
     };
     if let Some(Output::Mesh(path, write)) = output {
-        write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
+        write(path, model, &frame, &posed.vertices)
+            .with_context(|| format!("{}: cannot write the mesh", path.display()))?;
         say!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
     }
     if let Some((path, picture)) = picture {
@@ -147,8 +148,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 fn output(path: &Path) -> anyhow::Result<Output<'_>> {
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     match ending.as_deref() {
-        Some("obj") => Ok(Output::Mesh(path, write_obj)),
-        Some("glb") => Ok(Output::Mesh(path, write_glb)),
+        Some("obj") => Ok(Output::Mesh(path, |path, model, _, vertices| write_obj(path, model, vertices))),
+        Some("glb") => {
+            Ok(Output::Mesh(path, |path, model, frame, _| write_glb(path, model, &frame.shape, &frame.pose)))
+        }
         Some("json") => Ok(Output::Poses(path)),
         _ => bail!("--out {}: must end in .obj, .glb or .json", path.display()),
     }
