@@ -12,12 +12,12 @@
 //!
 //! | | direction | a unit changes | of the default hand |
 //! |---|---|---|---|
-//! | 0 | hand size | all lengths by 5 % | 9.5 mm from wrist to tip |
-//! | 1 | palm length | wrist to knuckles by 3.3 % of `palm_length`; fingers and thumb are carried along | 3.0 mm |
-//! | 2 | palm width | index to little knuckle by 4 % of `palm_width`; the wrist by less | 2.4 mm |
-//! | 3 | thickness | palm to back by 6 %, fingers and forearm too | 1.6 mm at the knuckles |
-//! | 4 | finger girth | width and thickness of fingers and thumb beyond the webs by 5 % | 1.0 mm |
-//! | 5 to 9 | length of thumb, index, middle, ring, little finger | joint at the base to tip by 3.6 % | 3.8, 3.1, 3.5, 3.3, 2.6 mm |
+//! | 0 | `hand-size` | all lengths by 5 % | 9.5 mm from wrist to tip |
+//! | 1 | `palm-length` | wrist to knuckles by 3.3 % of `palm_length`; fingers and thumb are carried along | 3.0 mm |
+//! | 2 | `palm-width` | index to little knuckle by 4 % of `palm_width`; the wrist by less | 2.4 mm |
+//! | 3 | `thickness` | palm to back by 6 %, fingers and forearm too | 1.6 mm at the knuckles |
+//! | 4 | `finger-girth` | width and thickness of fingers and thumb beyond the webs by 5 % | 1.0 mm |
+//! | 5 to 9 | `thumb-length`, `index-length`, `middle-length`, `ring-length`, `pinky-length` | joint at the base to tip by 3.6 % | 3.8, 3.1, 3.5, 3.3, 2.6 mm |
 //!
 //! The joints follow: [`HandModel::joint_regressor`] finds them in the shaped skin (`regressor`).
 //!
@@ -26,7 +26,6 @@
 //! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
 //! (`correctives`).
 
-mod cholesky;
 mod correctives;
 mod flesh;
 mod glove;
@@ -135,7 +134,9 @@ impl ProceduralHand {
             faces: glove.faces,
             vertices: glove.vertices,
             shape_directions: shapes.skin,
+            shape_names: shapes::SHAPE_NAMES.map(String::from).to_vec(),
             joint_regressor,
+            joint_directions: vec![],
             pose_space: None,
             source_vertices: vec![],
         };
@@ -197,7 +198,8 @@ fn invalid(field: &str, problem: String) -> HandModelError {
 /// Turns a right hand into a left one: mirrored in x, with the winding of the triangles reversed.
 fn mirror(model: &mut HandModel) {
     model.side = Side::Left;
-    for p in model.vertices.iter_mut().chain(&mut model.joints).chain(&mut model.shape_directions) {
+    let points = model.vertices.iter_mut().chain(&mut model.joints);
+    for p in points.chain(&mut model.shape_directions).chain(&mut model.joint_directions) {
         p.x = -p.x;
     }
     // The mirrored rotation is M R M with M = diag(-1, 1, 1): entries with one index x change sign.

@@ -8,9 +8,9 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::cholesky::solve;
 use super::glove::{Glove, smooth_step};
 use super::skeleton::{Chain, Skeleton};
+use crate::cholesky::solve;
 use crate::mano::JOINT_NAMES;
 
 /// Rotation features of a joint.
