@@ -63,13 +63,13 @@ impl Value {
     /// # Errors
     /// [`ValueError::Content`] if they are not of a supported kind, damaged, or too large.
     pub fn from_bytes(bytes: &[u8]) -> Result<Value, ValueError> {
-        let value = if Npz::recognizes(bytes) {
+        let value = if Npz::recognises_bytes(bytes) {
             python::from_npz(bytes)
         } else if bytes.starts_with(b"\x93NUMPY") {
             python::from_npy(bytes)
-        } else if json::recognizes(bytes) {
+        } else if json::recognises_bytes(bytes) {
             json::from_json(bytes)
-        } else if Graph::recognizes(bytes) {
+        } else if Graph::recognises_bytes(bytes) {
             python::from_pickle(bytes)
         } else {
             Err("is neither JSON nor an .npz, .npy or pickle file; export it as JSON or with numpy.savez".into())

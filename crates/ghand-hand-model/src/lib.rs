@@ -7,6 +7,7 @@
 //!
 //! Units are metres and radians.
 
+mod cholesky;
 mod error;
 mod export;
 pub mod glb;
@@ -16,6 +17,7 @@ pub mod joint_names;
 pub mod mano;
 pub mod named_poses;
 pub mod obj;
+pub mod pose_correctives;
 pub mod procedural;
 pub mod read;
 pub mod surface;

@@ -13,7 +13,7 @@ use crate::json_error::plain_json_error;
 use crate::npz::NumericArray;
 
 /// Whether the bytes begin like an object or an array. A pickle may begin with `(` or `}`, but not with these.
-pub(super) fn recognizes(bytes: &[u8]) -> bool {
+pub(super) fn recognises_bytes(bytes: &[u8]) -> bool {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     matches!(text.first(), Some(b'{' | b'['))
 }

@@ -28,12 +28,12 @@ pub(super) enum Matrix {
 impl<'a> Fields<'a> {
     pub(super) fn open(origin: &'a str, bytes: &'a [u8], remedy: &'a str) -> Result<Fields<'a>, HandModelError> {
         let fail = |field: &str, problem: String| Err(invalid(origin, field, problem));
-        let store = if Npz::recognizes(bytes) {
+        let store = if Npz::recognises_bytes(bytes) {
             match Npz::open(bytes) {
                 Ok(npz) => Store::Npz(Box::new(npz)),
                 Err(error) => return fail("npz", error.to_string()),
             }
-        } else if Graph::recognizes(bytes) {
+        } else if Graph::recognises_bytes(bytes) {
             match Graph::read(bytes) {
                 Ok(graph) => Store::Pickle(graph),
                 Err(error) => return fail("pickle", error.to_string()),

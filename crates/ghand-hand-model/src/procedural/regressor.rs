@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::cholesky::solve;
 use super::shapes::Shapes;
 use super::skeleton::Skeleton;
+use crate::cholesky::solve;
 
 /// Rows `[16]` of `(vertex, weight)`: the smallest weights on the skin around each joint that sum to 1, give the
 /// joint, and follow it in every shape direction.
