@@ -20,6 +20,7 @@ mod joint_regressor;
 pub mod mano;
 pub mod named_poses;
 pub mod obj;
+pub mod pose_correctives;
 pub mod procedural;
 pub mod read;
 pub mod rigged_glb;

@@ -24,9 +24,8 @@
 //! # Pose
 //!
 //! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
-//! (`correctives`).
+//! ([`crate::pose_correctives`]).
 
-mod correctives;
 mod flesh;
 mod glove;
 mod packing;
@@ -42,6 +41,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mano::{JOINT_NAMES, PARENTS};
 use crate::HandModelError;
+use crate::pose_correctives::{BendingChain, pose_directions};
 use glove::Glove;
 
 /// Lengths of the built-in hand, metres. [`Default`] is an adult's right hand.
@@ -121,13 +121,14 @@ impl ProceduralHand {
         let weights = glove.skinning_weights(&skeleton, self.detail);
         let shapes = shapes::Shapes::new(self, &skeleton, &glove);
         let joint_regressor = regressor::joint_regressor(&skeleton, &glove.vertices, &shapes);
+        let chains: Vec<_> = skeleton.chains.iter().enumerate().map(|(c, chain)| bending(chain, c == 4)).collect();
         let mut model = HandModel {
             name: "procedural hand".into(),
             side: Side::Right,
             joint_names: JOINT_NAMES.map(String::from).to_vec(),
             parents: PARENTS.to_vec(),
             joints: regress_joints(&joint_regressor, &glove.vertices),
-            pose_directions: correctives::pose_directions(&skeleton, &glove, &weights),
+            pose_directions: pose_directions(&glove.vertices, &weights, &chains, &glove.shares(&skeleton, 0.0025)),
             weights,
             uvs: glove.uvs,
             face_uvs: glove.face_uvs,
@@ -188,6 +189,20 @@ impl ProceduralHand {
             return Err(invalid("detail", format!("is {}; it must be 1 to 6", self.detail)));
         }
         Ok(())
+    }
+}
+
+/// A finger as the pose correctives need it.
+fn bending(chain: &skeleton::Chain, is_thumb: bool) -> BendingChain {
+    let at = |k: usize| chain.first_point + k;
+    BendingChain {
+        joints: std::array::from_fn(|k| chain.first_joint + k),
+        beyond: vec![],
+        points: std::array::from_fn(|k| chain.points[at(k) - 1]),
+        radii: std::array::from_fn(|k| chain.radii[at(k)]),
+        // Fingers close towards the palm (-X), the thumb's outer joints mostly across it.
+        closing: if is_thumb { DVec3::new(-0.45, 0.0, 1.0) } else { DVec3::NEG_X },
+        is_thumb,
     }
 }
 
