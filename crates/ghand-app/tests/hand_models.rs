@@ -242,6 +242,7 @@ fn a_failed_pose_command_is_one_sentence_and_leaves_no_file() {
         (&["--out", "mesh.obj", "--pose", "shape.json"], "99 numbers"),
         (&["--out", "mesh.obj", "--pose", "shape.json", "--frame", "7"], "\"7\""),
         (&["--out", "mesh.obj", "--frame", "7"], "--pose"),
+        (&["--out", "mesh.obj", "--shape", "hand-sise=1"], "--shape: procedural hand: shape: \"hand-sise\" is unknown"),
         (&["--out", "mesh.obj", "--picture", "a.jpg"], "a.jpg: must end in .png"),
         (&["--out", "mesh.obj", "--picture", "a.png", "--style", "pretty"], "solid-wireframe"),
         (&["--out", "mesh.obj", "--picture", "a.png", "--style", "weights=elbow"], "thumb1"),

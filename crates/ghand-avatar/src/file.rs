@@ -340,8 +340,10 @@ impl<'a> Reader<'a> {
             weights: self.doubles("mesh.weights", &[Some(vertices.len()), Some(joints)])?,
             vertices,
             shape_directions: vec![],
+            shape_names: vec![],
             pose_directions: vec![],
             joint_regressor: vec![],
+            joint_directions: vec![],
             pose_space: None,
             source_vertices: vec![],
         };

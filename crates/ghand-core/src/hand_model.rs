@@ -36,7 +36,7 @@ pub struct PoseSpace {
 ///
 /// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent
 /// precedes its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend
-/// shapes and regressor are finite; all indices are in range.
+/// shapes, joint directions and regressor are finite; all indices are in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModel {
     /// Name for messages and files.
@@ -62,12 +62,17 @@ pub struct HandModel {
     /// Shape blend shapes `[n_s][V]`: displacements of the vertices per unit of each shape parameter, metres. May be
     /// empty.
     pub shape_directions: Vec<DVec3>,
+    /// Names of the `n_s` shape directions; empty if they have none.
+    pub shape_names: Vec<String>,
     /// Pose blend shapes `[9 (n_b - 1)][V]`, metres: displacements of the vertices per entry of `R_k - I`, row by row,
     /// of all joints except the root. May be empty.
     pub pose_directions: Vec<DVec3>,
     /// Rows `[n_b]` of `(vertex, weight)`: each joint's rest position as a sum over the shaped vertices. Empty if the
-    /// joints do not depend on the shape.
+    /// joints do not depend on the shape, or do as `joint_directions` say.
     pub joint_regressor: Vec<Vec<(u32, f64)>>,
+    /// Displacements `[n_s][n_b]` of the rest joints per unit of each shape parameter, metres. Empty if the joints do
+    /// not depend on the shape, or are regressed.
+    pub joint_directions: Vec<DVec3>,
     /// The mean that poses of this model are measured from, if any.
     pub pose_space: Option<PoseSpace>,
     /// The vertex of this model for each vertex of its file: seams split in a file are welded here. Empty if the file's
@@ -92,7 +97,8 @@ impl HandModel {
         self.shape_directions.len() / self.vertices.len().max(1)
     }
 
-    /// The model reduced to what skinning needs: no blend shapes, no regressor, no pose space, no file order.
+    /// The model reduced to what skinning needs: no blend shapes, joints that do not depend on a shape, no
+    /// pose space, no file order.
     pub fn without_blend_shapes(&self) -> HandModel {
         HandModel {
             name: self.name.clone(),
@@ -106,8 +112,10 @@ impl HandModel {
             face_uvs: self.face_uvs.clone(),
             weights: self.weights.clone(),
             shape_directions: vec![],
+            shape_names: vec![],
             pose_directions: vec![],
             joint_regressor: vec![],
+            joint_directions: vec![],
             pose_space: None,
             source_vertices: vec![],
         }
@@ -206,6 +214,10 @@ impl HandModel {
                 format!("{} vectors are not a multiple of {v}", self.shape_directions.len()),
             );
         }
+        let shapes = self.shape_count();
+        if !self.shape_names.is_empty() && self.shape_names.len() != shapes {
+            return fail("shape names", format!("{} of them for {shapes} directions", self.shape_names.len()));
+        }
         let corrective_count = 9 * (n - 1) * v;
         if !self.pose_directions.is_empty() && self.pose_directions.len() != corrective_count {
             let found = self.pose_directions.len();
@@ -223,6 +235,17 @@ impl HandModel {
                 format!("refers to a vertex beyond {v}, or has a weight that is not finite"),
             );
         }
+        if !self.joint_directions.is_empty() && self.joint_directions.len() != shapes * n {
+            let found = self.joint_directions.len();
+            return fail("joint directions", format!("{found} vectors, expected none or {shapes} x {n} joints"));
+        }
+        if self.joint_directions.iter().any(|d| !d.is_finite()) {
+            return fail("joint directions", "have a number that is not finite".into());
+        }
+        if !self.joint_directions.is_empty() && !self.joint_regressor.is_empty() {
+            let problem = "beside a joint regressor: a shape would move the joints twice; keep one of the two";
+            return fail("joint directions", problem.into());
+        }
         if let Some(space) = &self.pose_space {
             if space.mean.len() != n - 1 || space.components.len().checked_rem(n - 1).unwrap_or(0) != 0 {
                 return fail("pose space", format!("does not match {n} joints"));
@@ -235,5 +258,48 @@ impl HandModel {
             return fail("file vertices", format!("an index is out of range ({v} vertices)"));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle with two joints and two shape directions.
+    fn triangle() -> HandModel {
+        HandModel {
+            name: "triangle".into(),
+            side: Side::Right,
+            joint_names: vec!["a".into(), "b".into()],
+            parents: vec![None, Some(0)],
+            joints: vec![DVec3::ZERO, DVec3::X],
+            vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            faces: vec![[0, 1, 2]],
+            uvs: vec![DVec2::ZERO, DVec2::X, DVec2::Y],
+            face_uvs: vec![[0, 1, 2]],
+            weights: vec![1.0, 0.0, 0.0, 1.0, 0.5, 0.5],
+            shape_directions: vec![DVec3::Z; 6],
+            shape_names: vec!["size".into(), "width".into()],
+            pose_directions: vec![],
+            joint_regressor: vec![],
+            joint_directions: vec![DVec3::Z; 4],
+            pose_space: None,
+            source_vertices: vec![],
+        }
+    }
+
+    #[test]
+    fn names_and_joint_directions_that_do_not_match_the_shapes_are_rejected() {
+        triangle().validate().unwrap();
+        let rejected = |change: fn(&mut HandModel), expected: &str| {
+            let mut model = triangle();
+            change(&mut model);
+            let message = model.validate().unwrap_err().to_string();
+            assert!(message.contains(expected), "wanted {expected:?}, got {message:?}");
+        };
+        rejected(|m| m.shape_names.truncate(1), "shape names: 1 of them for 2 directions");
+        rejected(|m| m.joint_directions.truncate(3), "joint directions: 3 vectors, expected none or 2 x 2 joints");
+        rejected(|m| m.joint_directions[1].y = f64::NAN, "joint directions: have a number that is not finite");
+        rejected(|m| m.joint_regressor = vec![vec![(0, 1.0)], vec![]], "joint directions: beside a joint regressor");
     }
 }

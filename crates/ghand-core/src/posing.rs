@@ -1,5 +1,5 @@
-//! Poses a hand model in any shape (paper eq. 2 to 4), with its derivative: shape and pose blend shapes, joints
-//! regressed from the shaped surface, kinematic chain, linear blend skinning.
+//! Poses a hand model in any shape (paper eq. 2 to 4), with its derivative: shape and pose blend shapes, joints that
+//! follow the shape, kinematic chain, linear blend skinning.
 
 use glam::DVec3;
 
@@ -45,7 +45,8 @@ pub struct PosingGradients {
     pub vertices: Vec<DVec3>,
 }
 
-/// Applies shape parameters: `v = v_template + sum_i shape_i S_i`, `J = J_regressor v`.
+/// Applies shape parameters: `v = v_template + sum_i shape_i S_i`, and `J = J_regressor v` or, of a model with joint
+/// directions, `J = J_template + sum_i shape_i D_i`.
 ///
 /// `shape` may be shorter than the model's `n_s`; missing parameters are 0.
 ///
@@ -62,15 +63,22 @@ pub fn shape_hand(model: &HandModel, shape: &[f64]) -> Result<ShapedHand, Invali
         return Err(invalid(model, "shape", problem));
     }
     let mut vertices = model.vertices.clone();
-    for (weight, directions) in shape.iter().zip(model.shape_directions.chunks_exact(vertices.len().max(1))) {
-        vertices.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * *weight);
-    }
+    add_directions(&mut vertices, shape, &model.shape_directions);
     let joints = if model.joint_regressor.is_empty() {
-        model.joints.clone()
+        let mut joints = model.joints.clone();
+        add_directions(&mut joints, shape, &model.joint_directions);
+        joints
     } else {
         regress_joints(&model.joint_regressor, &vertices)
     };
     Ok(ShapedHand { vertices, joints })
+}
+
+/// Adds `weights[i]` times the `i`th direction, each with one vector per point.
+fn add_directions(points: &mut [DVec3], weights: &[f64], directions: &[DVec3]) {
+    for (weight, direction) in weights.iter().zip(directions.chunks_exact(points.len().max(1))) {
+        points.iter_mut().zip(direction).for_each(|(point, d)| *point += *d * *weight);
+    }
 }
 
 /// Joints (metres, `n_b`) as weighted sums of vertices.
@@ -87,9 +95,16 @@ pub fn shape_hand_vjp(model: &HandModel, d_shaped: &ShapedHand) -> (Vec<f64>, Ve
             d_vertices[i as usize] += *d_joint * w;
         }
     }
-    let directions = model.shape_directions.chunks_exact(d_vertices.len().max(1));
-    let d_shape = directions.map(|d| d.iter().zip(&d_vertices).map(|(d, g)| d.dot(*g)).sum()).collect();
+    let mut d_shape = along_directions(&model.shape_directions, &d_vertices);
+    let through_joints = along_directions(&model.joint_directions, &d_shaped.joints);
+    d_shape.iter_mut().zip(through_joints).for_each(|(sum, d)| *sum += d);
     (d_shape, d_vertices)
+}
+
+/// Gradient of the weights of [`add_directions`] from that of the points.
+fn along_directions(directions: &[DVec3], d_points: &[DVec3]) -> Vec<f64> {
+    let directions = directions.chunks_exact(d_points.len().max(1));
+    directions.map(|direction| direction.iter().zip(d_points).map(|(d, g)| d.dot(*g)).sum()).collect()
 }
 
 /// Whether the model's pose correctives are part of a posed hand.

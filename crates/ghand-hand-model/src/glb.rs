@@ -2,121 +2,84 @@
 
 use std::path::Path;
 
-use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
-use glam::{DVec3, Vec3};
+use ghand_core::posing::pose_hand;
+use ghand_core::{HandModel, Pose};
+use glam::DVec3;
 use serde_json::json;
 
 use super::export;
 use crate::HandModelError;
+use crate::glb_document::GlbDocument;
 
-// Numbers of the glTF standard.
-const F32: u32 = 5126;
-const U32: u32 = 5125;
-const VERTEX_BUFFER: u32 = 34962;
-const INDEX_BUFFER: u32 = 34963;
-
-/// The bytes of a GLB file: one static mesh, its vertices at `positions` (`V`, metres, model axes), with normals and
-/// UVs, split along the seams of the atlas.
+/// The bytes of a GLB file: one static mesh, the model in that shape (`n_s` or fewer) and pose, with normals and UVs,
+/// split along the seams of the atlas. The model's shape directions are morph targets of the posed mesh: weights of 0
+/// are the given shape.
 ///
 /// # Errors
-/// [`HandModelError::Invalid`] if the model breaks its invariants, `positions` are not finite or not one per vertex,
-/// or the mesh is larger than GLB's 4 GiB.
-pub fn glb_bytes(model: &HandModel, positions: &[DVec3]) -> Result<Vec<u8>, HandModelError> {
-    export::check(model, positions)?;
+/// [`HandModelError::Invalid`] if the model breaks its invariants, shape or pose do not fit it, a number is too large
+/// for single precision, or the mesh is larger than GLB's 4 GiB.
+pub fn glb_bytes(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<Vec<u8>, HandModelError> {
+    model.validate()?;
+    let positions = pose_hand(model, shape, pose)?.vertices;
+    export::check(model, &positions)?;
+    let directions = posed_directions(model, shape, pose, &positions)?;
     let mesh = RenderMesh::from_model(model);
-    let points: Vec<Vec3> = mesh.gather(positions).iter().map(|p| p.as_vec3()).collect();
-    // glTF requires a unit vector, even for a vertex whose faces have no area.
-    let normals = mesh.gather(&model.vertex_normals(positions));
-    let normals = normals.iter().map(|n| if *n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() });
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for p in &points {
-        low = low.min(*p);
-        high = high.max(*p);
+    let mut document = GlbDocument::new(model);
+    let primitive = document.primitive(&mesh, &positions, &directions)?;
+    let mesh = document.mesh(primitive);
+    document.finish(&[0], json!([{"mesh": 0, "name": model.name}]), mesh, None)
+}
+
+/// Displacements `[n_s][V]` of the posed vertices per unit of each shape parameter, metres. They are the same in every
+/// shape: joints are linear in the shape, and so is a skinned point in the joints.
+fn posed_directions(
+    model: &HandModel,
+    shape: &[f64],
+    pose: &Pose,
+    positions: &[DVec3],
+) -> Result<Vec<DVec3>, HandModelError> {
+    let mut directions = Vec::with_capacity(model.shape_directions.len());
+    for k in 0..model.shape_count() {
+        let mut changed = shape.to_vec();
+        changed.resize(model.shape_count(), 0.0);
+        changed[k] += 1.0;
+        let moved = pose_hand(model, &changed, pose)?.vertices;
+        directions.extend(moved.iter().zip(positions).map(|(moved, at)| *moved - *at));
     }
-    // All entries have four bytes, so that every part of the buffer is aligned.
-    let parts: [Vec<u8>; 4] = [
-        points.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect(),
-        normals.flat_map(|n| n.to_array()).flat_map(f32::to_le_bytes).collect(),
-        mesh.uvs.iter().flat_map(|uv| uv.as_vec2().to_array()).flat_map(f32::to_le_bytes).collect(),
-        mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect(),
-    ];
-    let mut views = vec![];
-    let mut binary: Vec<u8> = vec![];
-    for (k, part) in parts.iter().enumerate() {
-        let target = if k < 3 { VERTEX_BUFFER } else { INDEX_BUFFER };
-        views.push(json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": part.len(), "target": target}));
-        binary.extend(part);
-    }
-    let count = points.len();
-    let document = json!({
-        "asset": {"version": "2.0", "generator": "ghand"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": model.name}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
-        "buffers": [{"byteLength": binary.len()}],
-        "bufferViews": views,
-        "accessors": [
-            {"bufferView": 0, "componentType": F32, "count": count, "type": "VEC3",
-                "min": low.to_array(), "max": high.to_array()},
-            {"bufferView": 1, "componentType": F32, "count": count, "type": "VEC3"},
-            {"bufferView": 2, "componentType": F32, "count": count, "type": "VEC2"},
-            {"bufferView": 3, "componentType": U32, "count": 3 * mesh.triangles.len(), "type": "SCALAR"}
-        ]
-    });
-    let mut text = document.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    // File header, and a header for each of the two chunks.
-    let total = 12 + 8 + text.len() + 8 + binary.len();
-    let too_large = |_| {
-        HandModelError::invalid(
-            model.name.clone(),
-            "mesh",
-            format!("takes {total} bytes, more than a GLB file can have; write it as OBJ"),
-        )
-    };
-    let mut glb = Vec::with_capacity(total);
-    glb.extend(b"glTF");
-    glb.extend(2u32.to_le_bytes());
-    glb.extend(u32::try_from(total).map_err(too_large)?.to_le_bytes());
-    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &binary)] {
-        glb.extend(u32::try_from(chunk.len()).map_err(too_large)?.to_le_bytes());
-        glb.extend(kind);
-        glb.extend(chunk);
-    }
-    Ok(glb)
+    Ok(directions)
 }
 
 /// Writes [`glb_bytes`] to a file atomically.
 ///
 /// # Errors
 /// As for [`glb_bytes`]; [`HandModelError::Write`] if the file cannot be written.
-pub fn write_glb(path: &Path, model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
-    export::write(path, &glb_bytes(model, positions)?)
+pub fn write_glb(path: &Path, model: &HandModel, shape: &[f64], pose: &Pose) -> Result<(), HandModelError> {
+    export::write(path, &glb_bytes(model, shape, pose)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::procedural::ProceduralHand;
-    use ghand_core::pose::Pose;
-    use ghand_core::posing::pose_hand;
+    use glam::Vec3;
 
-    fn posed_hand() -> (HandModel, Vec<DVec3>) {
+    const SHAPE: [f64; 3] = [0.5, -1.0, 2.0];
+
+    fn posed_hand() -> (HandModel, Pose, Vec<DVec3>) {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let mut pose = Pose::rest(model.joint_count());
         pose.rotations[1..].fill(DVec3::new(0.1, -0.2, 0.6));
-        let positions = pose_hand(&model, &[], &pose).unwrap().vertices;
-        (model, positions)
+        let positions = pose_hand(&model, &SHAPE, &pose).unwrap().vertices;
+        (model, pose, positions)
     }
 
     #[test]
     fn another_reader_finds_the_posed_surface_with_normals_and_uvs() {
-        let (model, positions) = posed_hand();
+        let (model, pose, positions) = posed_hand();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hand.glb");
-        write_glb(&path, &model, &positions).unwrap();
+        write_glb(&path, &model, &SHAPE, &pose).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         // With the reader's validation, which checks min and max, ranges and alignments.
         let file = ::gltf::Gltf::from_slice(&bytes).unwrap();
@@ -150,11 +113,35 @@ mod tests {
     }
 
     #[test]
+    fn the_shape_directions_are_morph_targets_of_the_posed_mesh() {
+        let (model, pose, positions) = posed_hand();
+        let file = ::gltf::Gltf::from_slice(&glb_bytes(&model, &SHAPE, &pose).unwrap()).unwrap();
+        let mesh = file.meshes().next().unwrap();
+        let extras: serde_json::Value = serde_json::from_str(mesh.extras().as_ref().unwrap().get()).unwrap();
+        assert_eq!(extras["targetNames"], json!(model.shape_names));
+        assert_eq!(mesh.weights(), Some(&[0.0; 10][..]));
+        let primitive = mesh.primitives().next().unwrap();
+        let reader = primitive.reader(|_| file.blob.as_deref());
+        let weights: [f64; 10] = std::array::from_fn(|k| 0.3 * k as f64 - 1.0);
+        let mut morphed: Vec<DVec3> = reader.read_positions().unwrap().map(|p| Vec3::from(p).as_dvec3()).collect();
+        for ((target, _, _), weight) in reader.read_morph_targets().zip(weights) {
+            morphed.iter_mut().zip(target.unwrap()).for_each(|(p, d)| *p += Vec3::from(d).as_dvec3() * weight);
+        }
+        let shape: Vec<f64> = (0..10).map(|k| weights[k] + SHAPE.get(k).unwrap_or(&0.0)).collect();
+        let expected = pose_hand(&model, &shape, &pose).unwrap().vertices;
+        let mesh = RenderMesh::from_model(&model);
+        assert!(mesh.gather(&positions).len() == morphed.len() && primitive.morph_targets().len() == 10);
+        for (found, expected) in morphed.iter().zip(mesh.gather(&expected)) {
+            assert!(found.distance(expected) < 1e-7, "{found} against {expected}");
+        }
+    }
+
+    #[test]
     fn the_file_is_aligned_and_has_its_declared_length() {
-        let (mut model, positions) = posed_hand();
+        let (mut model, pose, _) = posed_hand();
         for name in ["a", "ab", "abc", "\"quoted\" \u{e9}\n"] {
             model.name = name.into();
-            let glb = glb_bytes(&model, &positions).unwrap();
+            let glb = glb_bytes(&model, &SHAPE, &pose).unwrap();
             let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
             assert_eq!((&glb[..4], word(4), word(8)), (b"glTF".as_slice(), 2, glb.len()));
             assert!(glb.len().is_multiple_of(4) && word(12).is_multiple_of(4));
@@ -164,18 +151,19 @@ mod tests {
     }
 
     #[test]
-    fn positions_that_do_not_match_are_rejected() {
-        let (model, mut positions) = posed_hand();
-        let message = glb_bytes(&model, &positions[1..]).unwrap_err().to_string();
-        let count = model.vertices.len();
-        let expected = format!("positions: {} of them, the model has {count}", count - 1);
-        assert!(message.contains(&expected), "{message}");
-        positions[5].x = 1e300;
-        let message = glb_bytes(&model, &positions).unwrap_err().to_string();
-        assert!(message.contains("vertex 5"), "{message}");
-        positions[5].x = 0.0;
+    fn a_shape_or_pose_that_does_not_fit_is_rejected() {
+        let (model, mut pose, _) = posed_hand();
+        let message = glb_bytes(&model, &[0.0; 11], &pose).unwrap_err().to_string();
+        assert!(message.contains("shape: has 11 numbers"), "{message}");
+        pose.translation.x = 1e300;
+        let message = glb_bytes(&model, &[], &pose).unwrap_err().to_string();
+        assert!(message.contains("positions: that of vertex 0 is too large"), "{message}");
+        pose.rotations.pop();
+        let message = glb_bytes(&model, &[], &pose).unwrap_err().to_string();
+        assert!(message.contains("pose: has 15 rotations"), "{message}");
+        let (model, pose, _) = posed_hand();
         let folder = tempfile::tempdir().unwrap();
-        let message = write_glb(folder.path(), &model, &positions).unwrap_err().to_string();
+        let message = write_glb(folder.path(), &model, &[], &pose).unwrap_err().to_string();
         assert!(message.contains(": cannot write") && message.contains("folder"), "{message}");
     }
 }

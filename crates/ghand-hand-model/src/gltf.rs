@@ -2,9 +2,14 @@
 //!
 //! A hand model differs from what glTF stores: joints are converted to the mesh's own axes, vertices that were split at
 //! UV seams are welded, and for WebXR hands, whose joints are siblings, the hierarchy comes from the joints' names.
+//! Morph targets become shape directions; joints follow them as the file says (`joint_shifts`), else as the skin around
+//! them does.
 
 mod buffers;
+mod joint_shifts;
 mod joints;
+mod morph_targets;
+mod pose_correctives;
 mod weld;
 
 use std::path::Path;
@@ -17,6 +22,7 @@ use ghand_files::input_file;
 use glam::{DVec2, DVec3};
 
 use crate::HandModelError;
+use crate::joint_regressor::follow_skin;
 use buffers::{Buffers, MAX_BYTES};
 use joints::Rig;
 
@@ -27,6 +33,23 @@ const MAX_TRIANGLES: usize = 1 << 24;
 /// Most sets of four joints that a vertex may be bound to.
 const MAX_SETS: u32 = 64;
 
+/// A hand model with remarks on its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GltfFile {
+    /// The hand.
+    pub model: HandModel,
+    /// Unusual properties of the file, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a rigged hand; see [`read_gltf_with_warnings`].
+///
+/// # Errors
+/// As in [`read_gltf_with_warnings`].
+pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
+    Ok(read_gltf_with_warnings(path)?.model)
+}
+
 /// Reads the first skinned mesh of a `.glb` file, or of a `.gltf` file with its buffers beside it.
 ///
 /// The model's axes are the mesh's (node transforms of a skinned mesh have no effect). The unit is that of glTF,
@@ -34,11 +57,17 @@ const MAX_SETS: u32 = 64;
 /// the tip, whatever their order in the file; other rigs keep the file's order, except that parents precede their
 /// children. It is a left hand if the names of the file or its nodes say so.
 ///
+/// The mesh's morph targets are the shape directions, with the names of its extras (`targetNames`), or `shape-0`,
+/// `shape-1` and so on; weights that the file gives them are ignored. The skin's extras tell how they move the joints:
+/// `"shape": [{"name": "finger-length", "joint_shift": [[x, y, z], ...]}, ...]` has one row per joint of the skin,
+/// metres per unit of the target's weight. Without that, each joint follows the skin around it, which gives a warning.
+/// Pose correctives are read as [`crate::rigged_glb`] writes them.
+///
 /// # Errors
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
 /// if it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
 /// hand, or has buffers outside its folder.
-pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
+pub fn read_gltf_with_warnings(path: &Path) -> Result<GltfFile, HandModelError> {
     let name = path.display().to_string();
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
     let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
@@ -48,12 +77,12 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
     read_gltf_bytes(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))))
 }
 
-/// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side; `folder`
-/// contains the other files that it refers to; without a folder, such a reference is an error.
+/// Reads the bytes of a file as [`read_gltf_with_warnings`] does. `name` is the file's, for messages and for the side;
+/// `folder` contains the other files that it refers to; without a folder, such a reference is an error.
 ///
 /// # Errors
-/// As in [`read_gltf`].
-pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<HandModel, HandModelError> {
+/// As in [`read_gltf_with_warnings`].
+pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<GltfFile, HandModelError> {
     let source = Source { name: name.into() };
     let file = parse(bytes, &source)?;
     let buffers = Buffers::new(&file, folder, &source);
@@ -67,9 +96,31 @@ pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Resul
         raw.append(&primitive, &rig, &buffers, &source)?;
     }
     let side = side(Path::new(name), &node, &rig);
-    let model = weld::weld(raw, rig, side, &source)?;
+    let mut warnings = Vec::new();
+    let target_names = morph_targets::names_in_file(mesh.extras().as_deref(), raw.targets.len());
+    let joint_directions = joint_shifts::joint_directions(
+        skin.extras().as_deref(),
+        &target_names,
+        &rig.model_from_skin,
+        &source,
+        &mut warnings,
+    )?;
+    let mut model = weld::weld(raw, rig, side, &source, &mut warnings)?;
+    model.shape_names = morph_targets::unique_names(target_names);
+    match joint_directions {
+        Some(directions) => model.joint_directions = directions,
+        None if model.shape_directions.is_empty() => {}
+        None => {
+            follow_skin(&mut model);
+            warnings.push(
+                "the file does not say how its shapes move the joints; each joint follows the skin around it".into(),
+            );
+        }
+    }
+    model.pose_directions =
+        pose_correctives::pose_directions(skin.extras().as_deref(), &model, &file, &buffers, &source)?;
     model.validate()?;
-    Ok(model)
+    Ok(GltfFile { model, warnings })
 }
 
 /// Parses and validates the JSON part.
@@ -127,6 +178,8 @@ struct RawMesh {
     /// `[V][n_b]`, in the model's order of joints.
     weights: Vec<f64>,
     triangles: Vec<[u32; 3]>,
+    /// Displacements `[n_s][V]` by the morph targets, metres.
+    targets: Vec<Vec<[f32; 3]>>,
 }
 
 impl RawMesh {
@@ -221,6 +274,20 @@ impl RawMesh {
         if self.triangles.len() + corners.len() / 3 > MAX_TRIANGLES {
             return Err(source.invalid("mesh", format!("has more than {MAX_TRIANGLES} triangles; decimate the mesh")));
         }
+        let targets = morph_targets::displacements(primitive, count, first, buffers, source)?;
+        if first == 0 {
+            self.targets = vec![vec![]; targets.len()];
+        }
+        if targets.len() != self.targets.len() {
+            let problem = format!(
+                "primitive {} has {} morph targets, the first has {}; export the hand again",
+                primitive.index(),
+                targets.len(),
+                self.targets.len()
+            );
+            return Err(source.invalid("targets", problem));
+        }
+        self.targets.iter_mut().zip(targets).for_each(|(all, own)| all.extend(own));
         self.positions.extend(positions);
         self.uvs.extend(uvs.iter().map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1]))));
         self.weights.extend(weights);

@@ -1,23 +1,30 @@
 //! Hand models: readers and writers, UV atlases, the built-in hand, and surface samples.
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
-//! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands.
+//! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands,
+//! [`rigged_glb`] rigged ones. [`shape_values`] understands shapes by name.
 //! [`joint_names`] maps joint names to parts of the hand, [`named_poses`] has poses by name, [`surface`] samples the
 //! points that become an avatar's Gaussians.
 //!
 //! Units are metres and radians.
 
+mod cholesky;
 mod error;
 mod export;
 pub mod glb;
+mod glb_document;
 pub mod gltf;
 pub mod inspection;
 pub mod joint_names;
+mod joint_regressor;
 pub mod mano;
 pub mod named_poses;
 pub mod obj;
+pub mod pose_correctives;
 pub mod procedural;
 pub mod read;
+pub mod rigged_glb;
+pub mod shape_values;
 pub mod surface;
 pub mod uv_atlas;
 

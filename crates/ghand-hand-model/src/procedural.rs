@@ -12,22 +12,20 @@
 //!
 //! | | direction | a unit changes | of the default hand |
 //! |---|---|---|---|
-//! | 0 | hand size | all lengths by 5 % | 9.5 mm from wrist to tip |
-//! | 1 | palm length | wrist to knuckles by 3.3 % of `palm_length`; fingers and thumb are carried along | 3.0 mm |
-//! | 2 | palm width | index to little knuckle by 4 % of `palm_width`; the wrist by less | 2.4 mm |
-//! | 3 | thickness | palm to back by 6 %, fingers and forearm too | 1.6 mm at the knuckles |
-//! | 4 | finger girth | width and thickness of fingers and thumb beyond the webs by 5 % | 1.0 mm |
-//! | 5 to 9 | length of thumb, index, middle, ring, little finger | joint at the base to tip by 3.6 % | 3.8, 3.1, 3.5, 3.3, 2.6 mm |
+//! | 0 | `hand-size` | all lengths by 5 % | 9.5 mm from wrist to tip |
+//! | 1 | `palm-length` | wrist to knuckles by 3.3 % of `palm_length`; fingers and thumb are carried along | 3.0 mm |
+//! | 2 | `palm-width` | index to little knuckle by 4 % of `palm_width`; the wrist by less | 2.4 mm |
+//! | 3 | `thickness` | palm to back by 6 %, fingers and forearm too | 1.6 mm at the knuckles |
+//! | 4 | `finger-girth` | width and thickness of fingers and thumb beyond the webs by 5 % | 1.0 mm |
+//! | 5 to 9 | `thumb-length`, `index-length`, `middle-length`, `ring-length`, `pinky-length` | joint at the base to tip by 3.6 % | 3.8, 3.1, 3.5, 3.3, 2.6 mm |
 //!
 //! The joints follow: [`HandModel::joint_regressor`] finds them in the shaped skin (`regressor`).
 //!
 //! # Pose
 //!
 //! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
-//! (`correctives`).
+//! ([`crate::pose_correctives`]).
 
-mod cholesky;
-mod correctives;
 mod flesh;
 mod glove;
 mod packing;
@@ -43,6 +41,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mano::{JOINT_NAMES, PARENTS};
 use crate::HandModelError;
+use crate::pose_correctives::{BendingChain, pose_directions};
 use glove::Glove;
 
 /// Lengths of the built-in hand, metres. [`Default`] is an adult's right hand.
@@ -122,20 +121,23 @@ impl ProceduralHand {
         let weights = glove.skinning_weights(&skeleton, self.detail);
         let shapes = shapes::Shapes::new(self, &skeleton, &glove);
         let joint_regressor = regressor::joint_regressor(&skeleton, &glove.vertices, &shapes);
+        let chains: Vec<_> = skeleton.chains.iter().enumerate().map(|(c, chain)| bending(chain, c == 4)).collect();
         let mut model = HandModel {
             name: "procedural hand".into(),
             side: Side::Right,
             joint_names: JOINT_NAMES.map(String::from).to_vec(),
             parents: PARENTS.to_vec(),
             joints: regress_joints(&joint_regressor, &glove.vertices),
-            pose_directions: correctives::pose_directions(&skeleton, &glove, &weights),
+            pose_directions: pose_directions(&glove.vertices, &weights, &chains, &glove.shares(&skeleton, 0.0025)),
             weights,
             uvs: glove.uvs,
             face_uvs: glove.face_uvs,
             faces: glove.faces,
             vertices: glove.vertices,
             shape_directions: shapes.skin,
+            shape_names: shapes::SHAPE_NAMES.map(String::from).to_vec(),
             joint_regressor,
+            joint_directions: vec![],
             pose_space: None,
             source_vertices: vec![],
         };
@@ -190,6 +192,20 @@ impl ProceduralHand {
     }
 }
 
+/// A finger as the pose correctives need it.
+fn bending(chain: &skeleton::Chain, is_thumb: bool) -> BendingChain {
+    let at = |k: usize| chain.first_point + k;
+    BendingChain {
+        joints: std::array::from_fn(|k| chain.first_joint + k),
+        beyond: vec![],
+        points: std::array::from_fn(|k| chain.points[at(k) - 1]),
+        radii: std::array::from_fn(|k| chain.radii[at(k)]),
+        // Fingers close towards the palm (-X), the thumb's outer joints mostly across it.
+        closing: if is_thumb { DVec3::new(-0.45, 0.0, 1.0) } else { DVec3::NEG_X },
+        is_thumb,
+    }
+}
+
 fn invalid(field: &str, problem: String) -> HandModelError {
     HandModelError::invalid("procedural hand", field, problem)
 }
@@ -197,7 +213,8 @@ fn invalid(field: &str, problem: String) -> HandModelError {
 /// Turns a right hand into a left one: mirrored in x, with the winding of the triangles reversed.
 fn mirror(model: &mut HandModel) {
     model.side = Side::Left;
-    for p in model.vertices.iter_mut().chain(&mut model.joints).chain(&mut model.shape_directions) {
+    let points = model.vertices.iter_mut().chain(&mut model.joints);
+    for p in points.chain(&mut model.shape_directions).chain(&mut model.joint_directions) {
         p.x = -p.x;
     }
     // The mirrored rotation is M R M with M = diag(-1, 1, 1): entries with one index x change sign.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_core::HandModel;
 
-use super::gltf::read_gltf;
+use super::gltf::read_gltf_with_warnings;
 use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
 use crate::HandModelError;
 
@@ -42,7 +42,8 @@ pub struct HandModelFile {
 /// [`HandModelError`] names the file, the unusable part and a remedy.
 pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {
     if is_gltf(path) {
-        return Ok(HandModelFile { model: read_gltf(path)?, kind: "rigged glTF hand", warnings: vec![] });
+        let file = read_gltf_with_warnings(path)?;
+        return Ok(HandModelFile { model: file.model, kind: "rigged glTF hand", warnings: file.warnings });
     }
     let options = ManoOptions { uv_obj: options.uv_obj.clone(), side: None, left_shapes: options.left_shapes };
     let file = read_mano_with_warnings(path, &options)?;

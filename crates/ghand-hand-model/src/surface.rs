@@ -213,8 +213,10 @@ mod tests {
             face_uvs: vec![[0, 1, 2], [0, 2, 3]],
             weights: vec![1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
             shape_directions: vec![],
+            shape_names: vec![],
             pose_directions: vec![],
             joint_regressor: vec![],
+            joint_directions: vec![],
             pose_space: None,
             source_vertices: vec![],
         }

@@ -35,8 +35,10 @@ fn sheet(cells: u32, size: f64, seed: u64) -> HandModel {
         uvs: grid,
         weights,
         shape_directions: vec![],
+        shape_names: vec![],
         pose_directions: vec![],
         joint_regressor: vec![],
+        joint_directions: vec![],
         pose_space: None,
         source_vertices: vec![],
     }

@@ -141,7 +141,7 @@ pub fn poses_of_value(
     options: &PoseOptions,
 ) -> Result<PoseSequence, PoseError> {
     let wanted = options.side.unwrap_or(model.side);
-    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count() };
+    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count(), model };
     let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
     // Poses of an unknown side are read as the wanted side.
     let side = options.side.or(side).unwrap_or(model.side);

@@ -11,6 +11,7 @@ use ghand_core::{HandModel, Pose};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::glb::write_glb;
 use ghand_hand_model::obj::write_obj;
+use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::pose_sequence::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
@@ -41,6 +42,10 @@ pub struct PoseArgs {
     /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
     pose: Option<String>,
+    /// The hand's shape instead of the poses': names or numbers of shape directions with values,
+    /// finger-length=2,hand-scale=-1, or values in order, 0.5,1,-2; `inspect` lists the names
+    #[arg(long, value_name = "NAME=VALUE,...", allow_hyphen_values = true)]
+    shape: Option<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
     /// Frame of the file: its id or its number, counted from 0 [default: the first; for .json, all]
@@ -84,7 +89,7 @@ enum Output<'a> {
     Poses(&'a Path),
 }
 
-type WriteMesh = fn(&Path, &HandModel, &[DVec3]) -> Result<(), HandModelError>;
+type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandModelError>;
 
 /// Poses the hand model, writes its mesh and draws it, or writes the poses.
 ///
@@ -99,6 +104,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let model = &file.model;
     let mut sequence = sequence(args, model)?;
+    if let Some(text) = &args.shape {
+        let shape = shape_from_text(model, text).context("--shape")?;
+        sequence.frames.iter_mut().for_each(|frame| frame.shape.clone_from(&shape));
+    }
     if let Some(Output::Poses(path)) = output {
         if args.picture.is_some() {
             bail!(
@@ -124,7 +133,8 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         _ => None,
     };
     if let Some(Output::Mesh(path, write)) = output {
-        write(path, model, &posed.vertices).with_context(|| format!("{}: cannot write the mesh", path.display()))?;
+        write(path, model, &frame, &posed.vertices)
+            .with_context(|| format!("{}: cannot write the mesh", path.display()))?;
         say!("{}: {} vertices, {} triangles", path.display(), model.vertices.len(), model.faces.len());
     }
     if let Some((path, picture)) = picture {
@@ -138,8 +148,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 fn output(path: &Path) -> anyhow::Result<Output<'_>> {
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     match ending.as_deref() {
-        Some("obj") => Ok(Output::Mesh(path, write_obj)),
-        Some("glb") => Ok(Output::Mesh(path, write_glb)),
+        Some("obj") => Ok(Output::Mesh(path, |path, model, _, vertices| write_obj(path, model, vertices))),
+        Some("glb") => {
+            Ok(Output::Mesh(path, |path, model, frame, _| write_glb(path, model, &frame.shape, &frame.pose)))
+        }
         Some("json") => Ok(Output::Poses(path)),
         _ => bail!("--out {}: must end in .obj, .glb or .json", path.display()),
     }

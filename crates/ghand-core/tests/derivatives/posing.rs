@@ -28,7 +28,8 @@ impl Hand {
         let parents = case.parents(rng);
         let vertices = case.points(rng, v);
         let rest_joints = case.points(rng, joints);
-        // Some models have no pose blend shapes, some joints do not follow the shape.
+        // Some models have no pose blend shapes. Joints are regressed, or have directions of their own, or do not
+        // follow the shape.
         let corrective = if rng.random_range(0..3) == 0 { 0 } else { 9 * (joints - 1) };
         let scaled = |values: Vec<f64>| -> Vec<f64> { values.iter().map(|x| x * 0.1 * size).collect() };
         let shape_directions = dvec3s(&scaled(uniform(rng, 3 * shapes * v)));
@@ -39,6 +40,8 @@ impl Hand {
             (0..count).map(|_| (rng.random_range(0..v as u32), rng.random_range(-0.5..1.0))).collect()
         };
         let joint_regressor = if regressed { (0..joints).map(|_| row(rng)).collect() } else { vec![] };
+        let own = if !regressed && rng.random_range(0..3) != 0 { shapes } else { 0 };
+        let joint_directions = dvec3s(&scaled(uniform(rng, 3 * own * joints)));
         let columns = case.weights(rng, v);
         let weights: Vec<f64> = (0..v * joints).map(|at| columns[at % joints * v + at / joints]).collect();
         let shape: Vec<f64> = (0..shapes)
@@ -53,13 +56,14 @@ impl Hand {
         let corrected = shaped + 0.1 * size * 2.0 * corrective as f64;
         let regressor_sum = |row: &Vec<(u32, f64)>| row.iter().map(|(_, w)| w.abs()).sum::<f64>();
         let pull = joint_regressor.iter().map(regressor_sum).fold(0.0, f64::max);
-        let joint_extent = largest(&rest_joints) + pull * shaped;
+        let moved = 0.1 * size * largest(&shape) * own as f64;
+        let joint_extent = largest(&rest_joints) + pull * shaped + moved;
         let extent = corrected + 2.0 * depth(&parents) * joint_extent;
         let out = (1.0 + turned) * extent + largest(&translation);
         let all = SLOPE * (v as f64 * turned + joints as f64);
         let d_vertex = SLOPE * turned + all * pull * joints as f64;
         let inputs = vec![
-            Input::new("shape", shape, extent / size, d_vertex * 0.1 * size * v as f64),
+            Input::new("shape", shape, extent / size, (d_vertex * v as f64 + all * own as f64) * 0.1 * size),
             Input::new("vertices", flat(&dvec3s(&vertices)), extent, d_vertex),
             Input::new("rotations", rotations, ROTATION_STEP, all * (extent + 0.1 * size * 18.0)),
             Input::new("translation", translation, extent, SLOPE * (v + joints) as f64),
@@ -76,8 +80,10 @@ impl Hand {
             face_uvs: vec![],
             weights,
             shape_directions,
+            shape_names: vec![],
             pose_directions,
             joint_regressor,
+            joint_directions,
             pose_space: None,
             source_vertices: vec![],
         };
@@ -118,6 +124,9 @@ impl Problem for Hand {
         let mut vertices = vec3s(inputs[1]);
         reference::add_directions(&mut vertices, inputs[0], &directions(&model.shape_directions));
         let mut joints: Vec<[S; 3]> = model.joints.iter().map(|j| j.to_array().map(S::constant)).collect();
+        if !model.joint_directions.is_empty() {
+            reference::add_directions(&mut joints, inputs[0], &directions(&model.joint_directions));
+        }
         for (joint, row) in joints.iter_mut().zip(&model.joint_regressor) {
             *joint = row.iter().fold([reference::zero(); 3], |sum, &(i, w)| {
                 reference::add3(sum, reference::scale3(vertices[i as usize], S::constant(w)))

@@ -1,3 +1,4 @@
+mod shapes;
 mod skinning;
 mod storage;
 
@@ -65,6 +66,29 @@ impl SmallHand {
         self
     }
 
+    /// With morph targets, as displacements of the six file vertices.
+    fn with_targets(mut self, targets: &[[[f32; 3]; 6]]) -> SmallHand {
+        let (mut views, mut accessors, mut primitive) = (String::new(), String::new(), vec![]);
+        for (k, target) in targets.iter().enumerate() {
+            views += &format!(r#",{{"buffer":0,"byteOffset":{},"byteLength":72}}"#, self.bytes.len());
+            accessors += &format!(r#",{{"bufferView":{},"componentType":5126,"count":6,"type":"VEC3"}}"#, 5 + k);
+            primitive.push(format!(r#"{{"POSITION":{}}}"#, 5 + k));
+            self.bytes.extend(target.concat().iter().flat_map(|v| v.to_le_bytes()));
+        }
+        let length = format!(r#""byteLength":{}}}"#, self.bytes.len());
+        let primitive = format!(r#""WEIGHTS_0":3}},"targets":[{}]"#, primitive.join(","));
+        self.replace(r#""byteLength":432}"#, &length)
+            .replace(r#""byteOffset":240,"byteLength":192}"#, &format!(r#""byteOffset":240,"byteLength":192}}{views}"#))
+            .replace(r#""count":3,"type":"MAT4"}"#, &format!(r#""count":3,"type":"MAT4"}}{accessors}"#))
+            .replace(r#""WEIGHTS_0":3}"#, &primitive)
+    }
+
+    /// With the given JSON as the extras of the mesh and of the skin.
+    fn with_extras(self, mesh: &str, skin: &str) -> SmallHand {
+        self.replace(r#""meshes":[{"#, &format!(r#""meshes":[{{"extras":{mesh},"#))
+            .replace(r#""skins":[{"#, &format!(r#""skins":[{{"extras":{skin},"#))
+    }
+
     fn put(mut self, offset: usize, value: f32) -> SmallHand {
         self.bytes[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
         self
@@ -88,6 +112,10 @@ impl SmallHand {
 
     fn read(&self) -> Result<HandModel, HandModelError> {
         read_bytes(&self.glb())
+    }
+
+    fn read_with_warnings(&self) -> Result<GltfFile, HandModelError> {
+        read_gltf_bytes("small.glb", &self.glb(), None)
     }
 }
 

@@ -9,9 +9,18 @@ use super::joints::Rig;
 use super::{RawMesh, Source, dvec3};
 use crate::HandModelError;
 
-/// Welds vertices with exactly the same position. Their weights are averaged where they differ; every file vertex keeps
-/// its UV point. Triangles that lose their area are dropped.
-pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Result<HandModel, HandModelError> {
+/// Distance between the displacements of two copies of a vertex that is not rounding, metres per unit of a shape.
+const APART: f64 = 1e-6;
+
+/// Welds vertices with exactly the same position. Their weights and displacements are averaged where they differ; every
+/// file vertex keeps its UV point. Triangles that lose their area are dropped.
+pub(super) fn weld(
+    raw: RawMesh,
+    rig: Rig,
+    side: Side,
+    source: &Source,
+    warnings: &mut Vec<String>,
+) -> Result<HandModel, HandModelError> {
     let n_b = rig.names.len();
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
     let mut vertices: Vec<DVec3> = Vec::new();
@@ -37,6 +46,7 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
     for (row, copies) in weights.chunks_exact_mut(n_b).zip(&copies) {
         row.iter_mut().for_each(|w| *w /= copies);
     }
+    let shape_directions = weld_targets(&raw.targets, &welded_from_raw, &copies, warnings);
     let (mut faces, mut face_uvs) = (Vec::new(), Vec::new());
     for triangle in raw.triangles {
         let face = triangle.map(|i| welded_from_raw[i as usize]);
@@ -60,10 +70,38 @@ pub(super) fn weld(raw: RawMesh, rig: Rig, side: Side, source: &Source) -> Resul
         uvs: raw.uvs,
         face_uvs,
         weights,
-        shape_directions: vec![],
+        shape_directions,
+        shape_names: vec![],
         pose_directions: vec![],
         joint_regressor: vec![],
+        joint_directions: vec![],
         pose_space: None,
         source_vertices: welded_from_raw,
     })
+}
+
+/// Displacements `[n_s][V]` of the welded vertices.
+fn weld_targets(
+    targets: &[Vec<[f32; 3]>],
+    welded_from_raw: &[u32],
+    copies: &[f64],
+    warnings: &mut Vec<String>,
+) -> Vec<DVec3> {
+    let mut directions = vec![DVec3::ZERO; targets.len() * copies.len()];
+    let mut torn = vec![false; copies.len()];
+    for (target, direction) in targets.iter().zip(directions.chunks_exact_mut(copies.len())) {
+        let moved = || target.iter().map(|d| dvec3(*d)).zip(welded_from_raw.iter().map(|&at| at as usize));
+        moved().for_each(|(d, at)| direction[at] += d / copies[at]);
+        for (d, at) in moved() {
+            torn[at] |= d.distance(direction[at]) > 0.5 * APART;
+        }
+    }
+    let torn = torn.iter().filter(|torn| **torn).count();
+    if torn > 0 {
+        warnings.push(format!(
+            "{torn} vertices have copies at UV seams that morph targets move apart; the copies move together, by the \
+             mean"
+        ));
+    }
+    directions
 }

@@ -60,8 +60,10 @@ pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<H
         face_uvs: vec![],
         weights,
         shape_directions,
+        shape_names: vec![],
         pose_directions,
         joint_regressor,
+        joint_directions: vec![],
         pose_space,
         source_vertices: vec![],
     })

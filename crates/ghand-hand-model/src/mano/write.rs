@@ -91,6 +91,8 @@ mod tests {
                 name: found.model.name.clone(),
                 uvs: found.model.uvs.clone(),
                 face_uvs: found.model.face_uvs.clone(),
+                // MANO's directions have no names.
+                shape_names: vec![],
                 pose_space: model.pose_space.clone().or(Some(space)),
                 ..model
             };

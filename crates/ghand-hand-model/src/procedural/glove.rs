@@ -7,6 +7,7 @@ use super::packing::pack;
 use super::pattern::{Pattern, neighbours};
 use super::skeleton::{CLOTH_PER_RADIUS, Chain, Skeleton, on_cloth};
 use crate::mano::JOINT_NAMES;
+use crate::pose_correctives::smooth_step;
 
 /// The closed skin of the hand with its atlas.
 #[derive(Debug, Clone)]
@@ -194,12 +195,6 @@ impl Chain {
             smooth_step((along + reach) / (2.0 * reach))
         })
     }
-}
-
-/// 0 below 0, 1 above 1, smooth between.
-pub(super) fn smooth_step(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }
 
 /// How much of a point of the cloth belongs to each chain; sums to 1. `softness` (metres) is the width of the borders.

@@ -9,6 +9,19 @@ use rayon::prelude::*;
 use super::skeleton::{Chain, Skeleton};
 use super::{Glove, ProceduralHand};
 
+/// Names of the shape directions.
+pub(super) const SHAPE_NAMES: [&str; SHAPE_COUNT] = [
+    "hand-size",
+    "palm-length",
+    "palm-width",
+    "thickness",
+    "finger-girth",
+    "thumb-length",
+    "index-length",
+    "middle-length",
+    "ring-length",
+    "pinky-length",
+];
 /// Number of shape directions.
 pub(super) const SHAPE_COUNT: usize = 10;
 

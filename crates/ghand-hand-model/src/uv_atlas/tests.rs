@@ -26,8 +26,10 @@ fn model(mesh: &Mesh, atlas: &Atlas) -> HandModel {
         face_uvs: atlas.face_uvs.clone(),
         weights: vec![1.0; mesh.0.len()],
         shape_directions: vec![],
+        shape_names: vec![],
         pose_directions: vec![],
         joint_regressor: vec![],
+        joint_directions: vec![],
         pose_space: None,
         source_vertices: vec![],
     }

@@ -2,6 +2,7 @@
 //!
 //! JSON: `{"fps":30,"frames":[{"id":"0000","pose":[[rx,ry,rz], ...],"translation":[x,y,z],"shape":[]}]}`, axis-angle
 //! rotations in radians in the order of the model's joints, metres; rate, ids, translations and shapes may be missing.
+//! A shape may also be given by names, `{"finger-length":2}`.
 //! The frames alone, as a list or one on each line, and one frame alone are read, too. `hand_model` describes the
 //! skeleton that the rows are for (`file_skeleton.rs`): they are matched to the model's joints by name, or carried over
 //! if the skeleton is another one. A capture's `capture.json` is such a file; its skeleton is that of its hand model.
@@ -17,6 +18,7 @@ use std::path::Path;
 use ghand_core::{HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::value::Value;
+use ghand_hand_model::shape_values::shape_from_names;
 use glam::DVec3;
 use serde_json::json;
 
@@ -94,6 +96,8 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
         };
         let shape = match frame.get("shape") {
             None => vec![],
+            Some(Value::Map(_)) if source.model.shape_directions.is_empty() => vec![],
+            Some(Value::Map(values)) => named_shape(source, &field("shape"), values)?,
             Some(value) => numbers(source, &field("shape"), value)?,
         };
         Ok(PoseFrame { pose: Pose { rotations, translation }, shape, id: id.clone() })
@@ -117,6 +121,16 @@ fn side(source: &Source, value: &Value) -> Result<Option<Side>, PoseError> {
 /// Whether poses are measured from a MANO model's mean pose, if the file says.
 fn from_mean(value: &Value, otherwise: bool) -> bool {
     value.get("flat_hand_mean").and_then(Value::number).map_or(otherwise, |flat| flat == 0.0)
+}
+
+/// Shape parameters by the names of the model's shape directions.
+fn named_shape(source: &Source, field: &str, values: &[(String, Value)]) -> Result<Vec<f64>, PoseError> {
+    let value = |(name, value): &(String, Value)| match value.number() {
+        Some(number) => Ok((name.clone(), number)),
+        None => Err(source.invalid(field, format!("{name:?} is {}, must be a number", value.kind()))),
+    };
+    let values = values.iter().map(value).collect::<Result<Vec<_>, PoseError>>()?;
+    shape_from_names(source.model, &values).map_err(|error| source.invalid(field, error.problem))
 }
 
 /// A list of finite numbers.

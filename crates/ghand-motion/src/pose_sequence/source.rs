@@ -1,7 +1,7 @@
 //! The file being read, and what all readers share.
 
 use ghand_core::pose::{LARGEST_TRANSLATION, PoseRangeError, check_shape_range};
-use ghand_core::{Pose, Side};
+use ghand_core::{HandModel, Pose, Side};
 use ghand_files::value::Value;
 use glam::{DMat3, DVec3};
 
@@ -27,6 +27,8 @@ pub(crate) struct Source<'a> {
     pub take: Option<&'a str>,
     /// Number of joints of the model that the poses are for.
     pub joint_count: usize,
+    /// The model that the poses are for, whose shapes a file may name.
+    pub model: &'a HandModel,
 }
 
 impl Source<'_> {

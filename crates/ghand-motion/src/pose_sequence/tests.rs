@@ -92,6 +92,13 @@ fn ghand_poses_are_read_written_and_read_again_bit_for_bit() {
 }
 
 #[test]
+fn a_shape_by_names_is_that_of_the_models_directions() {
+    let file = json!({"frames": [{"pose": rows(&Pose::rest(16)), "shape": {"palm-width": 2, "0": -1.5}}]});
+    let frames = read(&file, right()).unwrap().frames;
+    assert_eq!(frames[0].shape, [-1.5, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+}
+
+#[test]
 fn rows_are_matched_by_name_and_a_missing_joint_is_named() {
     let pose = &poses(right(), 1)[0];
     let mut names: Vec<String> = right().joint_names.clone();
@@ -136,6 +143,14 @@ fn invalid_ghand_poses_are_errors_with_file_field_and_remedy() {
             &["frames[\"a\"].translation", "3 numbers"],
         ),
         (json!({"frames": [{"id": "a", "pose": good(), "shape": [1, null]}]}), &["frames[\"a\"].shape", "not finite"]),
+        (
+            json!({"frames": [{"id": "a", "pose": good(), "shape": {"hand-sise": 1}}]}),
+            &["frames[\"a\"].shape", "did you mean \"hand-size\"?"],
+        ),
+        (
+            json!({"frames": [{"id": "a", "pose": good(), "shape": {"hand-size": "big"}}]}),
+            &["frames[\"a\"].shape", "\"hand-size\" is text, must be a number"],
+        ),
         (json!({"format": "x", "frames": [{"pose": good()}]}), &["format", "ghand-capture"]),
         (json!({"format": "ghand-capture", "version": 2, "frames": [{"pose": good()}]}), &["version", "must be 1"]),
         (json!({"hello": 1}), &["content", "\"hello\" (a number)", "not a supported kind of poses"]),

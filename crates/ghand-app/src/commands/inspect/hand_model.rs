@@ -30,9 +30,18 @@ pub fn describe(file: &HandModelFile) -> String {
     };
     row("triangles", format!("{}, {opening}", model.faces.len()));
     row("size", format!("{} m", vector(found.high - found.low)));
-    row("shapes", format!("{} directions", model.shape_count()));
+    let names = match model.shape_names.join(", ") {
+        names if names.is_empty() => String::new(),
+        names => format!(": {names}"),
+    };
+    row("shapes", format!("{} directions{names}", model.shape_count()));
     row("correctives", format!("{} pose directions", model.pose_directions.len() / model.vertices.len().max(1)));
-    row("joints from", if model.joint_regressor.is_empty() { "fixed positions" } else { "the shaped vertices" }.into());
+    let joints_from = match (model.joint_regressor.is_empty(), model.joint_directions.is_empty()) {
+        (false, _) => "the shaped vertices",
+        (true, false) => "shape directions of their own",
+        (true, true) => "fixed positions",
+    };
+    row("joints from", joints_from.into());
     if let Some(space) = &model.pose_space {
         let components = space.components.len().checked_div(space.mean.len()).unwrap_or(0);
         row("mean pose", format!("yes, with {components} components"));

@@ -3,15 +3,16 @@
 //! For each joint, sampled rotations give the skin as it should be ([`Bend::flesh`]); mapped back to rest through the
 //! blended bones, its difference from the rest pose is fitted by the nine entries of `R - I` (ridge regression).
 
+mod of_model;
+mod volume;
+
 use ghand_core::pose_response::rotation_features;
 use ghand_core::rotation::rotation_from_axis_angle;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::cholesky::solve;
-use super::glove::{Glove, smooth_step};
-use super::skeleton::{Chain, Skeleton};
-use crate::mano::JOINT_NAMES;
+use crate::cholesky::solve;
+pub use of_model::fit_pose_directions;
 
 /// Rotation features of a joint.
 const FEATURES: usize = 9;
@@ -66,31 +67,54 @@ struct Sample {
     flexion: f64,
 }
 
-/// Pose directions `[15 x 9][V]`, metres.
-pub(super) fn pose_directions(skeleton: &Skeleton, glove: &Glove, weights: &[f64]) -> Vec<DVec3> {
-    let count = glove.vertices.len();
-    let shares = glove.shares(skeleton, 0.0025);
-    let mut directions = vec![DVec3::ZERO; (JOINT_NAMES.len() - 1) * FEATURES * count];
-    for (c, chain) in skeleton.chains.iter().enumerate() {
+/// A finger or thumb: three joints that bend, one after the other.
+pub(crate) struct BendingChain {
+    /// The joints, from the palm to the tip.
+    pub joints: [usize; 3],
+    /// Joints beyond the last that move with it, such as one at the tip.
+    pub beyond: Vec<usize>,
+    /// The start of the bone before the first joint, the joints, and the tip, metres, model axes.
+    pub points: [DVec3; 5],
+    /// Half the finger's width at each joint, metres.
+    pub radii: [f64; 3],
+    /// Roughly the direction in which flexion moves the tip.
+    pub closing: DVec3,
+    pub is_thumb: bool,
+}
+
+/// Pose directions `[9 (n_b - 1)][V]`, metres, of a surface with skinning weights `[V][n_b]`. `shares` is how much of each
+/// vertex belongs to each chain, `[V][chains]`.
+pub(crate) fn pose_directions(
+    vertices: &[DVec3],
+    weights: &[f64],
+    chains: &[BendingChain],
+    shares: &[Vec<f64>],
+) -> Vec<DVec3> {
+    let count = vertices.len();
+    let joints = weights.len() / count.max(1);
+    let mut directions = vec![DVec3::ZERO; (joints - 1) * FEATURES * count];
+    // Joints of no chain: the wrist and the palm.
+    let fixed: Vec<usize> = (0..joints).filter(|k| chains.iter().all(|chain| !chain.has(*k))).collect();
+    for (c, chain) in chains.iter().enumerate() {
         for k in 0..3 {
-            let joint = chain.first_joint + k;
-            let bend = Bend::of(chain, c == 4, k);
-            let fit = Fit::new(bend.samples(c == 4));
-            let (moving, own) = (joint..chain.first_joint + 3, chain.first_joint..chain.first_joint + 3);
+            let bend = Bend::of(chain, k);
+            let fit = Fit::new(bend.samples(chain.is_thumb));
+            let moving = || chain.joints[k..].iter().chain(&chain.beyond);
             let fitted: Vec<[DVec3; FEATURES]> = (0..count)
                 .into_par_iter()
                 .map(|i| {
-                    let row = &weights[i * JOINT_NAMES.len()..(i + 1) * JOINT_NAMES.len()];
-                    let available = row[0] + row[own.clone()].iter().sum::<f64>();
+                    let row = &weights[i * joints..(i + 1) * joints];
+                    let own: f64 = chain.joints.iter().chain(&chain.beyond).map(|&j| row[j]).sum();
+                    let available = fixed.iter().map(|&j| row[j]).sum::<f64>() + own;
                     let flesh = Flesh {
-                        offset: glove.vertices[i] - chain.points[chain.first_point + k],
-                        moving: row[moving.clone()].iter().sum::<f64>() / available.max(1e-9),
+                        offset: vertices[i] - chain.points[k + 1],
+                        moving: moving().map(|&j| row[j]).sum::<f64>() / available.max(1e-9),
                         share: shares[i][c],
                     };
                     fit.directions(&bend, &flesh)
                 })
                 .collect();
-            let rows = directions.chunks_exact_mut(count).skip((joint - 1) * FEATURES);
+            let rows = directions.chunks_exact_mut(count).skip((chain.joints[k] - 1) * FEATURES);
             for (f, row) in rows.take(FEATURES).enumerate() {
                 row.iter_mut().zip(&fitted).for_each(|(d, all)| *d = all[f]);
             }
@@ -99,15 +123,24 @@ pub(super) fn pose_directions(skeleton: &Skeleton, glove: &Glove, weights: &[f64
     directions
 }
 
+impl BendingChain {
+    fn has(&self, joint: usize) -> bool {
+        self.joints.contains(&joint) || self.beyond.contains(&joint)
+    }
+}
+
+/// 0 up to 0, 1 from 1 on, smooth.
+pub(crate) fn smooth_step(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
 impl Bend {
-    fn of(chain: &Chain, thumb: bool, k: usize) -> Bend {
-        let at = chain.first_point + k;
+    fn of(chain: &BendingChain, k: usize) -> Bend {
         let direction = |from: usize| (chain.points[from + 1] - chain.points[from]).normalize();
-        let along = (direction(at - 1) + direction(at)).normalize();
-        // Fingers close towards the palm (-X), the thumb's outer joints mostly across it.
-        let closing = if thumb { DVec3::new(-0.45, 0.0, 1.0) } else { DVec3::NEG_X };
-        let hinge = along.cross(closing).normalize();
-        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[at], root: k == 0 }
+        let along = (direction(k) + direction(k + 1)).normalize();
+        let hinge = along.cross(chain.closing).normalize();
+        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], root: k == 0 }
     }
 
     /// Flexion with a little of the other rotations, as far as the joint allows them.

@@ -3,7 +3,7 @@
 /// Solves `A x = b` for a symmetric positive definite `A` (row-major, `n` x `n`), by Cholesky's factorisation.
 ///
 /// A pivot that is not positive because of rounding counts as infinite: its unknown becomes 0.
-pub(super) fn solve(mut a: Vec<f64>, b: &[f64]) -> Vec<f64> {
+pub(crate) fn solve(mut a: Vec<f64>, b: &[f64]) -> Vec<f64> {
     let n = b.len();
     // The factor L of A = L L^T replaces the lower triangle.
     for i in 0..n {

@@ -1,0 +1,95 @@
+//! Pose correctives for any rigged hand whose joints' names identify the fingers.
+
+use ghand_core::HandModel;
+use glam::DVec3;
+
+use super::volume::keep_volume;
+use super::{BendingChain, pose_directions};
+use crate::joint_names::{Finger, JointRole, finger_joints};
+use crate::named_poses::{HandDirections, hand_directions};
+
+/// Vertices this near to the cross-section of a joint measure the finger's width there, metres.
+const SECTION: f64 = 0.004;
+/// Half width of a finger where no vertex is near a joint's cross-section, metres.
+const USUAL_RADIUS: f64 = 0.009;
+/// Weight of nearness against skinning weights in deciding to which finger the skin of the palm belongs.
+const NEARNESS: f64 = 0.1;
+
+/// Pose directions `[9 (n_b - 1)][V]`, metres, that keep the volume of bent joints; `None` if the names of the joints do
+/// not identify the three joints of each finger. The rest pose must be roughly flat.
+pub fn fit_pose_directions(model: &HandModel) -> Option<Vec<DVec3>> {
+    let directions = hand_directions(model)?;
+    let chains: Option<Vec<BendingChain>> =
+        Finger::ALL.into_iter().map(|finger| chain(model, finger, &directions)).collect();
+    let chains = chains?;
+    let shares = shares(model, &chains);
+    let pose_directions = pose_directions(&model.vertices, &model.weights, &chains, &shares);
+    let mut corrected = HandModel { pose_directions, ..model.clone() };
+    keep_volume(&mut corrected, &chains, &shares).ok()?;
+    Some(corrected.pose_directions)
+}
+
+fn chain(model: &HandModel, finger: Finger, hand: &HandDirections) -> Option<BendingChain> {
+    let joints = finger_joints(finger, model)?;
+    let roles = JointRole::of_joints(&model.joint_names);
+    let tip_joint = roles.iter().position(|role| *role == Some(JointRole::Tip(finger)));
+    let [first, middle, last] = joints.map(|k| model.joints[k]);
+    let before = model.parents[joints[0]].map_or(first - hand.forward, |k| model.joints[k]);
+    let is_thumb = finger == Finger::Thumb;
+    let mut chain = BendingChain {
+        joints,
+        beyond: tip_joint.into_iter().collect(),
+        points: [before, first, middle, last, tip(model, joints[2], (last - middle).normalize())],
+        radii: [USUAL_RADIUS; 3],
+        // Fingers close towards the palm, the thumb's outer joints mostly across it.
+        closing: if is_thumb { hand.across - 0.45 * hand.back } else { -hand.back },
+        is_thumb,
+    };
+    chain.radii = std::array::from_fn(|k| radius(model, &chain, k));
+    Some(chain)
+}
+
+/// The outermost point of the skin that follows a last joint.
+fn tip(model: &HandModel, joint: usize, along: DVec3) -> DVec3 {
+    let own = (0..model.vertices.len()).filter(|&i| model.vertex_weights(i)[joint] > 0.5);
+    let reach = own.map(|i| (model.vertices[i] - model.joints[joint]).dot(along)).fold(0.0, f64::max);
+    model.joints[joint] + along * reach
+}
+
+/// Mean distance of the skin from joint `k` of a chain, across the finger.
+fn radius(model: &HandModel, chain: &BendingChain, k: usize) -> f64 {
+    let center = chain.points[k + 1];
+    // Across the bone that the finger has to itself: the knuckle's other bone lies in the palm.
+    let along = (chain.points[k + 2] - center).normalize();
+    let own = |i: usize| -> f64 { chain.joints.iter().map(|&j| model.vertex_weights(i)[j]).sum() };
+    let near = (0..model.vertices.len()).filter(|&i| own(i) > 0.25).map(|i| model.vertices[i] - center);
+    let distances: Vec<f64> =
+        near.filter(|p| p.dot(along).abs() < SECTION).map(|p| p.reject_from(along).length()).collect();
+    if distances.is_empty() { USUAL_RADIUS } else { distances.iter().sum::<f64>() / distances.len() as f64 }
+}
+
+/// How much of each vertex belongs to each chain, `[V][chains]`; rows sum to 1. By skinning weights, and on the palm by
+/// nearness.
+fn shares(model: &HandModel, chains: &[BendingChain]) -> Vec<Vec<f64>> {
+    let nearness = |p: DVec3, chain: &BendingChain| {
+        let distance = chain.points.windows(2).map(|bone| distance_from_bone(p, bone[0], bone[1]));
+        distance.fold(f64::INFINITY, f64::min).max(1e-4).powi(-4)
+    };
+    let row = |i: usize| -> Vec<f64> {
+        let weights = model.vertex_weights(i);
+        let near: Vec<f64> = chains.iter().map(|chain| nearness(model.vertices[i], chain)).collect();
+        let near_sum: f64 = near.iter().sum();
+        let own = |chain: &BendingChain| -> f64 { chain.joints.iter().chain(&chain.beyond).map(|&j| weights[j]).sum() };
+        let parts: Vec<f64> =
+            chains.iter().zip(&near).map(|(chain, near)| own(chain) + NEARNESS * near / near_sum).collect();
+        let sum: f64 = parts.iter().sum();
+        parts.iter().map(|part| part / sum).collect()
+    };
+    (0..model.vertices.len()).map(row).collect()
+}
+
+fn distance_from_bone(p: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let along = b - a;
+    let t = ((p - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+    p.distance(a + along * t)
+}
