@@ -2,9 +2,9 @@
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
 //! read one format each, [`procedural`] builds the built-in hand, [`obj`] and [`glb`] write posed hands,
-//! [`rigged_glb`] rigged ones. [`shape_values`] understands shapes by name.
-//! [`joint_names`] maps joint names to parts of the hand, [`named_poses`] has poses by name, [`surface`] samples the
-//! points that become an avatar's Gaussians.
+//! [`rigged_glb`] rigged ones. [`joint_names`] maps joint names to parts of the hand, [`joint_axes`] says how these turn
+//! and [`joint_limits`] how far. [`named_poses`] has poses by name, [`shape_values`] reads shapes by name,
+//! [`pose_correctives`] keeps the volume of bent joints, [`surface`] samples the points that become an avatar's Gaussians.
 //!
 //! Units are metres and radians.
 
@@ -15,6 +15,8 @@ pub mod glb;
 mod glb_document;
 pub mod gltf;
 pub mod inspection;
+pub mod joint_axes;
+pub mod joint_limits;
 pub mod joint_names;
 mod joint_regressor;
 pub mod mano;

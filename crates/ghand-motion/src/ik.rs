@@ -5,9 +5,9 @@
 //! fingertips: a skeleton's tip joint, else the skin's outermost point along the last bone ([`RestSkeleton::tips`]).
 //!
 //! The fit minimises `sum |p_i - landmark_i|^2 / s^2 + sum ((c_j - mean_j) / spread_j)^2` over the root's rotation, the
-//! translation and three components for each of the 15 finger joints. The components c are those of a joint's
-//! axis-angle vector along the axes of its hinge ([`RestSkeleton::hinges`]): bending, sideways, twist. Projection keeps
-//! them in the joint's range (`limits`). One more term per finger couples the last hinge to the one before. `s` is the
+//! translation and three angles for each of the 15 finger joints, c: flexion, abduction and twist, the components of the
+//! joint's axis-angle vector along its axes ([`RestSkeleton::axes`]). Projection keeps them in the joint's range
+//! (`limits`). One more term per finger couples the last hinge to the one before. `s` is the
 //! residual itself, within bounds: if the landmarks fit a hand exactly, the second sum has no weight; if they are
 //! noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method; its Jacobian
 //! consists of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
@@ -21,6 +21,7 @@ mod limits;
 use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle, rotation_from_axis_angle_vjp};
 use ghand_core::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp};
+use ghand_hand_model::joint_axes::JointAxes;
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
@@ -31,7 +32,7 @@ pub const LANDMARK_COUNT: usize = 21;
 use levenberg_marquardt::{Problem, minimize};
 use limits::{Coupling, Range, couplings, ranges};
 
-/// Unknowns: the root's axis-angle, the translation, three components for each of 15 joints.
+/// Unknowns: the root's axis-angle, the translation, three angles for each of 15 joints.
 pub(crate) const UNKNOWNS: usize = 6 + 3 * 15;
 
 /// Most steps from a cold and from a warm start.
@@ -85,9 +86,9 @@ pub struct HandIk {
     joints: Vec<DVec3>,
     /// The joint at each landmark.
     landmarks: [usize; LANDMARK_COUNT],
-    /// The joints that bend, with the axes of their hinges.
-    hinges: Vec<(usize, DMat3)>,
-    /// Of each component of each of `hinges`.
+    /// The joints that bend, with their axes.
+    hinges: Vec<(usize, JointAxes)>,
+    /// Of each angle of each of `hinges`.
     ranges: Vec<Range>,
     couplings: Vec<Coupling>,
 }
@@ -113,10 +114,10 @@ impl HandIk {
         for (f, finger) in Finger::ALL.into_iter().enumerate() {
             let mut last = 0;
             for k in 1..=3u8 {
-                // Every skeleton has all of them.
+                // Every skeleton with a rest pose has all of them.
                 last = rig.joint(JointRole::Bend(finger, k)).unwrap_or(0);
                 landmarks[4 * f + usize::from(k)] = last;
-                hinges.push((last, rig.hinges.get(last).copied().unwrap_or(DMat3::IDENTITY)));
+                hinges.push((last, rig.axes.get(last).copied().unwrap_or(JointAxes::OF_MODEL)));
                 all_ranges.extend(ranges(finger, k));
             }
             landmarks[4 * f + 4] = rig.joint(JointRole::Tip(finger)).unwrap_or_else(|| {
@@ -226,8 +227,7 @@ impl HandIk {
         write(&mut x, 0, axis_angle_from_rotation(&root));
         write(&mut x, 3, translation);
         for (k, (_, range)) in self.hinges.iter().zip(self.ranges.chunks_exact(3)).enumerate() {
-            // Bending is about -X: towards the palm.
-            let bent = if k < 3 { -0.5 * bend } else { -bend };
+            let bent = if k < 3 { 0.5 * bend } else { bend };
             x[6 + 3 * k] = bent.clamp(range[0].low, range[0].high);
         }
         x
@@ -240,7 +240,7 @@ impl HandIk {
         write(&mut x, 0, rotation(0));
         write(&mut x, 3, pose.translation);
         for (k, (joint, axes)) in self.hinges.iter().enumerate() {
-            write(&mut x, 6 + 3 * k, axes.transpose() * rotation(*joint));
+            write(&mut x, 6 + 3 * k, axes.angles(rotation(*joint)));
         }
         for (value, range) in x.iter_mut().skip(6).zip(&self.ranges) {
             *value = value.clamp(range.low, range.high);
@@ -253,7 +253,7 @@ impl HandIk {
         let mut rotations = vec![DVec3::ZERO; self.joints.len()];
         rotations[0] = read(x, 0);
         for (k, (joint, axes)) in self.hinges.iter().enumerate() {
-            rotations[*joint] = *axes * read(x, 6 + 3 * k);
+            rotations[*joint] = axes.rotation(read(x, 6 + 3 * k));
         }
         rotations
     }
@@ -337,9 +337,9 @@ impl Problem for Fit<'_> {
                 for (k, (joint, axes)) in hand.hinges.iter().enumerate() {
                     // A landmark moves with the joints between it and the wrist only.
                     if d_chain.local[*joint] != DMat3::ZERO {
-                        let rotation = *axes * read(x, 6 + 3 * k);
+                        let rotation = axes.rotation(read(x, 6 + 3 * k));
                         let gradient = rotation_from_axis_angle_vjp(rotation, &d_chain.local[*joint]);
-                        push(6 + 3 * k, axes.transpose() * gradient);
+                        push(6 + 3 * k, axes.angles(gradient));
                     }
                 }
                 for &(a, value) in &row {

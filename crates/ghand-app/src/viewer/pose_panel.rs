@@ -1,8 +1,14 @@
-//! The controls of the pose: named poses as buttons, and three sliders per joint.
+//! The controls of the pose: named poses as buttons, and sliders for each joint.
+
+use std::ops::RangeInclusive;
 
 use egui::{Button, CollapsingHeader, Ui};
 use ghand_core::{HandModel, Pose};
+use ghand_hand_model::joint_axes::JointAxes;
+use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
+use ghand_hand_model::joint_names::JointRole;
 use ghand_hand_model::named_poses::POSE_NAMES;
+use glam::DVec3;
 
 use crate::pose_choice::pose_by_name;
 use crate::viewer::number_slider::number_slider;
@@ -19,10 +25,63 @@ const GROUPS: [(&str, &[&str]); 6] = [
 /// Title of the joints in no other group.
 const OTHERS: &str = "Other joints";
 
+/// Angles that can change by less than this, in degrees, have no slider.
+const LEAST_WIDTH: f64 = 6.0;
+
 struct Group {
     title: &'static str,
-    /// Joint and its label.
-    joints: Vec<(usize, String)>,
+    joints: Vec<Joint>,
+}
+
+struct Joint {
+    index: usize,
+    label: String,
+    angles: Vec<Angle>,
+}
+
+/// A component of a joint's axis-angle vector.
+struct Angle {
+    label: &'static str,
+    /// A unit vector in model axes; those of a joint are at right angles.
+    axis: DVec3,
+    degrees: RangeInclusive<f64>,
+}
+
+impl Angle {
+    /// The anatomical angles of a joint that can move, within its limits. If its part of the hand is unknown, and for
+    /// the root, which turns the whole hand in space: the components in model axes.
+    fn of_joint(role: Option<JointRole>, axes: &JointAxes) -> Vec<Angle> {
+        match role {
+            Some(role) if role != JointRole::Wrist => {
+                let [flexion, abduction, twist] = JointLimits::of(role).ranges().map(in_degrees);
+                let angles = [
+                    Angle { label: "flexion", axis: axes.flexion, degrees: flexion },
+                    Angle { label: "abduction", axis: axes.abduction, degrees: abduction },
+                    Angle { label: "twist", axis: axes.twist, degrees: twist },
+                ];
+                angles.into_iter().filter(|angle| angle.degrees.end() - angle.degrees.start() >= LEAST_WIDTH).collect()
+            }
+            _ => [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)]
+                .map(|(label, axis)| Angle { label, axis, degrees: -180.0..=180.0 })
+                .into(),
+        }
+    }
+
+    /// The angle in a joint's rotation, degrees.
+    fn get(&self, rotation: DVec3) -> f64 {
+        self.axis.dot(rotation).to_degrees()
+    }
+
+    /// Sets the angle and keeps the joint's others.
+    fn set(&self, rotation: &mut DVec3, degrees: f64) {
+        *rotation += (degrees - self.get(*rotation)).to_radians() * self.axis;
+    }
+}
+
+/// The range without the rounding error of radians: its ends can be typed.
+fn in_degrees(range: AngleRange) -> RangeInclusive<f64> {
+    let rounded = |angle: f64| (1e6 * angle.to_degrees()).round() / 1e6;
+    rounded(range.low)..=rounded(range.high)
 }
 
 /// The pose's controls for one hand model.
@@ -38,6 +97,9 @@ impl PosePanel {
         let named = POSE_NAMES.iter().filter_map(|name| Some((*name, pose_by_name(name, model).ok()?))).collect();
         let titles = GROUPS.iter().map(|(title, _)| *title).chain([OTHERS]);
         let mut groups: Vec<Group> = titles.map(|title| Group { title, joints: Vec::new() }).collect();
+        // Without axes, no role says how a joint moves.
+        let axes = JointAxes::of_joints(model);
+        let roles = JointRole::of_joints(&model.joint_names);
         for (joint, name) in model.joint_names.iter().enumerate() {
             let is_leaf = !model.parents.contains(&Some(joint));
             if is_leaf && name.ends_with("tip") {
@@ -48,7 +110,15 @@ impl PosePanel {
             if let Some(group) = groups.get_mut(group.unwrap_or(GROUPS.len())) {
                 // WebXR's names begin with the finger, which is the group's title already.
                 let part = name.split_once("-finger-").or_else(|| name.split_once("thumb-"));
-                group.joints.push((joint, part.map_or(name.as_str(), |(_, part)| part).replace('-', " ")));
+                let label = part.map_or(name.as_str(), |(_, part)| part).replace('-', " ");
+                let angles = match axes.as_ref().and_then(|axes| axes.get(joint)) {
+                    Some(axes) => Angle::of_joint(roles.get(joint).copied().flatten(), axes),
+                    None => Angle::of_joint(None, &JointAxes::OF_MODEL),
+                };
+                // OpenXR's palm does not move by itself.
+                if !angles.is_empty() {
+                    group.joints.push(Joint { index: joint, label, angles });
+                }
             }
         }
         groups.retain(|g| !g.joints.is_empty());
@@ -69,19 +139,20 @@ impl PosePanel {
         chosen
     }
 
-    /// Shows the sliders, grouped by finger. They are the components of the joints' axis-angle rotations, degrees.
-    /// Returns whether the user moved one.
+    /// Shows the sliders, grouped by finger. They are the joints' angles ([`JointAxes`]) in degrees, or the components of
+    /// axis-angle rotations in model axes. Returns whether the user moved one.
     pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
         let mut moved = false;
         for group in &self.groups {
             CollapsingHeader::new(group.title).id_salt(("joints", group.title)).show(ui, |ui| {
-                for (joint, name) in &group.joints {
-                    let Some(rotation) = pose.rotations.get_mut(*joint) else { continue };
-                    ui.label(name);
-                    for (axis, component) in ["x", "y", "z"].into_iter().zip(rotation.as_mut()) {
-                        let mut degrees = component.to_degrees();
-                        if ui.add(number_slider(&mut degrees, -180.0..=180.0, 0, "°").text(axis)).changed() {
-                            *component = degrees.to_radians();
+                for joint in &group.joints {
+                    let Some(rotation) = pose.rotations.get_mut(joint.index) else { continue };
+                    ui.label(&joint.label);
+                    for angle in &joint.angles {
+                        let mut degrees = angle.get(*rotation);
+                        let slider = number_slider(&mut degrees, angle.degrees.clone(), 0, "°").text(angle.label);
+                        if ui.add(slider).changed() {
+                            angle.set(rotation, degrees);
                             moved = true;
                         }
                     }
@@ -109,5 +180,41 @@ mod tests {
         let panel = PosePanel::new(&strange);
         assert_eq!(panel.groups.iter().map(|g| g.joints.len()).sum::<usize>(), 16);
         assert_eq!(panel.named.len(), 1);
+    }
+
+    /// Labels of the sliders of a joint.
+    fn labels(panel: &PosePanel, index: usize) -> Vec<&'static str> {
+        let joint = panel.groups.iter().flat_map(|group| &group.joints).find(|joint| joint.index == index).unwrap();
+        joint.angles.iter().map(|angle| angle.label).collect()
+    }
+
+    #[test]
+    fn known_joints_have_sliders_for_how_they_move_and_others_for_model_axes() {
+        let mut model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let joint = |name: &str| model.joint_index(name).unwrap();
+        let (wrist, knuckle, hinge, thumb) = (joint("wrist"), joint("index1"), joint("index2"), joint("thumb1"));
+        let panel = PosePanel::new(&model);
+        assert_eq!(labels(&panel, wrist), ["x", "y", "z"]);
+        assert_eq!(labels(&panel, knuckle), ["flexion", "abduction"]);
+        assert_eq!(labels(&panel, hinge), ["flexion"]);
+        assert_eq!(labels(&panel, thumb), ["flexion", "abduction", "twist"]);
+        model.joint_names[hinge] = "bone".into();
+        assert!((0..16).all(|joint| labels(&PosePanel::new(&model), joint) == ["x", "y", "z"]));
+    }
+
+    #[test]
+    fn a_slider_sets_one_angle_and_reaches_the_ends_of_its_range() {
+        let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+        let panel = PosePanel::new(&model);
+        let knuckle = model.joint_index("index1").unwrap();
+        let joint = panel.groups.iter().flat_map(|group| &group.joints).find(|joint| joint.index == knuckle).unwrap();
+        let [flexion, abduction] = &joint.angles[..] else { panic!("{} sliders", joint.angles.len()) };
+        assert_eq!((&flexion.degrees, &abduction.degrees), (&(-45.0..=90.0), &(-20.0..=20.0)));
+        let mut rotation = DVec3::new(0.1, -0.2, 0.3);
+        let before = abduction.get(rotation);
+        flexion.set(&mut rotation, 90.0);
+        assert!((flexion.get(rotation) - 90.0).abs() < 1e-9 && (abduction.get(rotation) - before).abs() < 1e-9);
+        let fist = pose_by_name("fist", &model).unwrap().rotations[knuckle];
+        assert!(flexion.get(fist) > 60.0);
     }
 }

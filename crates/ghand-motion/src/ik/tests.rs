@@ -1,6 +1,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_core::{HandModel, Side};
+use ghand_hand_model::joint_limits::random_pose;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -87,19 +88,27 @@ fn crossed_fingers_are_found() {
         let rig = RestSkeleton::of(&model).unwrap();
         let joint = |finger, k| rig.joint(JointRole::Bend(finger, k)).unwrap();
         // The middle finger bends a little and crosses the index finger.
-        let side = if model.side == Side::Right { 1.0 } else { -1.0 };
-        for (finger, components) in
-            [(Finger::Index, [-0.1, -0.2 * side, 0.0]), (Finger::Middle, [-0.35, 0.3 * side, 0.0])]
-        {
+        for (finger, angles) in [(Finger::Index, [0.1, -0.2, 0.0]), (Finger::Middle, [0.35, 0.3, 0.0])] {
             let k = joint(finger, 1);
-            pose.rotations[k] = rig.hinges[k] * DVec3::from_array(components);
+            pose.rotations[k] = rig.axes[k].rotation(DVec3::from_array(angles));
             for j in 2..=3 {
                 let k = joint(finger, j);
-                pose.rotations[k] = rig.hinges[k] * DVec3::new(-0.2, 0.0, 0.0);
+                pose.rotations[k] = rig.axes[k].rotation(DVec3::new(0.2, 0.0, 0.0));
             }
         }
         pose.rotations[0] = DVec3::new(0.3, -0.7, 1.1);
         found_again(&model, &ik(&model), &pose, None, "crossed fingers");
+    }
+}
+
+#[test]
+fn every_pose_within_the_anatomical_limits_is_found_from_rest() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    for model in [procedural(Side::Right), procedural(Side::Left)] {
+        let ik = ik(model);
+        for k in 0..100 {
+            found_again(model, &ik, &random_pose(model, &mut rng).unwrap(), None, &format!("random pose {k}"));
+        }
     }
 }
 
@@ -128,7 +137,7 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
             let noisy = ik.landmarks(&pose).map(|p| p + vector(&mut rng, 0.00866));
             let solution = ik.solve(&noisy, before.as_ref()).unwrap();
             for (k, (joint, axes)) in ik.hinges.iter().enumerate() {
-                let components = (axes.transpose() * solution.pose.rotations[*joint]).to_array();
+                let components = axes.angles(solution.pose.rotations[*joint]).to_array();
                 for (value, range) in components.iter().zip(&ik.ranges[3 * k..]) {
                     let slack = 1e-9;
                     assert!((range.low - slack..=range.high + slack).contains(value), "{value} is outside {range:?}");

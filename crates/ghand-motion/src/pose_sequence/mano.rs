@@ -254,12 +254,11 @@ pub(super) fn stand_in(side: Side) -> Result<RestSkeleton, PoseError> {
     let rig = RestSkeleton::of(&hand.build()?)?;
     let wrist = rig.joint_position(JointRole::Wrist).unwrap_or_default();
     let place = |p: DVec3| turn * (p - wrist);
-    let frames = |frames: &[DMat3]| frames.iter().map(|frame| turn * *frame).collect();
     let rig = RestSkeleton {
         name: "MANO's axes".into(),
         joints: rig.joints.iter().map(|joint| place(*joint)).collect(),
-        frames: frames(&rig.frames),
-        hinges: frames(&rig.hinges),
+        frames: rig.frames.iter().map(|frame| turn * *frame).collect(),
+        axes: rig.axes.iter().map(|axes| axes.turned(turn)).collect(),
         tips: rig.tips.map(place),
         ..rig
     };

@@ -148,7 +148,7 @@ fn every_control_has_a_name() {
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
     ui.click("Joints");
     ui.click("Index finger");
-    assert!(ui.harness.query_all_by_label("x").count() > 3, "the sliders are missing");
+    assert!(ui.harness.query_all_by_label("flexion").count() > 3, "the sliders are missing");
     ui.harness.check_accessibility();
 }
 
