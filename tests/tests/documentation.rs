@@ -34,7 +34,8 @@ fn says(cell: &str, value: &Value) -> bool {
             parts.len() == values.len() && parts.iter().zip(values).all(|(part, value)| says(part, value))
         }
         Value::String(text) => cell == text,
-        other => cell == other.to_string(),
+        Value::Bool(value) => cell.parse() == Ok(*value),
+        Value::Null | Value::Object(_) => false,
     }
 }
 
