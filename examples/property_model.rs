@@ -9,8 +9,9 @@ use anyhow::Context;
 use ghand_app::framing::turntable;
 use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables};
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::named_poses::named_pose;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::deform::{Deformation, DeformationBackward, Properties};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
@@ -65,7 +66,7 @@ fn not_trained() -> RenderError {
 
 fn main() -> anyhow::Result<()> {
     let gpu = Gpu::new(&AdapterChoice::from_env())?;
-    let hand = ProceduralHand::default().build()?;
+    let hand = builtin_hand(Side::Right)?;
     let avatar = Avatar::untrained(&hand, &AvatarConfig::default(), [0.5; 3], 0)?;
     let count = avatar.template.len();
     let size = [384, 384];

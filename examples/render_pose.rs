@@ -9,8 +9,9 @@ use std::path::Path;
 use anyhow::Context;
 use ghand_app::framing::turntable;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::named_poses::named_pose;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 
@@ -19,7 +20,7 @@ fn main() -> anyhow::Result<()> {
     let avatar = match arguments.next() {
         Some(path) => Avatar::load(Path::new(&path))?,
         None => {
-            let hand = ProceduralHand::default().build()?;
+            let hand = builtin_hand(Side::Right)?;
             Avatar::untrained(&hand, &AvatarConfig::default(), [0.8, 0.6, 0.5], 0)?
         }
     };

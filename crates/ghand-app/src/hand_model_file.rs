@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 use ghand_avatar::Avatar;
+use ghand_core::Side;
+use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
 use ghand_hand_model::mano::LeftShapes;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
 
 use crate::file_kind::{FileKind, file_kind};
+
+/// The kind of a hand that is part of the program.
+const HAND_OF_GHAND: &str = "hand of ghand";
 
 /// How to read a hand model.
 #[derive(Debug, Clone, Default, Args)]
@@ -23,14 +27,13 @@ pub struct HandModelArgs {
 }
 
 impl HandModelArgs {
-    /// Reads the hand model, or the template mesh of an avatar, or builds the built-in hand if there is no file.
+    /// Reads the hand model, or the template mesh of an avatar; the built-in hand if there is no path.
     ///
     /// # Errors
     /// An error that names the file, if it is not a usable hand model or avatar.
     pub fn load(&self, path: Option<&PathBuf>) -> anyhow::Result<HandModelFile> {
         let Some(path) = path else {
-            let model = ProceduralHand::default().build()?;
-            return Ok(HandModelFile { model, kind: "built-in hand", warnings: vec![] });
+            return Ok(HandModelFile { model: builtin_hand(Side::Right)?, kind: HAND_OF_GHAND, warnings: vec![] });
         };
         if let (FileKind::Avatar, Some(uv)) = (file_kind(path), &self.uv) {
             bail!("--uv {}: {} is an avatar, which has UVs; omit --uv", uv.display(), path.display());
@@ -40,11 +43,20 @@ impl HandModelArgs {
     }
 }
 
-/// Reads a hand model file of any kind, or the template mesh of an avatar.
+/// Whether this is the name of a hand that comes with ghand.
+pub fn is_hand_name(path: &Path) -> bool {
+    path.to_str().is_some_and(|name| HAND_NAMES.contains(&name))
+}
+
+/// Reads a hand model file of any kind, the template mesh of an avatar, or a hand that comes with ghand, by its name
+/// ([`ghand_hand_model::builtin::HAND_NAMES`]).
 ///
 /// # Errors
 /// As in [`HandModelArgs::load`].
 pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
+    if let Some(model) = path.to_str().and_then(hand_by_name) {
+        return Ok(HandModelFile { model: model?, kind: HAND_OF_GHAND, warnings: vec![] });
+    }
     match file_kind(path) {
         FileKind::Avatar => {
             let model = Avatar::load(path)?.model;

@@ -1,8 +1,8 @@
 //! The hand that is shown before anything has been trained.
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_core::HandModel;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_core::{HandModel, Side};
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::{HandModelError, surface};
 use glam::DVec3;
 
@@ -18,9 +18,9 @@ const FACING: f64 = 0.25;
 /// The built-in hand as an untrained avatar, softly lit at rest so that its shape shows.
 ///
 /// # Errors
-/// [`HandModelError`] if the built-in hand cannot be built, which would be a bug.
+/// [`HandModelError`] if the built-in hand cannot be read, which would be a bug.
 pub fn untrained_hand() -> Result<Avatar, HandModelError> {
-    untrained_avatar_of(&ProceduralHand::default().build()?)
+    untrained_avatar_of(&builtin_hand(Side::Right)?)
 }
 
 /// Like [`untrained_hand`], for any hand model.

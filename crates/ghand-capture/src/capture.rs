@@ -20,7 +20,9 @@ pub enum HandModelSource {
         /// The path, with `/` between its parts.
         path: String,
     },
-    /// The built-in hand of these parameters.
+    /// The built-in hand of the capture's side ([`ghand_hand_model::builtin`]).
+    Builtin,
+    /// A procedural hand of these parameters.
     Procedural(ProceduralHand),
     /// The user's own MANO file, which the user gives each time.
     Mano,

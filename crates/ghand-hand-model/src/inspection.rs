@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use ghand_core::HandModel;
 use glam::DVec3;
 
+use crate::joint_names::JointRole;
 use crate::surface::sample_surface;
 
 /// Resolutions at which texels are counted.
@@ -48,7 +49,10 @@ pub fn inspect(model: &HandModel) -> Inspection {
         }
     }
     let joints = model.joint_count();
+    // A joint at a fingertip only marks it.
+    let roles = JointRole::of_joints(&model.joint_names);
     let idle: Vec<&str> = (0..joints)
+        .filter(|k| !matches!(roles[*k], Some(JointRole::Tip(_))))
         .filter(|k| model.weights.iter().skip(*k).step_by(joints).all(|w| *w == 0.0))
         .map(|k| model.joint_names[k].as_str())
         .collect();

@@ -11,7 +11,7 @@ use crate::joint_names::{Finger, JointRole};
 
 /// How much the axes of the thumb's hinges let its nail face the back of the hand: they bend it across the palm and, a
 /// little, into it.
-const THUMB_TOWARDS_BACK: f64 = 0.45;
+pub(crate) const THUMB_TOWARDS_BACK: f64 = 0.45;
 
 /// The axes about which a joint rotates at rest, unit vectors in model axes, at right angles to each other.
 ///
@@ -165,7 +165,7 @@ pub fn fingertips(model: &HandModel, roles: &[Option<JointRole>]) -> [DVec3; 5] 
     Finger::ALL.map(|finger| fingertip(model, roles, finger).unwrap_or(DVec3::NAN))
 }
 
-fn fingertip(model: &HandModel, roles: &[Option<JointRole>], finger: Finger) -> Option<DVec3> {
+pub(crate) fn fingertip(model: &HandModel, roles: &[Option<JointRole>], finger: Finger) -> Option<DVec3> {
     let joint = |role| model.joints.get(roles.iter().position(|known| *known == Some(role))?).copied();
     if let Some(tip) = joint(JointRole::Tip(finger)) {
         return Some(tip);

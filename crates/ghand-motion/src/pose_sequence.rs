@@ -81,7 +81,7 @@ pub struct PoseOptions {
     /// model's side is used if it exists, else the other one, mirrored.
     pub side: Option<Side>,
     /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another skeleton exact.
-    /// Without it, the built-in hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
+    /// Without it, the procedural hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
     /// another skeleton need it if the file does not describe that skeleton.
     pub pose_model: Option<HandModel>,
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.
@@ -95,10 +95,11 @@ pub struct PoseOptions {
 /// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
 ///
 /// ```no_run
-/// use ghand_hand_model::procedural::ProceduralHand;
+/// use ghand_core::Side;
+/// use ghand_hand_model::builtin::builtin_hand;
 /// use ghand_motion::{PoseOptions, read_poses};
 ///
-/// let hand = ProceduralHand::default().build()?;
+/// let hand = builtin_hand(Side::Right)?;
 /// let poses = read_poses("hamer.json".as_ref(), &hand, &PoseOptions::default())?;
 /// println!("{} frames", poses.frames.len());
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -18,8 +18,8 @@ use ghand_app::viewer::window;
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO) [default: the avatar trained
-    /// last in out/train, out/train-2, ..., else an untrained hand]
+    /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO; builtin, builtin-left or
+    /// procedural) [default: the avatar trained last in out/train, out/train-2, ..., else the built-in hand]
     file: Option<PathBuf>,
     /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]
     #[arg(long, value_name = "FILE|NAME")]

@@ -9,8 +9,8 @@ use clap::{Args, Subcommand};
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_capture::named_camera::read_named_camera;
-use ghand_core::{Camera, HandModel, Pose};
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_core::{Camera, HandModel, Pose, Side};
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
@@ -122,7 +122,7 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
         splatter.render(gpu)?;
         return Ok((splatter, camera));
     }
-    let model = ProceduralHand::default().build()?;
+    let model = builtin_hand(Side::Right)?;
     let config = AvatarConfig { uv_resolution: resolution_for(&model, args.n)?, ..Default::default() };
     let avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0)?;
     let rest = Pose::rest(model.joint_count());

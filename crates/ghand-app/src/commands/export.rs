@@ -1,6 +1,6 @@
-//! `ghand export`: writes a posed avatar as a scene of Gaussians for other programs.
+//! `ghand export`: writes a posed avatar as a scene of Gaussians, or a hand model as a rigged mesh, for other programs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -8,44 +8,74 @@ use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
 use ghand_files::atomic_file::check_writable;
+use ghand_hand_model::pose_correctives::fit_pose_directions;
+use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
+use crate::hand_model_file::HandModelArgs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
 /// Command line of `ghand export`.
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("output").required(true))]
 pub struct ExportArgs {
-    /// The avatar, a .ghand file
-    avatar: PathBuf,
-    /// A pose or a motion by name, or a file of poses, as for `render`
-    #[arg(long, value_name = "FILE|NAME", default_value = "rest")]
-    pose: String,
+    /// The avatar, a .ghand file; for --glb also a hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf), or builtin,
+    /// builtin-left or procedural
+    #[arg(value_name = "AVATAR|HAND")]
+    subject: PathBuf,
+    /// A pose or a motion by name, or a file of poses, as for `render` [default: rest]
+    #[arg(long, value_name = "FILE|NAME", requires = "ply")]
+    pose: Option<String>,
     #[command(flatten)]
-    reading: PoseReadingArgs,
+    reading_poses: PoseReadingArgs,
     /// Frame of the file or motion: its id or its number, counted from 0 [default: the first]
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", requires = "pose")]
     frame: Option<String>,
     /// The scene to write: a .ply file in the layout of 3D Gaussian Splatting; metres. Opacities of 1 are written as
     /// 0.99999
-    #[arg(long, value_name = "FILE")]
-    ply: PathBuf,
+    #[arg(long, value_name = "FILE", group = "output")]
+    ply: Option<PathBuf>,
+    /// The rigged hand to write: a .glb file with skeleton, skinning weights and shapes, at rest; metres. Pose
+    /// correctives are in its extras, where ghand finds them
+    #[arg(long, value_name = "FILE", group = "output")]
+    glb: Option<PathBuf>,
+    /// Fit pose correctives that keep the volume of bent joints, in place of the hand's own
+    #[arg(long, requires = "glb")]
+    fit_pose_correctives: bool,
+    #[command(flatten)]
+    reading: HandModelArgs,
 }
 
-/// Poses the avatar and writes its Gaussians. All input is read and checked before anything is written.
+/// Writes what the arguments ask for. All input is read and checked before anything is written.
 ///
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if args.ply.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("ply")) {
-        bail!("--ply {}: must end in .ply", args.ply.display());
+    match (&args.ply, &args.glb) {
+        (Some(ply), _) => scene(args, ply, adapter),
+        (None, Some(glb)) => rigged_hand(args, glb),
+        (None, None) => bail!("give --ply or --glb"),
     }
-    check_writable(&args.ply).with_context(|| format!("--ply {}: cannot be written", args.ply.display()))?;
-    let avatar = Avatar::load(&args.avatar)?;
-    let frames = args.reading.load(&args.pose, &avatar.model)?.frames;
+}
+
+/// Checks that a file's name ends as its format's do, and that it can be written.
+fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
+    if path.extension().is_none_or(|found| !found.eq_ignore_ascii_case(ending)) {
+        bail!("{option} {}: must end in .{ending}", path.display());
+    }
+    check_writable(path).with_context(|| format!("{option} {}: cannot be written", path.display()))
+}
+
+/// Poses the avatar and writes its Gaussians.
+fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    check_output("--ply", path, "ply")?;
+    let avatar = Avatar::load(&args.subject)?;
+    let pose = args.pose.as_deref().unwrap_or("rest");
+    let frames = args.reading_poses.load(pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");
-    let frame = choose_frame(frames, wanted).with_context(|| args.pose.clone())?;
+    let frame = choose_frame(frames, wanted).with_context(|| pose.to_owned())?;
     // Only the pose is needed, not the picture: one tile is the smallest picture.
     let mut gpu = adapter.open()?;
     let scene = gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
@@ -53,7 +83,35 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         scene.set_pose(gpu, 0, 0, &frame.pose)?;
         Ok(scene.posed_splats(gpu, 0)?)
     })?;
-    scene.write(&args.ply)?;
-    say!("{}: {} Gaussians in the pose {:?}", args.ply.display(), scene.count, frame.id);
+    scene.write(path)?;
+    say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
+    Ok(())
+}
+
+/// Writes the hand with its skeleton.
+fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
+    check_output("--glb", path, "glb")?;
+    let file = args.reading.load(Some(&args.subject))?;
+    for warning in &file.warnings {
+        log::warn!("{warning}");
+    }
+    let mut model = file.model;
+    if args.fit_pose_correctives {
+        model.pose_directions = fit_pose_directions(&model).with_context(|| {
+            format!(
+                "--fit-pose-correctives: the names of the joints of {} do not identify the three joints of each finger",
+                args.subject.display()
+            )
+        })?;
+    }
+    write_rigged_glb(path, &model)?;
+    say!(
+        "{}: {} vertices, {} joints, {} shapes, {} pose directions",
+        path.display(),
+        model.vertices.len(),
+        model.joint_count(),
+        model.shape_count(),
+        model.pose_directions.len() / model.vertices.len().max(1)
+    );
     Ok(())
 }

@@ -21,6 +21,7 @@ use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
+use crate::hand_model_file::is_hand_name;
 use crate::say;
 use contact_sheet::{SheetView, contact_sheet};
 
@@ -53,7 +54,7 @@ pub struct InspectArgs {
 /// error only if no image can be used.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
-        Some(path) if !path.exists() => bail!("{}: no such file or folder", path.display()),
+        Some(path) if !path.exists() && !is_hand_name(path) => bail!("{}: no such file or folder", path.display()),
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");

@@ -8,11 +8,12 @@ use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, Scene};
 use ghand_core::Pose;
 use ghand_files::input_file;
-use ghand_hand_model::read::{ReadOptions, read_hand_model};
+use ghand_hand_model::read::ReadOptions;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
+use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::untrained_hand::untrained_avatar_of;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::hand::Hand;
@@ -37,6 +38,9 @@ impl Subject {
     /// # Errors
     /// One sentence that names the file, and the invalid part or the expected kind of file.
     pub fn read(path: &Path) -> anyhow::Result<Subject> {
+        if is_hand_name(path) {
+            return Subject::hand_model(path);
+        }
         input_file::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         match file_kind(path) {
             FileKind::Avatar => Ok(Subject::avatar(Avatar::load(path)?)),
@@ -44,19 +48,21 @@ impl Subject {
                 let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                 Ok(Subject::Scene { gaussians: read_scene(path)?, name })
             }
-            FileKind::HandModel => {
-                let file = read_hand_model(path, &ReadOptions::default())?;
-                for warning in &file.warnings {
-                    log::warn!("{}: {warning}", path.display());
-                }
-                Ok(Subject::avatar(untrained_avatar_of(&file.model)?))
-            }
+            FileKind::HandModel => Subject::hand_model(path),
             FileKind::Other => bail!(
                 "{}: is neither an avatar (.ghand), nor a scene of Gaussians (.ply), nor a hand model (.glb, .gltf, or \
                  a MANO .pkl or .npz)",
                 path.display()
             ),
         }
+    }
+
+    fn hand_model(path: &Path) -> anyhow::Result<Subject> {
+        let file = load_hand_model(path, &ReadOptions::default())?;
+        for warning in &file.warnings {
+            log::warn!("{}: {warning}", path.display());
+        }
+        Ok(Subject::avatar(untrained_avatar_of(&file.model)?))
     }
 
     /// An avatar at rest.

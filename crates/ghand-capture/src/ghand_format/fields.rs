@@ -46,7 +46,7 @@ pub(super) fn read_fields(path: &Path, text: &str) -> Result<CaptureFile, Captur
     }
 }
 
-/// The parameters of the built-in hand.
+/// The parameters of a procedural hand.
 pub(super) fn parameters(
     validator: FileValidator,
     mut fields: Map<String, Value>,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
 
@@ -160,6 +161,10 @@ impl Reader<'_> {
                 let model = read_gltf(&root.join(path)).map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Gltf { path: path.clone() })
             }
+            "builtin" => {
+                let model = builtin_hand(side).map_err(|source| self.hand_model_error(source))?;
+                (model, HandModelSource::Builtin)
+            }
             "procedural" => {
                 let hand = parameters(self.validator, file.parameters.clone().unwrap_or_default())?;
                 let model = hand.build().map_err(|source| self.hand_model_error(source))?;
@@ -180,7 +185,7 @@ impl Reader<'_> {
                 }
             },
             other => {
-                let problem = format!("is {other:?}; must be \"gltf\", \"procedural\" or \"mano\"");
+                let problem = format!("is {other:?}; must be \"builtin\", \"gltf\", \"mano\" or \"procedural\"");
                 return Err(self.invalid("hand_model.kind", problem));
             }
         };

@@ -76,6 +76,7 @@ impl Capture {
 fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile {
     let (kind, path, parameters) = match source {
         HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
+        HandModelSource::Builtin => ("builtin", None, None),
         HandModelSource::Procedural(hand) => ("procedural", None, Some(parameters(hand))),
         HandModelSource::Mano => ("mano", None, None),
     };

@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::volume::keep_volume;
 use super::{BendingChain, pose_directions};
+use crate::joint_axes::{THUMB_TOWARDS_BACK, fingertip};
 use crate::joint_names::{Finger, JointRole, finger_joints};
 use crate::named_poses::{HandDirections, hand_directions};
 
@@ -39,21 +40,14 @@ fn chain(model: &HandModel, finger: Finger, hand: &HandDirections) -> Option<Ben
     let mut chain = BendingChain {
         joints,
         beyond: tip_joint.into_iter().collect(),
-        points: [before, first, middle, last, tip(model, joints[2], (last - middle).normalize())],
+        points: [before, first, middle, last, fingertip(model, &roles, finger)?],
         radii: [USUAL_RADIUS; 3],
         // Fingers close towards the palm, the thumb's outer joints mostly across it.
-        closing: if is_thumb { hand.across - 0.45 * hand.back } else { -hand.back },
+        closing: if is_thumb { hand.across - THUMB_TOWARDS_BACK * hand.back } else { -hand.back },
         is_thumb,
     };
     chain.radii = std::array::from_fn(|k| radius(model, &chain, k));
     Some(chain)
-}
-
-/// The outermost point of the skin that follows a last joint.
-fn tip(model: &HandModel, joint: usize, along: DVec3) -> DVec3 {
-    let own = (0..model.vertices.len()).filter(|&i| model.vertex_weights(i)[joint] > 0.5);
-    let reach = own.map(|i| (model.vertices[i] - model.joints[joint]).dot(along)).fold(0.0, f64::max);
-    model.joints[joint] + along * reach
 }
 
 /// Mean distance of the skin from joint `k` of a chain, across the finger.

@@ -237,7 +237,7 @@ pub(super) fn is_mano(rig: &RestSkeleton) -> bool {
     same && rig.palm().is_some_and(|[forward, back, _]| forward.x * sign > 0.7 && back.y > 0.7)
 }
 
-/// A MANO-like skeleton from the built-in hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a
+/// A MANO-like skeleton from the procedural hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a
 /// left hand to +X), back of the hand from +X (-X) to +Y.
 pub(super) fn stand_in(side: Side) -> Result<RestSkeleton, PoseError> {
     // Building a hand takes longer than reading most files.

@@ -102,7 +102,7 @@ pub(super) fn rows(
         let side = side.unwrap_or(model.side);
         let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() }.build()?;
         warnings.push(
-            "the file names joints but not their rest positions; the poses are read as those of the built-in hand (add \
+            "the file names joints but not their rest positions; the poses are read as those of the procedural hand (add \
              hand_model.side, parents and rest_joints, or use --pose-model)"
                 .into(),
         );

@@ -1,0 +1,42 @@
+//! The built-in hand: a human hand that anyone may use (CC0), part of the program. Its files and their licence are in
+//! `assets/human-hand`.
+
+use ghand_core::{HandModel, Side};
+
+use crate::HandModelError;
+use crate::gltf::read_gltf_bytes;
+use crate::procedural::ProceduralHand;
+
+const RIGHT: &[u8] = include_bytes!("../../../assets/human-hand/right.glb");
+const LEFT: &[u8] = include_bytes!("../../../assets/human-hand/left.glb");
+
+/// Names that [`hand_by_name`] knows.
+pub const HAND_NAMES: [&str; 3] = ["builtin", "builtin-left", "procedural"];
+
+/// The built-in hand: 1,750 vertices, 25 joints with WebXR's names, 10 shape directions with names, pose correctives.
+///
+/// At rest it is flat with the thumb spread, in metres: fingers along -Y, back of a right hand towards +X, thumb towards
+/// -Z. The left hand is the mirror image in X.
+///
+/// # Errors
+/// [`HandModelError`] if the embedded file is not usable, which would be a bug.
+pub fn builtin_hand(side: Side) -> Result<HandModel, HandModelError> {
+    let (name, bytes) = match side {
+        Side::Right => ("built-in right hand", RIGHT),
+        Side::Left => ("built-in left hand", LEFT),
+    };
+    Ok(read_gltf_bytes(name, bytes, None)?.model)
+}
+
+/// The hand of that name; `None` if the name is not in [`HAND_NAMES`].
+///
+/// # Errors
+/// As in [`builtin_hand`].
+pub fn hand_by_name(name: &str) -> Option<Result<HandModel, HandModelError>> {
+    match name {
+        "builtin" => Some(builtin_hand(Side::Right)),
+        "builtin-left" => Some(builtin_hand(Side::Left)),
+        "procedural" => Some(ProceduralHand::default().build()),
+        _ => None,
+    }
+}
