@@ -1,5 +1,6 @@
 //! Parts of the programs `train`, `viewer` and `ghand`: the commands, the viewer, and the reading of input.
 
+pub mod bare_hand;
 pub mod capture_args;
 pub mod capture_preflight;
 pub mod cli;
@@ -14,5 +15,4 @@ pub mod pose_choice;
 pub mod runtime_dir;
 pub mod scene_framing;
 pub mod train_run;
-pub mod untrained_hand;
 pub mod viewer;

@@ -9,6 +9,7 @@ use ghand_render::mesh::weights::{heat_texture, joint_heat_uvs, joint_mix};
 use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
 use glam::DVec3;
 
+use crate::bare_hand::{BareHand, studio_light};
 use crate::pictures::Picture;
 
 /// How a mesh is drawn.
@@ -43,8 +44,6 @@ impl FromStr for PictureStyle {
 
 /// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 4;
-/// Skin, display values.
-const SKIN: DVec3 = DVec3::new(0.87, 0.67, 0.56);
 /// Faces below lines: plain, so that the lines stand out.
 const PALE: DVec3 = DVec3::new(0.82, 0.83, 0.85);
 /// Lines alone, and lines on faces, display values.
@@ -67,10 +66,12 @@ pub fn draw(
     picture: &mut Picture,
 ) -> anyhow::Result<()> {
     let joints = model.joint_count();
+    if *style == PictureStyle::Solid {
+        return draw_skin(gpu, model, positions, camera, picture);
+    }
     let (colors, uvs, texture);
     let surface = match style {
-        PictureStyle::Solid | PictureStyle::Wireframe => Surface::Color(SKIN),
-        PictureStyle::SolidWireframe => Surface::Color(PALE),
+        PictureStyle::Solid | PictureStyle::Wireframe | PictureStyle::SolidWireframe => Surface::Color(PALE),
         PictureStyle::Weights => {
             colors = joint_mix(&model.weights, joints)?;
             Surface::VertexColors(&colors)
@@ -100,6 +101,21 @@ pub fn draw(
     let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe };
     MeshRenderer::new(gpu)?.render_blocks(&mesh, camera, &style, |corner, block| picture.place_mesh(corner, &block))?;
     Ok(())
+}
+
+/// Draws skin and nails in soft light.
+fn draw_skin(
+    gpu: &Gpu,
+    model: &HandModel,
+    positions: &[DVec3],
+    camera: &Camera,
+    picture: &mut Picture,
+) -> anyhow::Result<()> {
+    let hand = BareHand::new(model.clone());
+    let posed = hand.mesh_at(positions);
+    let style = MeshStyle { supersample: SUPERSAMPLE, shading: studio_light(camera), wireframe: None };
+    let place = |corner, block| picture.place_mesh(corner, &block);
+    Ok(MeshRenderer::new(gpu)?.render_blocks(&hand.instance(&posed), camera, &style, place)?)
 }
 
 /// A line width, pixels, that suits the mesh as seen by the camera.

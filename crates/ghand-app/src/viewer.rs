@@ -2,6 +2,7 @@
 
 pub mod app;
 pub mod camera;
+pub mod drawing;
 pub mod hand;
 pub mod navigation;
 pub mod number_slider;
@@ -9,6 +10,7 @@ pub mod picture;
 pub mod pose_panel;
 pub mod scene;
 pub mod screenshot;
+pub mod shape_panel;
 pub mod slow_frames;
 pub mod subject;
 pub mod timeline;

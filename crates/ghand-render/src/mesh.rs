@@ -23,6 +23,7 @@ pub use self::input::{
     Wireframe,
 };
 pub use self::resolve::ResolveUniforms;
+use self::resolve::Resolved;
 pub use self::wireframe::WireframeUniforms;
 
 /// Geometry nearer to the camera than this is clipped, metres (the near plane of the splatter).
@@ -76,7 +77,6 @@ impl MeshRenderer {
     /// Draws an image of validated input in one piece and waits for it.
     fn render_block(&self, mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result<MeshImage, MeshError> {
         let k = style.supersample;
-        let margin = style.wireframe.map_or(0, |w| w.margin());
         let what = format!(
             "a mesh of {} triangles in {} x {} pixels, {k} x {k} samples each",
             mesh.triangles.len(),
@@ -84,21 +84,57 @@ impl MeshRenderer {
             camera.height
         );
         let readback = self.context.gpu.scoped(&what, || {
-            let around = with_margin(camera, margin);
-            let targets = self.context.targets(&around, k, style.wireframe.is_some());
             let mut encoder = self.context.device.create_command_encoder(&Default::default());
-            self.faces.encode(&self.context, &mut encoder, mesh, &around, &style.shading, &targets);
-            if let Some(wireframe) = &style.wireframe {
-                let half_width = 0.5 * wireframe.width * f64::from(k);
-                let segments = segments(mesh.positions, mesh.triangles, &around, k, half_width + 1.0);
-                let hidden = wireframe.hidden.is_some();
-                self.lines.encode(&self.context, &mut encoder, &segments, half_width, hidden, &targets);
-            }
-            let readback = self.resolve.encode(&self.context, &mut encoder, camera, style, margin, &targets);
+            let image = self.encode_block(&mut encoder, mesh, camera, style);
+            let readback = image.read_back(&self.context, &mut encoder);
             self.context.queue.submit([encoder.finish()]);
             readback
         })?;
         readback.read(&self.context, camera)
+    }
+
+    /// Encodes all stages of an image of validated input.
+    fn encode_block(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        mesh: &MeshInstance,
+        camera: &Camera,
+        style: &MeshStyle,
+    ) -> Resolved {
+        let (k, margin) = (style.supersample, style.wireframe.map_or(0, |w| w.margin()));
+        let around = with_margin(camera, margin);
+        let targets = self.context.targets(&around, k, style.wireframe.is_some());
+        self.faces.encode(&self.context, encoder, mesh, &around, &style.shading, &targets);
+        if let Some(wireframe) = &style.wireframe {
+            let half_width = 0.5 * wireframe.width * f64::from(k);
+            let segments = segments(mesh.positions, mesh.triangles, &around, k, half_width + 1.0);
+            let hidden = wireframe.hidden.is_some();
+            self.lines.encode(&self.context, encoder, &segments, half_width, hidden, &targets);
+        }
+        self.resolve.encode(&self.context, encoder, camera, style, margin, &targets)
+    }
+
+    /// Encodes an image that stays on the device, and returns its buffer: row-major premultiplied pixels,
+    /// `vec4<f32>(colour x coverage, coverage)`.
+    ///
+    /// # Errors
+    /// [`MeshError::Invalid`] if the input is unusable or the device has no textures of that many samples;
+    /// [`MeshError::Device`] if it lacks memory.
+    pub fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        mesh: &MeshInstance,
+        camera: &Camera,
+        style: &MeshStyle,
+    ) -> Result<wgpu::Buffer, MeshError> {
+        check_input(mesh, camera, style)?;
+        let largest = self.largest_block(style);
+        if camera.width.max(camera.height) > largest {
+            let size = format!("{} x {} pixels", camera.width, camera.height);
+            return MeshError::invalid("size", format!("{size}; at most {largest} are drawn at once"));
+        }
+        let what = format!("a mesh in {} x {} pixels", camera.width, camera.height);
+        Ok(self.context.gpu.scoped(&what, || self.encode_block(encoder, mesh, camera, style).colors)?)
     }
 }
 

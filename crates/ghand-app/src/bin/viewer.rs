@@ -8,11 +8,12 @@ use clap::Parser;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
-use ghand_app::untrained_hand::untrained_hand;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::window;
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]
@@ -48,7 +49,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
-            let sequence = arguments.reading.load(&text, &hand.avatar().model)?;
+            let sequence = arguments.reading.load(&text, hand.model())?;
             hand.show(text, sequence);
         }
         (Subject::Scene { .. }, Some(_)) => {
@@ -67,6 +68,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
         Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),
-        None => Ok((Subject::avatar(untrained_hand()?), "no trained avatar yet: untrained hand".into())),
+        None => Ok((Subject::bare_hand(builtin_hand(Side::Right)?), "no trained avatar yet".into())),
     }
 }

@@ -186,7 +186,8 @@ impl Viewer {
         if self.measure {
             row(ui, "Frame to frame", ms(self.between_frames_ms.get()));
         }
-        row(ui, "Gaussians", thousands(self.picture.gaussian_count()));
+        let (parts, count) = self.picture.subject_size();
+        row(ui, parts, thousands(count));
         if self.picture.broken() > 0 {
             row(ui, "Skipped (not finite)", thousands(self.picture.broken() as usize));
         }
@@ -213,6 +214,7 @@ impl Viewer {
         let size = self.picture_size(rect, ui.ctx().pixels_per_point());
         let shot = PictureInputs {
             pose: self.subject.pose().cloned(),
+            shape: self.subject.shape().to_vec(),
             camera: self.camera.camera(size),
             background: self.background.map(|v| f32::from(v) / 255.0),
         };

@@ -1,39 +1,72 @@
-//! A hand that the viewer poses: by named poses, joint by joint, or by a motion.
+//! A hand that the viewer poses and shapes: by named poses, joint by joint, or by a motion.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use egui::{CollapsingHeader, RichText, Ui};
 use ghand_avatar::Avatar;
-use ghand_core::Pose;
+use ghand_core::{HandModel, Pose};
 use ghand_motion::PoseSequence;
 
+use crate::bare_hand::BareHand;
 use crate::viewer::pose_panel::PosePanel;
+use crate::viewer::shape_panel::ShapePanel;
 use crate::viewer::timeline::Timeline;
 
-/// An avatar, its pose, and the controls of that pose.
+/// How a hand looks.
+pub enum Look {
+    /// As it was trained.
+    Avatar(Box<Avatar>),
+    /// As a mesh with skin and nails.
+    Bare(Arc<BareHand>),
+}
+
+/// A hand, its pose and shape, and their controls.
 pub struct Hand {
-    pub(crate) avatar: Avatar,
+    look: Look,
     pub(crate) pose: Pose,
+    /// Shape parameters; empty if the hand has none.
+    pub(crate) shape: Vec<f64>,
     pub(crate) timeline: Option<Timeline>,
-    panel: PosePanel,
+    pose_panel: PosePanel,
+    shape_panel: ShapePanel,
 }
 
 impl Hand {
     /// An avatar at rest.
     pub fn new(avatar: Avatar) -> Hand {
-        let (panel, pose) = (PosePanel::new(&avatar.model), Pose::rest(avatar.model.joint_count()));
-        Hand { avatar, pose, timeline: None, panel }
+        Hand::with_look(Look::Avatar(Box::new(avatar)))
     }
 
-    /// The avatar.
-    pub fn avatar(&self) -> &Avatar {
-        &self.avatar
+    /// A hand model without an avatar, at rest in its mean shape.
+    pub fn bare(model: HandModel) -> Hand {
+        Hand::with_look(Look::Bare(Arc::new(BareHand::new(model))))
     }
 
-    /// Shows the first pose of a sequence, and plays the sequence if it has more.
+    fn with_look(look: Look) -> Hand {
+        let model = model(&look);
+        let shape = vec![0.0; model.shape_count()];
+        let (pose_panel, shape_panel) = (PosePanel::new(model), ShapePanel::new(model));
+        Hand { pose: Pose::rest(model.joint_count()), shape, timeline: None, pose_panel, shape_panel, look }
+    }
+
+    /// How it looks.
+    pub fn look(&self) -> &Look {
+        &self.look
+    }
+
+    /// Its hand model.
+    pub fn model(&self) -> &HandModel {
+        model(&self.look)
+    }
+
+    /// Shows the first pose of a sequence, in its shape if that is of this hand, and plays the sequence if it has more.
     pub fn show(&mut self, title: String, sequence: PoseSequence) {
         if let Some(first) = sequence.frames.first() {
             self.pose = first.pose.clone();
+            if first.shape.len() == self.shape.len() {
+                self.shape.clone_from(&first.shape);
+            }
         }
         self.timeline = (sequence.frames.len() > 1).then(|| Timeline::new(title, sequence));
     }
@@ -41,7 +74,10 @@ impl Hand {
     /// The hand's name.
     pub fn name(&self) -> String {
         // The name of a model from a file is the file's path.
-        let name = &self.avatar.template.name;
+        let name = match &self.look {
+            Look::Avatar(avatar) => &avatar.template.name,
+            Look::Bare(hand) => &hand.model.name,
+        };
         Path::new(name).file_name().map_or_else(|| name.clone(), |n| n.to_string_lossy().into_owned())
     }
 
@@ -52,9 +88,10 @@ impl Hand {
         }
     }
 
-    /// Resets the pose to the rest pose and a motion to its beginning.
+    /// Resets the pose to the rest pose, the shape to the mean one, and a motion to its beginning.
     pub fn reset(&mut self) {
-        self.pose = Pose::rest(self.avatar.model.joint_count());
+        self.pose = Pose::rest(self.model().joint_count());
+        self.shape.fill(0.0);
         if let Some(timeline) = &mut self.timeline {
             timeline.rewind();
         }
@@ -63,15 +100,55 @@ impl Hand {
     /// Shows the controls, and advances the motion that plays.
     pub fn controls(&mut self, ui: &mut Ui) {
         ui.label(RichText::new("Pose").strong());
-        let mut posed = self.panel.named_poses(ui, &mut self.pose);
+        let mut posed = self.pose_panel.named_poses(ui, &mut self.pose);
         ui.add_space(4.0);
-        CollapsingHeader::new("Joints").show(ui, |ui| posed |= self.panel.joints(ui, &mut self.pose));
+        CollapsingHeader::new("Joints").show(ui, |ui| posed |= self.pose_panel.joints(ui, &mut self.pose));
         if posed {
             // Manual posing stops playback.
             self.pause();
         }
+        if !self.shape.is_empty() {
+            CollapsingHeader::new("Shape").show(ui, |ui| self.shape_panel.sliders(ui, &mut self.shape));
+        }
         ui.separator();
         ui.label(RichText::new("Motion").strong());
-        Timeline::show(&mut self.timeline, ui, &self.avatar.model, &mut self.pose);
+        Timeline::show(&mut self.timeline, ui, model(&self.look), &mut self.pose);
+    }
+}
+
+fn model(look: &Look) -> &HandModel {
+    match look {
+        Look::Avatar(avatar) => &avatar.model,
+        Look::Bare(hand) => &hand.model,
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use ghand_avatar::AvatarConfig;
+    use ghand_core::Side;
+    use ghand_hand_model::builtin::builtin_hand;
+
+    use super::*;
+
+    /// The built-in hand as an untrained avatar.
+    pub(crate) fn untrained_avatar() -> Avatar {
+        let model = builtin_hand(Side::Right).unwrap();
+        Avatar::untrained(&model, &AvatarConfig::default(), [0.86, 0.65, 0.54], 0).unwrap()
+    }
+
+    #[test]
+    fn a_pose_file_sets_the_shape_only_if_it_fits_and_reset_clears_it() {
+        let mut hand = Hand::bare(builtin_hand(Side::Right).unwrap());
+        let frame = |shape: Vec<f64>| ghand_motion::PoseFrame { id: "0".into(), pose: hand.pose.clone(), shape };
+        let frames = [vec![0.5; 10], vec![1.0; 3], vec![]].map(frame);
+        for (frame, expected) in frames.into_iter().zip([0.5, 0.5, 0.5]) {
+            let joint_names = hand.model().joint_names.clone();
+            hand.show("test".into(), PoseSequence { fps: 30.0, joint_names, frames: vec![frame], warnings: vec![] });
+            assert_eq!(hand.shape, vec![expected; 10]);
+        }
+        hand.reset();
+        assert_eq!(hand.shape, vec![0.0; 10]);
+        assert!(Hand::new(untrained_avatar()).shape.is_empty(), "an avatar has the shape that it was trained in");
     }
 }

@@ -4,13 +4,14 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use ghand_avatar::Scene;
+use bytemuck::{Pod, Zeroable};
 use ghand_core::{Camera, Pose};
 use ghand_render::bindings::Bindings;
 use ghand_render::splat::Counters;
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError, shader_sources};
 
+use crate::viewer::drawing::{Drawing, Layer};
 use crate::viewer::subject::Subject;
 
 /// Format of the texture: display values, as the user interface expects.
@@ -27,6 +28,8 @@ const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::BYTES;
 pub struct PictureInputs {
     /// The pose, if the subject has one.
     pub pose: Option<Pose>,
+    /// The shape, if the subject has one.
+    pub shape: Vec<f64>,
     /// The camera; its size is the picture's.
     pub camera: Camera,
     /// Colour behind the subject, display values.
@@ -84,12 +87,23 @@ struct Target {
     texture: wgpu::Texture,
 }
 
+/// `Settings` of `picture.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Settings {
+    background: [f32; 4],
+    origin: [u32; 2],
+    size: [u32; 2],
+    is_layer: u32,
+    padding: [u32; 7],
+}
+
 /// A subject on the device, with the texture that shows it.
 pub struct Picture {
-    scene: Scene,
+    drawing: Drawing,
     pipeline: wgpu::RenderPipeline,
-    group: wgpu::BindGroup,
-    columns: wgpu::Buffer,
+    bindings: Bindings,
+    settings: wgpu::Buffer,
     read_back: wgpu::Buffer,
     clock: Option<FrameClock>,
     target: Option<Target>,
@@ -105,11 +119,11 @@ impl Picture {
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<Picture, RenderError> {
-        let scene = subject.on_device(gpu, max_size)?;
-        gpu.scoped("the viewer's picture", || Picture::make(gpu, scene))
+        let drawing = subject.on_device(gpu, max_size)?;
+        gpu.scoped("the viewer's picture", || Picture::make(gpu, drawing))
     }
 
-    fn make(gpu: &Gpu, scene: Scene) -> Picture {
+    fn make(gpu: &Gpu, drawing: Drawing) -> Picture {
         let pipeline = pipeline(gpu);
         let buffer = |label, size, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -119,19 +133,16 @@ impl Picture {
                 mapped_at_creation: false,
             })
         };
-        let columns = buffer("picture size", 16, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let resources =
-            [("image", scene.splatter().image().as_entire_binding()), ("size", columns.as_entire_binding())];
-        let layout = pipeline.get_bind_group_layout(0);
-        let group = Bindings::new("picture", &["cover", "picture"]).group(&gpu.device, "picture", &layout, &resources);
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let settings = buffer("picture settings", size_of::<Settings>() as u64, uniform);
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
         Picture {
-            scene,
+            drawing,
             pipeline,
-            group,
-            columns,
+            bindings: Bindings::new("picture", &["cover", "picture"]),
+            settings,
             read_back,
             clock: FrameClock::new(gpu),
             target,
@@ -142,9 +153,9 @@ impl Picture {
         }
     }
 
-    /// Number of Gaussians.
-    pub fn gaussian_count(&self) -> usize {
-        self.scene.splatter().count()
+    /// What the subject consists of, and how many.
+    pub fn subject_size(&self) -> (&'static str, usize) {
+        self.drawing.size()
     }
 
     /// Number of tile intersections that the last picture needed.
@@ -184,11 +195,6 @@ impl Picture {
     /// [`RenderError`] if the device failed or was lost, or the pose or the size does not fit.
     pub fn render(&mut self, gpu: &Gpu, shot: &PictureInputs) -> Result<bool, RenderError> {
         let (width, height) = (shot.camera.width, shot.camera.height);
-        if let Some(pose) = &shot.pose {
-            self.scene.set_pose(gpu, 0, 0, pose)?;
-        }
-        self.scene.set_view(gpu, &shot.camera, shot.background)?;
-        gpu.queue.write_buffer(&self.columns, 0, bytemuck::cast_slice(&[width, height, 0, 0]));
         let renewed = self.texture().is_none_or(|t| (t.width(), t.height()) != (width, height));
         if renewed {
             self.target = None;
@@ -197,19 +203,20 @@ impl Picture {
             Some(target) => target,
             None => gpu.scoped(&format!("a picture of {width} x {height} pixels"), || target(gpu, width, height))?,
         };
-        let target = self.target.insert(target);
+        let view = self.target.insert(target).view.clone();
 
         let started = Instant::now();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         if let Some(clock) = &self.clock {
             clock.start(&mut encoder);
         }
-        self.scene.encode(gpu, &mut encoder)?;
+        let layer = self.drawing.encode(gpu, &mut encoder, shot)?;
+        let group = self.bind(gpu, &layer, shot);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("picture"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &target.view,
+                    view: &view,
                     depth_slice: None,
                     resolve_target: None,
                     ops: wgpu::Operations {
@@ -221,10 +228,12 @@ impl Picture {
                 ..Default::default()
             });
             pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &self.group, &[]);
+            pass.set_bind_group(0, &group, &[]);
             pass.draw(0..3, 0..1);
         }
-        encoder.copy_buffer_to_buffer(self.scene.splatter().counters(), 0, &self.read_back, 0, COUNTER_BYTES);
+        if let Some(counters) = self.drawing.counters() {
+            encoder.copy_buffer_to_buffer(counters, 0, &self.read_back, 0, COUNTER_BYTES);
+        }
         if let Some(clock) = &self.clock {
             clock.finish(&mut encoder, &self.read_back, COUNTER_BYTES);
         }
@@ -236,6 +245,22 @@ impl Picture {
         });
         self.pending = Some(Pending { done, started });
         Ok(renewed)
+    }
+
+    /// Binds an image of the size and background of `shot`.
+    fn bind(&self, gpu: &Gpu, layer: &Layer, shot: &PictureInputs) -> wgpu::BindGroup {
+        let [r, g, b] = shot.background;
+        let settings = Settings {
+            background: [r, g, b, 1.0],
+            origin: layer.origin,
+            size: layer.size,
+            is_layer: u32::from(layer.is_premultiplied),
+            padding: [0; 7],
+        };
+        gpu.queue.write_buffer(&self.settings, 0, bytemuck::bytes_of(&settings));
+        let resources = [("image", layer.image.as_entire_binding()), ("settings", self.settings.as_entire_binding())];
+        let layout = self.pipeline.get_bind_group_layout(0);
+        self.bindings.group(&gpu.device, "picture", &layout, &resources)
     }
 
     /// Checks, without waiting, whether the last picture is done and whether it is complete.
@@ -261,7 +286,7 @@ impl Picture {
         self.frame_ms.add(self.clock.as_ref().and_then(|clock| clock.milliseconds(ticks)).unwrap_or(elapsed_ms));
         self.intersections = counters.intersections_wanted;
         self.broken = counters.broken;
-        match self.scene.splatter_mut().complete_for(gpu, &counters) {
+        match self.drawing.complete_for(gpu, &counters) {
             Ok(true) => Ok(Progress::Complete),
             Ok(false) => Ok(Progress::Incomplete),
             Err(RenderError::Invalid(_) | RenderError::OutOfMemory { .. }) => Ok(Progress::TooFine),
@@ -316,12 +341,17 @@ fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
 
 #[cfg(test)]
 mod tests {
+    use ghand_avatar::Scene;
+    use ghand_core::Side;
+    use ghand_hand_model::builtin::builtin_hand;
+    use ghand_render::mesh::{MeshRenderer, MeshStyle};
     use ghand_render::splat::Purpose;
     use ghand_render::{AdapterChoice, buffers};
 
     use super::*;
+    use crate::bare_hand::{BareHand, studio_light};
     use crate::framing::turntable;
-    use crate::untrained_hand::untrained_hand;
+    use crate::viewer::hand::tests::untrained_avatar;
 
     fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
         let row = (4 * texture.width()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -344,7 +374,7 @@ mod tests {
     #[test]
     fn the_texture_holds_what_the_splatter_rendered() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let avatar = untrained_hand().unwrap();
+        let avatar = untrained_avatar();
         let pose = Pose::rest(avatar.model.joint_count());
         let mut picture = Picture::new(&gpu, &Subject::avatar(avatar.clone()), [128, 128]).unwrap();
         let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [128, 128]).unwrap();
@@ -352,7 +382,12 @@ mod tests {
         // The second picture is smaller: rows must not be mixed up.
         for size in [[101, 77], [50, 90]] {
             let camera = &turntable(&avatar.model, &[&pose], 1, size)[0][0];
-            let shot = PictureInputs { pose: Some(pose.clone()), camera: camera.clone(), background: [0.1, 0.2, 0.3] };
+            let shot = PictureInputs {
+                pose: Some(pose.clone()),
+                shape: vec![],
+                camera: camera.clone(),
+                background: [0.1, 0.2, 0.3],
+            };
             assert!(picture.render(&gpu, &shot).unwrap());
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);
@@ -363,6 +398,35 @@ mod tests {
             // Half a step of rounding, and the error of the device's conversion.
             assert!(worst <= 0.51, "{size:?}: {worst}");
             assert!(shown.len() == image.rgba.len() * 4);
+        }
+    }
+
+    #[test]
+    fn a_hand_without_an_avatar_is_its_lit_mesh_over_the_background() {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let model = builtin_hand(Side::Right).unwrap();
+        let hand = BareHand::new(model.clone());
+        let mut picture = Picture::new(&gpu, &Subject::bare_hand(model.clone()), [128, 128]).unwrap();
+        let pose = Pose::rest(model.joint_count());
+        let mut shape = vec![0.0; 10];
+        for (size, first) in [([101, 77], 0.0), ([50, 90], 3.0)] {
+            shape[0] = first;
+            let camera = &turntable(&model, &[&pose], 1, size)[0][0];
+            let background = [0.1, 0.2, 0.3];
+            let shot =
+                PictureInputs { pose: Some(pose.clone()), shape: shape.clone(), camera: camera.clone(), background };
+            assert!(picture.render(&gpu, &shot).unwrap());
+            gpu.wait().unwrap();
+            assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);
+            let shown = pixels(&gpu, picture.texture().unwrap());
+            let posed = hand.posed(&shape, &pose).unwrap();
+            let style = MeshStyle { supersample: 2, shading: studio_light(camera), wireframe: None };
+            let image = MeshRenderer::new(&gpu).unwrap().render(&hand.instance(&posed), camera, &style).unwrap();
+            let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * background[c]);
+            let expected = image.rgba.iter().flat_map(|p| over(p).into_iter().chain([1.0]));
+            let worst = shown.iter().zip(expected).map(|(a, b)| (f32::from(*a) - 255.0 * b).abs()).fold(0.0, f32::max);
+            assert!(worst <= 0.51, "{size:?}: {worst}");
+            assert!(image.rgba.iter().filter(|p| p[3] > 0.5).count() > 500, "the hand is not in the picture");
         }
     }
 

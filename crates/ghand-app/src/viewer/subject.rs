@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, Scene};
-use ghand_core::Pose;
+use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;
 use ghand_hand_model::read::ReadOptions;
 use ghand_render::splat::Purpose;
@@ -14,9 +14,9 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
-use crate::untrained_hand::untrained_avatar_of;
 use crate::viewer::camera::OrbitCamera;
-use crate::viewer::hand::Hand;
+use crate::viewer::drawing::Drawing;
+use crate::viewer::hand::{Hand, Look};
 use crate::viewer::scene::read_scene;
 
 /// What the viewer shows.
@@ -62,7 +62,12 @@ impl Subject {
         for warning in &file.warnings {
             log::warn!("{}: {warning}", path.display());
         }
-        Ok(Subject::avatar(untrained_avatar_of(&file.model)?))
+        Ok(Subject::bare_hand(file.model))
+    }
+
+    /// A hand model without an avatar, at rest.
+    pub fn bare_hand(model: HandModel) -> Subject {
+        Subject::Hand(Box::new(Hand::bare(model)))
     }
 
     /// An avatar at rest.
@@ -83,7 +88,7 @@ impl Subject {
         match self {
             // It is the same for every pose, so the flat hand must fit.
             Subject::Hand(hand) => {
-                let model = &hand.avatar().model;
+                let model = hand.model();
                 OrbitCamera::facing(model, &Pose::rest(model.joint_count()))
             }
             Subject::Scene { .. } => OrbitCamera::around_unit_sphere(),
@@ -95,6 +100,14 @@ impl Subject {
         match self {
             Subject::Hand(hand) => Some(&hand.pose),
             Subject::Scene { .. } => None,
+        }
+    }
+
+    /// Its shape, empty for the mean one.
+    pub fn shape(&self) -> &[f64] {
+        match self {
+            Subject::Hand(hand) => &hand.shape,
+            Subject::Scene { .. } => &[],
         }
     }
 
@@ -129,10 +142,14 @@ impl Subject {
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
-    pub fn on_device(&self, gpu: &Gpu, max_size: [u32; 2]) -> Result<Scene, RenderError> {
-        match self {
-            Subject::Hand(hand) => Scene::new(gpu, &[hand.avatar()], Purpose::Images, 1, max_size),
-            Subject::Scene { gaussians, .. } => Scene::of_static_gaussians(gpu, gaussians, max_size),
-        }
+    pub fn on_device(&self, gpu: &Gpu, max_size: [u32; 2]) -> Result<Drawing, RenderError> {
+        let scene = match self {
+            Subject::Hand(hand) => match hand.look() {
+                Look::Avatar(avatar) => Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?,
+                Look::Bare(bare) => return Drawing::mesh(gpu, bare.clone()),
+            },
+            Subject::Scene { gaussians, .. } => Scene::of_static_gaussians(gpu, gaussians, max_size)?,
+        };
+        Ok(Drawing::Gaussians(Box::new(scene)))
     }
 }

@@ -44,7 +44,6 @@ impl MeshRenderer {
         sink: impl FnMut([u32; 2], MeshImage),
     ) -> Result<(), MeshError> {
         check_input(mesh, camera, style)?;
-        let margin = style.wireframe.map_or(0, |w| w.margin());
         let largest = self.context.device.limits().max_texture_dimension_2d;
         if let Surface::Texture { texture, .. } = mesh.surface
             && texture.width.max(texture.height) > largest
@@ -56,10 +55,15 @@ impl MeshRenderer {
             let problem = format!("{} x {} pixels; at most {LARGEST_EDGE} are drawn", camera.width, camera.height);
             return MeshError::invalid("size", problem);
         }
-        // At least 2030 pixels on any device: WebGPU guarantees textures of 8192 samples, and a margin is at most 9
-        // pixels.
-        let edge = (largest / style.supersample).saturating_sub(2 * margin).clamp(1, LARGEST_BLOCK);
-        self.draw_blocks(mesh, camera, style, edge, sink)
+        self.draw_blocks(mesh, camera, style, self.largest_block(style).min(LARGEST_BLOCK), sink)
+    }
+
+    /// Largest edge of an image that the device's textures can hold with its samples and margin, pixels. At least 2030
+    /// on any device: WebGPU guarantees textures of 8192 samples, and a margin is at most 9 pixels.
+    pub(super) fn largest_block(&self, style: &MeshStyle) -> u32 {
+        let margin = style.wireframe.map_or(0, |w| w.margin());
+        let largest = self.context.device.limits().max_texture_dimension_2d;
+        (largest / style.supersample).saturating_sub(2 * margin).max(1)
     }
 
     /// Draws validated input in blocks of at most `edge` x `edge` pixels.

@@ -30,11 +30,24 @@ pub struct ResolveUniforms {
     pub padding: [u32; 2],
 }
 
+/// An image on the device.
+pub(super) struct Resolved {
+    pixels: usize,
+    /// Premultiplied colours, `vec4<f32>` for each pixel.
+    pub colors: wgpu::Buffer,
+    /// Depths, `f32` for each pixel.
+    depths: wgpu::Buffer,
+}
+
 /// The readback buffer of the image: colours, then depths.
 pub(super) struct Readback {
     pixels: usize,
     buffer: wgpu::Buffer,
 }
+
+/// Bytes of a pixel's colour and of its depth.
+const COLOR_BYTES: usize = 16;
+const DEPTH_BYTES: usize = 4;
 
 /// Resolves samples to images.
 #[derive(Debug)]
@@ -69,7 +82,7 @@ impl Resolve {
         style: &MeshStyle,
         margin: u32,
         targets: &Targets,
-    ) -> Readback {
+    ) -> Resolved {
         let row = |color: DVec3| color.as_vec3().extend(0.0).to_array();
         let uniforms = ResolveUniforms {
             size: [camera.width, camera.height],
@@ -83,17 +96,9 @@ impl Resolve {
         };
         let uniforms = context.buffer(bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
         let pixels = camera.width as usize * camera.height as usize;
-        let make = |size: usize, usage| {
-            context.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("mesh image"),
-                size: size as u64,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let (colors, depths) = (make(pixels * 16, output), make(pixels * 4, output));
-        let readback = make(pixels * 20, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        let colors = context.image_buffer(pixels * COLOR_BYTES, output);
+        let depths = context.image_buffer(pixels * DEPTH_BYTES, output);
         let texture = wgpu::BindingResource::TextureView;
         let resources = [
             ("uniforms", uniforms.as_entire_binding()),
@@ -111,9 +116,29 @@ impl Resolve {
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(camera.width.div_ceil(8), camera.height.div_ceil(8), 1);
         drop(pass);
-        encoder.copy_buffer_to_buffer(&colors, 0, &readback, 0, pixels as u64 * 16);
-        encoder.copy_buffer_to_buffer(&depths, 0, &readback, pixels as u64 * 16, pixels as u64 * 4);
-        Readback { pixels, buffer: readback }
+        Resolved { pixels, colors, depths }
+    }
+}
+
+impl Context {
+    fn image_buffer(&self, size: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mesh image"),
+            size: size as u64,
+            usage,
+            mapped_at_creation: false,
+        })
+    }
+}
+
+impl Resolved {
+    /// Encodes the copy that is read back.
+    pub fn read_back(&self, context: &Context, encoder: &mut wgpu::CommandEncoder) -> Readback {
+        let (colors, depths) = (self.pixels * COLOR_BYTES, self.pixels * DEPTH_BYTES);
+        let buffer = context.image_buffer(colors + depths, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        encoder.copy_buffer_to_buffer(&self.colors, 0, &buffer, 0, colors as u64);
+        encoder.copy_buffer_to_buffer(&self.depths, 0, &buffer, colors as u64, depths as u64);
+        Readback { pixels: self.pixels, buffer }
     }
 }
 
@@ -123,7 +148,7 @@ impl Readback {
         let failed = |e: &dyn std::fmt::Display| RenderError::Device(format!("the image could not be read: {e}"));
         buffers::map(&context.gpu, &self.buffer)?;
         let bytes = self.buffer.get_mapped_range(..).map_err(|e| failed(&e))?;
-        let (colors, depths) = bytes.split_at(self.pixels * 16);
+        let (colors, depths) = bytes.split_at(self.pixels * COLOR_BYTES);
         let rgba = bytemuck::pod_collect_to_vec(colors);
         let mut depth: Vec<f32> = bytemuck::pod_collect_to_vec(depths);
         for z in &mut depth {

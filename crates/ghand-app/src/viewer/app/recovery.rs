@@ -58,16 +58,15 @@ mod tests {
 
     use super::*;
     use crate::pose_choice::pose_by_name;
-    use crate::untrained_hand::untrained_hand;
     use crate::viewer::hand::Hand;
+    use crate::viewer::hand::tests::untrained_avatar;
     use crate::viewer::screenshot::screenshot;
     use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let avatar = untrained_hand().unwrap();
-        let mut hand = Hand::new(avatar);
-        hand.pose = pose_by_name("fist", &hand.avatar.model).unwrap();
+        let mut hand = Hand::new(untrained_avatar());
+        hand.pose = pose_by_name("fist", hand.model()).unwrap();
         Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap()
     }
 

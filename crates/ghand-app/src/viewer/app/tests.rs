@@ -12,8 +12,8 @@ use ghand_render::AdapterChoice;
 
 use super::*;
 use crate::pose_choice::pose_by_name;
-use crate::untrained_hand::untrained_hand;
 use crate::viewer::hand::Hand;
+use crate::viewer::hand::tests::untrained_avatar;
 use crate::viewer::scene::tests::scene;
 
 /// Size of the user interface, points.
@@ -41,9 +41,9 @@ impl Headless {
         Headless { harness: builder.build_ui_state(show, State { viewer, renderer }) }
     }
 
-    /// The untrained hand at rest.
-    fn untrained_hand() -> Headless {
-        Headless::new(Subject::avatar(untrained_hand().unwrap()), SIZE, 1.0)
+    /// An untrained avatar at rest.
+    fn untrained_avatar() -> Headless {
+        Headless::new(Subject::avatar(untrained_avatar()), SIZE, 1.0)
     }
 
     fn viewer(&mut self) -> &mut Viewer {
@@ -90,11 +90,11 @@ fn small_scene() -> Subject {
 
 #[test]
 fn only_changes_are_rendered() {
-    let mut ui = Headless::untrained_hand();
+    let mut ui = Headless::untrained_avatar();
     // The first pictures may have lacked memory.
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(!ui.frame(Vec::new()) && !ui.frame(vec![Event::PointerMoved(egui::pos2(500.0, 200.0))]));
-    let fist = pose_by_name("fist", &ui.hand().avatar.model).unwrap();
+    let fist = pose_by_name("fist", ui.hand().model()).unwrap();
     ui.hand().pose = fist;
     assert!(ui.frame(Vec::new()));
     ui.frame(Vec::new());
@@ -106,7 +106,7 @@ fn only_changes_are_rendered() {
 
 #[test]
 fn a_picture_with_too_little_memory_is_rendered_again() {
-    let mut ui = Headless::untrained_hand();
+    let mut ui = Headless::untrained_avatar();
     ui.frame(Vec::new());
     ui.viewer().camera.zoom(4.0);
     assert!(ui.frame(Vec::new()));
@@ -118,7 +118,7 @@ fn a_picture_with_too_little_memory_is_rendered_again() {
 
 #[test]
 fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
-    let mut ui = Headless::untrained_hand();
+    let mut ui = Headless::untrained_avatar();
     ui.frame(Vec::new());
     let settle = |ui: &mut Headless| {
         for _ in 0..40 {
@@ -143,7 +143,7 @@ fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
 #[test]
 fn every_control_has_a_name() {
     let mut hand = small_hand();
-    let motion = ghand_motion::motions::motion("wave", &hand.avatar.model, 30.0).unwrap().unwrap();
+    let motion = ghand_motion::motions::motion("wave", hand.model(), 30.0).unwrap().unwrap();
     hand.show("wave".into(), motion);
     let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(400.0, 900.0), 0.1);
     ui.click("Joints");

@@ -14,7 +14,7 @@ const SMALL: Vec2 = vec2(400.0, 300.0);
 
 /// What `--pose` gives for a name or a file.
 fn poses(text: &str) -> PoseSequence {
-    PoseReadingArgs::default().load(text, &small_hand().avatar.model).unwrap()
+    PoseReadingArgs::default().load(text, small_hand().model()).unwrap()
 }
 
 /// A file with 1.92 seconds of poses in which all joints rotate, at a rate without a finite decimal form.
@@ -143,7 +143,7 @@ fn the_time_slider_scrubs_and_stops() {
 fn manual_posing_stops_the_motion_but_keeps_it() {
     let mut ui = playing(poses("count"), 0.1);
     ui.click("fist");
-    let fist = pose_by_name("fist", &ui.hand().avatar.model).unwrap();
+    let fist = pose_by_name("fist", ui.hand().model()).unwrap();
     let stopped = ui.place();
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!((stopped.1, stopped), (false, ui.place()));

@@ -1,0 +1,143 @@
+//! Draws a subject to an image on the device: Gaussians by the splatter, the mesh of a hand without an avatar by the
+//! rasteriser.
+
+use std::sync::Arc;
+
+use ghand_avatar::Scene;
+use ghand_core::Camera;
+use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
+use ghand_render::splat::Counters;
+use ghand_render::{Gpu, RenderError};
+use glam::{DVec2, DVec3};
+
+use crate::bare_hand::{BareHand, studio_light};
+use crate::viewer::picture::PictureInputs;
+
+/// Samples per pixel along each axis.
+const SUPERSAMPLE: u32 = 2;
+
+/// A subject on the device.
+pub enum Drawing {
+    /// Gaussians, posed or static.
+    Gaussians(Box<Scene>),
+    /// A mesh.
+    Mesh(Box<MeshDrawing>),
+}
+
+/// The mesh of a hand without an avatar.
+pub struct MeshDrawing {
+    hand: Arc<BareHand>,
+    renderer: MeshRenderer,
+}
+
+/// An image on the device.
+pub struct Layer {
+    /// Its pixels, row-major `vec4<f32>`.
+    pub image: wgpu::Buffer,
+    /// Its left column and top row in the picture.
+    pub origin: [u32; 2],
+    /// Its columns and rows.
+    pub size: [u32; 2],
+    /// Whether the pixels are premultiplied, without a background.
+    pub is_premultiplied: bool,
+}
+
+impl Drawing {
+    /// A hand's mesh.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device rejects the shaders.
+    pub fn mesh(gpu: &Gpu, hand: Arc<BareHand>) -> Result<Drawing, RenderError> {
+        let renderer = MeshRenderer::new(gpu).map_err(render_error)?;
+        Ok(Drawing::Mesh(Box::new(MeshDrawing { hand, renderer })))
+    }
+
+    /// Encodes an image.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or lacks memory, or the pose, the shape or the size does not fit.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        inputs: &PictureInputs,
+    ) -> Result<Layer, RenderError> {
+        match self {
+            Drawing::Gaussians(scene) => {
+                if let Some(pose) = &inputs.pose {
+                    scene.set_pose(gpu, 0, 0, pose)?;
+                }
+                scene.set_view(gpu, &inputs.camera, inputs.background)?;
+                scene.encode(gpu, encoder)?;
+                let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
+                Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
+            }
+            Drawing::Mesh(mesh) => mesh.encode(encoder, inputs),
+        }
+    }
+
+    /// The counters of an image of Gaussians.
+    pub fn counters(&self) -> Option<&wgpu::Buffer> {
+        match self {
+            Drawing::Gaussians(scene) => Some(scene.splatter().counters()),
+            Drawing::Mesh(_) => None,
+        }
+    }
+
+    /// Whether an image with these counters is complete; if not, there is now enough memory for it.
+    ///
+    /// # Errors
+    /// As in [`ghand_render::splat::Splatter::complete_for`].
+    pub fn complete_for(&mut self, gpu: &Gpu, counters: &Counters) -> Result<bool, RenderError> {
+        match self {
+            Drawing::Gaussians(scene) => scene.splatter_mut().complete_for(gpu, counters),
+            Drawing::Mesh(_) => Ok(true),
+        }
+    }
+
+    /// What it consists of, and how many.
+    pub fn size(&self) -> (&'static str, usize) {
+        match self {
+            Drawing::Gaussians(scene) => ("Gaussians", scene.splatter().count()),
+            Drawing::Mesh(mesh) => ("Triangles", mesh.hand.model.faces.len()),
+        }
+    }
+}
+
+impl MeshDrawing {
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, inputs: &PictureInputs) -> Result<Layer, RenderError> {
+        let Some(pose) = &inputs.pose else { return Err(RenderError::Invalid("a hand needs a pose".into())) };
+        let posed = self.hand.posed(&inputs.shape, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
+        let instance = self.hand.instance(&posed);
+        let style = MeshStyle { supersample: SUPERSAMPLE, shading: studio_light(&inputs.camera), wireframe: None };
+        // Without the empty part of the picture: most of the time goes into pixels.
+        let (origin, size) = part_with(instance.positions, &inputs.camera);
+        let camera = inputs.camera.cropped(origin[0] as i32, origin[1] as i32, size[0], size[1]);
+        let image = self.renderer.encode(encoder, &instance, &camera, &style).map_err(render_error)?;
+        Ok(Layer { image, origin, size, is_premultiplied: true })
+    }
+}
+
+/// The part of a picture, left column and top row, columns and rows, that shows points; at least one pixel.
+fn part_with(points: &[DVec3], camera: &Camera) -> ([u32; 2], [u32; 2]) {
+    let whole = [camera.width, camera.height];
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for point in points {
+        let (pixel, z) = camera.project(*point);
+        if z <= NEAR_PLANE {
+            return ([0; 2], whole);
+        }
+        (low, high) = (low.min(pixel), high.max(pixel));
+    }
+    let limit = |v: f64, edge: u32| v.clamp(0.0, f64::from(edge)) as u32;
+    let origin = [limit(low.x.floor(), whole[0] - 1), limit(low.y.floor(), whole[1] - 1)];
+    let end = [limit(high.x.ceil(), whole[0]), limit(high.y.ceil(), whole[1])];
+    (origin, [0, 1].map(|axis| end[axis].saturating_sub(origin[axis]).max(1)))
+}
+
+fn render_error(error: MeshError) -> RenderError {
+    match error {
+        MeshError::Device(error) => error,
+        invalid @ MeshError::Invalid { .. } => RenderError::Invalid(invalid.to_string()),
+    }
+}
