@@ -54,7 +54,7 @@ fn documented_defaults_of_settings_and_of_the_procedural_hand_are_right() {
     let settings = serde_json::to_value(TrainSettings::default()).unwrap();
     compare(&defaults("settings.md", "## Settings"), &settings);
     let hand = serde_json::to_value(ProceduralHand::default()).unwrap();
-    compare(&defaults("hand_models.md", "## The built-in hand"), &hand);
+    compare(&defaults("hand_models.md", "## Procedural hands"), &hand);
 }
 
 #[test]

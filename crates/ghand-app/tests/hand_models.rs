@@ -7,8 +7,10 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use ghand_avatar::{Avatar, AvatarConfig, Provenance};
-use ghand_core::Pose;
 use ghand_core::posing::pose_hand;
+use ghand_core::{Pose, Side};
+use ghand_hand_model::builtin::builtin_hand;
+use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::{ManoOptions, read_mano};
 use ghand_hand_model::named_poses::named_pose;
 use ghand_hand_model::procedural::ProceduralHand;
@@ -42,18 +44,21 @@ fn assert_near(found: &[DVec3], expected: &[DVec3]) {
 #[test]
 fn the_built_in_hand_is_posed_by_a_file_with_its_shape_and_translation() {
     let folder = tempfile::tempdir().unwrap();
-    let rotations: Vec<DVec3> = (0..16).map(|k| DVec3::new(0.1, -0.02 * f64::from(k), 0.3)).collect();
+    let rotations: Vec<DVec3> = (0..25).map(|k| DVec3::new(0.1, -0.02 * f64::from(k), 0.3)).collect();
     let rows: Vec<[f64; 3]> = rotations.iter().map(|r| r.to_array()).collect();
     let json = serde_json::json!({"fps": 30, "frames": [
-        {"id": "a", "pose": vec![[0.0; 3]; 16]},
+        {"id": "a", "pose": vec![[0.0; 3]; 25]},
         {"id": "b", "pose": rows, "translation": [0.1, 0.2, 0.3]},
     ]});
     std::fs::write(folder.path().join("poses.json"), json.to_string()).unwrap();
     let output = run(GHAND, folder.path(), &["pose", "--pose", "poses.json", "--frame", "1", "--out", "mesh.obj"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let hand = ProceduralHand::default().build().unwrap();
+    let hand = builtin_hand(Side::Right).unwrap();
     let pose = Pose { rotations, translation: DVec3::new(0.1, 0.2, 0.3) };
-    assert_near(&vertices(&folder.path().join("mesh.obj")), &pose_hand(&hand, &[], &pose).unwrap().vertices);
+    let posed = pose_hand(&hand, &[], &pose).unwrap().vertices;
+    // The file has the embedded file's vertices, which are split at UV seams.
+    let expected: Vec<DVec3> = hand.source_vertices.iter().map(|v| posed[*v as usize]).collect();
+    assert_near(&vertices(&folder.path().join("mesh.obj")), &expected);
 }
 
 #[test]
@@ -159,9 +164,9 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
             assert_near(&vertices(&folder.path().join("mesh.obj")), &fist);
         }
     }
-    // So do poses that ghand wrote for the finer built-in hand, except for the last bones: they point to the end of the
+    // So do poses that ghand wrote for the finer procedural hand, except for the last bones: they point to the end of the
     // skin, which is some millimetres off in a coarse mesh.
-    pose(&["--pose", "fist", "--out", "large.json"]);
+    pose(&["--hand-model", "procedural", "--pose", "fist", "--out", "large.json"]);
     pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
     let off =
         vertices(&folder.path().join("mesh.obj")).iter().zip(&fist).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
@@ -203,14 +208,13 @@ fn a_posed_hand_is_drawn_in_every_style_that_fills_the_picture() {
     let colors = |picture: &RgbImage| picture.pixels().map(|p| p.0).collect::<std::collections::HashSet<_>>().len();
     let size = ["--size", "160x240"];
     let [solid, wireframe, both, weights, joint, number] =
-        ["solid", "wireframe", "solid-wireframe", "weights", "weights=index1", "weights=1"]
+        ["solid", "wireframe", "solid-wireframe", "weights", "weights=index-finger-phalanx-proximal", "weights=6"]
             .map(|style| draw(&[&size[..], &["--style", style]].concat()));
     for picture in [&solid, &wireframe, &both, &weights, &joint] {
         assert_eq!(picture.dimensions(), (160, 240));
         assert!((0.2..0.8).contains(&coverage(picture)), "{}", coverage(picture));
     }
-    let model = ProceduralHand::default().build().unwrap();
-    assert_eq!(joint == number, model.joint_index("index1") == Some(1));
+    assert_eq!(joint, number);
     // There is white between lines; weights are more colourful than skin; with one joint most of the hand is grey.
     let mean = |p: &RgbImage| p.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / f64::from(p.width() * p.height());
     assert!(mean(&both) < mean(&wireframe) && mean(&both) < mean(&solid));
@@ -228,11 +232,44 @@ fn a_posed_hand_is_drawn_in_every_style_that_fills_the_picture() {
 }
 
 #[test]
+fn a_rigged_hand_is_exported_and_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let export = |arguments: &[&str]| run(GHAND, folder.path(), &[&["export"], arguments].concat());
+    let said = |arguments: &[&str]| {
+        let output = export(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    assert!(said(&["builtin", "--glb", "hand.glb"]).contains("25 joints, 10 shapes, 216 pose directions"));
+    let [read, built_in] = [read_gltf(&folder.path().join("hand.glb")), builtin_hand(Side::Right)].map(Result::unwrap);
+    assert_eq!((read.vertices, read.shape_names), (built_in.vertices, built_in.shape_names));
+    // An avatar has no correctives any more; its template is given new ones.
+    save_avatar(folder.path());
+    assert!(said(&["hand.ghand", "--glb", "plain.glb"]).contains(" 0 pose directions"));
+    assert!(said(&["hand.ghand", "--glb", "fitted.GLB", "--fit-pose-correctives"]).contains(" 135 pose directions"));
+    for (arguments, expected) in [
+        (&["builtin"][..], "--ply"),
+        (&["builtin", "--glb", "hand.obj"], "hand.obj: must end in .glb"),
+        (&["builtin", "--ply", "hand.ply", "--fit-pose-correctives"], "--ply"),
+        (&["builtin", "--glb", "other.glb", "--pose", "fist"], "--pose"),
+        (&["absent.glb", "--glb", "other.glb"], "absent.glb"),
+        (&["builtin", "--glb", "hand.glb/other.glb"], "hand.glb/other.glb"),
+    ] {
+        assert_one_sentence(&export(arguments), &[expected]);
+    }
+    let tiny = tiny_mano().display().to_string();
+    let unknown = export(&[&tiny, "--glb", "tiny.glb", "--fit-pose-correctives"]);
+    let told = String::from_utf8_lossy(&unknown.stderr);
+    assert!(told.contains("error: --fit-pose-correctives: the names") && told.contains("protocol2.pkl"), "{told}");
+    assert!(!folder.path().join("tiny.glb").exists() && !folder.path().join("other.glb").exists());
+}
+
+#[test]
 fn a_failed_pose_command_is_one_sentence_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("not.pkl"), "plain text").unwrap();
     std::fs::write(folder.path().join("long.json"), r#"{"frames":[{"pose":[[0,0,0]]}]}"#).unwrap();
-    let shape = serde_json::json!({"frames": [{"pose": vec![[0.0; 3]; 16], "shape": vec![0.0; 99]}]});
+    let shape = serde_json::json!({"frames": [{"pose": vec![[0.0; 3]; 25], "shape": vec![0.0; 99]}]});
     std::fs::write(folder.path().join("shape.json"), shape.to_string()).unwrap();
     for (arguments, expected) in [
         (&["--out", "mesh.stl"][..], "mesh.stl"),
@@ -242,10 +279,13 @@ fn a_failed_pose_command_is_one_sentence_and_leaves_no_file() {
         (&["--out", "mesh.obj", "--pose", "shape.json"], "99 numbers"),
         (&["--out", "mesh.obj", "--pose", "shape.json", "--frame", "7"], "\"7\""),
         (&["--out", "mesh.obj", "--frame", "7"], "--pose"),
-        (&["--out", "mesh.obj", "--shape", "hand-sise=1"], "--shape: procedural hand: shape: \"hand-sise\" is unknown"),
+        (
+            &["--out", "mesh.obj", "--shape", "hand-sise=1"],
+            "--shape: built-in right hand: shape: \"hand-sise\" is unknown",
+        ),
         (&["--out", "mesh.obj", "--picture", "a.jpg"], "a.jpg: must end in .png"),
         (&["--out", "mesh.obj", "--picture", "a.png", "--style", "pretty"], "solid-wireframe"),
-        (&["--out", "mesh.obj", "--picture", "a.png", "--style", "weights=elbow"], "thumb1"),
+        (&["--out", "mesh.obj", "--picture", "a.png", "--style", "weights=elbow"], "thumb-tip"),
         (&["--out", "mesh.obj", "--picture", "a.png", "--camera", "absent.json"], "absent.json"),
         (&["--out", "mesh.obj", "--picture", "a.png", "--adapter", "no such"], "no such"),
         (&["--out", "mesh.obj", "--style", "weights"], "--picture"),
@@ -268,9 +308,10 @@ fn inspect_describes_a_model_and_its_oddities() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     let built_in = told(&[]);
-    for expected in ["right", "joints       16", "thumb3", "closed", "at 512", "warnings     none"] {
+    for expected in ["right", "joints       25", "thumb-tip", "closed", "at 512", "warnings     none"] {
         assert!(built_in.contains(expected), "no {expected:?} in {built_in}");
     }
+    assert!(told(&["builtin-left"]).contains("left") && told(&["procedural"]).contains("joints       16"));
     let mano = told(&[&tiny_mano().display().to_string()]);
     for expected in ["MANO model", "joints       2", "the shaped vertices", "warning      is 15.0000 m long"] {
         assert!(mano.contains(expected), "no {expected:?} in {mano}");

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{assert_one_sentence, listing, run, run_in, save_avatar};
-use image::{DynamicImage, RgbaImage};
+use image::{DynamicImage, RgbImage, RgbaImage};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
@@ -223,11 +223,18 @@ fn the_example_camera_sees_the_whole_hand_and_cameras_of_captures_are_chosen_by_
         said(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());
         open(folder.path(), "a.png").into_rgb8()
     };
+    let check = |seen: &RgbImage| {
+        let is_hand = |x: u32, y: u32| seen.get_pixel(x, y).0 != [0; 3];
+        let covered = (0..10_000).filter(|i| is_hand(i % 100, i / 100)).count();
+        assert!((1000..6000).contains(&covered), "{covered} of 10000 pixels");
+        let border = |k: u32| [(k, 0), (k, 99), (0, k), (99, k)];
+        assert!((0..100).flat_map(border).all(|(x, y)| !is_hand(x, y)), "it is cut off");
+    };
     let seen = picture(example);
-    let is_hand = |x: u32, y: u32| seen.get_pixel(x, y).0 != [0; 3];
-    let covered = (0..10_000).filter(|i| is_hand(i % 100, i / 100)).count();
-    assert!((1500..6000).contains(&covered), "{covered} of 10000 pixels");
-    assert!((0..100).all(|k| !is_hand(k, 0) && !is_hand(k, 99) && !is_hand(0, k) && !is_hand(99, k)), "it is cut off");
+    check(&seen);
+    let built_in = ["pose", "--picture", "b.png", "--camera", example, "--size", "100x100", "--background", "0,0,0"];
+    said(folder.path(), &built_in);
+    check(&open(folder.path(), "b.png").into_rgb8());
 
     // The same camera in a capture, and one that is turned away.
     let camera = std::fs::read_to_string(example).unwrap();

@@ -26,7 +26,7 @@ pub struct ExportArgs {
     #[arg(value_name = "AVATAR|HAND")]
     subject: PathBuf,
     /// A pose or a motion by name, or a file of poses, as for `render` [default: rest]
-    #[arg(long, value_name = "FILE|NAME", requires = "ply")]
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "glb")]
     pose: Option<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
@@ -42,7 +42,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE", group = "output")]
     glb: Option<PathBuf>,
     /// Fit pose correctives that keep the volume of bent joints, in place of the hand's own
-    #[arg(long, requires = "glb")]
+    #[arg(long, conflicts_with = "ply")]
     fit_pose_correctives: bool,
     #[command(flatten)]
     reading: HandModelArgs,

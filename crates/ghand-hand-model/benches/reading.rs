@@ -1,4 +1,4 @@
-//! Times the reading of MANO files. `cargo bench -p ghand-hand-model --profile dev --bench mano`
+//! Times the reading of hand models. `cargo bench -p ghand-hand-model --profile dev --bench reading`
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark fails by panicking")]
 
 #[path = "../tests/support/mod.rs"]
@@ -7,12 +7,15 @@ mod support;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
 use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::surface::sample_surface;
 
 use support::hands::{Hand, as_npz, as_pickle};
 
-/// The coarsest built-in hand, which has one and a half times MANO's 778 vertices, with as many directions: 20 for the
+/// The coarsest procedural hand, which has one and a half times MANO's 778 vertices, with as many directions: 20 for the
 /// shape, of which 10 are selected, and 135 for the pose.
 fn read_mano(criterion: &mut Criterion) {
     let vertices = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();
@@ -25,5 +28,16 @@ fn read_mano(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, read_mano);
+/// The built-in hand, and the points that an avatar's Gaussians start from.
+fn read_builtin(criterion: &mut Criterion) {
+    let read = || builtin_hand(black_box(Side::Right)).unwrap();
+    criterion.bench_function("builtin/read", |bencher| bencher.iter(read));
+    for resolution in [256, 512] {
+        let sampled = || sample_surface(&read(), resolution).unwrap();
+        println!("{resolution}: {} points", sampled().len());
+        criterion.bench_function(&format!("builtin/read and sample at {resolution}"), |b| b.iter(sampled));
+    }
+}
+
+criterion_group!(benches, read_mano, read_builtin);
 criterion_main!(benches);
