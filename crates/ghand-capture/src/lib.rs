@@ -17,7 +17,7 @@ pub mod inspection;
 pub mod interhand;
 mod json;
 mod json_file;
-mod mask;
+pub mod mask;
 mod mask_values;
 pub mod named_camera;
 pub mod open;

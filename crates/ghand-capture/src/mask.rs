@@ -14,7 +14,7 @@ use crate::image_file::{Role, decode, read_bytes};
 use crate::mask_values::mask_values;
 
 pub(crate) use cache::mask_folder;
-pub(crate) use fill::fill;
+pub use fill::covered_pixels;
 
 /// Skin has a mean of red, green and blue between these, exclusively.
 const GREY_RANGE: [u16; 2] = [10, 200];
@@ -90,7 +90,7 @@ fn make(capture: &Capture, camera: usize, frame: usize, rgba: &[[u8; 4]]) -> Res
     let (camera, frame) = capture.camera_and_frame(camera, frame)?;
     let posed = pose_hand(&capture.hand_model, &frame.shape, &frame.pose)
         .map_err(|source| CaptureError::HandModel { path: capture.root.clone(), source: source.into() })?;
-    let mut mask = fill(camera, &posed.vertices, &capture.hand_model.faces);
+    let mut mask = covered_pixels(camera, &posed.vertices, &capture.hand_model.faces);
     let [low, high] = GREY_RANGE.map(|mean| 3 * mean);
     for (inside, pixel) in mask.iter_mut().zip(rgba) {
         *inside &= (low + 1..high).contains(&sum(pixel));

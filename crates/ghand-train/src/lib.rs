@@ -1,6 +1,7 @@
 //! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
 //! beat), and the report.
 
+pub mod alignment;
 mod divergence;
 pub mod draw_text;
 pub mod evaluate;

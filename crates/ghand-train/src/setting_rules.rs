@@ -28,6 +28,7 @@ const LARGEST_EXACT: f64 = 9_007_199_254_740_992.0;
 pub(crate) fn rule(name: &str) -> Option<Rule> {
     Some(match name {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
+        "align" => Rule::Word(&["contours", "paper", "none"]),
         "pose_stage" => Rule::BelowOne,
         "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
         "pose_uv_resolution" | "uv_resolution" => Rule::Whole(8, 2048),

@@ -8,13 +8,28 @@ use serde::{Deserialize, Serialize};
 
 use crate::setting_rules::{rule, unknown};
 
+/// How poses are refined before the avatar is trained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Align {
+    /// Together with the template's proportions, from the masks' contours: [`crate::alignment`].
+    #[default]
+    Contours,
+    /// As in the paper: a first stage of training refines them with a simple avatar.
+    Paper,
+    /// Not at all.
+    None,
+}
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
     /// Iterations of both stages together; each trains on one view.
     pub iterations: u64,
-    /// Fraction of the iterations in stage 1, which refines the poses.
+    /// How the poses are refined before the avatar is trained.
+    pub align: Align,
+    /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
     pub pose_stage: f64,
     /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
     pub pose_prior_rounds: u64,
@@ -76,6 +91,7 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             iterations: 3400,
+            align: Align::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,
@@ -195,8 +211,11 @@ impl TrainSettings {
         }
     }
 
-    /// Iterations of stage 1. At least one remains for stage 2, which makes the avatar.
+    /// Iterations of stage 1; 0 without it. At least one remains for stage 2, which makes the avatar.
     pub fn pose_iterations(&self) -> u64 {
+        if self.align != Align::Paper {
+            return 0;
+        }
         let rounded = (self.iterations as f64 * self.pose_stage).round() as u64;
         rounded.min(self.iterations.saturating_sub(1))
     }

@@ -4,6 +4,7 @@ use ghand_capture::CaptureError;
 use ghand_hand_model::HandModelError;
 use ghand_render::{DeviceError, RenderError};
 
+use crate::alignment::AlignmentError;
 use crate::evaluate::EvaluateError;
 use crate::floor::FloorError;
 use crate::settings::SettingsError;
@@ -29,6 +30,9 @@ pub enum TrainError {
     /// The floor could not be made.
     #[error(transparent)]
     Floor(#[from] FloorError),
+    /// The poses could not be aligned.
+    #[error(transparent)]
+    Alignment(#[from] AlignmentError),
     /// The evaluation failed.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),

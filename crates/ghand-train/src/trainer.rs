@@ -14,11 +14,12 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
+use crate::alignment::align;
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::floor::texel_colors;
 use crate::memory_check;
 use crate::pose_prior::shrink;
-use crate::settings::TrainSettings;
+use crate::settings::{Align, TrainSettings};
 use crate::step::{Rates, Step};
 use crate::train_error::TrainError;
 use crate::views::{TrainView, TrainViews};
@@ -64,7 +65,8 @@ pub struct Trained {
 /// ```
 pub struct Trainer<'a> {
     gpu: &'a Gpu,
-    capture: &'a Capture,
+    /// The template is in the proportions of the hand once they are known.
+    capture: Capture,
     split: Split,
     split_name: String,
     settings: TrainSettings,
@@ -142,11 +144,11 @@ impl<'a> Trainer<'a> {
         memory_check::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
-            capture,
             views: TrainViews::new(capture, &split, settings.crop_margin)?,
             poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
             split,
             split_name: split_name.into(),
+            capture: capture.clone(),
             settings: settings.clone(),
             gaussians,
             stop: None,
@@ -178,6 +180,9 @@ impl<'a> Trainer<'a> {
     /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
         let start = Instant::now();
+        if self.settings.align == Align::Contours {
+            self.align()?;
+        }
         let mut gpu = self.gpu.clone();
         let pose_iterations = self.settings.pose_iterations();
         if pose_iterations > 0 {
@@ -210,6 +215,28 @@ impl<'a> Trainer<'a> {
         Ok(Trained { avatar, poses: self.poses, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
+    /// Aligns poses and proportions, unless the contours fit no better afterwards.
+    fn align(&mut self) -> Result<(), TrainError> {
+        let start = Instant::now();
+        let aligned = align(&self.capture, &self.split, &mut |_, _| ())?;
+        let [[given, _], [median, far]] = aligned.contours;
+        if !(median < given) {
+            log::warn!(
+                "the given poses are used: alignment does not improve the contours ({given:.2} pixels off before, \
+                 {median:.2} after)"
+            );
+            return Ok(());
+        }
+        log::info!(
+            "aligned in {:.0} s: the template's contours are {median:.2} pixels off the masks (95 % below {far:.1}), \
+             {given:.2} before",
+            start.elapsed().as_secs_f64()
+        );
+        self.poses = aligned.poses;
+        self.capture.template = aligned.template;
+        Ok(())
+    }
+
     /// The poses of the frames with training images.
     fn seen_poses(&self) -> Vec<Pose> {
         let seen = |position: usize| self.split.views.iter().any(|view| view.position == position);
@@ -225,7 +252,7 @@ impl<'a> Trainer<'a> {
             settings.start_inset,
             settings.seed,
         )?;
-        let colors = texel_colors(gpu, self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
+        let colors = texel_colors(gpu, &self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::overlap::iou;
 use crate::capture::{Capture, Frame};
 use crate::error::CaptureError;
-use crate::mask::fill;
+use crate::mask::covered_pixels;
 use crate::view::View;
 
 /// Facts from the pixels of one image.
@@ -93,7 +93,7 @@ fn view_fit(
     let (camera, _) = capture.camera_and_frame(camera_index, frame)?;
     let (view, notes) = capture.load_view_with_notes(camera_index, frame)?;
     let mask: Option<Vec<bool>> = notes.has_mask.then(|| view.rgba.iter().map(|pixel| pixel[3] >= 128).collect());
-    let outline = |vertices: &[DVec3]| fill(camera, vertices, &capture.hand_model.faces);
+    let outline = |vertices: &[DVec3]| covered_pixels(camera, vertices, &capture.hand_model.faces);
     let agreement = |outline: &[bool]| mask.as_ref().and_then(|mask| iou(mask, outline));
     let given = outline(given);
     let coverage =

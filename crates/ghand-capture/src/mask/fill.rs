@@ -8,7 +8,7 @@ const NEAR: f64 = 1e-3;
 
 /// Whether each pixel's centre, row-major, is inside the image of a triangle, edges included. `faces` are indices into
 /// `points` (world, metres); a triangle with an index beyond them is skipped.
-pub(crate) fn fill(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
+pub fn covered_pixels(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut inside = vec![false; width * height];
     let projected: Vec<Option<DVec2>> = points
@@ -61,7 +61,7 @@ mod tests {
 
     fn filled(points: &[[f64; 3]], faces: &[[u32; 3]]) -> Vec<String> {
         let points: Vec<DVec3> = points.iter().map(|p| DVec3::from(*p)).collect();
-        let mask = fill(&camera(6, 4), &points, faces);
+        let mask = covered_pixels(&camera(6, 4), &points, faces);
         mask.chunks(6).map(|row| row.iter().map(|i| if *i { '#' } else { '.' }).collect()).collect()
     }
 

@@ -1,0 +1,168 @@
+//! The normal equations of one frame: how its contours change with its pose and with the shape.
+
+use ghand_core::posing::{PosedHand, pose_hand};
+use ghand_core::{Camera, InvalidHandModel, Pose};
+use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
+
+use super::contour::{ContourPoint, Edges};
+use super::distance_field::DistanceField;
+use super::proportions::Shaped;
+
+/// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
+const CORRELATION: f64 = 8.0;
+
+/// What does not change from frame to frame.
+pub struct Rig<'a> {
+    pub shaped: &'a Shaped,
+    pub edges: &'a Edges,
+    /// Joints whose rotations are unknown.
+    pub moving: &'a [usize],
+    /// Whether joint `[k]` carries joint `[j]`, or is it.
+    pub carries: &'a [Vec<bool>],
+    /// Distance beyond which a residual counts linearly, pixels.
+    pub huber: f64,
+    /// Standard deviation of a contour, pixels.
+    pub deviation: f64,
+}
+
+/// Second-order expansion of half the squared, weighted residuals of a frame: about its pose, with a step (rotation
+/// vectors of the moving joints in their parents' axes, radians; translation, metres), and about the shape.
+pub struct FrameEquations {
+    pub pose_pose: DMatrix<f64>,
+    pub pose_shape: DMatrix<f64>,
+    pub shape_shape: DMatrix<f64>,
+    pub d_pose: DVector<f64>,
+    pub d_shape: DVector<f64>,
+    /// Distances of the contour points from the masks' outlines, pixels.
+    pub distances: Vec<f64>,
+}
+
+impl Rig<'_> {
+    /// The equations of a frame in a pose, from all its images.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the template.
+    pub fn equations(
+        &self,
+        pose: &Pose,
+        images: &[(&Camera, &DistanceField)],
+    ) -> Result<FrameEquations, InvalidHandModel> {
+        let model = &self.shaped.model;
+        let posed = pose_hand(model, &[], pose)?;
+        let normals = model.vertex_normals(&posed.vertices);
+        let pose_count = 3 * self.moving.len() + 3;
+        let count = pose_count + self.shaped.d_vertices.len();
+        let mut motion = VertexMotion::new(self, &posed);
+        let mut matrix = DMatrix::zeros(count, count);
+        let mut gradient = DVector::zeros(count);
+        let mut distances = vec![];
+        let mut row: Vec<(usize, f64)> = vec![];
+        for (camera, field) in images {
+            for point in self.edges.contour(&posed.vertices, &normals, camera, field) {
+                distances.push(point.residual.abs());
+                motion.row(&point, &mut row);
+                let robust = (self.huber / point.residual.abs().max(1e-9)).min(1.0);
+                let weight = robust * point.length / (CORRELATION * self.deviation.powi(2));
+                for (k, (i, a)) in row.iter().enumerate() {
+                    gradient[*i] += weight * a * point.residual;
+                    // The lower triangle, column by column.
+                    row.iter().take(k + 1).for_each(|(j, b)| matrix[(*i, *j)] += weight * a * b);
+                }
+            }
+        }
+        for column in 0..count {
+            for line in column + 1..count {
+                matrix[(column, line)] = matrix[(line, column)];
+            }
+        }
+        let shape_count = count - pose_count;
+        Ok(FrameEquations {
+            pose_pose: matrix.view((0, 0), (pose_count, pose_count)).into(),
+            pose_shape: matrix.view((0, pose_count), (pose_count, shape_count)).into(),
+            shape_shape: matrix.view((pose_count, pose_count), (shape_count, shape_count)).into(),
+            d_pose: gradient.rows(0, pose_count).into(),
+            d_shape: gradient.rows(pose_count, shape_count).into(),
+            distances,
+        })
+    }
+}
+
+/// How the vertices of a frame move with its pose and with the shape. Pose correctives are taken as constant.
+struct VertexMotion<'a> {
+    rig: &'a Rig<'a>,
+    posed: &'a PosedHand,
+    /// Derivatives of the joints' posed positions, `[parameters][n_b]`.
+    d_origins: Vec<Vec<DVec3>>,
+    /// By vertex, once it is needed: by moving joint, the sum over the joints that it carries of weight x position relative
+    /// to it; then the derivatives by the shape's parameters.
+    known: Vec<Option<(Vec<DVec3>, Vec<DVec3>)>>,
+}
+
+impl<'a> VertexMotion<'a> {
+    fn new(rig: &'a Rig<'a>, posed: &'a PosedHand) -> VertexMotion<'a> {
+        let model = &rig.shaped.model;
+        let d_origins = |d_joints: &Vec<DVec3>| {
+            let mut moved = d_joints.clone();
+            for (k, parent) in model.parents.iter().enumerate() {
+                if let Some(p) = *parent {
+                    moved[k] = moved[p] + posed.chain.world[p].linear * (d_joints[k] - d_joints[p]);
+                }
+            }
+            moved
+        };
+        let d_origins = rig.shaped.d_joints.iter().map(d_origins).collect();
+        VertexMotion { rig, posed, d_origins, known: vec![None; model.vertices.len()] }
+    }
+
+    /// The non-zero derivatives of a contour point's residual, by ascending parameter.
+    fn row(&mut self, point: &ContourPoint, row: &mut Vec<(usize, f64)>) {
+        row.clear();
+        for vertex in point.edge {
+            if self.known[vertex as usize].is_none() {
+                self.known[vertex as usize] = Some(self.of_vertex(vertex as usize));
+            }
+        }
+        let [Some(a), Some(b)] = point.edge.map(|vertex| self.known[vertex as usize].as_ref()) else { return };
+        let mut push = |parameter: usize, value: f64| {
+            if value != 0.0 {
+                row.push((parameter, value));
+            }
+        };
+        for (i, joint) in self.rig.moving.iter().enumerate() {
+            let torque = (0.5 * (a.0[i] + b.0[i])).cross(point.gradient);
+            let local = match self.rig.shaped.model.parents[*joint] {
+                Some(parent) => self.posed.chain.world[parent].linear.transpose() * torque,
+                None => torque,
+            };
+            local.to_array().into_iter().enumerate().for_each(|(axis, value)| push(3 * i + axis, value));
+        }
+        let translation = 3 * self.rig.moving.len();
+        let gradient = point.gradient.to_array();
+        gradient.into_iter().enumerate().for_each(|(axis, value)| push(translation + axis, value));
+        for (k, (a, b)) in a.1.iter().zip(&b.1).enumerate() {
+            push(translation + 3 + k, point.gradient.dot(0.5 * (*a + *b)));
+        }
+    }
+
+    fn of_vertex(&self, vertex: usize) -> (Vec<DVec3>, Vec<DVec3>) {
+        let (model, chain) = (&self.rig.shaped.model, &self.posed.chain);
+        let bound: Vec<(usize, f64)> =
+            model.vertex_weights(vertex).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect();
+        let carried: Vec<DVec3> =
+            bound.iter().map(|(j, _)| chain.posed_from_rest[*j].apply(self.posed.corrected[vertex])).collect();
+        let around = |joint: &usize| -> DVec3 {
+            let origin = chain.world[*joint].translation;
+            let moved = bound.iter().zip(&carried).filter(|((j, _), _)| self.rig.carries[*joint][*j]);
+            moved.map(|((_, weight), at)| *weight * (*at - origin)).sum()
+        };
+        let by_shape = |k: usize| -> DVec3 {
+            let (d_vertex, d_joints) = (self.rig.shaped.d_vertices[k][vertex], &self.rig.shaped.d_joints[k]);
+            let moved = |(j, weight): &(usize, f64)| {
+                *weight * (chain.world[*j].linear * (d_vertex - d_joints[*j]) + self.d_origins[k][*j])
+            };
+            bound.iter().map(moved).sum()
+        };
+        (self.rig.moving.iter().map(around).collect(), (0..self.d_origins.len()).map(by_shape).collect())
+    }
+}
