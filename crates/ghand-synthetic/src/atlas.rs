@@ -26,11 +26,12 @@ pub(super) struct Atlas {
 }
 
 impl Atlas {
-    /// `normals` and `finger_weights` are those of the model's vertices.
+    /// `normals` and `finger_weights` are those of the model's vertices, `nails` the fingers whose nails its faces are on.
     pub(super) fn new(
         model: &HandModel,
         normals: &[DVec3],
         finger_weights: &[Vec<f64>],
+        nails: &[Option<usize>],
         skin: &Skin,
         folds: &Folds,
     ) -> Atlas {
@@ -44,7 +45,8 @@ impl Atlas {
                     .map(|finger| (0..3).map(|c| finger_weights[corners[c]][finger] * b[c]).sum())
                     .collect();
                 let normal = mix(normals).normalize_or_zero();
-                let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights };
+                let nail = nails[face as usize];
+                let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights, nail };
                 Some((skin.look(&point), folds.at(&point)))
             })
             .collect();

@@ -79,8 +79,8 @@ fn a_capture_is_the_same_each_time_and_holds_the_hand_in_every_image() {
 
 #[test]
 fn the_true_hand_is_not_the_template_under_linear_skinning() {
-    let template = ProceduralHand::default();
-    let (model, hand) = (template.build().unwrap(), TrueHand::new(&template, 7).unwrap());
+    let model = template(CaptureFormat::Ghand).unwrap();
+    let hand = TrueHand::new(&model, 7).unwrap();
     let anatomy = anatomy::Anatomy::of(&model);
     assert_eq!(anatomy.fingers.len(), 5);
     let motion = |seed| trajectory::trajectory(&anatomy, model.joint_count(), 6, seed);
@@ -104,7 +104,7 @@ fn the_true_hand_is_not_the_template_under_linear_skinning() {
 
 /// The built-in hand with the index finger bent as far as it goes, and stretched.
 fn index_finger(bend: f64) -> Pose {
-    let model = ProceduralHand::default().build().unwrap();
+    let model = template(CaptureFormat::Ghand).unwrap();
     let finger = &anatomy::Anatomy::of(&model).fingers[0];
     let mut pose = Pose::rest(model.joint_count());
     (0..3).for_each(|k| pose.rotations[finger.joints[k]] = finger.bend_axis(k) * bend);
@@ -113,7 +113,7 @@ fn index_finger(bend: f64) -> Pose {
 
 #[test]
 fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
-    let hand = TrueHand::new(&ProceduralHand::default(), 7).unwrap();
+    let hand = TrueHand::new(&template(CaptureFormat::Ghand).unwrap(), 7).unwrap();
     let anatomy = &hand.anatomy;
     let finger = &anatomy.fingers[0];
     let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));

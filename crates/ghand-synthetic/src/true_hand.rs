@@ -1,14 +1,14 @@
-//! The hand in the images: with other lengths, a finer mesh and skin.
+//! The hand in the images: in another shape, with a finer mesh and skin.
+//!
+//! Its shape is [`random_shape`]'s. It has no pose correctives: volume-preserving skinning poses it, and its folds.
 
 use ghand_capture::interhand::Landmarks;
 use ghand_core::mesh::{RenderMesh, Texture};
+use ghand_core::posing::shape_hand;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::anatomy::Anatomy;
@@ -17,14 +17,14 @@ use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::light_visibility::LightVisibility;
+use super::random_shape::random_shape;
 use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
 
-/// Largest relative difference of the true hand's lengths from the template's.
-const LENGTH_VARIATION: f64 = 0.06;
-/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre.
-const SUBDIVISIONS: usize = 2;
+/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre, and the template's are
+/// 3.6 mm long.
+const SUBDIVISIONS: usize = 3;
 
 /// The true hand, ready to be posed.
 pub(super) struct TrueHand {
@@ -51,9 +51,11 @@ pub(super) struct PosedHand {
 }
 
 impl TrueHand {
-    /// Varies the template's lengths by the seed and grows skin on the result.
-    pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
-        let mut model = varied(template, seed).build()?;
+    /// Gives the template a shape by the seed and grows skin on the result.
+    pub(super) fn new(template: &HandModel, seed: u64) -> Result<TrueHand, HandModelError> {
+        let shaped = shape_hand(template, &random_shape(template, seed))?;
+        let mut model =
+            HandModel { vertices: shaped.vertices, joints: shaped.joints, ..template.without_blend_shapes() };
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
@@ -66,15 +68,17 @@ impl TrueHand {
         let finger_weights: Vec<Vec<f64>> =
             (0..model.vertices.len()).map(|v| anatomy.finger_weights(model.vertex_weights(v))).collect();
         let normals = model.vertex_normals(&model.vertices);
+        let face_nails = face_nails(&anatomy, model.faces.len());
+        let vertex_nails = vertex_nails(&model, &face_nails);
         let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let point =
-                    SkinPoint { position: model.vertices[v], normal: normals[v], finger_weights: &finger_weights[v] };
+                let (position, normal, nail) = (model.vertices[v], normals[v], vertex_nails[v]);
+                let point = SkinPoint { position, normal, finger_weights: &finger_weights[v], nail };
                 (skin.look(&point), folds.at(&point))
             })
             .collect();
-        let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
+        let atlas = Atlas::new(&model, &normals, &finger_weights, &face_nails, &skin, &folds);
         let light_visibility = LightVisibility::new(&anatomy, &model);
         let mesh = RenderMesh::from_model(&model);
         Ok(TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model })
@@ -118,19 +122,24 @@ impl TrueHand {
     }
 }
 
-fn varied(template: &ProceduralHand, seed: u64) -> ProceduralHand {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x4A7D);
-    let mut vary = |length: f64| length * (1.0 + LENGTH_VARIATION * (2.0 * rng.random::<f64>() - 1.0));
-    ProceduralHand {
-        left: template.left,
-        palm_length: vary(template.palm_length),
-        palm_width: vary(template.palm_width),
-        palm_thickness: vary(template.palm_thickness),
-        wrist_width: vary(template.wrist_width),
-        finger_lengths: template.finger_lengths.map(&mut vary),
-        finger_widths: template.finger_widths.map(&mut vary),
-        thumb_length: vary(template.thumb_length),
-        thumb_width: vary(template.thumb_width),
-        detail: template.detail,
+/// The finger whose nail each face of the subdivided mesh is on. Subdivision divides each face into four in its place.
+fn face_nails(anatomy: &Anatomy, faces: usize) -> Vec<Option<usize>> {
+    let parts = 4usize.pow(SUBDIVISIONS as u32);
+    let mut nails = vec![None; faces];
+    for (finger, plate) in anatomy.fingers.iter().enumerate().filter_map(|(i, f)| Some((i, f.nail.as_ref()?))) {
+        for &face in &plate.faces {
+            let first = face as usize * parts;
+            nails[first..first + parts].fill(Some(finger));
+        }
     }
+    nails
+}
+
+/// The finger whose nail each vertex is on, borders included: nails have no relief, and the skin there none either.
+fn vertex_nails(model: &HandModel, face_nails: &[Option<usize>]) -> Vec<Option<usize>> {
+    let mut nails = vec![None; model.vertices.len()];
+    for (face, nail) in model.faces.iter().zip(face_nails).filter(|(_, nail)| nail.is_some()) {
+        face.iter().for_each(|&v| nails[v as usize] = *nail);
+    }
+    nails
 }

@@ -1,0 +1,170 @@
+//! Finds the nails that a hand's mesh models: plates with creases around them.
+
+use std::collections::HashMap;
+
+use ghand_core::HandModel;
+use glam::{DVec2, DVec3};
+
+/// Faces that meet at more than this, radians, do not belong to one plate: the free edge, or the groove around it.
+const CREASE: f64 = 35.0 * std::f64::consts::PI / 180.0;
+/// Faces lower than this, metres, are the walls of the groove.
+const LEAST_HEIGHT: f64 = 0.001;
+/// No nail reaches farther from its fingertip, metres.
+const REACH: f64 = 0.022;
+/// No nail is larger, square metres. A search on a mesh without nails finds the whole fingertip.
+const LARGEST: f64 = 2.2e-4;
+
+/// The last bone of a finger.
+pub(super) struct LastBone {
+    /// Index of its joint.
+    pub joint: usize,
+    /// Unit direction of the bone.
+    pub along: DVec3,
+    /// The outermost point of the tip, metres.
+    pub tip: DVec3,
+    /// Length from the joint to the tip, metres.
+    pub length: f64,
+    /// About where the nail faces; unit vector across the bone.
+    pub dorsal: DVec3,
+}
+
+/// A nail's plate.
+#[derive(Debug, Clone)]
+pub(super) struct NailPlate {
+    /// Indices of its faces, ascending.
+    pub faces: Vec<u32>,
+    /// Unit normal, the mean over the plate.
+    pub normal: DVec3,
+    center: DVec3,
+    /// Vectors from the centre to the free edge and to a side.
+    half_axes: [DVec3; 2],
+}
+
+impl NailPlate {
+    /// The plate of a finger, if the mesh has one.
+    pub(super) fn of(model: &HandModel, bone: &LastBone) -> Option<NailPlate> {
+        let shapes: Vec<FaceShape> = model.faces.iter().map(|face| FaceShape::of(model, face)).collect();
+        let seed = seed(model, &shapes, bone)?;
+        let faces = plate_faces(model, &shapes, seed, bone.tip);
+        let area: f64 = faces.iter().map(|&f| shapes[f as usize].area).sum();
+        let weighted = |f: &u32| shapes[*f as usize].normal * shapes[*f as usize].area;
+        let normal = faces.iter().map(weighted).sum::<DVec3>().try_normalize()?;
+        (area <= LARGEST).then(|| NailPlate::with_axes(model, faces, normal, bone.along))
+    }
+
+    fn with_axes(model: &HandModel, faces: Vec<u32>, normal: DVec3, along: DVec3) -> NailPlate {
+        let axes = [along.reject_from(normal).normalize_or_zero(), normal.cross(along).normalize_or_zero()];
+        let points = || faces.iter().flat_map(|&f| model.faces[f as usize]).map(|v| model.vertices[v as usize]);
+        let (mut center, mut half_axes) = (DVec3::ZERO, axes);
+        for (axis, half) in axes.into_iter().zip(&mut half_axes) {
+            let low = points().map(|p| p.dot(axis)).fold(f64::INFINITY, f64::min);
+            let high = points().map(|p| p.dot(axis)).fold(f64::NEG_INFINITY, f64::max);
+            center += axis * (low + high) * 0.5;
+            *half = axis * (high - low) * 0.5;
+        }
+        NailPlate { faces, normal, center, half_axes }
+    }
+
+    /// Where a point is on the plate: along from -1 at its root to 1 at its free edge, and across from -1 to 1.
+    pub(super) fn coordinates(&self, point: DVec3) -> DVec2 {
+        let [along, across] = self.half_axes.map(|half| (point - self.center).dot(half) / half.length_squared());
+        DVec2::new(along, across)
+    }
+}
+
+/// Middle, unit normal, area and least height of a face.
+struct FaceShape {
+    middle: DVec3,
+    normal: DVec3,
+    area: f64,
+    height: f64,
+}
+
+impl FaceShape {
+    fn of(model: &HandModel, face: &[u32; 3]) -> FaceShape {
+        let [a, b, c] = face.map(|v| model.vertices[v as usize]);
+        let double = (b - a).cross(c - a);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        FaceShape {
+            middle: (a + b + c) / 3.0,
+            normal: double.normalize_or_zero(),
+            area: 0.5 * double.length(),
+            height: double.length() / longest.max(f64::MIN_POSITIVE),
+        }
+    }
+}
+
+/// The face in the middle of the nail: nearest to a line out of the back of the last bone, a quarter of it behind the
+/// tip.
+fn seed(model: &HandModel, shapes: &[FaceShape], bone: &LastBone) -> Option<usize> {
+    let foot = bone.tip - bone.along * (0.25 * bone.length);
+    let on_bone = |f: usize| model.faces[f].iter().all(|&v| model.vertex_weights(v as usize)[bone.joint] > 0.5);
+    let faces_up = |f: usize| {
+        (shapes[f].middle - foot).dot(bone.dorsal) > 0.0 && shapes[f].normal.dot(bone.dorsal) > 0.5 && on_bone(f)
+    };
+    let away = |f: usize| (shapes[f].middle - foot).reject_from(bone.dorsal).length();
+    (0..shapes.len()).filter(|&f| faces_up(f)).min_by(|&a, &b| away(a).total_cmp(&away(b)))
+}
+
+/// The faces that are reached from the seed without crossing a crease.
+fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Vec<u32> {
+    let neighbours = neighbours(&model.faces);
+    let mut plate = vec![seed];
+    let mut next = 0;
+    while let Some(&face) = plate.get(next) {
+        next += 1;
+        for &other in &neighbours[face] {
+            let bend = shapes[face].normal.dot(shapes[other].normal).clamp(-1.0, 1.0).acos();
+            let faces_up = shapes[other].normal.dot(shapes[seed].normal) > 0.3;
+            let is_near = shapes[other].middle.distance(tip) < REACH;
+            if bend < CREASE && shapes[other].height > LEAST_HEIGHT && faces_up && is_near && !plate.contains(&other) {
+                plate.push(other);
+            }
+        }
+    }
+    plate.sort_unstable();
+    plate.into_iter().map(|face| face as u32).collect()
+}
+
+/// The faces beside each face.
+fn neighbours(faces: &[[u32; 3]]) -> Vec<Vec<usize>> {
+    let mut of_edge: HashMap<[u32; 2], Vec<usize>> = HashMap::new();
+    let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| [a.min(b), a.max(b)]);
+    for (i, face) in faces.iter().enumerate() {
+        edges(*face).into_iter().for_each(|edge| of_edge.entry(edge).or_default().push(i));
+    }
+    let beside =
+        |i: usize| edges(faces[i]).into_iter().flat_map(|edge| of_edge[&edge].clone()).filter(|j| *j != i).collect();
+    (0..faces.len()).map(beside).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::Side;
+    use ghand_hand_model::builtin::builtin_hand;
+    use ghand_hand_model::procedural::ProceduralHand;
+
+    use crate::anatomy::Anatomy;
+
+    #[test]
+    fn every_finger_of_the_built_in_hand_has_a_nail_of_a_nail_s_size() {
+        let model = builtin_hand(Side::Right).unwrap();
+        let anatomy = Anatomy::of(&model);
+        assert_eq!(anatomy.fingers.len(), 5);
+        for finger in &anatomy.fingers {
+            let plate = finger.nail.as_ref().unwrap();
+            let [length, width] = plate.half_axes.map(|half| 2.0 * half.length());
+            assert!((0.005..0.017).contains(&length), "{length} m long");
+            assert!((0.007..0.015).contains(&width), "{width} m wide");
+            assert!(plate.normal.dot(finger.dorsal) > 0.9, "it faces {}", plate.normal);
+            assert!(plate.coordinates(finger.points[3]).x > 0.9, "the tip is beyond the free edge");
+            assert!(plate.coordinates(finger.points[2]).x < -1.5, "the last joint is behind the root");
+        }
+    }
+
+    #[test]
+    fn a_mesh_without_modelled_nails_has_none() {
+        let anatomy = Anatomy::of(&ProceduralHand { detail: 1, ..Default::default() }.build().unwrap());
+        assert!(anatomy.fingers.len() == 5 && anatomy.fingers.iter().all(|finger| finger.nail.is_none()));
+    }
+}
