@@ -5,7 +5,7 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::anatomy::SkinPoint;
+use super::anatomy::{NailPart, SkinPoint};
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::skin::{Look, Skin};
@@ -26,12 +26,12 @@ pub(super) struct Atlas {
 }
 
 impl Atlas {
-    /// `normals` and `finger_weights` are those of the model's vertices, `nails` the fingers whose nails its faces are on.
+    /// `normals` and `finger_weights` are those of the model's vertices, `nails` the parts of nails that its faces are on.
     pub(super) fn new(
         model: &HandModel,
         normals: &[DVec3],
         finger_weights: &[Vec<f64>],
-        nails: &[Option<usize>],
+        nails: &[Option<NailPart>],
         skin: &Skin,
         folds: &Folds,
     ) -> Atlas {

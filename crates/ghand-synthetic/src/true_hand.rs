@@ -11,8 +11,7 @@ use ghand_hand_model::HandModelError;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::anatomy::Anatomy;
-use super::anatomy::SkinPoint;
+use super::anatomy::{Anatomy, NailPart, SkinPoint};
 use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
@@ -122,21 +121,22 @@ impl TrueHand {
     }
 }
 
-/// The finger whose nail each face of the subdivided mesh is on. Subdivision divides each face into four in its place.
-fn face_nails(anatomy: &Anatomy, faces: usize) -> Vec<Option<usize>> {
+/// The part of a nail that each face of the subdivided mesh is on. Subdivision divides each face into four in its place.
+fn face_nails(anatomy: &Anatomy, faces: usize) -> Vec<Option<NailPart>> {
     let parts = 4usize.pow(SUBDIVISIONS as u32);
     let mut nails = vec![None; faces];
+    let mut mark = |coarse: &[u32], part: NailPart| {
+        coarse.iter().map(|&face| face as usize * parts).for_each(|i| nails[i..i + parts].fill(Some(part)));
+    };
     for (finger, plate) in anatomy.fingers.iter().enumerate().filter_map(|(i, f)| Some((i, f.nail.as_ref()?))) {
-        for &face in &plate.faces {
-            let first = face as usize * parts;
-            nails[first..first + parts].fill(Some(finger));
-        }
+        mark(&plate.faces, NailPart::Plate(finger));
+        mark(&plate.groove, NailPart::Groove);
     }
     nails
 }
 
-/// The finger whose nail each vertex is on, borders included: nails have no relief, and the skin there none either.
-fn vertex_nails(model: &HandModel, face_nails: &[Option<usize>]) -> Vec<Option<usize>> {
+/// The part of a nail that each vertex is on, borders included: there is no relief.
+fn vertex_nails(model: &HandModel, face_nails: &[Option<NailPart>]) -> Vec<Option<NailPart>> {
     let mut nails = vec![None; model.vertices.len()];
     for (face, nail) in model.faces.iter().zip(face_nails).filter(|(_, nail)| nail.is_some()) {
         face.iter().for_each(|&v| nails[v as usize] = *nail);
