@@ -103,16 +103,6 @@ pub(super) struct SkinPoint<'a> {
     pub normal: DVec3,
     /// How much of it belongs to each finger of the anatomy, `[0, 1]`.
     pub finger_weights: &'a [f64],
-    /// The part of a nail that it is on, if any.
-    pub nail: Option<NailPart>,
-}
-
-/// A part of a nail; the finger is an index into [`Anatomy::fingers`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum NailPart {
-    Plate(usize),
-    /// The groove around the plate.
-    Groove,
 }
 
 impl SkinPoint<'_> {

@@ -5,7 +5,7 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::anatomy::{NailPart, SkinPoint};
+use super::anatomy::SkinPoint;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::skin::{Look, Skin};
@@ -26,12 +26,11 @@ pub(super) struct Atlas {
 }
 
 impl Atlas {
-    /// `normals` and `finger_weights` are those of the model's vertices, `nails` the parts of nails that its faces are on.
+    /// `normals` and `finger_weights` are those of the model's vertices.
     pub(super) fn new(
         model: &HandModel,
         normals: &[DVec3],
         finger_weights: &[Vec<f64>],
-        nails: &[Option<NailPart>],
         skin: &Skin,
         folds: &Folds,
     ) -> Atlas {
@@ -45,8 +44,7 @@ impl Atlas {
                     .map(|finger| (0..3).map(|c| finger_weights[corners[c]][finger] * b[c]).sum())
                     .collect();
                 let normal = mix(normals).normalize_or_zero();
-                let nail = nails[face as usize];
-                let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights, nail };
+                let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights };
                 Some((skin.look(&point), folds.at(&point)))
             })
             .collect();

@@ -96,13 +96,11 @@ impl Folds<'_> {
 
     /// The folds that touch a point.
     pub(super) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
-        if point.nail.is_some() {
-            return vec![];
-        }
         let palm_part = point.palm_part();
         let mut folds = vec![self.palm(point, palm_part)];
         for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.finger_weights).enumerate() {
-            if membership + palm_part <= 0.2 {
+            let on_nail = finger.nail.as_ref().is_some_and(|nail| nail.part_of(point.position, point.normal) > 0.5);
+            if membership + palm_part <= 0.2 || on_nail && membership > 0.5 {
                 continue;
             }
             for k in 0..3 {

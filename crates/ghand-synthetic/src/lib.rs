@@ -39,6 +39,7 @@ use ghand_hand_model::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
 use draw::draw;
+use random_shape::random_hand;
 use trajectory::PoseNoise;
 use true_hand::TrueHand;
 
@@ -181,7 +182,7 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
 
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
     let template = template(options.format).map_err(model_error)?;
-    let true_hand = TrueHand::new(&template, options.identity).map_err(model_error)?;
+    let true_hand = true_hand(options).map_err(model_error)?;
     let mut capture = plan(options, template, &true_hand, workshop.path());
     match options.format {
         CaptureFormat::Ghand => {
@@ -254,9 +255,19 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     Ok(())
 }
 
-/// The template of a format: InterHand2.6M's poses are MANO's.
+/// The template of a format.
 fn template(format: CaptureFormat) -> Result<HandModel, HandModelError> {
-    let model = builtin_hand(Side::Right)?;
+    with_joints_of(format, builtin_hand(Side::Right)?)
+}
+
+/// The hand in the images.
+fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
+    let person = random_hand(&builtin_hand(Side::Right)?, options.identity)?;
+    Ok(TrueHand::new(&with_joints_of(options.format, person)?, options.identity))
+}
+
+/// The model with the joints of a format's poses: InterHand2.6M's are MANO's.
+fn with_joints_of(format: CaptureFormat, model: HandModel) -> Result<HandModel, HandModelError> {
     match format {
         CaptureFormat::Ghand => Ok(model),
         CaptureFormat::InterHand => in_mano_layout(&model)

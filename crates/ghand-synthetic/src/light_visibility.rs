@@ -44,7 +44,7 @@ impl LightVisibility {
                 }
             }
         }
-        let palm_part = |v: usize| 1.0 - anatomy.finger_weights(model.vertex_weights(v)).iter().sum::<f64>();
+        let palm_part = |v: usize| 1.0 - anatomy.finger_weights(model.vertex_weights(v)).iter().sum::<f64>().min(1.0);
         LightVisibility { balls, palm_parts: (0..model.vertices.len()).map(palm_part).collect() }
     }
 

@@ -5,6 +5,8 @@ use std::collections::{HashMap, HashSet};
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
 
+use super::noise::smoothstep;
+
 /// Faces that meet at more than this, radians, do not belong to one plate: the free edge, or the groove around it.
 const CREASE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// Faces lower than this, metres, are the walls of the groove.
@@ -29,10 +31,6 @@ pub(super) struct LastBone {
 /// A nail's plate.
 #[derive(Debug, Clone)]
 pub(super) struct NailPlate {
-    /// Indices of its faces, ascending.
-    pub faces: Vec<u32>,
-    /// Indices of the faces of the groove around it.
-    pub groove: Vec<u32>,
     /// Unit normal, the mean over the plate.
     pub normal: DVec3,
     center: DVec3,
@@ -45,29 +43,40 @@ impl NailPlate {
     pub(super) fn of(model: &HandModel, bone: &LastBone) -> Option<NailPlate> {
         let shapes: Vec<FaceShape> = model.faces.iter().map(|face| FaceShape::of(model, face)).collect();
         let seed = seed(model, &shapes, bone)?;
-        let faces = plate_faces(model, &shapes, seed, bone.tip)?;
-        let weighted = |f: &u32| shapes[*f as usize].normal * shapes[*f as usize].area;
-        let normal = faces.iter().map(weighted).sum::<DVec3>().try_normalize()?;
-        Some(NailPlate::with_axes(model, &shapes, faces, normal, bone.along))
+        let plate = plate_faces(model, &shapes, seed, bone.tip)?;
+        let weighted = |f: &usize| shapes[*f].normal * shapes[*f].area;
+        let normal = plate.iter().map(weighted).sum::<DVec3>().try_normalize()?;
+        Some(NailPlate::with_axes(&outline(model, &shapes, &plate, normal), normal, bone.along))
     }
 
-    fn with_axes(model: &HandModel, shapes: &[FaceShape], faces: Vec<u32>, normal: DVec3, along: DVec3) -> NailPlate {
+    fn with_axes(points: &[DVec3], normal: DVec3, along: DVec3) -> NailPlate {
         let axes = [along.reject_from(normal).normalize_or_zero(), normal.cross(along).normalize_or_zero()];
-        let points = || faces.iter().flat_map(|&f| model.faces[f as usize]).map(|v| model.vertices[v as usize]);
-        let (mut center, mut half_axes) = (DVec3::ZERO, axes);
-        for (axis, half) in axes.into_iter().zip(&mut half_axes) {
-            let low = points().map(|p| p.dot(axis)).fold(f64::INFINITY, f64::min);
-            let high = points().map(|p| p.dot(axis)).fold(f64::NEG_INFINITY, f64::max);
+        let mut center = normal * points.iter().map(|p| p.dot(normal)).sum::<f64>() / points.len().max(1) as f64;
+        let half_axes = axes.map(|axis| {
+            let low = points.iter().map(|p| p.dot(axis)).fold(f64::INFINITY, f64::min);
+            let high = points.iter().map(|p| p.dot(axis)).fold(f64::NEG_INFINITY, f64::max);
             center += axis * (low + high) * 0.5;
-            *half = axis * (high - low) * 0.5;
-        }
-        NailPlate { groove: groove(model, shapes, &faces), faces, normal, center, half_axes }
+            axis * (high - low) * 0.5
+        });
+        NailPlate { normal, center, half_axes }
     }
 
     /// Where a point is on the plate: along from -1 at its root to 1 at its free edge, and across from -1 to 1.
     pub(super) fn coordinates(&self, point: DVec3) -> DVec2 {
         let [along, across] = self.half_axes.map(|half| (point - self.center).dot(half) / half.length_squared());
         DVec2::new(along, across)
+    }
+
+    /// How far out a point is: 0 in the middle, 1 at the border, which is round at the root and square at the free edge.
+    pub(super) fn eccentricity(&self, point: DVec3) -> f64 {
+        let at = self.coordinates(point);
+        let roundness = if at.x < 0.0 { 2.6 } else { 5.0 };
+        (at.x.abs().powf(roundness) + at.y.abs().powi(3)).cbrt()
+    }
+
+    /// How much a point of the skin belongs to the plate, `[0, 1]`; its border is soft.
+    pub(super) fn part_of(&self, point: DVec3, normal: DVec3) -> f64 {
+        smoothstep(0.05, 0.3, normal.dot(self.normal)) * smoothstep(1.03, 0.95, self.eccentricity(point))
     }
 }
 
@@ -107,7 +116,7 @@ fn seed(model: &HandModel, shapes: &[FaceShape], bone: &LastBone) -> Option<usiz
 
 /// The faces that are reached from the seed without crossing a crease; `None` if they lead around or down the finger,
 /// or if less than a third of what encloses them are walls of a groove: any coarse mesh has sharp edges.
-fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Option<Vec<u32>> {
+fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Option<Vec<usize>> {
     let neighbours = neighbours(&model.faces);
     let mut plate = vec![seed];
     let (mut next, mut walls, mut edges) = (0, 0, 0);
@@ -133,16 +142,16 @@ fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3)
     if 2 * walls < edges {
         return None;
     }
-    plate.sort_unstable();
-    Some(plate.into_iter().map(|face| face as u32).collect())
+    Some(plate)
 }
 
-/// The walls that touch the plate.
-fn groove(model: &HandModel, shapes: &[FaceShape], plate: &[u32]) -> Vec<u32> {
-    let border: HashSet<u32> = plate.iter().flat_map(|&f| model.faces[f as usize]).collect();
-    let touches = |f: &u32| model.faces[*f as usize].iter().any(|v| border.contains(v));
-    let is_wall = |f: &u32| shapes[*f as usize].height <= LEAST_HEIGHT && !plate.contains(f);
-    (0..model.faces.len() as u32).filter(|f| is_wall(f) && touches(f)).collect()
+/// The corners of the plate and of the faces that touch it and face up: the rims of its groove and of its free edge.
+fn outline(model: &HandModel, shapes: &[FaceShape], plate: &[usize], normal: DVec3) -> Vec<DVec3> {
+    let corners: HashSet<u32> = plate.iter().flat_map(|&f| model.faces[f]).collect();
+    let touches = |f: usize| model.faces[f].iter().any(|v| corners.contains(v));
+    let is_rim = |f: usize| shapes[f].height <= LEAST_HEIGHT && shapes[f].normal.dot(normal) > 0.7 && touches(f);
+    let rim = (0..shapes.len()).filter(|&f| is_rim(f)).flat_map(|f| model.faces[f]);
+    corners.iter().copied().chain(rim).map(|v| model.vertices[v as usize]).collect()
 }
 
 /// The faces beside each face.

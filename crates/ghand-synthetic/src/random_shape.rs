@@ -1,6 +1,7 @@
 //! A random person's shape of the built-in hand.
 
-use ghand_core::HandModel;
+use ghand_core::posing::shape_hand;
+use ghand_core::{HandModel, InvalidHandModel};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -27,11 +28,20 @@ const MOST_DEVIATIONS: f64 = 2.0;
 
 /// A shape of the model (`n_s` weights), the same for the same seed: independent normal numbers within two standard
 /// deviations ([`DEVIATIONS`]); 0 for directions of other names.
-pub(super) fn random_shape(model: &HandModel, seed: u64) -> Vec<f64> {
+fn random_shape(model: &HandModel, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x4A7D);
     let drawn = DEVIATIONS.map(|(name, deviation)| (name, deviation * truncated_normal(&mut rng)));
     let weight = |name: &String| drawn.iter().find(|(known, _)| known == name).map_or(0.0, |(_, weight)| *weight);
     model.shape_names.iter().map(weight).collect()
+}
+
+/// The model in [`random_shape`], without blend shapes.
+///
+/// # Errors
+/// As for [`shape_hand`].
+pub(super) fn random_hand(model: &HandModel, seed: u64) -> Result<HandModel, InvalidHandModel> {
+    let shaped = shape_hand(model, &random_shape(model, seed))?;
+    Ok(HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.without_blend_shapes() })
 }
 
 fn truncated_normal(rng: &mut ChaCha8Rng) -> f64 {
@@ -48,7 +58,6 @@ fn truncated_normal(rng: &mut ChaCha8Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use ghand_core::Side;
-    use ghand_core::posing::shape_hand;
     use ghand_hand_model::builtin::builtin_hand;
 
     use super::*;

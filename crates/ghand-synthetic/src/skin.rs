@@ -2,9 +2,10 @@
 
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger, NailPart, SkinPoint};
+use super::anatomy::{Anatomy, Finger, SkinPoint};
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
+use super::nails::NailPlate;
 use super::noise::{bump, fractal, lattice, noise, smoothstep};
 
 /// The skin at a point.
@@ -51,15 +52,6 @@ impl<'a> Skin<'a> {
 
     /// Colour and relief at a point.
     pub(super) fn look(&self, point: &SkinPoint) -> Look {
-        match point.nail {
-            Some(NailPart::Groove) => return self.groove(),
-            Some(NailPart::Plate(finger)) => {
-                if let Some(plate) = &self.anatomy.fingers[finger].nail {
-                    return self.nail(plate.coordinates(point.position));
-                }
-            }
-            None => {}
-        }
         let s = self.anatomy.scale;
         let p = point.position;
         let palm_part = point.palm_part();
@@ -79,6 +71,9 @@ impl<'a> Skin<'a> {
         for (finger, &membership) in self.anatomy.fingers.iter().zip(point.finger_weights) {
             if membership + palm_part > 0.2 {
                 self.knuckles(finger, point, membership, &mut color, &mut height);
+            }
+            if let Some(plate) = finger.nail.as_ref().filter(|_| membership > 0.5) {
+                self.nail(plate, point, &mut color, &mut height);
             }
         }
         Look { color: color.clamp(DVec3::ZERO, DVec3::ONE), height }
@@ -131,16 +126,17 @@ impl<'a> Skin<'a> {
         *color = color.lerp(self.complexion.blood, 0.30 * tip * membership);
     }
 
-    fn groove(&self) -> Look {
-        Look { color: self.complexion.back.lerp(self.complexion.crease, 0.6), height: 0.0 }
-    }
-
-    /// A nail, smooth as its mesh, at coordinates of its plate.
-    fn nail(&self, at: DVec2) -> Look {
-        let Complexion { nail, nail_edge, .. } = *self.complexion;
+    /// A nail, smooth as its mesh, and the fold of skin around it.
+    fn nail(&self, plate: &NailPlate, point: &SkinPoint, color: &mut DVec3, height: &mut f64) {
+        let (at, out) = (plate.coordinates(point.position), plate.eccentricity(point.position));
+        let part = plate.part_of(point.position, point.normal);
+        let Complexion { nail, nail_edge, crease, .. } = *self.complexion;
+        let up = smoothstep(0.05, 0.3, point.normal.dot(plate.normal));
+        let fold = up * bump(out - 1.06, 0.06) * smoothstep(0.95, 0.6, at.x);
         let lunula = smoothstep(0.36, 0.22, DVec2::new(at.x + 0.95, at.y * 0.8).length());
-        let color = nail.lerp(nail_edge, smoothstep(0.66, 0.80, at.x)).lerp(nail_edge, 0.55 * lunula);
-        Look { color: color.clamp(DVec3::ZERO, DVec3::ONE), height: 0.0 }
+        let nail = nail.lerp(nail_edge, smoothstep(0.74, 0.86, at.x)).lerp(nail_edge, 0.55 * lunula);
+        *color = color.lerp(crease, 0.4 * fold).lerp(nail, part);
+        *height *= 1.0 - part;
     }
 }
 

@@ -85,7 +85,7 @@ fn a_capture_is_the_same_each_time_and_holds_the_hand_in_every_image() {
 #[test]
 fn the_true_hand_is_not_the_template_under_linear_skinning() {
     let model = template(CaptureFormat::Ghand).unwrap();
-    let hand = TrueHand::new(&model, 7).unwrap();
+    let hand = true_hand(&options()).unwrap();
     let anatomy = anatomy::Anatomy::of(&model);
     assert_eq!(anatomy.fingers.len(), 5);
     let motion = |seed| trajectory::trajectory(&anatomy, model.joint_count(), 6, seed);
@@ -118,7 +118,7 @@ fn index_finger(bend: f64) -> Pose {
 
 #[test]
 fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
-    let hand = TrueHand::new(&template(CaptureFormat::Ghand).unwrap(), 7).unwrap();
+    let hand = true_hand(&options()).unwrap();
     let anatomy = &hand.anatomy;
     let finger = &anatomy.fingers[0];
     let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));
@@ -153,7 +153,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
 #[test]
 fn two_identities_differ_from_the_template_and_from_each_other_in_shape() {
     let model = template(CaptureFormat::Ghand).unwrap();
-    let joints = [1, 2].map(|identity| TrueHand::new(&model, identity).unwrap().model.joints);
+    let joints = [1, 2].map(|identity| random_hand(&model, identity).unwrap().joints);
     let bones = |joints: &[DVec3]| -> Vec<f64> {
         let parents = model.parents.iter().enumerate().filter_map(|(k, parent)| Some((k, (*parent)?)));
         parents.map(|(k, parent)| joints[k].distance(joints[parent])).collect()

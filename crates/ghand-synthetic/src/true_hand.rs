@@ -1,22 +1,19 @@
 //! The hand in the images: in another shape, with a finer mesh and skin.
 //!
-//! Its shape is [`random_shape`]'s. It has no pose correctives: volume-preserving skinning poses it, and its folds.
+//! It has no pose correctives: volume-preserving skinning poses it, and its folds.
 
 use ghand_capture::interhand::Landmarks;
 use ghand_core::mesh::{RenderMesh, Texture};
-use ghand_core::posing::shape_hand;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::HandModelError;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::anatomy::{Anatomy, NailPart, SkinPoint};
+use super::anatomy::{Anatomy, SkinPoint};
 use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::light_visibility::LightVisibility;
-use super::random_shape::random_shape;
 use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
@@ -50,11 +47,11 @@ pub(super) struct PosedHand {
 }
 
 impl TrueHand {
-    /// Gives the template a shape by the seed and grows skin on the result.
-    pub(super) fn new(template: &HandModel, seed: u64) -> Result<TrueHand, HandModelError> {
-        let shaped = shape_hand(template, &random_shape(template, seed))?;
-        let mut model =
-            HandModel { vertices: shaped.vertices, joints: shaped.joints, ..template.without_blend_shapes() };
+    /// Grows skin on a hand ([`random_hand`]) by the seed.
+    ///
+    /// [`random_hand`]: super::random_shape::random_hand
+    pub(super) fn new(hand: &HandModel, seed: u64) -> TrueHand {
+        let mut model = hand.without_blend_shapes();
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
@@ -67,20 +64,18 @@ impl TrueHand {
         let finger_weights: Vec<Vec<f64>> =
             (0..model.vertices.len()).map(|v| anatomy.finger_weights(model.vertex_weights(v))).collect();
         let normals = model.vertex_normals(&model.vertices);
-        let face_nails = face_nails(&anatomy, model.faces.len());
-        let vertex_nails = vertex_nails(&model, &face_nails);
         let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let (position, normal, nail) = (model.vertices[v], normals[v], vertex_nails[v]);
-                let point = SkinPoint { position, normal, finger_weights: &finger_weights[v], nail };
+                let (position, normal) = (model.vertices[v], normals[v]);
+                let point = SkinPoint { position, normal, finger_weights: &finger_weights[v] };
                 (skin.look(&point), folds.at(&point))
             })
             .collect();
-        let atlas = Atlas::new(&model, &normals, &finger_weights, &face_nails, &skin, &folds);
+        let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
         let light_visibility = LightVisibility::new(&anatomy, &model);
         let mesh = RenderMesh::from_model(&model);
-        Ok(TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model })
+        TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model }
     }
 
     /// Rest positions with the relief of a pose.
@@ -119,27 +114,4 @@ impl TrueHand {
         let mut points = joints.chain(tips).map(|p| p + pose.translation);
         std::array::from_fn(|_| points.next().unwrap_or_default())
     }
-}
-
-/// The part of a nail that each face of the subdivided mesh is on. Subdivision divides each face into four in its place.
-fn face_nails(anatomy: &Anatomy, faces: usize) -> Vec<Option<NailPart>> {
-    let parts = 4usize.pow(SUBDIVISIONS as u32);
-    let mut nails = vec![None; faces];
-    let mut mark = |coarse: &[u32], part: NailPart| {
-        coarse.iter().map(|&face| face as usize * parts).for_each(|i| nails[i..i + parts].fill(Some(part)));
-    };
-    for (finger, plate) in anatomy.fingers.iter().enumerate().filter_map(|(i, f)| Some((i, f.nail.as_ref()?))) {
-        mark(&plate.faces, NailPart::Plate(finger));
-        mark(&plate.groove, NailPart::Groove);
-    }
-    nails
-}
-
-/// The part of a nail that each vertex is on, borders included: there is no relief.
-fn vertex_nails(model: &HandModel, face_nails: &[Option<NailPart>]) -> Vec<Option<NailPart>> {
-    let mut nails = vec![None; model.vertices.len()];
-    for (face, nail) in model.faces.iter().zip(face_nails).filter(|(_, nail)| nail.is_some()) {
-        face.iter().for_each(|&v| nails[v as usize] = *nail);
-    }
-    nails
 }
