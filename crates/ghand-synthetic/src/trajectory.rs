@@ -62,7 +62,9 @@ impl Gesture {
                 [vary(rng, 1.15 * closed), vary(rng, 0.04 + 1.40 * closed), vary(rng, 0.03 + 0.85 * closed)]
             });
             // Fingers at the edge spread most; closed fingers cannot.
-            let across = finger.points[0].z - anatomy.wrist.z;
+            // The procedural hand's wrist is at the origin up to rounding, which should not change its motions.
+            let wrist = if anatomy.folded_thumb.is_some() { anatomy.wrist.z } else { 0.0 };
+            let across = finger.points[0].z - wrist;
             let side = if finger.is_thumb { 0.0 } else { across / (0.035 * anatomy.scale) };
             gesture.spreads.push(0.12 * spread * side * (1.0 - closed) + between(rng, -0.02, 0.02));
         }
