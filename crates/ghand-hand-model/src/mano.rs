@@ -6,6 +6,7 @@
 
 mod build;
 mod fields;
+mod layout;
 mod named_arrays;
 mod side;
 mod write;
@@ -20,6 +21,7 @@ use super::obj::read_obj_uvs;
 use super::uv_atlas::build_atlas;
 use crate::HandModelError;
 use fields::Fields;
+pub use layout::in_mano_layout;
 pub use named_arrays::NamedArrays;
 pub use write::write_mano;
 

@@ -1,7 +1,11 @@
 //! Positions of the parts of a hand: fingers, their tips, backs and sides, computed from the hand model alone.
 
 use ghand_core::HandModel;
+use ghand_hand_model::joint_names::{Finger as FingerName, finger_joints};
+use ghand_hand_model::named_poses::named_pose;
 use glam::{DVec2, DVec3};
+
+use super::nails::{LastBone, NailPlate};
 
 /// One finger: three joints in a row and a tip.
 #[derive(Debug, Clone)]
@@ -16,6 +20,8 @@ pub(crate) struct Finger {
     pub radius: f64,
     /// Whether it is the thumb.
     pub is_thumb: bool,
+    /// Its nail, if the mesh models it.
+    pub(super) nail: Option<NailPlate>,
 }
 
 impl Finger {
@@ -33,25 +39,45 @@ impl Finger {
 /// The fingers of a right hand: fingers along -Y, back of the hand +X, thumb side -Z.
 #[derive(Debug, Clone)]
 pub(crate) struct Anatomy {
-    /// In the order of the model's joints.
+    /// In MANO's order: index, middle, little, ring finger, thumb.
     pub fingers: Vec<Finger>,
+    /// Rest position of the wrist, metres.
+    pub wrist: DVec3,
     /// Distance from the wrist to the farthest finger base relative to a usual hand's 90 mm.
     pub scale: f64,
+    /// Of a hand with modelled nails, which is shaped like a person's: rotations of the thumb's joints that lay it over
+    /// the fingers of a fist, axis-angle, radians.
+    pub folded_thumb: Option<[DVec3; 3]>,
 }
 
+/// The order of [`Anatomy::fingers`].
+const FINGERS: [FingerName; 5] =
+    [FingerName::Index, FingerName::Middle, FingerName::Little, FingerName::Ring, FingerName::Thumb];
+
 impl Anatomy {
-    /// The anatomy of a model whose fingers are chains of three joints below the root.
+    /// The anatomy of a model whose joint names identify the three joints of each finger.
     pub fn of(model: &HandModel) -> Anatomy {
-        let child_of = |parent: usize| (0..model.joint_count()).find(|&k| model.parents[k] == Some(parent));
-        let fingers: Vec<Finger> = (0..model.joint_count())
-            .filter(|&k| model.parents[k] == Some(0))
-            .filter_map(|base| {
-                let middle = child_of(base)?;
-                Some(finger(model, [base, middle, child_of(middle)?]))
-            })
-            .collect();
+        let fingers: Vec<Finger> =
+            FINGERS.into_iter().filter_map(|name| Some(finger(model, name, finger_joints(name, model)?))).collect();
         let reach = fingers.iter().map(|f| (f.points[0] - model.joints[0]).length()).fold(0.0, f64::max);
-        Anatomy { fingers, scale: reach / 0.090 }
+        let thumb = fingers.iter().find(|f| f.is_thumb && f.nail.is_some()).map(|f| f.joints);
+        let fist = thumb.and_then(|joints| Some((joints, named_pose("fist", model)?)));
+        let folded_thumb = fist.map(|(joints, fist)| joints.map(|joint| fist.rotations[joint]));
+        Anatomy { fingers, wrist: model.joints[0], scale: reach / 0.090, folded_thumb }
+    }
+
+    /// A position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side; metres.
+    pub(super) fn on_palm(&self, position: DVec3) -> DVec2 {
+        let offset = position - self.wrist;
+        DVec2::new(-offset.y, offset.z)
+    }
+
+    /// A point of the palm, metres as in [`Anatomy::on_palm`], from its place between the knuckles: `along` is 0 at the
+    /// wrist and 1 at the knuckles, `across` 0 at the index finger and 1 at the little finger.
+    pub(super) fn between_knuckles(&self, along: f64, across: f64) -> DVec2 {
+        let knuckle = |i: usize| self.fingers.get(i).map_or(DVec2::ZERO, |f| self.on_palm(f.points[0]));
+        let base = knuckle(0).lerp(knuckle(2), across);
+        DVec2::new(base.x * along, base.y)
     }
 
     /// 1 where the skin faces away from the palm, -1 where it faces in the palm's direction.
@@ -84,15 +110,9 @@ impl SkinPoint<'_> {
     pub(super) fn palm_part(&self) -> f64 {
         1.0 - self.finger_weights.iter().sum::<f64>().clamp(0.0, 1.0)
     }
-
-    /// Its position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side;
-    /// metres.
-    pub(super) fn on_palm(&self) -> DVec2 {
-        DVec2::new(-self.position.y, self.position.z)
-    }
 }
 
-fn finger(model: &HandModel, joints: [usize; 3]) -> Finger {
+fn finger(model: &HandModel, name: FingerName, joints: [usize; 3]) -> Finger {
     let [base, middle, last] = joints.map(|j| model.joints[j]);
     let along = (last - middle).normalize();
     let of_tip: Vec<DVec3> = (0..model.vertices.len())
@@ -106,14 +126,15 @@ fn finger(model: &HandModel, joints: [usize; 3]) -> Finger {
         .map(|p| p.reject_from(along).length())
         .collect();
     let radius = across.iter().sum::<f64>() / across.len().max(1) as f64;
-    let is_thumb = model.joint_names[joints[0]].contains("thumb");
+    let is_thumb = name == FingerName::Thumb;
     // The thumb is rotated relative to the fingers: its nail faces away from the palm and to its own side.
     let facing = if is_thumb { DVec3::new(0.75, 0.0, -0.65) } else { DVec3::X };
-    Finger {
-        joints,
-        points: [base, middle, last, last + along * length],
-        dorsal: facing.reject_from(along).normalize(),
-        radius,
-        is_thumb,
-    }
+    let dorsal = facing.reject_from(along).normalize();
+    let tip = last + along * length;
+    let nail = NailPlate::of(model, &LastBone { joint: joints[2], along, tip, length, dorsal });
+    let dorsal = match &nail {
+        Some(nail) if is_thumb => nail.normal.reject_from(along).normalize(),
+        _ => dorsal,
+    };
+    Finger { joints, points: [base, middle, last, tip], dorsal, radius, is_thumb, nail }
 }

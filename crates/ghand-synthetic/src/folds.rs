@@ -84,12 +84,12 @@ pub(super) struct Folds<'a> {
 
 impl Folds<'_> {
     pub(super) fn new(anatomy: &Anatomy, seed: u64) -> Folds<'_> {
-        let s = anatomy.scale;
-        let line = |points: [(f64, f64); 4]| cubic(points.map(|(along, across)| DVec2::new(along, across) * s));
+        let line =
+            |points: [(f64, f64); 4]| cubic(points.map(|(along, across)| anatomy.between_knuckles(along, across)));
         let palm_lines = vec![
-            line([(0.066, 0.042), (0.058, 0.018), (0.066, -0.004), (0.083, -0.013)]),
-            line([(0.066, -0.034), (0.062, -0.012), (0.054, 0.010), (0.038, 0.026)]),
-            line([(0.067, -0.034), (0.062, -0.008), (0.034, 0.002), (0.012, -0.002)]),
+            line([(0.86, 1.10), (0.76, 0.68), (0.84, 0.36), (1.04, 0.22)]),
+            line([(0.75, -0.12), (0.70, 0.26), (0.63, 0.54), (0.47, 0.80)]),
+            line([(0.76, -0.12), (0.70, 0.31), (0.38, 0.43), (0.15, 0.38)]),
         ];
         Folds { anatomy, seed, palm_lines }
     }
@@ -99,7 +99,8 @@ impl Folds<'_> {
         let palm_part = point.palm_part();
         let mut folds = vec![self.palm(point, palm_part)];
         for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.finger_weights).enumerate() {
-            if membership + palm_part <= 0.2 {
+            let on_nail = finger.nail.as_ref().is_some_and(|nail| nail.part_of(point.position, point.normal) > 0.5);
+            if membership + palm_part <= 0.2 || on_nail && membership > 0.5 {
                 continue;
             }
             for k in 0..3 {
@@ -127,7 +128,7 @@ impl Folds<'_> {
             let faint = 0.7 + 0.3 * noise(point.position, 0.012 * s, self.seed + 55);
             let wobble = 0.0008 * s * noise(point.position, 0.005 * s, self.seed + 50);
             for line in &self.palm_lines {
-                let d = distance(line, point.on_palm()) + wobble;
+                let d = distance(line, self.anatomy.on_palm(point.position)) + wobble;
                 Fold::add(&mut fold.crease, [0.32, 0.75], on_palm * faint * bump(d, 0.0009 * s));
                 Fold::add(&mut fold.height, [-0.0004, -0.0011], s * on_palm * bump(d, 0.0013 * s));
                 Fold::add(&mut fold.height, [0.0, 0.0004], s * on_palm * bump(d.abs() - 0.003 * s, 0.0018 * s));
@@ -152,9 +153,9 @@ impl Folds<'_> {
         let s = self.anatomy.scale;
         let on_back = smoothstep(0.35, 0.75, self.anatomy.facing(point)) * palm_part;
         if on_back > 0.0 {
-            let knuckle = DVec2::new(-finger.points[0].y, finger.points[0].z);
+            let knuckle = self.anatomy.on_palm(finger.points[0]);
             let line = [DVec2::new(0.012 * s, knuckle.y * 0.3), knuckle];
-            let ridge = on_back * bump(distance(&line, point.on_palm()), 0.0026 * s);
+            let ridge = on_back * bump(distance(&line, self.anatomy.on_palm(point.position)), 0.0026 * s);
             Fold::add(&mut fold.height, [0.0008, 0.0002], s * ridge);
             Fold::add(&mut fold.pale, [0.18, 0.04], ridge);
         }
@@ -174,10 +175,10 @@ impl Folds<'_> {
         for line in lines {
             let d = along + warp - line * s;
             Fold::add(&mut fold.crease, [0.34, 0.85], below * faint * bump(d, 0.00075 * s));
-            Fold::add(&mut fold.height, [-0.0004, -0.0011], s * below * bump(d, 0.0011 * s));
+            Fold::add(&mut fold.height, [-0.0003, -0.0008], s * below * bump(d, 0.0011 * s));
         }
         let beside = bump(along.abs() - 0.0036 * s, 0.0020 * s);
-        Fold::add(&mut fold.height, [0.0, 0.0006], s * below * beside);
+        Fold::add(&mut fold.height, [0.0, 0.0004], s * below * beside);
     }
 
     /// Folds on the back of a joint, which curve away from its middle and stretch out when it bends.
@@ -189,11 +190,13 @@ impl Folds<'_> {
         }
         let warp = 0.0007 * s * noise(point.position, 0.004 * s, self.seed + 70);
         let (along, across) = distances(finger, k, point);
+        // The thumb's base is wider than its folds.
+        let beside = smoothstep(1.15, 0.9, across.abs() / finger.radius);
         let reach = [0.0, 0.0042, 0.0026][k] * s;
         for i in -2..=2 {
             let center = f64::from(i) * 0.0019 * s;
-            let bowed = along + warp - center * (1.0 - 0.35 * (across / (0.006 * s)).powi(2));
-            let depth = above * bump(bowed, 0.00055 * s) * bump(center, reach);
+            let bowed = along + warp - center * (1.0 - 0.35 * (across / (0.006 * s)).powi(2).min(2.0));
+            let depth = above * beside * bump(bowed, 0.00055 * s) * bump(center, reach);
             Fold::add(&mut fold.crease, [0.45, 0.02], depth);
             Fold::add(&mut fold.height, [-0.00035, 0.0], s * depth);
         }

@@ -1,8 +1,9 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
-//! The true hand has other lengths than the template (by up to 6 %), a finer mesh, relief and skin that follow the
-//! pose, and volume-preserving skinning, so that the template with plain linear blend skinning has the usual errors of
-//! templates. Training poses have the errors of a tracker; test poses and truth are exact. The same options give the
+//! The template is the built-in right hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
+//! The true hand is the same in the shape of a random person (`random_shape.rs`: lengths differ by up to 6 % or so), with
+//! a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with plain
+//! linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest. Training poses have the errors of a tracker; test poses and truth are exact. The same options give the
 //! same capture, up to the renderer's rounding.
 
 pub(crate) mod anatomy;
@@ -13,7 +14,9 @@ mod curve;
 mod draw;
 mod folds;
 mod light_visibility;
+mod nails;
 mod noise;
+mod random_shape;
 mod skin;
 mod skinning;
 mod subdivision;
@@ -29,12 +32,14 @@ use ghand_capture::camera_sampling::farthest_point_sampling;
 use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
 use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
-use ghand_core::{Camera, Pose, Side};
-use ghand_hand_model::mano::write_mano;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_core::{Camera, HandModel, Pose, Side};
+use ghand_hand_model::HandModelError;
+use ghand_hand_model::builtin::builtin_hand;
+use ghand_hand_model::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
 use draw::draw;
+use random_shape::random_hand;
 use trajectory::PoseNoise;
 use true_hand::TrueHand;
 
@@ -52,8 +57,9 @@ pub enum CaptureFormat {
 /// More are probably a mistake.
 const MOST_CAMERAS: usize = 1000;
 const MOST_FRAMES: usize = 100_000;
-/// Pixels around the hand, because readers of InterHand2.6M skip hands within ten pixels of the border.
-const INTERHAND_BORDER: f64 = 12.0;
+/// Pixels around the hand without its relief, because readers of InterHand2.6M skip hands within ten pixels of the
+/// border.
+const INTERHAND_BORDER: f64 = 14.0;
 /// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers require.
 const INTERHAND_LEAST: u32 = 160;
 
@@ -174,10 +180,10 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
     let workshop =
         tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("create the folder"))?;
 
-    let template = ProceduralHand::default();
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
-    let true_hand = TrueHand::new(&template, options.identity).map_err(model_error)?;
-    let mut capture = plan(options, &template, &true_hand, workshop.path()).map_err(model_error)?;
+    let template = template(options.format).map_err(model_error)?;
+    let true_hand = true_hand(options).map_err(model_error)?;
+    let mut capture = plan(options, template, &true_hand, workshop.path());
     match options.format {
         CaptureFormat::Ghand => {
             draw(&capture, &true_hand, render)?;
@@ -249,20 +255,35 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     Ok(())
 }
 
+/// The template of a format.
+fn template(format: CaptureFormat) -> Result<HandModel, HandModelError> {
+    with_joints_of(format, builtin_hand(Side::Right)?)
+}
+
+/// The hand in the images.
+fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
+    let person = random_hand(&builtin_hand(Side::Right)?, options.identity)?;
+    Ok(TrueHand::new(&with_joints_of(options.format, person)?, options.identity))
+}
+
+/// The model with the joints of a format's poses: InterHand2.6M's are MANO's.
+fn with_joints_of(format: CaptureFormat, model: HandModel) -> Result<HandModel, HandModelError> {
+    match format {
+        CaptureFormat::Ghand => Ok(model),
+        CaptureFormat::InterHand => in_mano_layout(&model)
+            .ok_or_else(|| HandModelError::invalid(model.name, "joints", "their names do not identify the fingers")),
+    }
+}
+
 /// The capture without its pictures.
-fn plan(
-    options: &SyntheticOptions,
-    template: &ProceduralHand,
-    true_hand: &TrueHand,
-    root: &Path,
-) -> Result<Capture, ghand_hand_model::HandModelError> {
-    let hand_model = template.build()?;
+fn plan(options: &SyntheticOptions, hand_model: HandModel, true_hand: &TrueHand, root: &Path) -> Capture {
     let anatomy = anatomy::Anatomy::of(&hand_model);
     let joint_count = hand_model.joint_count();
     let train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, options.seed);
     let test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, options.seed);
     let noise = PoseNoise { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
-    let given: Vec<Pose> = trajectory::noisy(&train, &noise, options.seed).into_iter().chain(test.clone()).collect();
+    let given: Vec<Pose> =
+        trajectory::noisy(&anatomy, &train, &noise, options.seed).into_iter().chain(test.clone()).collect();
     let truth: Vec<Pose> = train.into_iter().chain(test).collect();
 
     let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
@@ -284,18 +305,18 @@ fn plan(
         ("test".to_owned(), Split::product(test_cameras, (options.train_frames..truth.len()).collect())),
     ]);
     let frames = given.into_iter().enumerate().map(|(i, pose)| Frame { id: format!("{i:04}"), pose, shape: vec![] });
-    Ok(Capture {
+    Capture {
         root: root.into(),
         side: Side::Right,
         background: [0.0; 3],
         template: hand_model.clone(),
         hand_model,
-        hand_model_source: HandModelSource::Procedural(template.clone()),
+        hand_model_source: HandModelSource::Builtin,
         cameras,
         distortion: vec![],
         frames: frames.collect(),
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits,
         truth: Some(truth.into_iter().map(Some).collect()),
-    })
+    }
 }

@@ -20,6 +20,8 @@ struct Ball {
 /// The balls of a hand.
 pub(super) struct LightVisibility {
     balls: Vec<Ball>,
+    /// How much of each vertex belongs to the palm, whose balls move with the wrist.
+    palm_parts: Vec<f64>,
 }
 
 impl LightVisibility {
@@ -42,7 +44,8 @@ impl LightVisibility {
                 }
             }
         }
-        LightVisibility { balls }
+        let palm_part = |v: usize| 1.0 - anatomy.finger_weights(model.vertex_weights(v)).iter().sum::<f64>().min(1.0);
+        LightVisibility { balls, palm_parts: (0..model.vertices.len()).map(palm_part).collect() }
     }
 
     /// The fraction of the light that reaches each vertex, `[0, 1]`.
@@ -60,7 +63,7 @@ impl LightVisibility {
                     // A ball covers cos x (r/d)^2 of the ambient light; flesh does not shade itself.
                     let cosine = n.dot(towards) / squared.sqrt();
                     if cosine > 0.0 {
-                        let own = weights[ball.joint];
+                        let own = if ball.joint == 0 { self.palm_parts[v] } else { weights[ball.joint] };
                         light_visibility *=
                             1.0 - (1.0 - own) * cosine * (ball.radius * ball.radius / squared).min(1.0) * 0.8;
                     }

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 use super::anatomy::{Anatomy, Finger, SkinPoint};
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
+use super::nails::NailPlate;
 use super::noise::{bump, fractal, lattice, noise, smoothstep};
 
 /// The skin at a point.
@@ -28,13 +29,13 @@ pub(super) struct Skin<'a> {
 impl<'a> Skin<'a> {
     pub(super) fn new(anatomy: &'a Anatomy, complexion: &'a Complexion, seed: u64) -> Skin<'a> {
         let s = anatomy.scale;
-        let curve = |points: [(f64, f64); 4]| cubic(points.map(|(along, across)| DVec2::new(along, across) * s));
-        let knuckles: Vec<DVec3> = anatomy.fingers.iter().filter(|f| !f.is_thumb).map(|f| f.points[0]).collect();
+        let fingers = anatomy.fingers.iter().filter(|f| !f.is_thumb);
+        let knuckles: Vec<DVec2> = fingers.map(|f| anatomy.on_palm(f.points[0])).collect();
         let mut veins = Vec::new();
         for (i, pair) in sorted_by_across(&knuckles).windows(2).enumerate() {
             // Veins start between the knuckles and run in waves towards the wrist.
             let top = (pair[0] + pair[1]) * 0.5;
-            let top = DVec2::new(-top.y * 0.97, top.z);
+            let top = DVec2::new(top.x * 0.97, top.y);
             let waver = |k: u64| (lattice(i as i64, k as i64, 0, seed) - 0.5) * 0.016 * s;
             let foot = DVec2::new(0.002 * s, top.y * 0.45 + waver(0));
             veins.push(cubic([
@@ -44,7 +45,8 @@ impl<'a> Skin<'a> {
                 foot,
             ]));
         }
-        veins.push(curve([(0.060, -0.022), (0.052, -0.008), (0.044, 0.006), (0.036, 0.012)]));
+        let branch = [(0.68, 0.13), (0.59, 0.31), (0.51, 0.49), (0.43, 0.56)];
+        veins.push(cubic(branch.map(|(along, across)| anatomy.between_knuckles(along, across))));
         Skin { anatomy, complexion, seed, veins }
     }
 
@@ -70,8 +72,8 @@ impl<'a> Skin<'a> {
             if membership + palm_part > 0.2 {
                 self.knuckles(finger, point, membership, &mut color, &mut height);
             }
-            if membership > 0.5 {
-                self.nail(finger, point, &mut color, &mut height);
+            if let Some(plate) = finger.nail.as_ref().filter(|_| membership > 0.5) {
+                self.nail(plate, point, &mut color, &mut height);
             }
         }
         Look { color: color.clamp(DVec3::ZERO, DVec3::ONE), height }
@@ -79,7 +81,7 @@ impl<'a> Skin<'a> {
 
     fn veins(&self, point: &SkinPoint, palm_part: f64, facing: f64, color: &mut DVec3, height: &mut f64) {
         let s = self.anatomy.scale;
-        let at = point.on_palm();
+        let at = self.anatomy.on_palm(point.position);
         let on_back = smoothstep(0.35, 0.75, facing) * palm_part;
         if on_back > 0.0 {
             for (i, vein) in self.veins.iter().enumerate() {
@@ -124,29 +126,22 @@ impl<'a> Skin<'a> {
         *color = color.lerp(self.complexion.blood, 0.30 * tip * membership);
     }
 
-    fn nail(&self, finger: &Finger, point: &SkinPoint, color: &mut DVec3, height: &mut f64) {
-        let axis = finger.direction(2);
-        let offset = point.position - finger.points[3];
-        let facing = point.normal.dot(finger.dorsal);
-        let (half_length, half_width) = (0.72 * finger.radius, 0.74 * finger.radius);
-        // From the free edge, a little behind the outermost point of the tip, backwards.
-        let along = (offset.dot(axis) + 0.22 * finger.radius + half_length) / half_length;
-        let across = offset.dot(finger.dorsal.cross(axis)) / half_width;
-        let shape = (along.abs().powf(3.5) + across.abs().powf(3.0)).powf(0.3);
-        let up = smoothstep(0.05, 0.3, facing);
-        let inside = up * smoothstep(1.04, 0.94, shape);
-        let fold = up * bump(shape - 1.09, 0.09) * smoothstep(0.9, 0.3, along);
-        let Complexion { nail, nail_edge, .. } = *self.complexion;
-        let mut nail = nail.lerp(nail_edge, smoothstep(0.72, 0.86, along));
-        // The lunula.
-        nail = nail.lerp(nail_edge, 0.55 * smoothstep(0.36, 0.22, DVec2::new(along + 0.95, across * 0.8).length()));
-        *color = color.lerp(self.complexion.crease, 0.45 * fold).lerp(nail, inside);
-        *height += finger.radius * (0.035 * fold - 0.05 * bump(shape - 1.0, 0.06) * up + 0.02 * inside);
+    /// A nail, smooth as its mesh, and the fold of skin around it.
+    fn nail(&self, plate: &NailPlate, point: &SkinPoint, color: &mut DVec3, height: &mut f64) {
+        let (at, out) = (plate.coordinates(point.position), plate.eccentricity(point.position));
+        let part = plate.part_of(point.position, point.normal);
+        let Complexion { nail, nail_edge, crease, .. } = *self.complexion;
+        let up = smoothstep(0.05, 0.3, point.normal.dot(plate.normal));
+        let fold = up * bump(out - 1.06, 0.06) * smoothstep(0.95, 0.6, at.x);
+        let lunula = smoothstep(0.36, 0.22, DVec2::new(at.x + 0.95, at.y * 0.8).length());
+        let nail = nail.lerp(nail_edge, smoothstep(0.74, 0.86, at.x)).lerp(nail_edge, 0.55 * lunula);
+        *color = color.lerp(crease, 0.4 * fold).lerp(nail, part);
+        *height *= 1.0 - part;
     }
 }
 
-fn sorted_by_across(points: &[DVec3]) -> Vec<DVec3> {
+fn sorted_by_across(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a.z.total_cmp(&b.z));
+    sorted.sort_by(|a, b| a.y.total_cmp(&b.y));
     sorted
 }

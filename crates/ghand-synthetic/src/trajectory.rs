@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::anatomy::Anatomy;
+use super::anatomy::{Anatomy, Finger};
 
 /// A gesture, in numbers that can be interpolated.
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ struct Gesture {
     translation: DVec3,
 }
 
-/// How far each finger is closed (0 to 1), index, middle, little, ring, thumb, in well-known hand shapes.
+/// How far each finger is closed (0 to 1), in the order of [`Anatomy::fingers`], in well-known hand shapes.
 const SHAPES: [[f64; 5]; 9] = [
     [0.02, 0.0, 0.05, 0.0, 0.0],
     [0.95, 1.0, 0.95, 1.0, 0.8],
@@ -35,6 +35,13 @@ const SHAPES: [[f64; 5]; 9] = [
     [0.9, 0.9, 0.1, 0.9, 0.1],
     [0.15, 0.5, 0.8, 0.7, 0.3],
 ];
+
+/// Bends of the thumb's joints where it is closed, radians.
+const LARGEST_BENDS_OF_THUMB: [f64; 3] = [0.45, 0.50, 0.80];
+/// How much farther than the procedural hand's a person's fingers close.
+const HUMAN_BEND: f64 = 1.15;
+/// The part of the angle between fingers that is gone where their knuckles are bent at right angles.
+const CONVERGENCE: f64 = 0.5;
 
 fn between(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.random::<f64>()
@@ -55,7 +62,10 @@ impl Gesture {
                 [vary(rng, 1.15 * closed), vary(rng, 0.04 + 1.40 * closed), vary(rng, 0.03 + 0.85 * closed)]
             });
             // Fingers at the edge spread most; closed fingers cannot.
-            let side = if finger.is_thumb { 0.0 } else { finger.points[0].z / (0.035 * anatomy.scale) };
+            // The procedural hand's wrist is at the origin up to rounding, which should not change its motions.
+            let wrist = if anatomy.folded_thumb.is_some() { anatomy.wrist.z } else { 0.0 };
+            let across = finger.points[0].z - wrist;
+            let side = if finger.is_thumb { 0.0 } else { across / (0.035 * anatomy.scale) };
             gesture.spreads.push(0.12 * spread * side * (1.0 - closed) + between(rng, -0.02, 0.02));
         }
         let direction = |rng: &mut ChaCha8Rng| DVec3::from_array([0; 3].map(|_| between(rng, -1.0, 1.0)));
@@ -89,20 +99,49 @@ impl Gesture {
             *root = self.root;
         }
         for (i, finger) in anatomy.fingers.iter().enumerate() {
-            for (k, &joint) in finger.joints.iter().enumerate() {
-                let mut turn = rotation_from_axis_angle(finger.bend_axis(k) * self.bends[i][k]);
-                if k == 0 {
-                    turn = rotation_from_axis_angle(finger.dorsal * -self.spreads[i]) * turn;
-                }
-                if k == 0 && finger.is_thumb {
-                    // Opposition: the thumb swings across the palm and turns its pad towards the fingers.
-                    let closed = self.bends[i][0] / 0.45;
-                    turn = rotation_from_axis_angle(DVec3::new(0.1, -0.35, 0.35) * closed) * turn;
-                }
-                pose.rotations[joint] = axis_angle(turn);
-            }
+            let rotations = match &anatomy.folded_thumb {
+                None => self.mannequin_finger(finger, i),
+                Some(folded) if finger.is_thumb => self.human_thumb(finger, folded, i),
+                Some(_) => self.human_finger(finger, i),
+            };
+            finger.joints.iter().zip(rotations).for_each(|(&joint, rotation)| pose.rotations[joint] = rotation);
         }
         pose
+    }
+
+    /// Rotations of finger `i` of the procedural hand.
+    fn mannequin_finger(&self, finger: &Finger, i: usize) -> [DVec3; 3] {
+        [0, 1, 2].map(|k| {
+            let mut turn = rotation_from_axis_angle(finger.bend_axis(k) * self.bends[i][k]);
+            if k == 0 {
+                turn = rotation_from_axis_angle(finger.dorsal * -self.spreads[i]) * turn;
+            }
+            if k == 0 && finger.is_thumb {
+                // Opposition: the thumb swings across the palm and turns its pad towards the fingers.
+                let closed = self.bends[i][0] / LARGEST_BENDS_OF_THUMB[0];
+                turn = rotation_from_axis_angle(DVec3::new(0.1, -0.35, 0.35) * closed) * turn;
+            }
+            axis_angle(turn)
+        })
+    }
+
+    /// Rotations of finger `i` of a hand whose fingers fan out at rest: they converge as they close, and close farther.
+    fn human_finger(&self, finger: &Finger, i: usize) -> [DVec3; 3] {
+        let bends = self.bends[i].map(|bend| bend * HUMAN_BEND);
+        let bone = finger.direction(0);
+        let fan = bone.z.atan2(-bone.y);
+        let spread = self.spreads[i] - CONVERGENCE * fan * (bends[0] / std::f64::consts::FRAC_PI_2);
+        let base = rotation_from_axis_angle(finger.dorsal * -spread)
+            * rotation_from_axis_angle(finger.bend_axis(0) * bends[0]);
+        [axis_angle(base), finger.bend_axis(1) * bends[1], finger.bend_axis(2) * bends[2]]
+    }
+
+    /// Rotations of the thumb, finger `i`, of a hand whose folded thumb is known.
+    fn human_thumb(&self, finger: &Finger, folded: &[DVec3; 3], i: usize) -> [DVec3; 3] {
+        let part = |k: usize| HUMAN_BEND * self.bends[i][k] / LARGEST_BENDS_OF_THUMB[k];
+        let base =
+            rotation_from_axis_angle(finger.dorsal * -self.spreads[i]) * rotation_from_axis_angle(folded[0] * part(0));
+        [axis_angle(base), folded[1] * part(1), folded[2] * part(2)]
     }
 }
 
@@ -110,7 +149,8 @@ fn axis_angle(rotation: DMat3) -> DVec3 {
     DQuat::from_mat3(&rotation).to_scaled_axis()
 }
 
-/// The natural motion of a synthetic capture's training frames, for a hand whose joints are those of the built-in one.
+/// The natural motion of a synthetic capture's training frames, for a right hand whose joint names identify the three
+/// joints of each finger. Other joints, such as metacarpals and tips, stay at rest.
 pub fn natural_motion(model: &HandModel, count: usize, seed: u64) -> Vec<Pose> {
     trajectory(&Anatomy::of(model), model.joint_count(), count, seed)
 }
@@ -150,8 +190,8 @@ pub(super) struct PoseNoise {
     pub translation: f64,
 }
 
-/// A tracker's possible estimates of true poses, independent in every frame.
-pub(super) fn noisy(poses: &[Pose], noise: &PoseNoise, seed: u64) -> Vec<Pose> {
+/// A tracker's possible estimates of true poses, independent in every frame. Joints that do not move have no errors.
+pub(super) fn noisy(anatomy: &Anatomy, poses: &[Pose], noise: &PoseNoise, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x9015E);
     // Box-Muller.
     let mut gaussian = || {
@@ -159,12 +199,16 @@ pub(super) fn noisy(poses: &[Pose], noise: &PoseNoise, seed: u64) -> Vec<Pose> {
         (-2.0 * u.ln()).sqrt() * (2.0 * PI * v).cos()
     };
     let mut vector = |sigma: f64| DVec3::new(gaussian(), gaussian(), gaussian()) * sigma;
-    (poses.iter())
-        .map(|pose| Pose {
-            rotations: (pose.rotations.iter().enumerate())
-                .map(|(k, r)| *r + vector(if k == 0 { noise.rotation * 0.5 } else { noise.rotation }))
-                .collect(),
-            translation: pose.translation + vector(noise.translation),
-        })
-        .collect()
+    let finger_joints = anatomy.fingers.iter().flat_map(|finger| finger.joints);
+    let moved: Vec<usize> = std::iter::once(0).chain(finger_joints).collect();
+    let estimate = |pose: &Pose| {
+        let mut estimate = pose.clone();
+        for &joint in &moved {
+            let sigma = if joint == 0 { noise.rotation * 0.5 } else { noise.rotation };
+            estimate.rotations[joint] += vector(sigma);
+        }
+        estimate.translation += vector(noise.translation);
+        estimate
+    };
+    poses.iter().map(estimate).collect()
 }

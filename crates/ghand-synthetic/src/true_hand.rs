@@ -1,18 +1,15 @@
-//! The hand in the images: with other lengths, a finer mesh and skin.
+//! The hand in the images: in another shape, with a finer mesh and skin.
+//!
+//! It has no pose correctives: volume-preserving skinning poses it, and its folds.
 
 use ghand_capture::interhand::Landmarks;
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::HandModelError;
-use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::anatomy::Anatomy;
-use super::anatomy::SkinPoint;
+use super::anatomy::{Anatomy, SkinPoint};
 use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
@@ -21,10 +18,9 @@ use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
 
-/// Largest relative difference of the true hand's lengths from the template's.
-const LENGTH_VARIATION: f64 = 0.06;
-/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre.
-const SUBDIVISIONS: usize = 2;
+/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre, and the template's are
+/// 3.6 mm long.
+const SUBDIVISIONS: usize = 3;
 
 /// The true hand, ready to be posed.
 pub(super) struct TrueHand {
@@ -51,9 +47,11 @@ pub(super) struct PosedHand {
 }
 
 impl TrueHand {
-    /// Varies the template's lengths by the seed and grows skin on the result.
-    pub(super) fn new(template: &ProceduralHand, seed: u64) -> Result<TrueHand, HandModelError> {
-        let mut model = varied(template, seed).build()?;
+    /// Grows skin on a hand ([`random_hand`]) by the seed.
+    ///
+    /// [`random_hand`]: super::random_shape::random_hand
+    pub(super) fn new(hand: &HandModel, seed: u64) -> TrueHand {
+        let mut model = hand.without_blend_shapes();
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
@@ -69,15 +67,15 @@ impl TrueHand {
         let looks = (0..model.vertices.len())
             .into_par_iter()
             .map(|v| {
-                let point =
-                    SkinPoint { position: model.vertices[v], normal: normals[v], finger_weights: &finger_weights[v] };
+                let (position, normal) = (model.vertices[v], normals[v]);
+                let point = SkinPoint { position, normal, finger_weights: &finger_weights[v] };
                 (skin.look(&point), folds.at(&point))
             })
             .collect();
         let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
         let light_visibility = LightVisibility::new(&anatomy, &model);
         let mesh = RenderMesh::from_model(&model);
-        Ok(TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model })
+        TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model }
     }
 
     /// Rest positions with the relief of a pose.
@@ -115,22 +113,5 @@ impl TrueHand {
         let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
         let mut points = joints.chain(tips).map(|p| p + pose.translation);
         std::array::from_fn(|_| points.next().unwrap_or_default())
-    }
-}
-
-fn varied(template: &ProceduralHand, seed: u64) -> ProceduralHand {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x4A7D);
-    let mut vary = |length: f64| length * (1.0 + LENGTH_VARIATION * (2.0 * rng.random::<f64>() - 1.0));
-    ProceduralHand {
-        left: template.left,
-        palm_length: vary(template.palm_length),
-        palm_width: vary(template.palm_width),
-        palm_thickness: vary(template.palm_thickness),
-        wrist_width: vary(template.wrist_width),
-        finger_lengths: template.finger_lengths.map(&mut vary),
-        finger_widths: template.finger_widths.map(&mut vary),
-        thumb_length: vary(template.thumb_length),
-        thumb_width: vary(template.thumb_width),
-        detail: template.detail,
     }
 }
