@@ -12,27 +12,39 @@ const OWN_SKIN: f64 = 0.012;
 ///
 /// A vertex is inside another part if the skin that is not its own ([`OWN_SKIN`]) winds more than once around it
 /// (generalised winding number, Jacobson and others 2013): around a point of a plain surface that part winds once less
-/// what the vertex's own skin covers, about half. The depth is the distance to the nearest of that skin.
+/// what the vertex's own skin covers, about half. The depth is the distance to the nearest of that skin, or in a crease
+/// to skin that faces the vertex's.
 pub fn self_penetration(faces: &[[u32; 3]], rest: &[DVec3], posed: &[DVec3]) -> Vec<f64> {
     let corners = |points: &[DVec3], face: &[u32; 3]| face.map(|i| points[i as usize]);
     let middles: Vec<DVec3> = faces.iter().map(|face| corners(rest, face).iter().sum::<DVec3>() / 3.0).collect();
+    let areas: Vec<DVec3> = faces.iter().map(|face| area(corners(posed, face))).collect();
+    let mut normals = vec![DVec3::ZERO; posed.len()];
+    for (face, area) in faces.iter().zip(&areas) {
+        face.iter().for_each(|&i| normals[i as usize] += *area);
+    }
     let depth = |vertex: usize| {
-        let is_other = |middle: &DVec3| middle.distance_squared(rest[vertex]) > OWN_SKIN * OWN_SKIN;
-        let others = || faces.iter().zip(&middles).filter(|(_, middle)| is_other(middle));
         let at = posed[vertex];
-        let turns: f64 = others().map(|(face, _)| solid_angle(at, corners(posed, face))).sum();
+        let is_other = |face: usize| middles[face].distance_squared(rest[vertex]) > OWN_SKIN * OWN_SKIN;
+        let others = (0..faces.len()).filter(|face| is_other(*face));
+        let turns: f64 = others.map(|face| solid_angle(at, corners(posed, &faces[face]))).sum();
         if turns <= 4.0 * std::f64::consts::PI {
             return 0.0;
         }
-        let distances = others().map(|(face, _)| distance(at, corners(posed, face)));
-        distances.fold(f64::INFINITY, f64::min)
+        let is_outside = |face: &usize| is_other(*face) || areas[*face].dot(normals[vertex]) < 0.0;
+        let outside = (0..faces.len()).filter(is_outside);
+        outside.map(|face| distance(at, corners(posed, &faces[face]))).fold(f64::INFINITY, f64::min)
     };
-    (0..rest.len()).into_par_iter().map(depth).collect()
+    (0..posed.len()).into_par_iter().map(depth).collect()
 }
 
 /// The largest of [`self_penetration`], metres.
 pub fn deepest_penetration(faces: &[[u32; 3]], rest: &[DVec3], posed: &[DVec3]) -> f64 {
     self_penetration(faces, rest, posed).into_iter().fold(0.0, f64::max)
+}
+
+/// Twice the area of a triangle, along its normal.
+fn area([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
 }
 
 /// Solid angle of a triangle seen from a point, positive from behind (van Oosterom and Strackee 1983).
@@ -44,7 +56,7 @@ fn solid_angle(from: DVec3, corners: [DVec3; 3]) -> f64 {
 
 /// Distance of a point from a triangle.
 pub fn distance(from: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let normal = (b - a).cross(c - a);
+    let normal = area([a, b, c]);
     let beside = |p: DVec3, q: DVec3| (q - p).cross(from - p).dot(normal) < 0.0;
     let edge = |p: DVec3, q: DVec3| {
         let along = q - p;
