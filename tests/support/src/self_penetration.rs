@@ -32,7 +32,7 @@ pub fn self_penetration(faces: &[[u32; 3]], rest: &[DVec3], posed: &[DVec3]) -> 
         }
         let is_outside = |face: &usize| is_other(*face) || areas[*face].dot(normals[vertex]) < 0.0;
         let outside = (0..faces.len()).filter(is_outside);
-        outside.map(|face| distance(at, corners(posed, &faces[face]))).fold(f64::INFINITY, f64::min)
+        outside.map(|face| triangle_distance(at, corners(posed, &faces[face]))).fold(f64::INFINITY, f64::min)
     };
     (0..posed.len()).into_par_iter().map(depth).collect()
 }
@@ -55,7 +55,7 @@ fn solid_angle(from: DVec3, corners: [DVec3; 3]) -> f64 {
 }
 
 /// Distance of a point from a triangle.
-pub fn distance(from: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+pub fn triangle_distance(from: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let normal = area([a, b, c]);
     let beside = |p: DVec3, q: DVec3| (q - p).cross(from - p).dot(normal) < 0.0;
     let edge = |p: DVec3, q: DVec3| {
@@ -134,7 +134,7 @@ mod tests {
             (DVec3::new(-3.0, -4.0, 0.0), 5.0),
             (DVec3::new(1.0, 1.0, 0.0), 0.5f64.sqrt()),
         ] {
-            assert!((distance(from, corners) - expected).abs() < 1e-12, "{from}");
+            assert!((triangle_distance(from, corners) - expected).abs() < 1e-12, "{from}");
         }
     }
 }
