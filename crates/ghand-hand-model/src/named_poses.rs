@@ -24,7 +24,7 @@ struct Gesture {
 
 const STRAIGHT: [f64; 4] = [0.0; 4];
 // Of a fist. Flexed farther, the tips would be inside the palm, and the skin of two bones inside each other.
-const INDEX: [f64; 4] = [69.0, 76.0, 50.0, -6.0];
+const INDEX: [f64; 4] = [66.0, 76.0, 68.0, -6.0];
 const MIDDLE: [f64; 4] = [83.0, 80.0, 51.0, 0.0];
 const RING: [f64; 4] = [74.0, 82.0, 49.0, 1.0];
 const LITTLE: [f64; 4] = [74.0, 76.0, 34.0, -3.0];
@@ -50,14 +50,14 @@ fn gesture(name: &str) -> Option<Gesture> {
             [16.0, 7.0, 3.0, 8.0, 10.0],
         ),
         "spread" => ([sideways(8.0), STRAIGHT, sideways(7.0), sideways(13.0)], [-14.0, -3.0, 0.0, 0.0, -4.0]),
-        "fist" => ([INDEX, MIDDLE, RING, LITTLE], [22.0, 13.0, 12.0, 41.0, 44.0]),
+        "fist" => ([INDEX, MIDDLE, RING, LITTLE], [22.0, 12.0, 12.0, 39.0, 44.0]),
         "pinch" => (
             [INDEX_TO_THUMB, [34.0, 32.0, 18.0, 0.0], [27.0, 28.0, 16.0, 0.0], [22.0, 25.0, 15.0, 0.0]],
             THUMB_TO_INDEX,
         ),
         "point" => ([STRAIGHT, MIDDLE, RING, LITTLE], [38.0, 26.0, 12.0, 40.0, 46.0]),
         "victory" => ([sideways(9.0), sideways(-8.0), RING, LITTLE], [38.0, 12.0, 9.0, 40.0, 46.0]),
-        "three" => ([sideways(7.0), STRAIGHT, sideways(6.0), [72.0, 80.0, 40.0, -8.0]], [36.0, 0.0, 8.0, 40.0, 20.0]),
+        "three" => ([sideways(7.0), STRAIGHT, sideways(6.0), [79.0, 59.0, 28.0, -6.0]], [38.0, -9.0, -5.0, 40.0, 61.0]),
         "four" => ([sideways(6.0), STRAIGHT, sideways(5.0), sideways(10.0)], [1.0, -12.0, 12.0, 40.0, 51.0]),
         "thumbs-up" => ([INDEX, MIDDLE, RING, LITTLE], [-14.0, -7.0, 0.0, 0.0, -6.0]),
         "ok" => ([INDEX_TO_THUMB, [10.0, 13.0, 7.0, 0.0], [3.0, 6.0, 3.0, 3.0], [0.0, 2.0, 2.0, 8.0]], THUMB_TO_INDEX),

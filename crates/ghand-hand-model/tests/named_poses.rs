@@ -57,7 +57,7 @@ impl Posed {
     /// The least distance between two parts of the skin, metres, from the vertices of one to the triangles of the
     /// other, and the cosine between the normals there.
     fn gap(&self, from: &[usize], to: &[usize]) -> (f64, f64) {
-        let faces = self.model.faces.iter().filter(|face| face.iter().all(|i| to.contains(&(*i as usize))));
+        let faces = self.model.faces.iter().filter(|face| face.iter().any(|i| to.contains(&(*i as usize))));
         let pairs = faces.flat_map(|face| from.iter().map(move |i| (face, *i)));
         let distance = |(face, i): (&[u32; 3], usize)| {
             let normal: DVec3 = face.iter().map(|k| self.normals[*k as usize]).sum();
@@ -101,7 +101,7 @@ fn the_thumb_lies_on_the_folded_fingers() {
     ];
     for (name, bones) in folded {
         let posed = Posed::new(name, Side::Right);
-        let thumb = posed.skin(Finger::Thumb, 3);
+        let thumb = [posed.skin(Finger::Thumb, 2), posed.skin(Finger::Thumb, 3)].concat();
         for &(finger, bone) in bones {
             let (gap, _) = posed.gap(&thumb, &posed.skin(finger, bone));
             println!("{name}, {finger:?}: {:.2} mm", gap * 1e3);

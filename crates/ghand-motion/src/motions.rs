@@ -149,4 +149,6 @@ fn eased(part: f64) -> f64 {
 }
 
 #[cfg(test)]
+mod self_penetration_tests;
+#[cfg(test)]
 mod tests;
