@@ -15,6 +15,7 @@ mod export;
 pub mod glb;
 mod glb_document;
 pub mod gltf;
+pub mod hand_directions;
 pub mod inspection;
 pub mod joint_axes;
 pub mod joint_limits;

@@ -211,21 +211,15 @@ fn clamping_understands_more_than_half_a_turn() {
     assert!(axes.angles(clamped.rotations[k]).distance(0.5 * DVec3::X) < 1e-9);
 }
 
-/// Named poses turn all joints of a finger about the axes of its first bone, and their palm includes the little finger.
-/// These axes differ from the joints' own by up to 8 degrees for fingers and 35 for the thumb, so that a bent hinge seems
-/// to turn sideways and to twist.
 #[test]
-fn named_poses_are_within_the_limits_except_for_the_difference_of_axes() {
+fn named_poses_are_within_the_limits() {
     for model in hands() {
-        let roles = JointRole::of_joints(&model.joint_names);
         for name in POSE_NAMES {
             let pose = named_pose(name, &model).unwrap();
-            for (k, beyond) in excess(&model, &pose).into_iter().skip(1) {
-                // Measured: 0, 13 and 17 degrees; of the thumb 12 (its base in thumbs-up), 23 and 35.
-                let thumb = matches!(roles[k], Some(JointRole::Bend(Finger::Thumb, _)));
-                let most = if thumb { [14.0, 26.0, 38.0] } else { [1.0, 15.0, 19.0] };
-                let near = beyond.iter().zip(most).all(|(beyond, most)| beyond.to_degrees().abs() <= most);
-                assert!(near, "{}: {name}, {}: {beyond:?} beyond", model.name, model.joint_names[k]);
+            let clamped = clamp_to_limits(&model, &pose).unwrap();
+            for (k, (own, clamped)) in pose.rotations.iter().zip(&clamped.rotations).enumerate() {
+                let beyond = own.distance(*clamped).to_degrees();
+                assert!(beyond < 0.1, "{}: {name}, {}: {beyond}", model.name, model.joint_names[k]);
             }
         }
     }

@@ -1,10 +1,12 @@
 //! Named motions for any hand whose joint names identify the fingers.
 //!
 //! A motion is a sequence of named poses ([`named_pose`]) with the times at which they are reached, and rotations of
-//! the whole hand. Between two poses a joint rotates about one axis, with zero speed at both ends.
+//! the whole hand. Between two poses a joint rotates about one axis, with zero speed at both ends. A thumb that lies on
+//! folded fingers ([`THUMB_ON_FINGERS`]) leaves them before they move, and comes back last.
 
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose};
+use ghand_hand_model::joint_names::{Finger, JointRole, finger_joints};
 use ghand_hand_model::named_poses::named_pose;
 use glam::DVec3;
 
@@ -15,9 +17,17 @@ use crate::rest_skeleton::RestSkeleton;
 /// Names that [`motion`] knows.
 pub const MOTION_NAMES: [&str; 7] = ["grasp", "pinching", "pointing", "count", "wave", "ripple", "tour"];
 
+/// Poses in which the thumb holds folded fingers.
+const THUMB_ON_FINGERS: [&str; 4] = ["fist", "point", "victory", "three"];
+/// The part of a transition in which the fingers move while the thumb leaves them in its first half and comes back in
+/// its second.
+const FINGERS_MOVE: [f64; 2] = [0.25, 0.75];
+
 /// A pose that is reached and then held.
 struct Key {
     pose: Pose,
+    /// Whether the thumb holds folded fingers.
+    thumb_on_fingers: bool,
     /// Duration of the transition to it, and of holding it, seconds.
     way: f64,
     hold: f64,
@@ -31,14 +41,16 @@ struct Key {
 pub fn motion(name: &str, model: &HandModel, fps: f64) -> Option<Result<PoseSequence, PoseError>> {
     MOTION_NAMES.contains(&name).then(|| {
         let keys = keys(name, model)?;
-        Ok(PoseSequence { fps, joint_names: model.joint_names.clone(), frames: frames(&keys, fps), warnings: vec![] })
+        let frames = frames(&keys, &Thumb::of(model), fps);
+        Ok(PoseSequence { fps, joint_names: model.joint_names.clone(), frames, warnings: vec![] })
     })
 }
 
 fn keys(name: &str, model: &HandModel) -> Result<Vec<Key>, PoseError> {
     let rig = RestSkeleton::of(model)?;
     let pose = |name: &str| named_pose(name, model).unwrap_or_else(|| Pose::rest(model.joint_count()));
-    let key = |name: &str, way: f64, hold: f64| Key { pose: pose(name), way, hold };
+    let on_fingers = |name: &str| THUMB_ON_FINGERS.contains(&name);
+    let key = |name: &str, way: f64, hold: f64| Key { pose: pose(name), thumb_on_fingers: on_fingers(name), way, hold };
     let [forward, back, across] = rig.palm().unwrap_or([DVec3::NEG_Y, DVec3::X, DVec3::Z]);
     // Rotations of the whole hand about its own axes at rest.
     let turned = |name: &str, axis: DVec3, degrees: f64, way: f64, hold: f64| {
@@ -47,7 +59,7 @@ fn keys(name: &str, model: &HandModel) -> Result<Vec<Key>, PoseError> {
             let turn = rotation_from_axis_angle(axis * degrees.to_radians()) * rotation_from_axis_angle(*root);
             *root = axis_angle_from_rotation(&turn);
         }
-        Key { pose, way, hold }
+        Key { pose, thumb_on_fingers: on_fingers(name), way, hold }
     };
     Ok(match name {
         "grasp" => vec![key("open", 0.0, 0.3), key("fist", 0.7, 0.5), key("open", 0.6, 0.2)],
@@ -102,9 +114,8 @@ fn keys(name: &str, model: &HandModel) -> Result<Vec<Key>, PoseError> {
 
 /// Fingers close one after the other, little finger first, and open in the same order.
 fn ripple(rig: &RestSkeleton, open: &Pose, closed: &Pose) -> Vec<Key> {
-    use ghand_hand_model::joint_names::{Finger, JointRole};
     let order = [Finger::Little, Finger::Ring, Finger::Middle, Finger::Index];
-    let mut keys = vec![Key { pose: open.clone(), way: 0.0, hold: 0.1 }];
+    let mut keys = vec![Key { pose: open.clone(), thumb_on_fingers: false, way: 0.0, hold: 0.1 }];
     let mut pose = open.clone();
     for target in [closed, open] {
         for finger in order {
@@ -113,14 +124,50 @@ fn ripple(rig: &RestSkeleton, open: &Pose, closed: &Pose) -> Vec<Key> {
                     *rotation = *to;
                 }
             }
-            keys.push(Key { pose: pose.clone(), way: 0.22, hold: 0.0 });
+            keys.push(Key { pose: pose.clone(), thumb_on_fingers: false, way: 0.22, hold: 0.0 });
         }
         keys.iter_mut().last().into_iter().for_each(|key| key.hold = 0.15);
     }
     keys
 }
 
-fn frames(keys: &[Key], fps: f64) -> Vec<PoseFrame> {
+/// A thumb away from the fingers.
+struct Thumb {
+    joints: Vec<usize>,
+    lifted: Pose,
+}
+
+impl Thumb {
+    fn of(model: &HandModel) -> Thumb {
+        Thumb {
+            joints: finger_joints(Finger::Thumb, model).map_or(vec![], Vec::from),
+            lifted: named_pose("open", model).unwrap_or_else(|| Pose::rest(model.joint_count())),
+        }
+    }
+
+    /// The pose at a part of the way from one key to the next.
+    fn between(&self, from: &Key, to: &Key, part: f64) -> Pose {
+        let stays = self.joints.iter().all(|k| from.pose.rotations.get(*k) == to.pose.rotations.get(*k));
+        if stays || !(from.thumb_on_fingers || to.thumb_on_fingers) {
+            return between(&from.pose, &to.pose, eased(part));
+        }
+        let [start, end] = FINGERS_MOVE;
+        let mut pose = between(&from.pose, &to.pose, eased((part - start) / (end - start)));
+        let thumb = if part < 0.5 {
+            between(&from.pose, &self.lifted, eased(2.0 * part))
+        } else {
+            between(&self.lifted, &to.pose, eased(2.0 * part - 1.0))
+        };
+        for k in &self.joints {
+            if let (Some(rotation), Some(own)) = (pose.rotations.get_mut(*k), thumb.rotations.get(*k)) {
+                *rotation = *own;
+            }
+        }
+        pose
+    }
+}
+
+fn frames(keys: &[Key], thumb: &Thumb, fps: f64) -> Vec<PoseFrame> {
     let duration: f64 = keys.iter().map(|key| key.way + key.hold).sum();
     let count = (duration * fps + 1e-9).floor() as usize + 1;
     let at = |seconds: f64| {
@@ -129,7 +176,7 @@ fn frames(keys: &[Key], fps: f64) -> Vec<PoseFrame> {
         for key in keys {
             let (arrived, left) = (start + key.way, start + key.way + key.hold);
             if let Some(before) = before.filter(|_| seconds < arrived) {
-                return Some(between(&before.pose, &key.pose, eased((seconds - start) / key.way)));
+                return Some(thumb.between(before, key, (seconds - start) / key.way));
             }
             if seconds <= left {
                 return Some(key.pose.clone());
@@ -148,5 +195,7 @@ fn eased(part: f64) -> f64 {
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
+#[cfg(test)]
+mod self_penetration_tests;
 #[cfg(test)]
 mod tests;

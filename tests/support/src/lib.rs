@@ -1,7 +1,10 @@
-//! Files next to the checkout, in `../shared`, and the tests that are skipped without them.
+//! Files next to the checkout, in `../shared`, and the tests that are skipped without them; a measure of how deep a posed
+//! hand is inside itself ([`self_penetration`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
+
+pub mod self_penetration;
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
