@@ -61,7 +61,7 @@ fn a_capture_is_described_and_its_pictures_are_written() {
     assert_says(&text, &["44, images and masks of 22 views: all present", "test 4 of 4", "train 18 of 18"]);
     assert_says(
         &text,
-        &["train: given poses 0.", ", true poses 0.9", "warnings     none", "pictures: out/inspect-rig.png"],
+        &["train: given poses 0.", ", true poses 1.0", "warnings     none", "pictures: out/inspect-rig.png"],
     );
     let rows = text.lines().filter(|line| line.contains("  train  ") || line.contains("  test   ")).count();
     assert_eq!(rows, 12, "one line per view: {text}");

@@ -53,7 +53,7 @@ fn bad_input_is_one_sentence_that_names_the_file_and_leaves_no_avatar() {
         json["frames"][0]["pose"].as_array_mut().unwrap().pop();
         json.to_string()
     });
-    train("short", &[], &["capture.json", "pose", "16", "15"]);
+    train("short", &[], &["capture.json", "pose", "25", "24"]);
     let gone = copy("gone");
     std::fs::remove_dir_all(gone.join("images")).unwrap();
     train("gone", &[], &["gone", "no images are left in split \"train\"", "11 without a file", "0000.png"]);
@@ -111,7 +111,7 @@ fn hopeless_training_is_rejected_in_one_sentence_with_the_remedy() {
     refused(&[&remedy[..], &["longer than a whole turn", "radians"]].concat());
     std::fs::write(capture.join("capture.json"), &json).unwrap();
     change_json(&capture, |json| json["frames"][0]["pose"][1][2] = 1e30.into());
-    refused(&["frames[\"0000\"].pose", "joint \"index1\"", "radians"]);
+    refused(&["frames[\"0000\"].pose", "joint \"thumb-metacarpal\"", "radians"]);
     std::fs::write(capture.join("capture.json"), json.replace("mask_path", "mask_paht")).unwrap();
     refused(&["mask_paht", "nearest", "\"mask_path\""]);
     std::fs::write(capture.join("capture.json"), &json).unwrap();

@@ -132,7 +132,7 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().unwrap();
         small_capture(&folder.path().join("capture"));
-        let options = ["--out", "run", "--set", ENDLESS, "--set", "pose_stage=2e-5"];
+        let options = ["--out", "run", "--set", ENDLESS, "--set", "align=paper", "--set", "pose_stage=2e-5"];
         let child = start(folder.path(), &options, "stage 2");
         send(signal, &child);
         let output = child.wait_with_output().unwrap();
@@ -156,7 +156,7 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
 fn a_run_stopped_in_stage_1_says_so_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    let child = start(folder.path(), &["--out", "runs/a", "--set", ENDLESS], "stage 1");
+    let child = start(folder.path(), &["--out", "runs/a", "--set", ENDLESS, "--set", "align=paper"], "stage 1");
     send("-INT", &child);
     let output = child.wait_with_output().unwrap();
     let warned = text(&output.stderr);
@@ -171,7 +171,7 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     // With this many Gaussians an iteration takes longer than both signals.
-    let slow = ["--out", "run", "--set", ENDLESS, "--set", "pose_stage=0", "--set", "uv_resolution=640"];
+    let slow = ["--out", "run", "--set", ENDLESS, "--set", "align=none", "--set", "uv_resolution=640"];
     let mut child = start(folder.path(), &slow, "stage 2");
     send("-INT", &child);
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(|line| line.unwrap());
@@ -210,7 +210,7 @@ fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     small_capture(&folder.path().join("capture"));
     for (setting, fault) in [("rate_response=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
         let name = setting.split('=').next().unwrap();
-        let more = ["--out", "run", "--set", "iterations=60", "--set", "pose_stage=0", "--set", setting];
+        let more = ["--out", "run", "--set", "iterations=60", "--set", "align=none", "--set", setting];
         assert_one_sentence(&train(folder.path(), &more), &["training failed in stage 2", fault, name]);
         assert!(!folder.path().join("run").exists(), "{setting}");
     }

@@ -22,21 +22,18 @@ use frame::{FrameEquations, Rig};
 use priors::{Estimate, Priors};
 use proportions::Proportions;
 
-/// For each step: the distance beyond which a contour counts linearly, the contours' standard deviation, both pixels, and
-/// whether the joints' spreads are used.
-const STEPS: [(f64, f64, bool); 12] = [
-    (20.0, 6.0, false),
-    (12.0, 6.0, false),
-    (8.0, 6.0, false),
-    (5.0, 6.0, true),
-    (4.0, 6.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
-    (3.0, 4.0, true),
+/// For each step: the distance beyond which a contour counts linearly, pixels, and whether the joints' spreads are used.
+const STEPS: [(f64, bool); 10] = [
+    (20.0, false),
+    (12.0, false),
+    (8.0, false),
+    (5.0, true),
+    (4.0, true),
+    (3.0, true),
+    (3.0, true),
+    (3.0, true),
+    (3.0, true),
+    (3.0, true),
 ];
 
 /// Why the poses could not be aligned.
@@ -48,6 +45,9 @@ pub enum AlignmentError {
     /// A pose does not fit the template.
     #[error(transparent)]
     Pose(#[from] InvalidHandModel),
+    /// The caller stopped it.
+    #[error("the alignment was stopped")]
+    Stopped,
 }
 
 /// Aligned poses.
@@ -65,14 +65,15 @@ pub struct Alignment {
 /// A frame's images.
 type Images<'a> = Vec<(&'a Camera, &'a DistanceField)>;
 
-/// Aligns the frames of a split. `report` gets the poses after each step.
+/// Aligns the frames of a split. `after_step` gets a description and the poses after each step, and returns whether to go
+/// on.
 ///
 /// # Errors
-/// [`AlignmentError`] if an image or a pose is unusable.
+/// [`AlignmentError`] if an image or a pose is unusable, or the caller stopped it.
 pub fn align(
     capture: &Capture,
     split: &Split,
-    report: &mut dyn FnMut(&str, &[Pose]),
+    after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<Alignment, AlignmentError> {
     let fields: Vec<Option<DistanceField>> = (split.views.par_iter())
         .map(|view| {
@@ -88,10 +89,13 @@ pub fn align(
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given);
     let mut first = None;
-    for (number, (huber, deviation, use_spreads)) in STEPS.into_iter().enumerate() {
-        let [median, far] = fit.step(&images, huber, deviation, use_spreads)?;
+    for (number, (huber, use_spreads)) in STEPS.into_iter().enumerate() {
+        let [median, far] = fit.step(&images, huber, use_spreads)?;
         first.get_or_insert([median, far]);
-        report(&format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px"), &fit.poses);
+        let text = format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px");
+        if !after_step(&text, &fit.poses) {
+            return Err(AlignmentError::Stopped);
+        }
     }
     let template = fit.proportions.shaped(&fit.shape)?.model;
     let last = fit.distances(&images)?;
@@ -137,28 +141,16 @@ impl<'a> Fit<'a> {
         }
     }
 
-    fn equations(
-        &self,
-        images: &[Images],
-        huber: f64,
-        deviation: f64,
-    ) -> Result<Vec<FrameEquations>, InvalidHandModel> {
+    fn equations(&self, images: &[Images], huber: f64) -> Result<Vec<FrameEquations>, InvalidHandModel> {
         let shaped = self.proportions.shaped(&self.shape)?;
-        let rig =
-            Rig { shaped: &shaped, edges: &self.edges, moving: &self.moving, carries: &self.carries, huber, deviation };
+        let rig = Rig { shaped: &shaped, edges: &self.edges, moving: &self.moving, carries: &self.carries, huber };
         self.poses.par_iter().zip(images).map(|(pose, images)| rig.equations(pose, images)).collect()
     }
 
     /// One Gauss-Newton step of all poses and the shape. Returns median and 95th percentile of the contours' distances
     /// before it, pixels.
-    fn step(
-        &mut self,
-        images: &[Images],
-        huber: f64,
-        deviation: f64,
-        use_spreads: bool,
-    ) -> Result<[f64; 2], InvalidHandModel> {
-        let mut equations = self.equations(images, huber, deviation)?;
+    fn step(&mut self, images: &[Images], huber: f64, use_spreads: bool) -> Result<[f64; 2], InvalidHandModel> {
+        let mut equations = self.equations(images, huber)?;
         for ((pose, given), frame) in self.poses.iter().zip(&self.given).zip(&mut equations) {
             self.priors.add_given(pose, given, &self.moving, &mut frame.pose_pose, &mut frame.d_pose);
         }
@@ -206,7 +198,7 @@ impl<'a> Fit<'a> {
     }
 
     fn distances(&self, images: &[Images]) -> Result<[f64; 2], InvalidHandModel> {
-        let equations = self.equations(images, 3.0, 2.0)?;
+        let equations = self.equations(images, 3.0)?;
         Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
     }
 

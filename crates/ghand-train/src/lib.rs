@@ -19,6 +19,6 @@ pub mod trainer;
 pub mod views;
 
 pub use evaluate::{Evaluation, evaluate};
-pub use settings::{SettingsError, TrainSettings};
+pub use settings::{Align, SettingsError, TrainSettings};
 pub use train_error::TrainError;
 pub use trainer::{Progress, Trained, Trainer};

@@ -90,7 +90,7 @@ pub struct TrainSettings {
 impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
-            iterations: 3400,
+            iterations: 2000,
             align: Align::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn an_error_describes_the_allowed_values_in_plain_words() {
         for (bad, wanted) in [
-            ("iterations=1.5", "`1.5` must be a whole number, from 1 to 1000000000, as in iterations=3400"),
+            ("iterations=1.5", "`1.5` must be a whole number, from 1 to 1000000000, as in iterations=2000"),
             ("iterations=0", "must be a whole number, from 1"),
             ("iterations=1e30", "must be a whole number, from 1"),
             ("iterations=many", "must be a whole number, from 1"),
@@ -318,8 +318,9 @@ mod tests {
     #[test]
     fn stage_2_always_has_an_iteration() {
         for (iterations, pose_stage, expected) in [(1, 0.62, 0), (2, 0.99, 1), (100, 0.62, 62), (5, 0.0, 0)] {
-            let settings = TrainSettings { iterations, pose_stage, ..Default::default() };
+            let settings = TrainSettings { iterations, pose_stage, align: Align::Paper, ..Default::default() };
             assert_eq!(settings.pose_iterations(), expected);
+            assert_eq!(TrainSettings { align: Align::Contours, ..settings }.pose_iterations(), 0);
         }
     }
 }

@@ -14,7 +14,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use crate::alignment::align;
+use crate::alignment::{AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::floor::texel_colors;
 use crate::memory_check;
@@ -218,9 +218,19 @@ impl<'a> Trainer<'a> {
     /// Aligns poses and proportions, unless the contours fit no better afterwards.
     fn align(&mut self) -> Result<(), TrainError> {
         let start = Instant::now();
-        let aligned = align(&self.capture, &self.split, &mut |_, _| ())?;
+        let mut go_on = |_: &str, _: &[Pose]| self.stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
+        let aligned = match align(&self.capture, &self.split, &mut go_on) {
+            Err(AlignmentError::Stopped) => {
+                return Err(TrainError::Stopped { iteration: 0, iterations: self.settings.iterations });
+            }
+            result => result?,
+        };
         let [[given, _], [median, far]] = aligned.contours;
-        if !(median < given) {
+        if given.is_nan() {
+            log::warn!("the given poses are used: no mask shows the hand's outline");
+            return Ok(());
+        }
+        if median.is_nan() || median >= given {
             log::warn!(
                 "the given poses are used: alignment does not improve the contours ({given:.2} pixels off before, \
                  {median:.2} after)"

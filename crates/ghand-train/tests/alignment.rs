@@ -4,8 +4,96 @@
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
-use ghand_train::alignment::align;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
+use ghand_train::alignment::{AlignmentError, align};
+use ghand_train::metrics::pose_error_degrees;
+use ghand_train::synthetic_scene::make_capture;
+use ghand_train::trainer::moving_joints;
 use glam::DVec3;
+
+fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let folder = tempfile::tempdir().unwrap();
+    let options = SyntheticOptions {
+        identity,
+        views: 6,
+        train_frames: 8,
+        test_frames: 0,
+        width: 128,
+        height: 192,
+        ..Default::default()
+    };
+    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
+    (Capture::open(&folder.path().join("capture")).unwrap(), folder)
+}
+
+/// Given and true poses of the training frames.
+fn poses(capture: &Capture) -> [Vec<Pose>; 2] {
+    let frames = &capture.split("train").unwrap().frames;
+    let truth = capture.truth.as_ref().unwrap();
+    [
+        frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
+        frames.iter().map(|f| truth[*f].clone().unwrap()).collect(),
+    ]
+}
+
+#[test]
+fn contours_correct_poses_and_proportions_of_other_hands() {
+    for identity in [3, 11] {
+        let (capture, _folder) = small_capture(identity);
+        let [given, truth] = poses(&capture);
+        let split = capture.split("train").unwrap();
+        let aligned = align(&capture, split, &mut |_, _| true).unwrap();
+        let moving = moving_joints(&given);
+        let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
+        let shift =
+            |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
+        println!(
+            "identity {identity}: {:.2} -> {:.2} degrees, {:.2} -> {:.2} mm, contours {:.2?} -> {:.2?} px",
+            error(&given),
+            error(&aligned.poses),
+            1e3 * shift(&given) / 8.0,
+            1e3 * shift(&aligned.poses) / 8.0,
+            aligned.contours[0],
+            aligned.contours[1]
+        );
+        assert!(error(&aligned.poses) < 0.75 * error(&given), "{} of {}", error(&aligned.poses), error(&given));
+        assert!(shift(&aligned.poses) < 0.9 * shift(&given));
+        assert!(aligned.contours[1][0] < 0.7 && aligned.contours[1][0] < 0.5 * aligned.contours[0][0]);
+        // The same bits with one thread.
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let again = one.install(|| align(&capture, split, &mut |_, _| true)).unwrap();
+        assert!(again.poses == aligned.poses && again.template == aligned.template);
+    }
+}
+
+#[test]
+fn frames_without_masks_keep_their_poses_and_a_caller_may_stop() {
+    let (capture, folder) = small_capture(5);
+    let split = capture.split("train").unwrap();
+    // In one frame every mask is empty; in another one is full.
+    for camera in 0..6 {
+        let empty = capture.mask_file(split.cameras[camera], split.frames[2]).unwrap().unwrap();
+        image::GrayImage::new(128, 192).save(empty).unwrap();
+    }
+    let full = capture.mask_file(split.cameras[0], split.frames[4]).unwrap().unwrap();
+    image::GrayImage::from_pixel(128, 192, image::Luma([255])).save(full).unwrap();
+    let [given, truth] = poses(&capture);
+    let aligned = align(&capture, split, &mut |_, _| true).unwrap();
+    let moving = moving_joints(&given);
+    let error =
+        |poses: &[Pose], frame: usize| pose_error_degrees(&poses[frame..=frame], &truth[frame..=frame], &moving);
+    assert!(error(&aligned.poses, 2) < 1.3 * error(&given, 2), "{}", error(&aligned.poses, 2));
+    assert!(error(&aligned.poses, 4) < error(&given, 4));
+    let mut steps = 0;
+    let stopped = align(&capture, split, &mut |_, _| {
+        steps += 1;
+        steps < 3
+    });
+    assert!(matches!(stopped, Err(AlignmentError::Stopped)) && steps == 3);
+    drop(folder);
+}
 
 #[test]
 #[ignore = "takes a minute; CAPTURE names a capture with truth"]
@@ -42,6 +130,7 @@ fn figures_of_a_capture() {
     let start = std::time::Instant::now();
     let aligned = align(&capture, &split, &mut |text, poses| {
         println!("{:.1} s, {text}: {}", start.elapsed().as_secs_f64(), figures(poses));
+        true
     })
     .unwrap();
     println!("contours {:?}", aligned.contours);

@@ -15,7 +15,7 @@ use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::trainer::moving_joints;
 use ghand_train::views::TrainViews;
-use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
+use ghand_train::{Align, TrainSettings, Trained, Trainer, evaluate};
 
 /// Far longer than any test here takes.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -52,7 +52,14 @@ fn small_capture(gpu: &Gpu, folder: &Path) -> Capture {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 20, pose_stage: 0.5, uv_resolution: 40, pose_uv_resolution: 32, ..Default::default() }
+    TrainSettings {
+        iterations: 20,
+        align: Align::Paper,
+        pose_stage: 0.5,
+        uv_resolution: 40,
+        pose_uv_resolution: 32,
+        ..Default::default()
+    }
 }
 
 /// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it reported.

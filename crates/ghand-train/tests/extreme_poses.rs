@@ -59,9 +59,7 @@ fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
     let capture = Capture::open(folder.path()).unwrap();
     let settings = TrainSettings {
         iterations: 300,
-        pose_stage: 0.2,
         uv_resolution: 48,
-        pose_uv_resolution: 32,
         // A high rate, because the response has few iterations to learn.
         rate_response: 3e-2,
         ..TrainSettings::default()

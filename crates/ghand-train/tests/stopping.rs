@@ -10,7 +10,7 @@ use ghand_synthetic::SyntheticOptions;
 use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::{make_capture, make_capture_unless};
 use ghand_train::views::TrainViews;
-use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
+use ghand_train::{Align, TrainError, TrainSettings, Trained, Trainer};
 
 fn options() -> SyntheticOptions {
     SyntheticOptions { views: 5, train_frames: 2, test_frames: 0, width: 64, height: 96, ..SyntheticOptions::default() }
@@ -26,7 +26,14 @@ fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 40, pose_stage: 0.5, uv_resolution: 32, pose_uv_resolution: 32, ..Default::default() }
+    TrainSettings {
+        iterations: 40,
+        align: Align::Paper,
+        pose_stage: 0.5,
+        uv_resolution: 32,
+        pose_uv_resolution: 32,
+        ..Default::default()
+    }
 }
 
 fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Result<Trained, TrainError> {

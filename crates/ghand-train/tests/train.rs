@@ -55,13 +55,7 @@ fn training_beats_the_floor_on_new_poses_and_views_and_improves_the_poses() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
-    let settings = TrainSettings {
-        iterations: 900,
-        pose_stage: 0.4,
-        uv_resolution: 80,
-        pose_uv_resolution: 64,
-        ..TrainSettings::default()
-    };
+    let settings = TrainSettings { iterations: 600, uv_resolution: 80, ..TrainSettings::default() };
     let trained = train(&gpu, &capture, &settings);
     let split = capture.split("train").unwrap();
     let floor = Floor::new(&gpu, &capture, split, &trained.poses, 40).unwrap();

@@ -4,7 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use ghand_capture::Capture;
-use ghand_core::{Camera, HandModel};
+use ghand_capture::SplitView;
+use ghand_capture::capture::{Frame, HandModelSource};
+use ghand_capture::mask::covered_pixels;
+use ghand_core::posing::pose_hand;
+use ghand_core::{Camera, HandModel, Pose};
+use ghand_hand_model::joint_names::JointRole;
 use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_synthetic::{SceneMesh, SyntheticOptions, generate};
@@ -13,8 +18,9 @@ use tempfile::TempDir;
 
 use crate::support::hands::{Hand, as_pickle};
 
-/// The synthetic capture from which the other formats are written: 6 cameras and 3 frames for training, 2 and 2 for
-/// testing.
+/// A capture of a procedural hand, which has MANO's joints, from which the other formats are written: 6 cameras and 3
+/// frames for training, 2 and 2 for testing, with the cameras and the motion of the synthetic capture. The hand has one
+/// colour.
 pub fn synthetic() -> &'static Capture {
     static CAPTURE: LazyLock<(Capture, TempDir)> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -28,35 +34,51 @@ pub fn synthetic() -> &'static Capture {
             ..Default::default()
         };
         let root = folder.path().join("capture");
-        generate(&options, &root, &mut silhouette).unwrap();
+        let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+        generate(&options, &root, &mut |_: &SceneMesh, camera| Ok(vec![[0; 4]; pixels(camera)])).unwrap();
+        let capture = of_procedural_hand(Capture::open(&root).unwrap());
+        capture.save().unwrap();
+        capture.splits.values().flat_map(|split| &split.views).for_each(|view| draw(&capture, view));
         (Capture::open(&root).unwrap(), folder)
     });
     &CAPTURE.0
 }
 
-/// A renderer that fills all triangles with one skin colour.
-fn silhouette(scene: &SceneMesh, camera: &Camera) -> Result<Vec<[u8; 4]>, String> {
-    let (width, height) = (camera.width as i64, camera.height as i64);
-    let mut pixels = vec![[0; 4]; (width * height) as usize];
-    let corners: Vec<_> = scene.positions.iter().map(|p| camera.project(*p).0).collect();
-    for triangle in scene.triangles {
-        let [a, b, c] = triangle.map(|i| corners[i as usize]);
-        let area = (b - a).perp_dot(c - a);
-        let (low, high) = (a.min(b).min(c).floor(), a.max(b).max(c).ceil());
-        for y in (low.y as i64).max(0)..(high.y as i64).min(height) {
-            for x in (low.x as i64).max(0)..(high.x as i64).min(width) {
-                let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (e - s).perp_dot(p - s) * area >= 0.0);
-                if inside {
-                    pixels[(y * width + x) as usize] = [200, 150, 120, 255];
-                }
-            }
-        }
-    }
-    Ok(pixels)
+/// The capture with the procedural hand where the built-in one was. Joints that it lacks do not turn in it.
+fn of_procedural_hand(capture: Capture) -> Capture {
+    let hand = ProceduralHand::default();
+    let hand_model = hand.build().unwrap();
+    let roles = |model: &HandModel| JointRole::of_joints(&model.joint_names);
+    let full = roles(&capture.hand_model);
+    let rows: Vec<usize> =
+        roles(&hand_model).iter().map(|role| full.iter().position(|other| other == role).unwrap()).collect();
+    let shift = capture.hand_model.joints[0] - hand_model.joints[0];
+    let moved = |pose: Pose| Pose {
+        rotations: rows.iter().map(|row| pose.rotations[*row]).collect(),
+        translation: pose.translation + shift,
+    };
+    let frames = capture.frames.into_iter().map(|frame| Frame { pose: moved(frame.pose), ..frame }).collect();
+    let truth = capture.truth.map(|truth| truth.into_iter().map(|pose| pose.map(moved)).collect());
+    let hand_model_source = HandModelSource::Procedural(hand);
+    Capture { frames, truth, template: hand_model.clone(), hand_model, hand_model_source, ..capture }
 }
 
-/// A right hand in MANO's layout, with invented shapes, correctives and mean pose on the built-in hand's mesh.
+/// Draws the hand of a view in its true pose, and its mask.
+fn draw(capture: &Capture, view: &SplitView) {
+    let camera = &capture.cameras[view.camera];
+    let pose = capture.truth.as_ref().unwrap()[view.frame].as_ref().unwrap();
+    let posed = pose_hand(&capture.hand_model, &[], pose).unwrap().vertices;
+    let inside = covered_pixels(camera, &posed, &capture.hand_model.faces);
+    let size = (camera.width, camera.height);
+    let at = |x: u32, y: u32| inside[(y * size.0 + x) as usize];
+    let image =
+        image::RgbImage::from_fn(size.0, size.1, |x, y| image::Rgb(if at(x, y) { [200, 150, 120] } else { [0; 3] }));
+    image.save(capture.image_file(view.camera, view.frame).unwrap()).unwrap();
+    let mask = image::GrayImage::from_fn(size.0, size.1, |x, y| image::Luma([if at(x, y) { 255 } else { 0 }]));
+    mask.save(capture.mask_file(view.camera, view.frame).unwrap().unwrap()).unwrap();
+}
+
+/// A right hand in MANO's layout, with invented shapes, correctives and mean pose on the procedural hand's mesh.
 pub fn mano_hand() -> Hand {
     let count = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().vertices.len();
     Hand::procedural(count, (20, 10))

@@ -138,7 +138,7 @@ mod tests {
         for psnr in [20.0, 9.7, f64::NAN] {
             let text = failure(&metrics(psnr, 20.0, 9), &settings).unwrap();
             assert!(
-                text.contains("too few iterations (9, the default is 3400)") && text.contains("20.00 dB"),
+                text.contains("too few iterations (9, the default is 2000)") && text.contains("20.00 dB"),
                 "{text}"
             );
             assert!(text.contains("ghand inspect") && !text.contains("settings") && !text.contains('\n'), "{text}");

@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use bytemuck::{Pod, Zeroable};
 use ghand_core::{Camera, Pose};
 use ghand_render::bindings::Bindings;
 use ghand_render::splat::Counters;
@@ -87,23 +86,14 @@ struct Target {
     texture: wgpu::Texture,
 }
 
-/// `Settings` of `picture.wgsl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Settings {
-    background: [f32; 4],
-    origin: [u32; 2],
-    size: [u32; 2],
-    is_layer: u32,
-    padding: [u32; 7],
-}
-
 /// A subject on the device, with the texture that shows it.
 pub struct Picture {
     drawing: Drawing,
     pipeline: wgpu::RenderPipeline,
     bindings: Bindings,
-    settings: wgpu::Buffer,
+    /// `place` and `background` of `picture.wgsl`.
+    place: wgpu::Buffer,
+    background: wgpu::Buffer,
     read_back: wgpu::Buffer,
     clock: Option<FrameClock>,
     target: Option<Target>,
@@ -134,7 +124,7 @@ impl Picture {
             })
         };
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let settings = buffer("picture settings", size_of::<Settings>() as u64, uniform);
+        let [place, background] = ["picture place", "picture background"].map(|label| buffer(label, 16, uniform));
         let read_back =
             buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
@@ -142,7 +132,8 @@ impl Picture {
             drawing,
             pipeline,
             bindings: Bindings::new("picture", &["cover", "picture"]),
-            settings,
+            place,
+            background,
             read_back,
             clock: FrameClock::new(gpu),
             target,
@@ -250,15 +241,15 @@ impl Picture {
     /// Binds an image of the size and background of `shot`.
     fn bind(&self, gpu: &Gpu, layer: &Layer, shot: &PictureInputs) -> wgpu::BindGroup {
         let [r, g, b] = shot.background;
-        let settings = Settings {
-            background: [r, g, b, 1.0],
-            origin: layer.origin,
-            size: layer.size,
-            is_layer: u32::from(layer.is_premultiplied),
-            padding: [0; 7],
-        };
-        gpu.queue.write_buffer(&self.settings, 0, bytemuck::bytes_of(&settings));
-        let resources = [("image", layer.image.as_entire_binding()), ("settings", self.settings.as_entire_binding())];
+        let ([left, top], [columns, rows]) = (layer.origin, layer.size);
+        let is_layer = if layer.is_premultiplied { 1.0f32 } else { 0.0 };
+        gpu.queue.write_buffer(&self.place, 0, bytemuck::cast_slice(&[left, top, columns, rows]));
+        gpu.queue.write_buffer(&self.background, 0, bytemuck::cast_slice(&[r, g, b, is_layer]));
+        let resources = [
+            ("image", layer.image.as_entire_binding()),
+            ("place", self.place.as_entire_binding()),
+            ("background", self.background.as_entire_binding()),
+        ];
         let layout = self.pipeline.get_bind_group_layout(0);
         self.bindings.group(&gpu.device, "picture", &layout, &resources)
     }

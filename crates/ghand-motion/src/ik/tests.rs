@@ -150,17 +150,18 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
             before = Some(solution.pose);
         }
         let (error, angle) = (median(errors.clone()), median(angles.clone()));
-        let worst = angles.iter().copied().fold(0.0, larger);
+        // Not close to the truth, or not a number.
+        let far = angles.iter().filter(|angle| !(**angle <= 60.0)).count();
         println!(
-            "{}: worst joint {:.1} mm (median), angles {angle:.1} (median), {worst:.0} degrees, {} steps",
+            "{}: worst joint {:.1} mm (median), angles {angle:.1} (median), {far} joints far off, {} steps",
             model.name,
             error * 1e3,
             median(steps)
         );
-        // Of 900 joints, one may bend quite differently. A landmark is off by 8.7 mm, the square root of three times 5
+        // Of 900 joints, up to a hundredth may bend quite differently. A landmark is off by 8.7 mm, the square root of three times 5
         // mm: the worst joint is no further off than that, plus a little for the metacarpals' ends, which have no
         // landmark.
-        assert!(error < 0.010 && angle < 12.0 && worst < 90.0, "{error} {angle} {worst}");
+        assert!(error < 0.010 && angle < 12.0 && far <= 9, "{error} {angle} {far}");
     }
 }
 

@@ -11,6 +11,8 @@ use super::proportions::Shaped;
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
 const CORRELATION: f64 = 8.0;
+/// Standard deviation of such a measurement, pixels: the template's surface is not quite the hand's.
+const DEVIATION: f64 = 6.0;
 
 /// What does not change from frame to frame.
 pub struct Rig<'a> {
@@ -22,8 +24,6 @@ pub struct Rig<'a> {
     pub carries: &'a [Vec<bool>],
     /// Distance beyond which a residual counts linearly, pixels.
     pub huber: f64,
-    /// Standard deviation of a contour, pixels.
-    pub deviation: f64,
 }
 
 /// Second-order expansion of half the squared, weighted residuals of a frame: about its pose, with a step (rotation
@@ -63,7 +63,7 @@ impl Rig<'_> {
                 distances.push(point.residual.abs());
                 motion.row(&point, &mut row);
                 let robust = (self.huber / point.residual.abs().max(1e-9)).min(1.0);
-                let weight = robust * point.length / (CORRELATION * self.deviation.powi(2));
+                let weight = robust * point.length / (CORRELATION * DEVIATION.powi(2));
                 for (k, (i, a)) in row.iter().enumerate() {
                     gradient[*i] += weight * a * point.residual;
                     // The lower triangle, column by column.

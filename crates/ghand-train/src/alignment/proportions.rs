@@ -95,8 +95,8 @@ impl<'a> Proportions<'a> {
             d_vertices.push(d_vertex);
             d_joints.push(d_joint);
         }
-        for parameter in 0..bones.len() {
-            let (k, size) = (parameter / 2, bones[parameter].exp());
+        for (parameter, logarithm) in bones.iter().enumerate() {
+            let (k, size) = (parameter / 2, logarithm.exp());
             let d_stretch = match (self.bones[k], parameter % 2) {
                 (Some(along), 0) => outer(along) * size,
                 (Some(along), _) => (DMat3::IDENTITY - outer(along)) * size,
