@@ -11,8 +11,9 @@ use super::proportions::Shaped;
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
 const CORRELATION: f64 = 8.0;
-/// Standard deviation of such a measurement, pixels: the template's surface is not quite the hand's.
-const DEVIATION: f64 = 6.0;
+/// Standard deviation of such a measurement in the only image of a frame, pixels. The template's surface is not quite the
+/// hand's, in all images alike: more images do not say more about that, so the variance grows with their number.
+const DEVIATION: f64 = 1.35;
 
 /// What does not change from frame to frame.
 pub struct Rig<'a> {
@@ -63,7 +64,7 @@ impl Rig<'_> {
                 distances.push(point.residual.abs());
                 motion.row(&point, &mut row);
                 let robust = (self.huber / point.residual.abs().max(1e-9)).min(1.0);
-                let weight = robust * point.length / (CORRELATION * DEVIATION.powi(2));
+                let weight = robust * point.length / (CORRELATION * (DEVIATION.powi(2) * images.len() as f64));
                 for (k, (i, a)) in row.iter().enumerate() {
                     gradient[*i] += weight * a * point.residual;
                     // The lower triangle, column by column.
