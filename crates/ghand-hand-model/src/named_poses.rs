@@ -25,7 +25,7 @@ struct Gesture {
 const STRAIGHT: [f64; 4] = [0.0; 4];
 // Of a fist. Flexed farther, the tips would be inside the palm, and the skin of two bones inside each other.
 const INDEX: [f64; 4] = [66.0, 76.0, 68.0, -6.0];
-const MIDDLE: [f64; 4] = [83.0, 80.0, 51.0, 0.0];
+const MIDDLE: [f64; 4] = [80.0, 80.0, 51.0, 0.0];
 const RING: [f64; 4] = [74.0, 82.0, 49.0, 1.0];
 const LITTLE: [f64; 4] = [74.0, 76.0, 34.0, -3.0];
 
