@@ -1,6 +1,7 @@
 //! Positions of the parts of a hand: fingers, their tips, backs and sides, computed from the hand model alone.
 
-use ghand_core::HandModel;
+use ghand_core::{HandModel, Side};
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::joint_names::{Finger as FingerName, finger_joints};
 use ghand_hand_model::named_poses::named_pose;
 use glam::{DVec2, DVec3};
@@ -60,9 +61,9 @@ impl Anatomy {
         let fingers: Vec<Finger> =
             FINGERS.into_iter().filter_map(|name| Some(finger(model, name, finger_joints(name, model)?))).collect();
         let reach = fingers.iter().map(|f| (f.points[0] - model.joints[0]).length()).fold(0.0, f64::max);
-        let thumb = fingers.iter().find(|f| f.is_thumb && f.nail.is_some()).map(|f| f.joints);
-        let fist = thumb.and_then(|joints| Some((joints, named_pose("fist", model)?)));
-        let folded_thumb = fist.map(|(joints, fist)| joints.map(|joint| fist.rotations[joint]));
+        // Only the built-in hand's mesh has nails.
+        let is_builtin = fingers.iter().any(|f| f.is_thumb && f.nail.is_some());
+        let folded_thumb = if is_builtin { folded_thumb() } else { None };
         Anatomy { fingers, wrist: model.joints[0], scale: reach / 0.090, folded_thumb }
     }
 
@@ -110,6 +111,13 @@ impl SkinPoint<'_> {
     pub(super) fn palm_part(&self) -> f64 {
         1.0 - self.finger_weights.iter().sum::<f64>().clamp(0.0, 1.0)
     }
+}
+
+/// Rotations of the built-in hand's thumb in a fist, the same for its layout in MANO's joints.
+fn folded_thumb() -> Option<[DVec3; 3]> {
+    let hand = builtin_hand(Side::Right).ok()?;
+    let fist = named_pose("fist", &hand)?;
+    Some(finger_joints(FingerName::Thumb, &hand)?.map(|joint| fist.rotations[joint]))
 }
 
 fn finger(model: &HandModel, name: FingerName, joints: [usize; 3]) -> Finger {
