@@ -8,14 +8,13 @@ use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::surface::sample_surface;
 use ghand_render::mesh::{Light, MeshInstance, Shading, Surface};
+use ghand_train::floor::TexelColors;
 use glam::DVec3;
 
 use complexion::Complexion;
 
 /// Texels of the skin along each side: a texel of an adult's hand is half a millimetre wide.
 const RESOLUTION: u32 = 512;
-/// Texels that a chart's colour reaches beyond its edge, so that filtering has no gaps.
-const MARGIN: usize = 3;
 
 /// A hand model with its skin.
 #[derive(Debug, Clone)]
@@ -68,8 +67,8 @@ impl BareHand {
     }
 }
 
-/// The light of a photographer's studio, fixed to the camera: a large one above the left shoulder, a weaker one from the
-/// right, and one from behind that shows the outline.
+/// The light of a photographer's studio, fixed to the camera: a large one above the left shoulder, a weaker one from
+/// the right, and one from behind that shows the outline.
 pub fn studio_light(camera: &Camera) -> Shading {
     let light = |direction: [f64; 3], color: [f64; 3]| Light {
         direction: camera.rotation.transpose() * DVec3::from(direction),
@@ -91,34 +90,16 @@ fn skin(model: &HandModel) -> Result<Texture, HandModelError> {
     let samples = sample_surface(model, RESOLUTION)?;
     let complexion = Complexion::of(model);
     let count = samples.len();
-    let mut texels = vec![None; (RESOLUTION * RESOLUTION) as usize];
-    for (point, texel) in samples.texels.iter().enumerate() {
+    let color = |point: usize| {
         let weights = samples.weights.iter().skip(point).step_by(count);
-        let color = complexion.color(samples.positions[point], samples.normals[point], weights);
-        texels[*texel as usize] = Some(bytes(color));
-    }
-    (0..MARGIN).for_each(|_| grow(&mut texels));
-    let rgb = texels.into_iter().map(Option::unwrap_or_default).collect();
-    Ok(Texture { width: RESOLUTION, height: RESOLUTION, rgb })
+        complexion.color(samples.positions[point], samples.normals[point], weights).to_array()
+    };
+    let colors = (0..count).map(color).collect();
+    Ok(TexelColors { colors, texels: samples.texels, resolution: RESOLUTION }.texture())
 }
 
 fn bytes(color: DVec3) -> [u8; 3] {
     color.to_array().map(|v| (255.0 * v).round() as u8)
-}
-
-/// Copies the colours of filled texels to the empty ones beside them.
-fn grow(texels: &mut [Option<[u8; 3]>]) {
-    let size = RESOLUTION as usize;
-    let filled_neighbour = |texels: &[Option<[u8; 3]>], i: usize| {
-        let (column, row) = (i % size, i / size);
-        let around = |v: usize| v.saturating_sub(1)..=(v + 1).min(size - 1);
-        around(row).flat_map(|y| around(column).map(move |x| y * size + x)).find_map(|k| texels[k])
-    };
-    let ring: Vec<(usize, [u8; 3])> = (0..texels.len())
-        .filter(|i| texels[*i].is_none())
-        .filter_map(|i| Some((i, filled_neighbour(texels, i)?)))
-        .collect();
-    ring.into_iter().for_each(|(i, color)| texels[i] = Some(color));
 }
 
 #[cfg(test)]

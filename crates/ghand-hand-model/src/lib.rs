@@ -1,10 +1,11 @@
 //! Hand models: readers and writers, UV atlases, hands that come with the program, and surface samples.
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
-//! read one format each, [`builtin`] has a human hand, [`procedural`] makes hands from a few lengths, [`obj`] and [`glb`]
-//! write posed hands, [`rigged_glb`] rigged ones. [`joint_names`] maps joint names to parts of the hand, [`joint_axes`] says how these turn
-//! and [`joint_limits`] how far. [`named_poses`] has poses by name, [`shape_values`] reads shapes by name,
-//! [`pose_correctives`] keeps the volume of bent joints, [`surface`] samples the points that become an avatar's Gaussians.
+//! read one format each, [`builtin`] has a human hand, [`procedural`] makes hands from a few lengths, [`obj`] and
+//! [`glb`] write posed hands, [`rigged_glb`] rigged ones. [`joint_names`] maps joint names to parts of the hand,
+//! [`joint_axes`] says how these turn and [`joint_limits`] how far. [`named_poses`] has poses by name, [`shape_values`]
+//! reads shapes by name, [`pose_correctives`] keeps the volume of bent joints, [`surface`] samples the points that
+//! become an avatar's Gaussians.
 //!
 //! Units are metres and radians.
 

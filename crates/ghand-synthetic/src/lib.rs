@@ -1,10 +1,11 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
 //! The template is the built-in right hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
-//! The true hand is the same in the shape of a random person (`random_shape.rs`: lengths differ by up to 6 % or so), with
-//! a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with plain
-//! linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest. Training poses have the errors of a tracker; test poses and truth are exact. The same options give the
-//! same capture, up to the renderer's rounding.
+//! The true hand is the same in the shape of a random person (`random_shape.rs`: lengths differ by up to 6 % or so),
+//! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
+//! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
+//! Training poses have the errors of a tracker; test poses and truth are exact. The same options give the same capture,
+//! up to the renderer's rounding.
 
 pub(crate) mod anatomy;
 mod atlas;

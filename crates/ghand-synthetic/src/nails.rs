@@ -175,7 +175,7 @@ mod tests {
     use crate::anatomy::Anatomy;
 
     #[test]
-    fn every_finger_of_the_built_in_hand_has_a_nail_of_a_nail_s_size() {
+    fn every_finger_of_the_built_in_hand_has_a_nail_of_usual_size() {
         let model = builtin_hand(Side::Right).unwrap();
         let anatomy = Anatomy::of(&model);
         assert_eq!(anatomy.fingers.len(), 5);

@@ -16,6 +16,7 @@ use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::metrics::moving_joints;
 use contour::Edges;
 use distance_field::DistanceField;
 use frame::{FrameEquations, Rig};
@@ -117,9 +118,9 @@ struct Fit<'a> {
 impl<'a> Fit<'a> {
     fn new(template: &'a HandModel, given: Vec<&'a Pose>) -> Fit<'a> {
         let joints = template.joint_count();
-        let moves =
-            |k: &usize| given.iter().any(|pose| pose.rotations.get(*k).is_some_and(|r| *r != glam::DVec3::ZERO));
-        let moving: Vec<usize> = (0..joints).filter(moves).collect();
+        let poses: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
+        let moves = moving_joints(&poses);
+        let moving: Vec<usize> = (0..joints).filter(|k| moves[*k]).collect();
         let is_above = |k: usize, mut below: usize| loop {
             match (below == k, template.parents[below]) {
                 (true, _) => return true,
@@ -133,7 +134,7 @@ impl<'a> Fit<'a> {
             edges: Edges::of(&template.faces),
             priors: Priors::new(&moving),
             shape: vec![0.0; proportions.parameter_count()],
-            poses: given.iter().map(|pose| (*pose).clone()).collect(),
+            poses,
             proportions,
             moving,
             carries,

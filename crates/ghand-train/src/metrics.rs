@@ -4,6 +4,7 @@ use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::{Gpu, RenderError, buffers};
+use glam::DVec3;
 
 /// Similarity of a picture to its truth.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -78,6 +79,13 @@ impl Comparator {
         let ssim = self.loss.value(gpu)?.ssim_sum / count;
         Ok(ImageSimilarity { psnr: psnr(sum, 3 * picture.len()), psnr_hand: psnr(hand_sum, hand), ssim })
     }
+}
+
+/// Which joints move. A joint whose rotation is exactly 0 in every pose is fixed in this capture, and refinement does
+/// not change it.
+pub fn moving_joints(poses: &[Pose]) -> Vec<bool> {
+    let joints = poses.first().map_or(0, |p| p.rotations.len());
+    (0..joints).map(|k| poses.iter().any(|p| p.rotations.get(k).is_some_and(|r| *r != DVec3::ZERO))).collect()
 }
 
 /// Mean angle between the local rotations of two sequences of poses, degrees, over all frames and the joints for which

@@ -18,6 +18,7 @@ use crate::alignment::{AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::floor::texel_colors;
 use crate::memory_check;
+use crate::metrics::moving_joints;
 use crate::pose_prior::shrink;
 use crate::settings::{Align, TrainSettings};
 use crate::step::{Rates, Step};
@@ -84,13 +85,6 @@ const LOSS_EVERY: u64 = 25;
 const PREFETCHED: usize = 16;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
-
-/// Which joints move. A joint whose rotation is exactly 0 in every pose is fixed in this capture, and refinement does
-/// not change it.
-pub fn moving_joints(poses: &[Pose]) -> Vec<bool> {
-    let joints = poses.first().map_or(0, |p| p.rotations.len());
-    (0..joints).map(|k| poses.iter().any(|p| p.rotations.get(k).is_some_and(|r| *r != DVec3::ZERO))).collect()
-}
 
 /// One stage of training.
 struct Stage {

@@ -7,9 +7,8 @@ use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::alignment::{AlignmentError, align};
-use ghand_train::metrics::pose_error_degrees;
+use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use ghand_train::synthetic_scene::make_capture;
-use ghand_train::trainer::moving_joints;
 use glam::DVec3;
 
 fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
@@ -59,7 +58,7 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
             aligned.contours[1]
         );
         assert!(error(&aligned.poses) < 0.75 * error(&given), "{} of {}", error(&aligned.poses), error(&given));
-        assert!(shift(&aligned.poses) < 0.9 * shift(&given));
+        assert!(shift(&aligned.poses) < 0.75 * shift(&given));
         assert!(aligned.contours[1][0] < 0.7 && aligned.contours[1][0] < 0.5 * aligned.contours[0][0]);
         // The same bits with one thread.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();

@@ -11,9 +11,9 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
+use ghand_train::metrics::moving_joints;
 use ghand_train::step::{Rates, Step};
 use ghand_train::synthetic_scene::make_capture;
-use ghand_train::trainer::moving_joints;
 use ghand_train::views::TrainViews;
 use ghand_train::{Align, TrainSettings, Trained, Trainer, evaluate};
 

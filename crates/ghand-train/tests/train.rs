@@ -6,9 +6,8 @@ use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
-use ghand_train::metrics::pose_error_degrees;
+use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use ghand_train::synthetic_scene::make_capture;
-use ghand_train::trainer::moving_joints;
 use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
 
 fn gpu() -> Gpu {

@@ -4,8 +4,7 @@ use ghand_capture::{Capture, Split};
 use ghand_render::Gpu;
 use ghand_train::evaluate::{EvaluatedView, FloorMetrics, ImageMetrics, Metrics, PoseError, evaluate};
 use ghand_train::floor::Floor;
-use ghand_train::metrics::pose_error_degrees;
-use ghand_train::trainer::moving_joints;
+use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use ghand_train::{TrainSettings, Trained};
 
 use crate::say;

@@ -9,7 +9,7 @@ use super::*;
 
 /// Frames per motion that are checked.
 const FRAMES: usize = 20;
-/// Metres. Of all frames of the motions, 16 of 787 are deeper than 2 mm, at most 2.3.
+/// Metres. Of all frames of the right hand's motions, 16 of 787 are deeper than 2 mm, at most 2.3.
 const DEEPEST: f64 = 0.0025;
 
 #[test]

@@ -84,11 +84,11 @@ impl<'a> Proportions<'a> {
         };
         let (vertices, joints) = place(&hand.vertices, &hand.joints, &hand.joints);
         let (mut d_vertices, mut d_joints) = (vec![], vec![]);
+        let none = shape_hand(model, &[])?;
         for k in 0..own.len() {
             let mut unit = vec![0.0; own.len()];
             unit[k] = 1.0;
             let one = shape_hand(model, &unit)?;
-            let none = shape_hand(model, &[])?;
             let d_own: Vec<DVec3> = one.vertices.iter().zip(&none.vertices).map(|(a, b)| *a - *b).collect();
             let d_rest: Vec<DVec3> = one.joints.iter().zip(&none.joints).map(|(a, b)| *a - *b).collect();
             let (d_vertex, d_joint) = place(&d_own, &d_rest, &d_rest);
