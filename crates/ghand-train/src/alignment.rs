@@ -9,6 +9,7 @@ mod distance_field;
 mod frame;
 mod priors;
 mod proportions;
+mod spread;
 
 use ghand_capture::{Capture, CaptureError, Split};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
@@ -20,22 +21,18 @@ use crate::metrics::moving_joints;
 use contour::Edges;
 use distance_field::DistanceField;
 use frame::{FrameEquations, Rig};
-use priors::{Estimate, Priors};
+use priors::Priors;
 use proportions::Proportions;
+use spread::Estimate;
 
-/// For each step: the distance beyond which a contour counts linearly, pixels, and whether the joints' spreads are used.
-const STEPS: [(f64, bool); 10] = [
-    (20.0, false),
-    (12.0, false),
-    (8.0, false),
-    (5.0, true),
-    (4.0, true),
-    (3.0, true),
-    (3.0, true),
-    (3.0, true),
-    (3.0, true),
-    (3.0, true),
-];
+/// Steps without knowledge of how the joints vary: for each the distance beyond which a contour counts linearly, pixels.
+const FIRST_STEPS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];
+/// Then the joints' spreads are measured and the fingers start once more, from what these and the given poses say: in the
+/// first steps a finger may have taken another one's outline for its own.
+const STEPS: [f64; 7] = [12.0, 8.0, 5.0, 4.0, 3.0, 3.0, 3.0];
+
+/// Newton steps to the likeliest pose without images.
+const PRIOR_STEPS: usize = 4;
 
 /// Why the poses could not be aligned.
 #[derive(Debug, thiserror::Error)]
@@ -90,7 +87,11 @@ pub fn align(
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given);
     let mut first = None;
-    for (number, (huber, use_spreads)) in STEPS.into_iter().enumerate() {
+    let steps = FIRST_STEPS.map(|huber| (huber, false)).into_iter().chain(STEPS.map(|huber| (huber, true)));
+    for (number, (huber, use_spreads)) in steps.enumerate() {
+        if number == FIRST_STEPS.len() {
+            fit.start_fingers_again(&images)?;
+        }
         let [median, far] = fit.step(&images, huber, use_spreads)?;
         first.get_or_insert([median, far]);
         let text = format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px");
@@ -132,7 +133,7 @@ impl<'a> Fit<'a> {
         let proportions = Proportions::new(template);
         Fit {
             edges: Edges::of(&template.faces),
-            priors: Priors::new(&moving),
+            priors: Priors::new(template, &moving, given.len()),
             shape: vec![0.0; proportions.parameter_count()],
             poses,
             proportions,
@@ -148,27 +149,61 @@ impl<'a> Fit<'a> {
         self.poses.par_iter().zip(images).map(|(pose, images)| rig.equations(pose, images)).collect()
     }
 
-    /// One Gauss-Newton step of all poses and the shape. Returns median and 95th percentile of the contours' distances
-    /// before it, pixels.
-    fn step(&mut self, images: &[Images], huber: f64, use_spreads: bool) -> Result<[f64; 2], InvalidHandModel> {
+    /// The frames' equations, with what the given poses say.
+    fn equations_with_given(&self, images: &[Images], huber: f64) -> Result<Vec<FrameEquations>, InvalidHandModel> {
         let mut equations = self.equations(images, huber)?;
         for ((pose, given), frame) in self.poses.iter().zip(&self.given).zip(&mut equations) {
             self.priors.add_given(pose, given, &self.moving, &mut frame.pose_pose, &mut frame.d_pose);
         }
+        Ok(equations)
+    }
+
+    /// Measures the priors from estimates of each frame by its images and its given pose alone.
+    fn measure_priors(&mut self, equations: &[FrameEquations]) {
+        let estimates: Vec<Estimate> = (equations.par_iter().zip(&self.poses))
+            .map(|(frame, pose)| {
+                let covariance = inverse(&frame.pose_pose);
+                Estimate { pose: self.moved(pose, &-(&covariance * &frame.d_pose)), covariance }
+            })
+            .collect();
+        self.priors.measure(&estimates, &self.given, &self.moving);
+    }
+
+    /// Moves the fingers to where the given poses and the joints' spreads say, without the images; the root and the
+    /// translation stay.
+    fn start_fingers_again(&mut self, images: &[Images]) -> Result<(), InvalidHandModel> {
+        let equations = self.equations_with_given(images, FIRST_STEPS[FIRST_STEPS.len() - 1])?;
+        self.measure_priors(&equations);
+        for k in 0..self.poses.len() {
+            let found = self.poses[k].clone();
+            self.poses[k] = self.from_priors(self.given[k]);
+            self.poses[k].rotations[0] = found.rotations[0];
+            self.poses[k].translation = found.translation;
+        }
+        Ok(())
+    }
+
+    /// The likeliest pose by the given one and the joints' spreads.
+    fn from_priors(&self, given: &Pose) -> Pose {
+        let count = 3 * self.moving.len() + 3;
+        let mut pose = given.clone();
+        for _ in 0..PRIOR_STEPS {
+            let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+            self.priors.add_given(&pose, given, &self.moving, &mut matrix, &mut gradient);
+            self.priors.spread.add(&pose, &mut matrix, &mut gradient);
+            pose = self.moved(&pose, &-(inverse(&matrix) * gradient));
+        }
+        pose
+    }
+
+    /// One Gauss-Newton step of all poses and the shape. Returns median and 95th percentile of the contours' distances
+    /// before it, pixels.
+    fn step(&mut self, images: &[Images], huber: f64, use_spreads: bool) -> Result<[f64; 2], InvalidHandModel> {
+        let mut equations = self.equations_with_given(images, huber)?;
         if use_spreads {
-            let alone: Vec<(DVector<f64>, DMatrix<f64>)> = equations
-                .par_iter()
-                .map(|frame| {
-                    let inverse = inverse(&frame.pose_pose);
-                    (-(&inverse * &frame.d_pose), inverse)
-                })
-                .collect();
-            let estimates: Vec<Estimate> = (alone.into_iter().zip(&self.poses))
-                .map(|((step, covariance), pose)| Estimate { pose: self.moved(pose, &step), covariance })
-                .collect();
-            self.priors.measure(&estimates, &self.given, &self.moving);
+            self.measure_priors(&equations);
             for (pose, frame) in self.poses.iter().zip(&mut equations) {
-                self.priors.add_spread(pose, &self.moving, &mut frame.pose_pose, &mut frame.d_pose);
+                self.priors.spread.add(pose, &mut frame.pose_pose, &mut frame.d_pose);
             }
         }
         let inverses: Vec<DMatrix<f64>> = equations.par_iter().map(|frame| inverse(&frame.pose_pose)).collect();

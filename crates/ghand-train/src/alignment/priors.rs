@@ -1,13 +1,16 @@
 //! What is known about poses before contours are looked at, with widths measured from the capture itself.
 //!
 //! The given poses are true ones with an error: per joint a constant part (the bias) and noise. The true rotations of a
-//! joint vary over the capture's frames about a mean, along each axis by its own spread: a hinge hardly varies along two of
-//! them. Noise, bias and spread are moments of the poses found so far and of their uncertainty.
+//! finger's joints vary together over the capture's frames: a hinge hardly varies about two of its axes, and the last two
+//! joints bend together. Noise and bias are moments of the poses found so far and of their uncertainty; `spread.rs` has
+//! how the fingers vary.
 
-use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_core::{HandModel, Pose};
 use glam::{DMat3, DVec3};
-use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Matrix3};
+
+use super::spread::{Estimate, Spread};
 
 /// Start of the noise of given rotations, radians, and of translations, metres, per axis.
 const NOISE: f64 = 4.0_f64.to_radians();
@@ -17,8 +20,6 @@ const POOLED_FRAMES: f64 = 20.0;
 /// Standard deviation of a bias, radians. Small: a constant error of the rotations and the template's proportions explain
 /// the same contours.
 const BIAS: f64 = 0.3_f64.to_radians();
-/// Least spread of a joint's rotations, radians: a joint that seems to be an exact hinge is only nearly one.
-const LEAST_SPREAD: f64 = 0.5_f64.to_radians();
 /// Least noise, radians and metres.
 const LEAST_NOISE: f64 = 0.3_f64.to_radians();
 const LEAST_TRANSLATION_NOISE: f64 = 0.0001;
@@ -30,9 +31,6 @@ struct JointPrior {
     noise: f64,
     /// Constant error of the given rotations: true = exp(bias) given.
     bias: DVec3,
-    /// Mean of the true rotation vectors over the frames, and the inverse of their covariance.
-    mean: DVec3,
-    information: DMat3,
 }
 
 /// The prior of a capture's poses.
@@ -40,20 +38,19 @@ struct JointPrior {
 pub struct Priors {
     joints: Vec<JointPrior>,
     translation_noise: f64,
-}
-
-/// A frame's estimate from its images and its given pose alone.
-pub struct Estimate {
-    pub pose: Pose,
-    /// Covariance of its error: of the moving joints' rotation vectors, then the translation.
-    pub covariance: DMatrix<f64>,
+    /// How the true rotations vary.
+    pub spread: Spread,
 }
 
 impl Priors {
     /// Before anything is measured: no bias, the noise of a usual tracker, no knowledge of the joints.
-    pub fn new(moving: &[usize]) -> Priors {
-        let joint = JointPrior { noise: NOISE, bias: DVec3::ZERO, mean: DVec3::ZERO, information: DMat3::ZERO };
-        Priors { joints: vec![joint; moving.len()], translation_noise: TRANSLATION_NOISE }
+    pub fn new(template: &HandModel, moving: &[usize], frames: usize) -> Priors {
+        let joint = JointPrior { noise: NOISE, bias: DVec3::ZERO };
+        Priors {
+            joints: vec![joint; moving.len()],
+            translation_noise: TRANSLATION_NOISE,
+            spread: Spread::new(template, moving, frames),
+        }
     }
 
     /// Adds the given pose's part to a frame's equations; `matrix` and `gradient` are those of its pose.
@@ -72,16 +69,6 @@ impl Priors {
         }
         let information = DMat3::IDENTITY * self.translation_noise.powi(-2);
         add(matrix, gradient, 3 * moving.len(), information, pose.translation - given.translation);
-    }
-
-    /// Adds what is known of the joints' rotations over all frames.
-    pub fn add_spread(&self, pose: &Pose, moving: &[usize], matrix: &mut DMatrix<f64>, gradient: &mut DVector<f64>) {
-        for (i, (joint, prior)) in moving.iter().zip(&self.joints).enumerate() {
-            // The root turns freely.
-            if *joint > 0 {
-                add(matrix, gradient, 3 * i, prior.information, shortest(pose.rotations[*joint]) - prior.mean);
-            }
-        }
     }
 
     /// Rotation vector from the given rotation, without its bias, to that of a pose.
@@ -120,31 +107,8 @@ impl Priors {
             (block(&e.covariance, at).trace() + e.pose.translation.distance_squared(given.translation)) / 3.0
         });
         self.translation_noise = (translations.sum::<f64>() / frames).sqrt().max(LEAST_TRANSLATION_NOISE);
-        for (i, joint) in moving.iter().enumerate() {
-            let vectors: Vec<DVec3> = estimates.iter().map(|e| shortest(e.pose.rotations[*joint])).collect();
-            let mean = vectors.iter().sum::<DVec3>() / frames;
-            let mut covariance = Matrix3::zeros();
-            for (vector, estimate) in vectors.iter().zip(estimates) {
-                let off = *vector - mean;
-                covariance += matrix(DMat3::from_cols(off * off.x, off * off.y, off * off.z)) / (frames - 1.0).max(1.0);
-                covariance -= block(&estimate.covariance, 3 * i) / frames;
-            }
-            let mut eigen = SymmetricEigen::new(covariance);
-            eigen.eigenvalues.iter_mut().for_each(|spread| *spread = spread.max(LEAST_SPREAD.powi(2)).recip());
-            let information = eigen.recompose();
-            self.joints[i].mean = mean;
-            self.joints[i].information = DMat3::from_cols_slice(information.as_slice());
-        }
+        self.spread.measure(estimates);
     }
-}
-
-/// The rotation vector of at most half a turn.
-fn shortest(v: DVec3) -> DVec3 {
-    if v.length() > std::f64::consts::PI { axis_angle_from_rotation(&rotation_from_axis_angle(v)) } else { v }
-}
-
-fn matrix(m: DMat3) -> Matrix3<f64> {
-    Matrix3::from_column_slice(&m.to_cols_array())
 }
 
 fn block(matrix: &DMatrix<f64>, at: usize) -> Matrix3<f64> {
