@@ -11,7 +11,11 @@ mod priors;
 mod proportions;
 mod spread;
 
+use std::time::Instant;
+
+use ghand_capture::mask::covered_pixels;
 use ghand_capture::{Capture, CaptureError, Split};
+use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -55,9 +59,34 @@ pub struct Alignment {
     pub poses: Vec<Pose>,
     /// The template in the proportions found.
     pub template: HandModel,
-    /// Distances of the template's contours from the masks' outlines, given and aligned, pixels: median and 95th
-    /// percentile.
-    pub contours: [[f64; 2]; 2],
+    /// How well given and aligned poses fit the masks.
+    pub fit: [MaskFit; 2],
+    /// Frames, counted in the split, that keep their given poses because these overlap the masks better.
+    pub kept: Vec<usize>,
+    /// The likeliest poses by the given ones and how the joints vary over the capture, without the frame's own images.
+    pub prior_poses: Vec<Pose>,
+    /// Standard deviation of what the aligned rotations may be off by, root mean square over frames and axes, radians: by
+    /// joint, 0 for those that do not move.
+    pub uncertainty: Vec<f64>,
+    /// Seconds that it took.
+    pub seconds: f64,
+}
+
+/// How well a template in certain poses fits the masks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaskFit {
+    /// Distances of the template's contours from the masks' outlines, pixels: median and 95th percentile; NaN without any.
+    pub contours: [f64; 2],
+    /// Intersection over union of the template's silhouettes and the masks, mean over the images.
+    pub overlap: f64,
+}
+
+impl Alignment {
+    /// Whether the aligned poses fit the masks better than the given ones.
+    pub fn is_better(&self) -> bool {
+        let [given, aligned] = self.fit;
+        aligned.contours[0] < given.contours[0] && aligned.overlap > given.overlap
+    }
 }
 
 /// A frame's images.
@@ -73,6 +102,7 @@ pub fn align(
     split: &Split,
     after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<Alignment, AlignmentError> {
+    let start = Instant::now();
     let fields: Vec<Option<DistanceField>> = (split.views.par_iter())
         .map(|view| {
             let image = capture.load_view(view.camera, view.frame)?;
@@ -86,22 +116,18 @@ pub fn align(
     }
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given);
-    let mut first = None;
     let steps = FIRST_STEPS.map(|huber| (huber, false)).into_iter().chain(STEPS.map(|huber| (huber, true)));
     for (number, (huber, use_spreads)) in steps.enumerate() {
         if number == FIRST_STEPS.len() {
             fit.start_fingers_again(&images)?;
         }
         let [median, far] = fit.step(&images, huber, use_spreads)?;
-        first.get_or_insert([median, far]);
         let text = format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px");
         if !after_step(&text, &fit.poses) {
             return Err(AlignmentError::Stopped);
         }
     }
-    let template = fit.proportions.shaped(&fit.shape)?.model;
-    let last = fit.distances(&images)?;
-    Ok(Alignment { poses: fit.poses, template, contours: [first.unwrap_or(last), last] })
+    Ok(fit.finish(&images, start)?)
 }
 
 /// The state of an alignment.
@@ -176,7 +202,7 @@ impl<'a> Fit<'a> {
         self.measure_priors(&equations);
         for k in 0..self.poses.len() {
             let found = self.poses[k].clone();
-            self.poses[k] = self.from_priors(self.given[k]);
+            self.poses[k] = self.prior_pose(self.given[k]);
             self.poses[k].rotations[0] = found.rotations[0];
             self.poses[k].translation = found.translation;
         }
@@ -184,7 +210,7 @@ impl<'a> Fit<'a> {
     }
 
     /// The likeliest pose by the given one and the joints' spreads.
-    fn from_priors(&self, given: &Pose) -> Pose {
+    fn prior_pose(&self, given: &Pose) -> Pose {
         let count = 3 * self.moving.len() + 3;
         let mut pose = given.clone();
         for _ in 0..PRIOR_STEPS {
@@ -233,9 +259,76 @@ impl<'a> Fit<'a> {
         Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
     }
 
-    fn distances(&self, images: &[Images]) -> Result<[f64; 2], InvalidHandModel> {
-        let equations = self.equations(images, 3.0)?;
-        Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
+    /// The result.
+    fn finish(mut self, images: &[Images], start: Instant) -> Result<Alignment, InvalidHandModel> {
+        let given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
+        let (given_fit, _) = self.fit_of(self.proportions.template(), &given, images)?;
+        let template = self.proportions.shaped(&self.shape)?.model;
+        let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
+        let (_, overlaps) = self.fit_of(&template, &self.poses, images)?;
+        let mut kept = vec![];
+        for (k, (before, after)) in given_overlaps.iter().zip(&overlaps).enumerate() {
+            if before > after {
+                self.poses[k] = given[k].clone();
+                kept.push(k);
+            }
+        }
+        let (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
+        let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
+        let uncertainty = self.uncertainty(images)?;
+        Ok(Alignment {
+            template,
+            fit: [given_fit, aligned_fit],
+            kept,
+            prior_poses,
+            uncertainty,
+            poses: self.poses,
+            seconds: start.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// The standard deviations of the joints' rotations, by all that is known.
+    fn uncertainty(&self, images: &[Images]) -> Result<Vec<f64>, InvalidHandModel> {
+        let mut equations = self.equations_with_given(images, STEPS[STEPS.len() - 1])?;
+        for (pose, frame) in self.poses.iter().zip(&mut equations) {
+            self.priors.spread.add(pose, &mut frame.pose_pose, &mut frame.d_pose);
+        }
+        let covariances: Vec<DMatrix<f64>> = equations.par_iter().map(|frame| inverse(&frame.pose_pose)).collect();
+        let mut deviations = vec![0.0; self.proportions.template().joint_count()];
+        for (place, joint) in self.moving.iter().enumerate() {
+            let trace = |c: &DMatrix<f64>| (0..3).map(|axis| c[(3 * place + axis, 3 * place + axis)]).sum::<f64>();
+            let sum: f64 = covariances.iter().map(trace).sum();
+            deviations[*joint] = (sum / (3 * covariances.len().max(1)) as f64).sqrt();
+        }
+        Ok(deviations)
+    }
+
+    /// How well a template in these poses fits the masks; also the overlap of each frame, 1 for one without masks.
+    fn fit_of(
+        &self,
+        template: &HandModel,
+        poses: &[Pose],
+        images: &[Images],
+    ) -> Result<(MaskFit, Vec<f64>), InvalidHandModel> {
+        let of_frame = |(pose, images): (&Pose, &Images)| -> Result<(Vec<f64>, Vec<f64>), InvalidHandModel> {
+            let positions = pose_hand(template, &[], pose)?.vertices;
+            let normals = template.vertex_normals(&positions);
+            let (mut distances, mut overlaps) = (vec![], vec![]);
+            for (camera, field) in images {
+                let contour = self.edges.contour(&positions, &normals, camera, field);
+                distances.extend(contour.iter().map(|point| point.residual.abs()));
+                overlaps
+                    .push(field.overlap(&covered_pixels(camera, &positions, &template.faces), camera.width as usize));
+            }
+            Ok((distances, overlaps))
+        };
+        let frames: Vec<(Vec<f64>, Vec<f64>)> =
+            poses.par_iter().zip(images).map(of_frame).collect::<Result<_, InvalidHandModel>>()?;
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let per_frame =
+            frames.iter().map(|(_, overlaps)| if overlaps.is_empty() { 1.0 } else { mean(overlaps) }).collect();
+        let (distances, overlaps): (Vec<Vec<f64>>, Vec<Vec<f64>>) = frames.into_iter().unzip();
+        Ok((MaskFit { contours: quantiles(distances.concat()), overlap: mean(&overlaps.concat()) }, per_frame))
     }
 
     /// A pose after a step.

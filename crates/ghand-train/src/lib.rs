@@ -2,6 +2,7 @@
 //! beat), and the report.
 
 pub mod alignment;
+pub mod alignment_picture;
 mod divergence;
 pub mod draw_text;
 pub mod evaluate;

@@ -6,37 +6,13 @@
 
 use ghand_core::Pose;
 use glam::{DMat3, DVec3};
+use nalgebra::{Matrix3, SymmetricEigen};
 
 /// With fewer frames, the statistics of a joint's motion are not reliable.
 const MIN_FRAMES: usize = 8;
 /// A joint whose smallest standard deviation is above this fraction of its largest rotates freely about all axes: its
 /// smallest deviation is motion, not noise.
 const FREE_RATIO: f64 = 0.3;
-
-/// Eigenvalues and orthonormal eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
-fn eigen(mut a: DMat3) -> (DVec3, DMat3) {
-    let mut vectors = DMat3::IDENTITY;
-    // Convergence is quadratic: a few sweeps reach rounding error.
-    for _ in 0..12 {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let off = a.col(q)[p];
-            if off == 0.0 {
-                continue;
-            }
-            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * off);
-            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let mut rotation = DMat3::IDENTITY;
-            rotation.col_mut(p)[p] = c;
-            rotation.col_mut(q)[q] = c;
-            rotation.col_mut(q)[p] = t * c;
-            rotation.col_mut(p)[q] = -t * c;
-            a = rotation.transpose() * a * rotation;
-            vectors *= rotation;
-        }
-    }
-    (DVec3::new(a.x_axis.x, a.y_axis.y, a.z_axis.z), vectors)
-}
 
 /// Shrinks every joint's rotations towards their mean along the axes about which it hardly rotates. The frames are the
 /// samples. With few frames, and for joints that rotate freely, nothing changes.
@@ -53,7 +29,9 @@ pub fn shrink(poses: &mut [Pose]) {
             let d = pose.rotations[k] - mean;
             covariance += DMat3::from_cols(d * d.x, d * d.y, d * d.z) * (1.0 / (frames - 1) as f64);
         }
-        let (spread, axes) = eigen(covariance);
+        let eigen = SymmetricEigen::new(Matrix3::from_column_slice(&covariance.to_cols_array()));
+        let spread = DVec3::from_slice(eigen.eigenvalues.as_slice());
+        let axes = DMat3::from_cols_slice(eigen.eigenvectors.as_slice());
         let (noise, largest) = (spread.min_element(), spread.max_element());
         if !(largest > 0.0 && noise.max(0.0).sqrt() < FREE_RATIO * largest.sqrt()) {
             continue;
@@ -90,14 +68,5 @@ mod tests {
         let mut few = given[..5].to_vec();
         shrink(&mut few);
         assert_eq!(few, given[..5]);
-    }
-
-    #[test]
-    fn eigenvectors_diagonalise() {
-        let a = DMat3::from_cols(DVec3::new(4.0, 1.0, -2.0), DVec3::new(1.0, 3.0, 0.5), DVec3::new(-2.0, 0.5, 7.0));
-        let (values, vectors) = eigen(a);
-        let back = vectors * DMat3::from_diagonal(values) * vectors.transpose();
-        assert!((back - a).to_cols_array().iter().all(|e| e.abs() < 1e-12));
-        assert!((vectors * vectors.transpose() - DMat3::IDENTITY).to_cols_array().iter().all(|e| e.abs() < 1e-12));
     }
 }

@@ -14,7 +14,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use crate::alignment::{AlignmentError, align};
+use crate::alignment::{Alignment, AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::floor::texel_colors;
 use crate::memory_check;
@@ -45,6 +45,8 @@ pub struct Trained {
     pub avatar: Avatar,
     /// Refined poses of the split's frames.
     pub poses: Vec<Pose>,
+    /// The alignment, with `align=contours`; its poses were used if [`Alignment::is_better`].
+    pub alignment: Option<Alignment>,
     /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
     pub iterations: u64,
     /// Wall-clock time of the iterations, seconds.
@@ -74,6 +76,7 @@ pub struct Trainer<'a> {
     views: TrainViews,
     poses: Vec<Pose>,
     gaussians: usize,
+    alignment: Option<Alignment>,
     stop: Option<&'a AtomicBool>,
 }
 
@@ -85,6 +88,10 @@ const LOSS_EVERY: u64 = 25;
 const PREFETCHED: usize = 16;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
+
+/// Below this overlap of the aligned template's silhouettes with the masks something is wrong; wrong sides and other
+/// cameras' images end below it.
+const LEAST_OVERLAP: f64 = 0.7;
 
 /// One stage of training.
 struct Stage {
@@ -145,6 +152,7 @@ impl<'a> Trainer<'a> {
             capture: capture.clone(),
             settings: settings.clone(),
             gaussians,
+            alignment: None,
             stop: None,
         })
     }
@@ -206,12 +214,12 @@ impl<'a> Trainer<'a> {
         let iterations = stage.done + done.iterations;
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        Ok(Trained { avatar, poses: self.poses, iterations, seconds: start.elapsed().as_secs_f64() })
+        let (poses, alignment) = (self.poses, self.alignment);
+        Ok(Trained { avatar, poses, alignment, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// Aligns poses and proportions, unless the contours fit no better afterwards.
+    /// Aligns poses and proportions, unless they fit the masks no better afterwards.
     fn align(&mut self) -> Result<(), TrainError> {
-        let start = Instant::now();
         let mut go_on = |_: &str, _: &[Pose]| self.stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
         let aligned = match align(&self.capture, &self.split, &mut go_on) {
             Err(AlignmentError::Stopped) => {
@@ -219,25 +227,33 @@ impl<'a> Trainer<'a> {
             }
             result => result?,
         };
-        let [[given, _], [median, far]] = aligned.contours;
-        if given.is_nan() {
-            log::warn!("the given poses are used: no mask shows the hand's outline");
-            return Ok(());
-        }
-        if median.is_nan() || median >= given {
+        let [given, found] = aligned.fit;
+        if given.contours[0].is_nan() {
+            log::warn!("the given poses are used: no mask shows the outline of the hand near that of the template");
+        } else if !aligned.is_better() {
             log::warn!(
-                "the given poses are used: alignment does not improve the contours ({given:.2} pixels off before, \
-                 {median:.2} after)"
+                "the given poses are used: alignment does not improve them (contours {:.2} pixels off before, {:.2} \
+                 after; overlap with the masks {:.3} before, {:.3} after)",
+                given.contours[0],
+                found.contours[0],
+                given.overlap,
+                found.overlap
             );
-            return Ok(());
+        } else {
+            if found.overlap < LEAST_OVERLAP {
+                log::warn!(
+                    "the template overlaps the masks by only {:.2} after alignment: is it of the right side and size, \
+                     and do cameras and masks belong to the images?",
+                    found.overlap
+                );
+            }
+            if !aligned.kept.is_empty() {
+                log::warn!("{} of {} frames keep their given poses", aligned.kept.len(), self.poses.len());
+            }
+            self.poses.clone_from(&aligned.poses);
+            self.capture.template = aligned.template.clone();
         }
-        log::info!(
-            "aligned in {:.0} s: the template's contours are {median:.2} pixels off the masks (95 % below {far:.1}), \
-             {given:.2} before",
-            start.elapsed().as_secs_f64()
-        );
-        self.poses = aligned.poses;
-        self.capture.template = aligned.template;
+        self.alignment = Some(aligned);
         Ok(())
     }
 

@@ -54,12 +54,14 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
             error(&aligned.poses),
             1e3 * shift(&given) / 8.0,
             1e3 * shift(&aligned.poses) / 8.0,
-            aligned.contours[0],
-            aligned.contours[1]
+            aligned.fit[0].contours,
+            aligned.fit[1].contours
         );
         assert!(error(&aligned.poses) < 0.75 * error(&given), "{} of {}", error(&aligned.poses), error(&given));
         assert!(shift(&aligned.poses) < 0.75 * shift(&given));
-        assert!(aligned.contours[1][0] < 0.7 && aligned.contours[1][0] < 0.5 * aligned.contours[0][0]);
+        let [before, after] = aligned.fit;
+        assert!(after.contours[0] < 0.7 && after.contours[0] < 0.5 * before.contours[0], "{:?}", aligned.fit);
+        assert!(aligned.is_better() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
         // The same bits with one thread.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let again = one.install(|| align(&capture, split, &mut |_, _| true)).unwrap();
@@ -129,74 +131,24 @@ fn figures_of_a_capture() {
     let start = std::time::Instant::now();
     let aligned = align(&capture, &split, &mut |text, poses| {
         println!("{:.1} s, {text}: {}", start.elapsed().as_secs_f64(), figures(poses));
-        if let Ok(f) = std::env::var("FRAME") {
-            let f: usize = f.parse().unwrap();
-            for k in &moving {
-                let r = |p: &Pose| (p.rotations[*k] * 57.3).to_array();
-                let e = axis_angle_from_rotation(
-                    &(rotation_from_axis_angle(poses[f].rotations[*k])
-                        * rotation_from_axis_angle(truth[f].rotations[*k]).transpose()),
-                )
-                .length()
-                .to_degrees();
-                if e > 8.0 {
-                    println!(
-                        "   {k} {} now {:.0?} given {:.0?} true {:.0?} off {e:.1}",
-                        capture.template.joint_names[*k],
-                        r(&poses[f]),
-                        r(&given[f]),
-                        r(&truth[f])
-                    );
-                }
-            }
-        }
         true
     })
     .unwrap();
-    println!("contours {:?}", aligned.contours);
-    // By joint: rms of the error along the axes of the true rotations' spread, narrow to wide, given and aligned; then
-    // the mean of the aligned error.
+    println!("{:?}, kept {:?}, {:.1} s", aligned.fit, aligned.kept, aligned.seconds);
+    println!("by given poses and spreads alone: {}", figures(&aligned.prior_poses));
+    // By joint: root mean square of the error over frames and axes, and what the alignment expects it to be.
     for k in &moving {
-        let true_vectors: Vec<DVec3> = truth.iter().map(|p| p.rotations[*k]).collect();
-        let mean = true_vectors.iter().sum::<DVec3>() / true_vectors.len() as f64;
-        let mut covariance = nalgebra::Matrix3::zeros();
-        for v in &true_vectors {
-            let off = nalgebra::Vector3::from((*v - mean).to_array());
-            covariance += off * off.transpose() / true_vectors.len() as f64;
-        }
-        let eigen = nalgebra::SymmetricEigen::new(covariance);
-        let mut order = [0, 1, 2];
-        order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-        let rms = |poses: &[Pose], less_mean: bool| {
-            let offs: Vec<DVec3> = (poses.iter().zip(&truth))
-                .map(|(p, t)| {
-                    axis_angle_from_rotation(
-                        &(rotation_from_axis_angle(p.rotations[*k])
-                            * rotation_from_axis_angle(t.rotations[*k]).transpose()),
-                    )
-                })
-                .collect();
-            let mean = offs.iter().sum::<DVec3>() / offs.len() as f64;
-            order.map(|axis| {
-                let c = eigen.eigenvectors.column(axis);
-                let axis = DVec3::new(c[0], c[1], c[2]);
-                let part = |v: &DVec3| (*v - if less_mean { mean } else { DVec3::ZERO }).dot(axis).powi(2);
-                (offs.iter().map(part).sum::<f64>() / offs.len() as f64).sqrt().to_degrees()
-            })
+        let square = |(p, t): (&Pose, &Pose)| {
+            let turn =
+                rotation_from_axis_angle(p.rotations[*k]) * rotation_from_axis_angle(t.rotations[*k]).transpose();
+            axis_angle_from_rotation(&turn).length_squared() / 3.0
         };
-        let sd = order.map(|a| eigen.eigenvalues[a].max(0.0).sqrt().to_degrees());
+        let mean = aligned.poses.iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64;
         println!(
-            "{:28} spread {sd:5.1?} given {:5.2?} aligned {:5.2?} less mean {:5.2?}",
+            "{:34} {:5.2} degrees, expected {:5.2}",
             capture.template.joint_names[*k],
-            rms(&given, false),
-            rms(&aligned.poses, false),
-            rms(&aligned.poses, true)
+            mean.sqrt().to_degrees(),
+            aligned.uncertainty[*k].to_degrees()
         );
     }
-    // By frame.
-    let per_frame = |f: usize| {
-        let counts = moving_joints(&given);
-        pose_error_degrees(&aligned.poses[f..=f], &truth[f..=f], &counts)
-    };
-    println!("by frame {:4.1?}", (0..truth.len()).map(per_frame).collect::<Vec<_>>());
 }

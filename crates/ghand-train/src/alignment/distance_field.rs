@@ -48,6 +48,20 @@ impl DistanceField {
         Some(DistanceField { origin: [left, top], size, values })
     }
 
+    /// Intersection over union of the mask and another one of the same image, row-major.
+    pub fn overlap(&self, other: &[bool], width: usize) -> f64 {
+        let ([left, top], [columns, rows]) = (self.origin, self.size);
+        let mut both = 0;
+        for y in 0..rows {
+            let start = (top + y) * width + left;
+            let line = self.values[y * columns..(y + 1) * columns].iter().zip(&other[start..start + columns]);
+            both += line.filter(|(value, other)| **value < 0 && **other).count();
+        }
+        let own = self.values.iter().filter(|value| **value < 0).count();
+        let all = own + other.iter().filter(|other| **other).count() - both;
+        both as f64 / all.max(1) as f64
+    }
+
     /// Distance (pixels) and its gradient at a point of the image, bilinear; `None` outside the field.
     pub fn at(&self, pixel: DVec2) -> Option<(f64, DVec2)> {
         let local = pixel - DVec2::new(self.origin[0] as f64, self.origin[1] as f64) - 0.5;
@@ -142,6 +156,11 @@ mod tests {
         let (distance, gradient) = field.at(DVec2::new(3.2, 10.0)).unwrap();
         assert!((distance - 1.8).abs() < 0.01 && (gradient - DVec2::NEG_X).length() < 0.01, "{distance} {gradient}");
         assert!(field.at(DVec2::new(-1.0, 3.0)).is_none());
+        assert_eq!(field.overlap(&mask, width), 1.0);
+        // Half of the block, and as much elsewhere.
+        let other: Vec<bool> =
+            (0..width * height).map(|i| (8..10).contains(&(i / width)) && (5..35).contains(&(i % width))).collect();
+        assert!((field.overlap(&other, width) - 30.0 / 91.0).abs() < 1e-12);
         assert!(DistanceField::of_mask(&[true; 12], 4).is_none() && DistanceField::of_mask(&[false; 12], 4).is_none());
     }
 }

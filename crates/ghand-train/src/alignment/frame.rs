@@ -13,7 +13,7 @@ use super::proportions::Shaped;
 const CORRELATION: f64 = 8.0;
 /// Standard deviation of such a measurement in the only image of a frame, pixels. The template's surface is not quite the
 /// hand's, in all images alike: more images do not say more about that, so the variance grows with their number.
-const DEVIATION: f64 = 1.35;
+const DEVIATION: f64 = 1.0;
 
 /// What does not change from frame to frame.
 pub struct Rig<'a> {

@@ -40,6 +40,11 @@ impl<'a> Proportions<'a> {
         Proportions { model, bones: (0..model.joint_count()).map(bone).collect() }
     }
 
+    /// The template as it came.
+    pub fn template(&self) -> &'a HandModel {
+        self.model
+    }
+
     /// Number of parameters: the model's own, then logarithms of length and thickness of each joint's bone.
     pub fn parameter_count(&self) -> usize {
         self.model.shape_count() + 2 * self.model.joint_count()
