@@ -99,7 +99,7 @@ mod tests {
     fn outlines_move_by_the_given_amount_and_neighbours_alike() {
         let mask = disc();
         let errors = MaskErrors { pixels: 2.0, seed: 5 };
-        let (mut squares, mut apart, mut alike, mut count, mut bites) = (0.0, 0.0, 0.0, 0.0, 0);
+        let (mut squares, mut apart, mut alike, mut count, mut bites) = (0.0_f64, 0.0_f64, 0.0, 0.0, 0);
         for frame in 0..80 {
             let bad = errors.of(&mask, SIZE, 3, frame);
             assert!(bad == errors.of(&mask, SIZE, 3, frame) && bad != errors.of(&mask, SIZE, 4, frame));
@@ -125,7 +125,7 @@ mod tests {
             }
         }
         // The disc's own pixels add 0.3.
-        let deviation: f64 = (squares / count as f64).sqrt();
+        let deviation: f64 = (squares / count).sqrt();
         assert!((1.7..2.3).contains(&deviation), "{deviation} pixels");
         assert!(alike / squares > 0.8 && (apart / squares).abs() < 0.2, "{} {}", alike / squares, apart / squares);
         assert!((4..=18).contains(&bites), "{bites} of 80 have a bite");
