@@ -54,6 +54,29 @@ fn a_capture_is_made_the_same_each_time_and_differs_by_identity() {
 }
 
 #[test]
+fn harder_captures_differ_by_what_their_options_say() {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path(), "plain", &[]);
+    make(folder.path(), "masks", &["--mask-noise", "1.5"]);
+    make(folder.path(), "bias", &["--pose-bias", "3"]);
+    make(folder.path(), "light", &["--light", "side"]);
+    make(folder.path(), "hand", &["--side", "left", "--twist", "4", "--abduction", "3"]);
+    let [plain, masks, bias, light, hand] =
+        ["plain", "masks", "bias", "light", "hand"].map(|name| contents(&folder.path().join(name)));
+    let differing = |other: &BTreeMap<String, Vec<u8>>| -> Vec<String> {
+        plain.iter().filter(|(name, bytes)| other[*name] != **bytes).map(|(name, _)| name.clone()).collect()
+    };
+    let of_kind =
+        |names: &[String], kind: &str| names.iter().filter(|name| name.starts_with(kind)).count() == names.len();
+    let (masks, light) = (differing(&masks), differing(&light));
+    assert!(masks.len() == 4 && of_kind(&masks, "masks/"), "{masks:?}");
+    assert!(light.len() == 5 && of_kind(&light, "images/"), "{light:?}");
+    assert_eq!(differing(&bias), ["capture.json"]);
+    assert!(String::from_utf8_lossy(&hand["capture.json"]).replace(' ', "").contains("\"side\":\"left\""));
+    assert!(hand["truth.json"] != plain["truth.json"]);
+}
+
+#[test]
 fn training_starts_from_a_capture_in_the_layout_of_interhand() {
     let folder = tempfile::tempdir().unwrap();
     let said = make(folder.path(), "inter", &["--format", "interhand"]);
@@ -75,6 +98,8 @@ fn a_capture_that_cannot_be_made_is_one_sentence_and_leaves_no_files() {
     };
     fails(&["--out", "a", "--views", "0"], &["views", "0"]);
     fails(&["--out", "a", "--pose-noise", "inf"], &["pose_noise", "inf"]);
+    fails(&["--out", "a", "--mask-noise", "20"], &["mask_noise", "20", "10"]);
+    fails(&["--out", "a", "--side", "left", "--format", "interhand"], &["side", "left", "right"]);
     fails(&["--out", "a", "--size", "96x144", "--format", "interhand"], &["96 x 144", "160"]);
     fails(&["--out", "a", "--size", "5000x400"], &["5000"]);
     assert_eq!(listing(folder.path()), Vec::<String>::new());

@@ -1,22 +1,30 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
-//! The template is the built-in right hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
+//! The template is the built-in hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
 //! The true hand is the same in the shape of a random person (`random_shape.rs`: lengths differ by up to 6 % or so),
 //! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
-//! Training poses have the errors of a tracker; test poses and truth are exact. The same options give the same capture,
-//! up to the renderer's rounding.
+//! Training poses have the errors of a tracker (`pose_errors.rs`), and training masks those of a segmentation if wanted
+//! (`mask_errors.rs`); test poses, test masks and truth are exact. The same options give the same capture, up to the
+//! renderer's rounding.
 
 pub(crate) mod anatomy;
 mod atlas;
 pub(crate) mod camera_placement;
+mod cast_shadow;
 mod complexion;
 mod curve;
 mod draw;
+mod finger_play;
 mod folds;
 mod light_visibility;
+mod lighting;
+mod mask_errors;
+mod mirror;
 mod nails;
 mod noise;
+mod normal;
+mod pose_errors;
 mod random_shape;
 mod skin;
 mod skinning;
@@ -40,8 +48,10 @@ use ghand_hand_model::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
 use draw::draw;
+use finger_play::{FingerPlay, Frames};
+use mirror::mirrored_pose;
+use pose_errors::PoseErrors;
 use random_shape::random_hand;
-use trajectory::PoseNoise;
 use true_hand::TrueHand;
 
 /// The layout of a synthetic capture.
@@ -55,9 +65,21 @@ pub enum CaptureFormat {
     InterHand,
 }
 
+/// The light of a synthetic capture, fixed in the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LightSetup {
+    /// Soft light from all sides, without shadows but in the hand's hollows.
+    #[default]
+    Soft,
+    /// One strong light from the thumb's side of the hand, in which the hand casts shadows on itself, and little else.
+    Side,
+}
+
 /// More are probably a mistake.
 const MOST_CAMERAS: usize = 1000;
 const MOST_FRAMES: usize = 100_000;
+/// Standard deviation of a constant error of the translation per degree of that of the joints, metres.
+const TRANSLATION_BIAS: f64 = 0.0005;
 /// Pixels around the hand without its relief, because readers of InterHand2.6M skip hands within ten pixels of the
 /// border.
 const INTERHAND_BORDER: f64 = 14.0;
@@ -91,6 +113,22 @@ pub struct SyntheticOptions {
     pub pose_noise_degrees: f64,
     /// Standard deviation of each component of the training translations, metres.
     pub translation_noise: f64,
+    /// Standard deviation of the constant errors of the training poses, the same in all frames: each joint's rotation
+    /// about each axis, degrees; half of it for the root. Each component of the translation has one of 0.5 mm per
+    /// degree.
+    pub pose_bias_degrees: f64,
+    /// Standard deviation of the errors of the training masks' outlines, pixels; they are alike over some 15 pixels. In
+    /// one mask of eight, a disc of four times this radius is missing at the outline.
+    pub mask_noise_pixels: f64,
+    /// Standard deviation of additional true rotations of the fingers' joints about their bones, degrees, within what
+    /// the joints allow.
+    pub twist_degrees: f64,
+    /// The same, sideways.
+    pub abduction_degrees: f64,
+    /// Which hand it shows. In InterHand2.6M's layout, only the right one.
+    pub side: Side,
+    /// The light.
+    pub light: LightSetup,
     /// Its layout.
     pub format: CaptureFormat,
 }
@@ -108,6 +146,12 @@ impl Default for SyntheticOptions {
             height: 288,
             pose_noise_degrees: 4.0,
             translation_noise: 0.001,
+            pose_bias_degrees: 0.0,
+            mask_noise_pixels: 0.0,
+            twist_degrees: 0.0,
+            abduction_degrees: 0.0,
+            side: Side::Right,
+            light: LightSetup::Soft,
             format: CaptureFormat::Ghand,
         }
     }
@@ -182,17 +226,17 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
         tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("create the folder"))?;
 
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
-    let template = template(options.format).map_err(model_error)?;
+    let templates = Templates::of(options).map_err(model_error)?;
     let true_hand = true_hand(options).map_err(model_error)?;
-    let mut capture = plan(options, template, &true_hand, workshop.path());
+    let mut capture = plan(options, templates, &true_hand, workshop.path());
     match options.format {
         CaptureFormat::Ghand => {
-            draw(&capture, &true_hand, render)?;
+            draw(&capture, &true_hand, options, render)?;
             capture.save()?;
         }
         CaptureFormat::InterHand => {
             rename_as_interhand(&mut capture);
-            draw(&capture, &true_hand, render)?;
+            draw(&capture, &true_hand, options, render)?;
             write_mano(&workshop.path().join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
             let poses = capture.truth.iter().flatten().flatten();
             write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())?;
@@ -243,7 +287,14 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     let noise = [
         ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
         ("translation_noise", options.translation_noise, 0.1),
+        ("pose_bias_degrees", options.pose_bias_degrees, 45.0),
+        ("mask_noise_pixels", options.mask_noise_pixels, 10.0),
+        ("twist_degrees", options.twist_degrees, 45.0),
+        ("abduction_degrees", options.abduction_degrees, 45.0),
     ];
+    if options.format == CaptureFormat::InterHand && options.side == Side::Left {
+        return fail("side", "is left; captures in InterHand2.6M's layout show the right hand".into());
+    }
     for (field, value, most) in noise {
         if !(0.0..=most).contains(&value) {
             return fail(field, format!("is {value}; give 0 to {most}"));
@@ -256,15 +307,23 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     Ok(())
 }
 
-/// The template of a format.
-fn template(format: CaptureFormat) -> Result<HandModel, HandModelError> {
-    with_joints_of(format, builtin_hand(Side::Right)?)
+/// The template of a format, and the right hand that it is or mirrors: all motions are made for that.
+struct Templates {
+    own: HandModel,
+    right: HandModel,
+}
+
+impl Templates {
+    fn of(options: &SyntheticOptions) -> Result<Templates, HandModelError> {
+        let template = |side| with_joints_of(options.format, builtin_hand(side)?);
+        Ok(Templates { own: template(options.side)?, right: template(Side::Right)? })
+    }
 }
 
 /// The hand in the images.
 fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
     let person = random_hand(&builtin_hand(Side::Right)?, options.identity)?;
-    Ok(TrueHand::new(&with_joints_of(options.format, person)?, options.identity))
+    Ok(TrueHand::new(&with_joints_of(options.format, person)?, options.side, options.identity))
 }
 
 /// The model with the joints of a format's poses: InterHand2.6M's are MANO's.
@@ -276,17 +335,34 @@ fn with_joints_of(format: CaptureFormat, model: HandModel) -> Result<HandModel, 
     }
 }
 
-/// The capture without its pictures.
-fn plan(options: &SyntheticOptions, hand_model: HandModel, true_hand: &TrueHand, root: &Path) -> Capture {
-    let anatomy = anatomy::Anatomy::of(&hand_model);
-    let joint_count = hand_model.joint_count();
-    let train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, options.seed);
-    let test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, options.seed);
-    let noise = PoseNoise { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
-    let given: Vec<Pose> =
-        trajectory::noisy(&anatomy, &train, &noise, options.seed).into_iter().chain(test.clone()).collect();
-    let truth: Vec<Pose> = train.into_iter().chain(test).collect();
+/// Given and true poses of the training frames, then of the test frames.
+fn poses(options: &SyntheticOptions, right: &HandModel) -> [Vec<Pose>; 2] {
+    let anatomy = anatomy::Anatomy::of(right);
+    let (joint_count, seed) = (right.joint_count(), options.seed);
+    let mut train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, seed);
+    let mut test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, seed);
+    if options.twist_degrees > 0.0 || options.abduction_degrees > 0.0 {
+        let [abduction, twist] = [options.abduction_degrees, options.twist_degrees].map(f64::to_radians);
+        let play = FingerPlay { abduction, twist };
+        play.add(right, &anatomy, &mut train, Frames::Motion, seed);
+        play.add(right, &anatomy, &mut test, Frames::Single, seed);
+    }
+    let noise =
+        PoseErrors { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
+    let mut tracked = pose_errors::noisy(&anatomy, &train, &noise, seed);
+    let bias = options.pose_bias_degrees;
+    if bias > 0.0 {
+        let bias = PoseErrors { rotation: bias.to_radians(), translation: TRANSLATION_BIAS * bias };
+        tracked = pose_errors::biased(&anatomy, &tracked, &bias, seed);
+    }
+    let of_side = |pose: Pose| if options.side == Side::Left { mirrored_pose(&pose) } else { pose };
+    [tracked, train].map(|training| training.into_iter().chain(test.iter().cloned()).map(of_side).collect())
+}
 
+/// The capture without its pictures.
+fn plan(options: &SyntheticOptions, templates: Templates, true_hand: &TrueHand, root: &Path) -> Capture {
+    let [given, truth] = poses(options, &templates.right);
+    let hand_model = templates.own;
     let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
     let test_views = if options.test_frames == 0 { 0 } else { options.test_views };
     let count = options.views + test_views;
@@ -308,7 +384,7 @@ fn plan(options: &SyntheticOptions, hand_model: HandModel, true_hand: &TrueHand,
     let frames = given.into_iter().enumerate().map(|(i, pose)| Frame { id: format!("{i:04}"), pose, shape: vec![] });
     Capture {
         root: root.into(),
-        side: Side::Right,
+        side: options.side,
         background: [0.0; 3],
         template: hand_model.clone(),
         hand_model,

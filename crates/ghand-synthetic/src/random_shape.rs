@@ -2,8 +2,10 @@
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{HandModel, InvalidHandModel};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+use super::normal::normal;
 
 /// Standard deviation of each shape direction, in its unit.
 ///
@@ -46,11 +48,9 @@ pub(super) fn random_hand(model: &HandModel, seed: u64) -> Result<HandModel, Inv
 
 fn truncated_normal(rng: &mut ChaCha8Rng) -> f64 {
     loop {
-        // Box-Muller.
-        let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-        let normal = (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos();
-        if normal.abs() <= MOST_DEVIATIONS {
-            return normal;
+        let number = normal(rng);
+        if number.abs() <= MOST_DEVIATIONS {
+            return number;
         }
     }
 }

@@ -84,7 +84,7 @@ fn a_capture_is_the_same_each_time_and_holds_the_hand_in_every_image() {
 
 #[test]
 fn the_true_hand_is_not_the_template_under_linear_skinning() {
-    let model = template(CaptureFormat::Ghand).unwrap();
+    let model = Templates::of(&options()).unwrap().own;
     let hand = true_hand(&options()).unwrap();
     let anatomy = anatomy::Anatomy::of(&model);
     assert_eq!(anatomy.fingers.len(), 5);
@@ -109,7 +109,7 @@ fn the_true_hand_is_not_the_template_under_linear_skinning() {
 
 /// The built-in hand with the index finger bent as far as it goes, and stretched.
 fn index_finger(bend: f64) -> Pose {
-    let model = template(CaptureFormat::Ghand).unwrap();
+    let model = Templates::of(&options()).unwrap().own;
     let finger = &anatomy::Anatomy::of(&model).fingers[0];
     let mut pose = Pose::rest(model.joint_count());
     (0..3).for_each(|k| pose.rotations[finger.joints[k]] = finger.bend_axis(k) * bend);
@@ -152,7 +152,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
 
 #[test]
 fn two_identities_differ_from_the_template_and_from_each_other_in_shape() {
-    let model = template(CaptureFormat::Ghand).unwrap();
+    let model = Templates::of(&options()).unwrap().own;
     let joints = [1, 2].map(|identity| random_hand(&model, identity).unwrap().joints);
     let bones = |joints: &[DVec3]| -> Vec<f64> {
         let parents = model.parents.iter().enumerate().filter_map(|(k, parent)| Some((k, (*parent)?)));
@@ -178,6 +178,96 @@ fn identities_have_different_hands_and_seeds_different_motions() {
         [(7, 7), (u64::MAX, 7), (7, u64::MAX)].map(|(identity, seed)| capture(identity, seed));
     assert!(base.0 == other_hand.0 && base.1 != other_hand.1);
     assert!(base.0 != other_motion.0);
+}
+
+#[test]
+fn each_error_changes_only_what_it_is_an_error_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |name: &str, options: SyntheticOptions| {
+        generate(&options, &folder.path().join(name), &mut points).unwrap();
+        (Capture::open(&folder.path().join(name)).unwrap(), contents(&folder.path().join(name)))
+    };
+    let differing = |a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>| -> Vec<String> {
+        assert!(a.keys().eq(b.keys()));
+        a.iter().filter(|(name, bytes)| b[*name] != **bytes).map(|(name, _)| name.clone()).collect()
+    };
+    let (exact, base) = make("base", options());
+    let (_, bad_masks) = make("masks", SyntheticOptions { mask_noise_pixels: 1.0, ..options() });
+    let (train, test) = (exact.split("train").unwrap(), exact.split("test").unwrap());
+    let is_train = |name: &String| train.cameras.iter().any(|&i| name.contains(&exact.cameras[i].id));
+    let masks = differing(&base, &bad_masks);
+    assert!(masks.iter().all(|name| name.starts_with("masks/") && is_train(name)), "{masks:?}");
+    assert!(masks.len() > 40, "{} of 42 masks have errors", masks.len());
+
+    let (biased, files) = make("bias", SyntheticOptions { pose_bias_degrees: 3.0, ..options() });
+    assert_eq!(differing(&base, &files), ["capture.json"], "the truth stays");
+    let turn = |capture: &Capture, frame: usize, joint: usize| {
+        ghand_core::rotation::rotation_from_axis_angle(capture.frames[frame].pose.rotations[joint])
+    };
+    let bias = |frame: usize, joint: usize| turn(&biased, frame, joint) * turn(&exact, frame, joint).transpose();
+    let fingers = anatomy::Anatomy::of(&exact.hand_model).fingers;
+    let mut squares = 0.0;
+    for joint in std::iter::once(0).chain(fingers.iter().flat_map(|finger| finger.joints)) {
+        let first = bias(train.frames[0], joint);
+        assert!(train.frames.iter().all(|&f| bias(f, joint).abs_diff_eq(first, 1e-6)), "the same in all frames");
+        assert!(test.frames.iter().all(|&f| bias(f, joint).abs_diff_eq(glam::DMat3::IDENTITY, 1e-9)));
+        squares += ghand_core::rotation::axis_angle_from_rotation(&first).length_squared();
+    }
+    // 46 or so numbers of sigma 3: good to 3 / sqrt(2 x 46) = 0.3.
+    let deviation = (squares / 45.75).sqrt().to_degrees();
+    assert!((2.0..4.0).contains(&deviation), "{deviation} degrees");
+    let moved = biased.frames[0].pose.translation - exact.frames[0].pose.translation;
+    assert!((0.0003..0.006).contains(&moved.length()), "{moved}");
+}
+
+#[test]
+fn a_left_hand_is_the_mirror_image() {
+    let [right, left] = [Side::Right, Side::Left].map(|side| {
+        let options = SyntheticOptions { side, ..options() };
+        (true_hand(&options).unwrap(), poses(&options, &Templates::of(&options).unwrap().right)[1][4].clone())
+    });
+    let [a, b] = [right.0.pose(&right.1), left.0.pose(&left.1)];
+    let mirror = |p: &DVec3| DVec3::new(-p.x, p.y, p.z);
+    let apart = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| mirror(a).distance(*b)).fold(0.0, f64::max);
+    assert!(apart(&a.positions, &b.positions) < 1e-12 && apart(&a.normals, &b.normals) < 1e-12);
+    // The left template posed as the truth says is where the left hand is.
+    let template = Templates::of(&SyntheticOptions { side: Side::Left, ..options() }).unwrap().own;
+    let posed = ghand_core::posing::pose_hand(&template, &[], &left.1).unwrap();
+    let outline = left.0.outline(&left.1);
+    let gaps = outline.iter().zip(&posed.vertices).map(|(a, b)| a.distance(*b));
+    let mean = gaps.sum::<f64>() / outline.len() as f64;
+    assert!(mean < 0.01, "the true hand is {mean} m off its template");
+    // Triangles are seen from outside.
+    let outwards = (left.0.mesh.triangles.iter())
+        .filter(|t| {
+            let [p, q, r] = t.map(|v| b.positions[v as usize]);
+            (q - p).cross(r - p).dot(b.normals[t[0] as usize]) > 0.0
+        })
+        .count();
+    assert!(outwards * 100 > left.0.mesh.triangles.len() * 99);
+}
+
+#[test]
+fn a_light_from_the_side_leaves_the_far_side_dark() {
+    let hand = true_hand(&options()).unwrap();
+    let setup = lighting::lighting(LightSetup::Side);
+    let mut posed = hand.pose(&index_finger(1.4));
+    let soft = posed.light_visibility.clone();
+    cast_shadow::add_shadow(&mut posed, &setup);
+    let light = setup.lights[0].direction;
+    let part = |wanted: &dyn Fn(f64) -> bool| {
+        let (mut kept, mut count) = (0.0, 0.0);
+        for ((normal, now), before) in posed.normals.iter().zip(&posed.light_visibility).zip(&soft) {
+            assert!(*now >= 0.0 && now <= before);
+            if wanted(normal.dot(light)) {
+                (kept, count) = (kept + now / before, count + 1.0);
+            }
+        }
+        kept / count
+    };
+    let (near, far) = (part(&|cosine| cosine > 0.8), part(&|cosine| cosine < -0.2));
+    // What faces away gets ambient light only, of which shadows take nothing.
+    assert!((0.6..1.0).contains(&near) && far == 1.0, "{near} {far}");
 }
 
 #[test]
@@ -276,6 +366,12 @@ fn unusable_options_are_named() {
     says(SyntheticOptions { views: 0, ..options() }, &out, "views");
     says(SyntheticOptions { width: 0, ..options() }, &out, "width");
     says(SyntheticOptions { format: CaptureFormat::InterHand, ..options() }, &out, "at least 160");
+    let left = SyntheticOptions { side: Side::Left, width: 200, height: 200, ..options() };
+    says(SyntheticOptions { format: CaptureFormat::InterHand, ..left }, &out, "side: is left");
+    says(SyntheticOptions { pose_bias_degrees: -1.0, ..options() }, &out, "pose_bias_degrees: is -1; give 0 to 45");
+    says(SyntheticOptions { mask_noise_pixels: 11.0, ..options() }, &out, "mask_noise_pixels: is 11; give 0 to 10");
+    says(SyntheticOptions { twist_degrees: f64::INFINITY, ..options() }, &out, "twist_degrees");
+    says(SyntheticOptions { abduction_degrees: 50.0, ..options() }, &out, "abduction_degrees");
     let untested = SyntheticOptions { test_frames: 0, width: 200, height: 200, ..options() };
     says(SyntheticOptions { format: CaptureFormat::InterHand, ..untested }, &out, "test_frames: is 0");
     says(SyntheticOptions { views: 100_000, ..options() }, &out, "views: is 100000; give 1 to 1000");

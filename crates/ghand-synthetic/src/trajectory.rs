@@ -1,4 +1,4 @@
-//! Motion of the hand: smooth trajectories through natural hand shapes, and noisy estimates of them.
+//! Motion of the hand: smooth trajectories through natural hand shapes.
 
 use std::f64::consts::PI;
 
@@ -180,35 +180,4 @@ pub(super) fn single_poses(anatomy: &Anatomy, joint_count: usize, count: usize, 
             Gesture::between([&a, &a, &b, &b], mix).pose(anatomy, joint_count)
         })
         .collect()
-}
-
-/// Standard deviations of a tracker's errors.
-pub(super) struct PoseNoise {
-    /// Each component of a finger joint's axis-angle, radians; the root has half of this.
-    pub rotation: f64,
-    /// Each component of the translation, metres.
-    pub translation: f64,
-}
-
-/// A tracker's possible estimates of true poses, independent in every frame. Joints that do not move have no errors.
-pub(super) fn noisy(anatomy: &Anatomy, poses: &[Pose], noise: &PoseNoise, seed: u64) -> Vec<Pose> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x9015E);
-    // Box-Muller.
-    let mut gaussian = || {
-        let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-        (-2.0 * u.ln()).sqrt() * (2.0 * PI * v).cos()
-    };
-    let mut vector = |sigma: f64| DVec3::new(gaussian(), gaussian(), gaussian()) * sigma;
-    let finger_joints = anatomy.fingers.iter().flat_map(|finger| finger.joints);
-    let moved: Vec<usize> = std::iter::once(0).chain(finger_joints).collect();
-    let estimate = |pose: &Pose| {
-        let mut estimate = pose.clone();
-        for &joint in &moved {
-            let sigma = if joint == 0 { noise.rotation * 0.5 } else { noise.rotation };
-            estimate.rotations[joint] += vector(sigma);
-        }
-        estimate.translation += vector(noise.translation);
-        estimate
-    };
-    poses.iter().map(estimate).collect()
 }

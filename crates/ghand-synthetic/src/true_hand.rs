@@ -1,11 +1,12 @@
 //! The hand in the images: in another shape, with a finer mesh and skin.
 //!
-//! It has no pose correctives: volume-preserving skinning poses it, and its folds.
+//! It has no pose correctives: volume-preserving skinning poses it, and its folds. It is made as a right hand; a left
+//! one is mirrored after that.
 
 use ghand_capture::interhand::Landmarks;
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::skeleton::pose_skeleton;
-use ghand_core::{HandModel, Pose};
+use ghand_core::{HandModel, Pose, Side};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -14,6 +15,7 @@ use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::light_visibility::LightVisibility;
+use super::mirror::{mirrored_point, mirrored_pose};
 use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
@@ -24,13 +26,16 @@ const SUBDIVISIONS: usize = 3;
 
 /// The true hand, ready to be posed.
 pub(super) struct TrueHand {
-    /// At rest, without relief.
+    /// Of the hand as it is posed and drawn.
+    side: Side,
+    /// The right hand at rest, without relief.
     pub(super) model: HandModel,
     /// Number of its vertices that belong to the mesh before subdivision.
     coarse_vertices: usize,
     pub(super) normals: Vec<DVec3>,
     /// Appearance of each vertex without its folds, and the folds.
     looks: Vec<(Look, Vec<Fold>)>,
+    /// Of the hand as it is drawn, but for its positions.
     pub mesh: RenderMesh,
     atlas: Atlas,
     pub(super) anatomy: Anatomy,
@@ -47,10 +52,10 @@ pub(super) struct PosedHand {
 }
 
 impl TrueHand {
-    /// Grows skin on a hand ([`random_hand`]) by the seed.
+    /// Grows skin on a right hand ([`random_hand`]) by the seed; `side` is that of the result.
     ///
     /// [`random_hand`]: super::random_shape::random_hand
-    pub(super) fn new(hand: &HandModel, seed: u64) -> TrueHand {
+    pub(super) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
         let mut model = hand.without_blend_shapes();
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
@@ -74,8 +79,12 @@ impl TrueHand {
             .collect();
         let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
         let light_visibility = LightVisibility::new(&anatomy, &model);
-        let mesh = RenderMesh::from_model(&model);
-        TrueHand { mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model }
+        let mut mesh = RenderMesh::from_model(&model);
+        if side == Side::Left {
+            // Mirrored triangles would be seen from inside.
+            mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        TrueHand { side, mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model }
     }
 
     /// Rest positions with the relief of a pose.
@@ -88,13 +97,15 @@ impl TrueHand {
     }
 
     pub(super) fn pose(&self, pose: &Pose) -> PosedHand {
+        let pose = &self.as_right_hand(pose);
         let bend = Bend::of(&self.anatomy, pose);
         let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
         let normals = self.model.vertex_normals(&positions);
         let light_visibility = self.light_visibility.of(&self.model, pose, &positions, &normals);
+        let gathered = |vectors: &[DVec3]| self.mesh.gather(vectors).into_iter().map(|v| self.placed(v)).collect();
         PosedHand {
-            positions: self.mesh.gather(&positions),
-            normals: self.mesh.gather(&normals),
+            positions: gathered(&positions),
+            normals: gathered(&normals),
             light_visibility: self.mesh.source_vertices.iter().map(|&v| light_visibility[v as usize]).collect(),
             texture: self.atlas.texture(&bend, &self.complexion),
         }
@@ -103,15 +114,33 @@ impl TrueHand {
     /// Some of the posed hand's vertices, a few millimetres apart; world, metres.
     pub(super) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
         // Subdivision puts the coarse mesh's vertices first.
-        pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], pose)
+        let outline =
+            pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], &self.as_right_hand(pose));
+        outline.into_iter().map(|point| self.placed(point)).collect()
     }
 
     /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
     pub(super) fn landmarks(&self, pose: &Pose) -> Landmarks {
+        let pose = &self.as_right_hand(pose);
         let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
         let joints = (0..self.model.joint_count()).map(|k| motions[k].apply(self.model.joints[k]));
         let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
-        let mut points = joints.chain(tips).map(|p| p + pose.translation);
+        let mut points = joints.chain(tips).map(|p| self.placed(p + pose.translation));
         std::array::from_fn(|_| points.next().unwrap_or_default())
+    }
+    /// The right hand's pose that is this pose of the hand.
+    fn as_right_hand(&self, pose: &Pose) -> Pose {
+        match self.side {
+            Side::Right => pose.clone(),
+            Side::Left => mirrored_pose(pose),
+        }
+    }
+
+    /// Where a point or direction of the posed right hand is on the hand.
+    fn placed(&self, vector: DVec3) -> DVec3 {
+        match self.side {
+            Side::Right => vector,
+            Side::Left => mirrored_point(vector),
+        }
     }
 }

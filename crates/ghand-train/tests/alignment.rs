@@ -1,48 +1,26 @@
 //! Alignment of captures with known truth.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod common;
+
+use common::{make, poses, small_options};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
-use ghand_render::{AdapterChoice, Gpu};
-use ghand_synthetic::SyntheticOptions;
 use ghand_train::alignment::{AlignmentError, align};
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
-use ghand_train::synthetic_scene::make_capture;
 use glam::DVec3;
 
 fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-    let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions {
-        identity,
-        views: 6,
-        train_frames: 8,
-        test_frames: 0,
-        width: 128,
-        height: 192,
-        ..Default::default()
-    };
-    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
-    (Capture::open(&folder.path().join("capture")).unwrap(), folder)
-}
-
-/// Given and true poses of the training frames.
-fn poses(capture: &Capture) -> [Vec<Pose>; 2] {
-    let frames = &capture.split("train").unwrap().frames;
-    let truth = capture.truth.as_ref().unwrap();
-    [
-        frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
-        frames.iter().map(|f| truth[*f].clone().unwrap()).collect(),
-    ]
+    make(&small_options(identity))
 }
 
 #[test]
 fn contours_correct_poses_and_proportions_of_other_hands() {
     for identity in [3, 11] {
         let (capture, _folder) = small_capture(identity);
-        let [given, truth] = poses(&capture);
         let split = capture.split("train").unwrap();
+        let [given, truth] = poses(&capture, split);
         let aligned = align(&capture, split, &mut |_, _| true).unwrap();
         let moving = moving_joints(&given);
         let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
@@ -80,7 +58,7 @@ fn frames_without_masks_keep_their_poses_and_a_caller_may_stop() {
     }
     let full = capture.mask_file(split.cameras[0], split.frames[4]).unwrap().unwrap();
     image::GrayImage::from_pixel(128, 192, image::Luma([255])).save(full).unwrap();
-    let [given, truth] = poses(&capture);
+    let [given, truth] = poses(&capture, split);
     let aligned = align(&capture, split, &mut |_, _| true).unwrap();
     let moving = moving_joints(&given);
     let error =

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use ghand_synthetic::{CaptureFormat, SyntheticOptions};
+use ghand_core::Side;
+use ghand_synthetic::{CaptureFormat, LightSetup, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
 use crate::cli::{AdapterArgs, parse_size};
@@ -41,6 +42,28 @@ pub struct CaptureArgs {
     /// for the root [default: 4]
     #[arg(long, value_name = "DEG")]
     pose_noise: Option<f64>,
+    /// Standard deviation of errors that each joint of the training poses has in all frames alike, degrees about each
+    /// axis; half of it for the root. The translation is off by a constant, too: 0.5 mm per degree along each axis
+    /// [default: 0]
+    #[arg(long, value_name = "DEG")]
+    pose_bias: Option<f64>,
+    /// Standard deviation of the errors of the training masks' outlines, pixels, alike over some 15 pixels. One mask in
+    /// eight also misses a disc of four times this radius. Images and test masks stay exact [default: 0]
+    #[arg(long, value_name = "PX")]
+    mask_noise: Option<f64>,
+    /// Standard deviation of additional true rotations of the fingers' joints about their bones, degrees, within
+    /// anatomical limits, to which hinges add a play of 10 degrees [default: 0]
+    #[arg(long, value_name = "DEG")]
+    twist: Option<f64>,
+    /// The same as --twist, but sideways [default: 0]
+    #[arg(long, value_name = "DEG")]
+    abduction: Option<f64>,
+    /// Which hand the capture shows
+    #[arg(long, value_name = "SIDE", default_value = "right", value_parser = ["right", "left"])]
+    side: String,
+    /// soft: light from all sides. side: one strong light from the thumb's side, with shadows, and little else
+    #[arg(long, value_name = "LIGHT", default_value = "soft", value_parser = ["soft", "side"])]
+    light: String,
     /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
     #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
     format: String,
@@ -64,6 +87,12 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         width,
         height,
         pose_noise_degrees: args.pose_noise.unwrap_or(defaults.pose_noise_degrees),
+        pose_bias_degrees: args.pose_bias.unwrap_or(defaults.pose_bias_degrees),
+        mask_noise_pixels: args.mask_noise.unwrap_or(defaults.mask_noise_pixels),
+        twist_degrees: args.twist.unwrap_or(defaults.twist_degrees),
+        abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
+        side: if args.side == "left" { Side::Left } else { Side::Right },
+        light: if args.light == "side" { LightSetup::Side } else { LightSetup::Soft },
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };
