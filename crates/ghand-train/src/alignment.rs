@@ -52,14 +52,16 @@ pub enum AlignmentError {
     Stopped,
 }
 
-/// Aligned poses.
+/// Aligned poses; the given ones if the alignment was rejected.
 #[derive(Debug, Clone)]
 pub struct Alignment {
     /// Poses of the split's frames.
     pub poses: Vec<Pose>,
     /// The template in the proportions found.
     pub template: HandModel,
-    /// How well given and aligned poses fit the masks.
+    /// Why poses and template are those of the capture, if they are.
+    pub rejection: Option<Rejection>,
+    /// How well given poses and those that the alignment found fit the masks.
     pub fit: [MaskFit; 2],
     /// Frames, counted in the split, that keep their given poses because these overlap the masks better.
     pub kept: Vec<usize>,
@@ -72,6 +74,73 @@ pub struct Alignment {
     pub seconds: f64,
 }
 
+/// Why an alignment is not used.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Rejection {
+    /// There is nothing to align with.
+    #[error("no mask shows the outline of the hand near that of the template")]
+    NoOutline,
+    /// The masks are not what this template looks like.
+    #[error(
+        "the aligned template overlaps the masks by only {overlap:.2}; its side, its size, the cameras or the masks may be \
+         wrong"
+    )]
+    NoOverlap {
+        /// Intersection over union.
+        overlap: f64,
+    },
+    /// No hand has such proportions.
+    #[error(
+        "the aligned template's bones differ in length by {:.0} % from its own proportions; it may be of the wrong side",
+        100.0 * deviation
+    )]
+    Proportions {
+        /// Standard deviation of the logarithms of the bones' relative lengths.
+        deviation: f64,
+    },
+    /// The given poses fit better.
+    #[error("the given poses fit the masks better than the aligned ones")]
+    NotBetter,
+}
+
+/// Least overlap of aligned templates and masks. Good fits are above 0.9, those of templates ten times too large or too
+/// small below 0.6.
+const LEAST_OVERLAP: f64 = 0.7;
+/// Largest standard deviation of the bones' relative lengths, logarithmic: right templates end below 0.05, a left one for
+/// a right hand at 0.17.
+const LARGEST_DEVIATION: f64 = 0.1;
+
+/// Whether and why the aligned poses should not be used.
+fn rejection(fit: [MaskFit; 2], given: &HandModel, aligned: &HandModel) -> Option<Rejection> {
+    let [before, after] = fit;
+    let deviation = length_deviation(given, aligned);
+    if after.contours[0].is_nan() {
+        Some(Rejection::NoOutline)
+    } else if after.overlap < LEAST_OVERLAP {
+        Some(Rejection::NoOverlap { overlap: after.overlap })
+    } else if deviation > LARGEST_DEVIATION {
+        Some(Rejection::Proportions { deviation })
+    } else if after.overlap <= before.overlap || after.contours[0] >= before.contours[0] {
+        Some(Rejection::NotBetter)
+    } else {
+        None
+    }
+}
+
+/// Standard deviation of the logarithms of the bones' lengths relative to those of another template of the same rig: the
+/// size of the whole hand does not count.
+fn length_deviation(given: &HandModel, aligned: &HandModel) -> f64 {
+    let length = |model: &HandModel, k: usize, parent: usize| model.joints[k].distance(model.joints[parent]);
+    let changes: Vec<f64> = (given.parents.iter().enumerate())
+        .filter_map(|(k, parent)| {
+            let change = (length(aligned, k, (*parent)?) / length(given, k, (*parent)?)).ln();
+            change.is_finite().then_some(change)
+        })
+        .collect();
+    let mean = changes.iter().sum::<f64>() / changes.len().max(1) as f64;
+    (changes.iter().map(|change| (change - mean).powi(2)).sum::<f64>() / changes.len().max(1) as f64).sqrt()
+}
+
 /// How well a template in certain poses fits the masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaskFit {
@@ -79,14 +148,6 @@ pub struct MaskFit {
     pub contours: [f64; 2],
     /// Intersection over union of the template's silhouettes and the masks, mean over the images.
     pub overlap: f64,
-}
-
-impl Alignment {
-    /// Whether the aligned poses fit the masks better than the given ones.
-    pub fn is_better(&self) -> bool {
-        let [given, aligned] = self.fit;
-        aligned.contours[0] < given.contours[0] && aligned.overlap > given.overlap
-    }
 }
 
 /// A frame's images.
@@ -274,17 +335,16 @@ impl<'a> Fit<'a> {
             }
         }
         let (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
+        let fit = [given_fit, aligned_fit];
         let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
         let uncertainty = self.uncertainty(images)?;
-        Ok(Alignment {
-            template,
-            fit: [given_fit, aligned_fit],
-            kept,
-            prior_poses,
-            uncertainty,
-            poses: self.poses,
-            seconds: start.elapsed().as_secs_f64(),
-        })
+        let seconds = start.elapsed().as_secs_f64();
+        let rejection = rejection(fit, self.proportions.template(), &template);
+        let (poses, template) = match rejection {
+            Some(_) => (given, self.proportions.template().clone()),
+            None => (self.poses, template),
+        };
+        Ok(Alignment { poses, template, rejection, fit, kept, prior_poses, uncertainty, seconds })
     }
 
     /// The standard deviations of the joints' rotations, by all that is known.

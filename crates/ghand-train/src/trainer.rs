@@ -45,7 +45,7 @@ pub struct Trained {
     pub avatar: Avatar,
     /// Refined poses of the split's frames.
     pub poses: Vec<Pose>,
-    /// The alignment, with `align=contours`; its poses were used if [`Alignment::is_better`].
+    /// The alignment, with `align=contours`; its poses were used unless it was rejected.
     pub alignment: Option<Alignment>,
     /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
     pub iterations: u64,
@@ -88,10 +88,6 @@ const LOSS_EVERY: u64 = 25;
 const PREFETCHED: usize = 16;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
-
-/// Below this overlap of the aligned template's silhouettes with the masks something is wrong; wrong sides and other
-/// cameras' images end below it.
-const LEAST_OVERLAP: f64 = 0.7;
 
 /// One stage of training.
 struct Stage {
@@ -218,7 +214,7 @@ impl<'a> Trainer<'a> {
         Ok(Trained { avatar, poses, alignment, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// Aligns poses and proportions, unless they fit the masks no better afterwards.
+    /// Aligns poses and proportions.
     fn align(&mut self) -> Result<(), TrainError> {
         let mut go_on = |_: &str, _: &[Pose]| self.stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
         let aligned = match align(&self.capture, &self.split, &mut go_on) {
@@ -227,32 +223,17 @@ impl<'a> Trainer<'a> {
             }
             result => result?,
         };
-        let [given, found] = aligned.fit;
-        if given.contours[0].is_nan() {
-            log::warn!("the given poses are used: no mask shows the outline of the hand near that of the template");
-        } else if !aligned.is_better() {
+        if let Some(rejection) = aligned.rejection {
+            log::warn!("the given poses are used: {rejection}");
+        } else if !aligned.kept.is_empty() {
             log::warn!(
-                "the given poses are used: alignment does not improve them (contours {:.2} pixels off before, {:.2} \
-                 after; overlap with the masks {:.3} before, {:.3} after)",
-                given.contours[0],
-                found.contours[0],
-                given.overlap,
-                found.overlap
+                "{} of {} frames keep their given poses, which fit the masks better",
+                aligned.kept.len(),
+                self.poses.len()
             );
-        } else {
-            if found.overlap < LEAST_OVERLAP {
-                log::warn!(
-                    "the template overlaps the masks by only {:.2} after alignment: is it of the right side and size, \
-                     and do cameras and masks belong to the images?",
-                    found.overlap
-                );
-            }
-            if !aligned.kept.is_empty() {
-                log::warn!("{} of {} frames keep their given poses", aligned.kept.len(), self.poses.len());
-            }
-            self.poses.clone_from(&aligned.poses);
-            self.capture.template = aligned.template.clone();
         }
+        self.poses.clone_from(&aligned.poses);
+        self.capture.template = aligned.template.clone();
         self.alignment = Some(aligned);
         Ok(())
     }
