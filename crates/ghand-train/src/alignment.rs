@@ -9,6 +9,7 @@ mod distance_field;
 mod frame;
 mod priors;
 mod proportions;
+pub mod single_frames;
 
 use ghand_capture::{Capture, CaptureError, Split};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 use crate::metrics::moving_joints;
 use contour::Edges;
 use distance_field::DistanceField;
+pub(crate) use distance_field::squared_distances;
 use frame::{FrameEquations, Rig};
 use priors::{Estimate, Priors};
 use proportions::Proportions;
