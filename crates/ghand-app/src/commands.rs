@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod capture;
+pub mod evaluate;
 pub mod export;
 pub mod inspect;
 pub mod pose;

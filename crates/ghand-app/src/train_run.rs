@@ -6,3 +6,4 @@ pub mod folder_lock;
 pub mod interruption;
 pub mod results;
 pub mod run_folder;
+pub mod training_poses;

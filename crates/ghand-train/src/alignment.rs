@@ -9,6 +9,7 @@ mod distance_field;
 mod frame;
 mod priors;
 mod proportions;
+pub mod single_frames;
 mod spread;
 
 use std::time::Instant;
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 use crate::metrics::moving_joints;
 use contour::Edges;
 use distance_field::DistanceField;
+pub(crate) use distance_field::squared_distances;
 use frame::{FrameEquations, Rig};
 use priors::Priors;
 use proportions::Proportions;

@@ -1,14 +1,17 @@
 //! Evaluation on a split that training did not see.
 
 use ghand_avatar::{Avatar, Scene};
-use ghand_capture::{Capture, CaptureError, SplitView};
+use ghand_capture::{Capture, CaptureError};
 use ghand_core::Pose;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 use serde::Serialize;
 
+use crate::alignment_figures::AlignmentFigures;
+use crate::error_bands::MeanBandErrors;
 use crate::floor::{Floor, FloorError};
-use crate::metrics::{Comparator, ImageSimilarity, quantize};
+use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
+use crate::protocol::{PosedView, Protocol, given_views};
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
@@ -65,41 +68,48 @@ pub fn evaluate(
     capture: &Capture,
     split_name: &str,
     floor: &Floor,
+    each: impl FnMut(EvaluatedView),
+) -> Result<Evaluation, EvaluateError> {
+    let views = given_views(capture, capture.split(split_name)?);
+    evaluate_views(gpu, avatar, capture, &views, floor, each)
+}
+
+/// As [`evaluate`], for images and poses of any protocol. Both avatar and floor are drawn in these poses.
+///
+/// # Errors
+/// [`EvaluateError`] if an image is unusable or the device failed.
+pub fn evaluate_views(
+    gpu: &Gpu,
+    avatar: &Avatar,
+    capture: &Capture,
+    views: &[PosedView],
+    floor: &Floor,
     mut each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
-    let split = capture.split(split_name)?;
     let largest = |axis: fn(&ghand_core::Camera) -> u32| {
-        split.cameras.iter().map(|c| axis(&capture.cameras[*c])).max().unwrap_or(1)
+        views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1)
     };
     let max_size = [largest(|c| c.width), largest(|c| c.height)];
     let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
-    let mut comparator = Comparator::new(gpu, max_size[0] as usize * max_size[1] as usize)?;
     let background = capture.background;
-    let mut sum = [ImageSimilarity::default(); 2];
-    let mut views = 0;
-    let mut posed = None;
-    for &SplitView { frame, camera: camera_index, .. } in &split.views {
-        let pose: &Pose = &capture.frames[frame].pose;
-        if posed != Some(frame) {
+    let mut similarities: [Vec<ImageSimilarity>; 2] = Default::default();
+    let mut posed: Option<&Pose> = None;
+    for PosedView { frame, camera: camera_index, pose } in views {
+        if posed != Some(pose) {
             scene.set_pose(gpu, 0, 0, pose)?;
-            posed = Some(frame);
+            posed = Some(pose);
         }
-        let camera = &capture.cameras[camera_index];
-        let truth = capture.load_view(camera_index, frame)?;
+        let camera = &capture.cameras[*camera_index];
+        let truth = capture.load_view(*camera_index, *frame)?;
         let size = [truth.width, truth.height];
         let image = scene.render(gpu, 0, camera, background.map(|b| b as f32))?;
         let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
         let floor_picture: Vec<[u8; 3]> = floor.render(pose, camera, background)?.into_iter().map(quantize).collect();
-        let likeness = comparator.compare(gpu, size, &render, &truth.rgba)?;
-        let floor_likeness = comparator.compare(gpu, size, &floor_picture, &truth.rgba)?;
-        for (sum, l) in sum.iter_mut().zip([likeness, floor_likeness]) {
-            sum.psnr += l.psnr;
-            sum.psnr_hand += l.psnr_hand;
-            sum.ssim += l.ssim;
-        }
-        views += 1;
+        let [likeness, floor_likeness] = compare(size, [&render, &floor_picture], &truth.rgba);
+        similarities[0].push(likeness);
+        similarities[1].push(floor_likeness);
         each(EvaluatedView {
-            name: [camera.id.clone(), capture.frames[frame].id.clone()],
+            name: [camera.id.clone(), capture.frames[*frame].id.clone()],
             size,
             truth: truth.rgba,
             render,
@@ -108,10 +118,8 @@ pub fn evaluate(
             floor_likeness,
         });
     }
-    let n = views.max(1) as f64;
-    let [avatar, floor] =
-        sum.map(|s| ImageSimilarity { psnr: s.psnr / n, psnr_hand: s.psnr_hand / n, ssim: s.ssim / n });
-    Ok(Evaluation { views, avatar, floor })
+    let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
+    Ok(Evaluation { views: views.len(), avatar, floor })
 }
 
 /// Contents of `metrics.json`.
@@ -120,8 +128,12 @@ pub struct Metrics {
     /// The figures on images; absent if there were no images to evaluate.
     #[serde(flatten)]
     pub images: Option<ImageMetrics>,
+    /// The training poses that the run started from: `given`, `truth`, or a file.
+    pub poses: String,
     /// Mean joint-angle error of the training poses, degrees, if the true poses are known.
     pub pose_error_deg: Option<PoseError>,
+    /// How the alignment went, with `align=contours`.
+    pub alignment: Option<AlignmentFigures>,
     /// Wall-clock time of training, seconds.
     pub seconds: f64,
     /// Training iterations done.
@@ -135,37 +147,54 @@ pub struct Metrics {
 /// The part of [`Metrics`] that needs images.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageMetrics {
+    /// In which poses avatar and floor were drawn.
+    pub protocol: Protocol,
     /// The evaluated split.
     pub split: String,
     /// Number of evaluated images.
     pub frames: usize,
-    /// Mean PSNR, dB.
-    pub psnr: f64,
-    /// Mean PSNR over the masks, dB.
-    pub psnr_hand: f64,
-    /// Mean SSIM.
-    pub ssim: f64,
+    /// The avatar's figures.
+    #[serde(flatten)]
+    pub avatar: SimilarityMetrics,
     /// The same figures for the floor.
-    pub floor: FloorMetrics,
+    pub floor: SimilarityMetrics,
     /// Whether the avatar's PSNR is above the floor's.
     pub beats_floor: bool,
 }
 
-/// The floor's part of [`ImageMetrics`].
+impl ImageMetrics {
+    /// The figures of an evaluation of the split of that name.
+    pub fn new(protocol: Protocol, split: &str, evaluation: &Evaluation) -> ImageMetrics {
+        let [avatar, floor] = [&evaluation.avatar, &evaluation.floor].map(SimilarityMetrics::of);
+        let beats_floor = avatar.psnr > floor.psnr;
+        ImageMetrics { protocol, split: split.into(), frames: evaluation.views, avatar, floor, beats_floor }
+    }
+}
+
+/// The figures of the avatar's pictures or the floor's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FloorMetrics {
+pub struct SimilarityMetrics {
     /// Mean PSNR, dB.
     pub psnr: f64,
     /// Mean PSNR over the masks, dB.
     pub psnr_hand: f64,
     /// Mean SSIM.
     pub ssim: f64,
+    /// Mean squared errors by distance from the mask's outline.
+    pub squared_error: MeanBandErrors,
+}
+
+impl SimilarityMetrics {
+    fn of(similarity: &ImageSimilarity) -> SimilarityMetrics {
+        let ImageSimilarity { psnr, psnr_hand, ssim, bands } = *similarity;
+        SimilarityMetrics { psnr, psnr_hand, ssim, squared_error: bands.means() }
+    }
 }
 
 /// Joint-angle errors, degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PoseError {
-    /// Of the capture's poses.
+    /// Of the poses that the run started from.
     pub before: f64,
     /// Of the refined poses.
     pub after: f64,

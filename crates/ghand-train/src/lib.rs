@@ -2,24 +2,30 @@
 //! beat), and the report.
 
 pub mod alignment;
+pub mod alignment_figures;
 pub mod alignment_picture;
 mod divergence;
 pub mod draw_text;
+pub mod error_bands;
 pub mod evaluate;
 pub mod floor;
 mod memory_check;
 pub mod metrics;
+pub mod pose_offsets;
 pub mod pose_prior;
+pub mod protocol;
 pub mod report;
 mod setting_rules;
 pub mod settings;
+pub mod ssim;
 pub mod step;
 pub mod synthetic_scene;
 pub mod train_error;
 pub mod trainer;
 pub mod views;
 
-pub use evaluate::{Evaluation, evaluate};
+pub use evaluate::{Evaluation, evaluate, evaluate_views};
+pub use protocol::Protocol;
 pub use settings::{Align, SettingsError, TrainSettings};
 pub use train_error::TrainError;
 pub use trainer::{Progress, Trained, Trainer};

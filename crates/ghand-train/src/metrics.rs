@@ -1,10 +1,11 @@
-//! PSNR and SSIM of pictures, and angles between poses.
+//! Similarity of pictures, and angles between poses.
 
 use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle;
-use ghand_render::image_loss::{ImageLoss, LossWeights};
-use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
+
+use crate::error_bands::{ErrorBands, bands_of, squared_error};
+use crate::ssim::mean_ssim;
 
 /// Similarity of a picture to its truth.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -13,14 +14,10 @@ pub struct ImageSimilarity {
     pub psnr: f64,
     /// PSNR over the truth's mask, dB.
     pub psnr_hand: f64,
-    /// Mean SSIM over all pixels (11x11 Gaussian window, sigma 1.5, zeros outside the picture).
+    /// Mean SSIM ([`mean_ssim`]).
     pub ssim: f64,
-}
-
-/// Compares pictures up to a given size; SSIM runs on the device.
-pub struct Comparator {
-    image: wgpu::Buffer,
-    loss: ImageLoss,
+    /// Squared errors by distance from the mask's outline.
+    pub bands: ErrorBands,
 }
 
 /// A picture as 8-bit display values.
@@ -35,50 +32,37 @@ fn psnr(sum: f64, values: usize) -> f64 {
     -10.0 * mean.max((0.5f64 / 255.0).powi(2) / values.max(1) as f64).log10()
 }
 
-impl Comparator {
-    /// A comparator for pictures of at most `max_pixels`.
-    ///
-    /// # Errors
-    /// [`RenderError`] if the device has too little memory or was lost.
-    pub fn new(gpu: &Gpu, max_pixels: usize) -> Result<Comparator, RenderError> {
-        let make = |label| buffers::zeroed(gpu, label, 4 * max_pixels);
-        let what = format!("comparing images up to {max_pixels} pixels");
-        let (image, gradient) = gpu.scoped(&what, || (make("compared image"), make("unused gradient")))?;
-        let loss = ImageLoss::new(gpu, &image, &gradient, max_pixels)?;
-        Ok(Comparator { image, loss })
-    }
-
-    /// Similarity of an 8-bit picture to its truth (red, green, blue, mask).
-    ///
-    /// # Errors
-    /// [`RenderError`] if the sizes do not match or the device failed.
-    pub fn compare(
-        &mut self,
-        gpu: &Gpu,
-        size: [u32; 2],
-        picture: &[[u8; 3]],
-        truth: &[[u8; 4]],
-    ) -> Result<ImageSimilarity, RenderError> {
+/// Similarity of 8-bit pictures to one truth (red, green, blue, mask) of the same size.
+pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth: &[[u8; 4]]) -> [ImageSimilarity; N] {
+    let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+    let bands = bands_of(truth, size);
+    pictures.map(|picture| {
         let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
         for (p, t) in picture.iter().zip(truth) {
-            let error: f64 = (0..3).map(|c| ((f64::from(p[c]) - f64::from(t[c])) / 255.0).powi(2)).sum();
+            let error = squared_error(*p, *t);
             sum += error;
             if t[3] >= 128 {
                 hand_sum += error;
                 hand += 3;
             }
         }
-        let values: Vec<[f32; 4]> =
-            picture.iter().map(|p| [p[0], p[1], p[2], 255].map(|v| f32::from(v) / 255.0)).collect();
-        gpu.queue.write_buffer(&self.image, 0, bytemuck::cast_slice(&values));
-        let count = 3.0 * picture.len() as f64;
-        self.loss.set_target(gpu, size, truth, LossWeights { l1: 0.8, ssim: 0.2, ..Default::default() }, count)?;
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.loss.encode(&mut encoder);
-        gpu.queue.submit([encoder.finish()]);
-        let ssim = self.loss.value(gpu)?.ssim_sum / count;
-        Ok(ImageSimilarity { psnr: psnr(sum, 3 * picture.len()), psnr_hand: psnr(hand_sum, hand), ssim })
-    }
+        let mut errors = ErrorBands::default();
+        errors.add(&bands, picture, truth);
+        ImageSimilarity {
+            psnr: psnr(sum, 3 * picture.len()),
+            psnr_hand: psnr(hand_sum, hand),
+            ssim: mean_ssim(size[0] as usize, picture, &colors),
+            bands: errors,
+        }
+    })
+}
+
+/// Means over pictures; errors by band are means over pixels.
+pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
+    let mean = |value: fn(&ImageSimilarity) -> f64| all.iter().map(value).sum::<f64>() / all.len().max(1) as f64;
+    let mut bands = ErrorBands::default();
+    all.iter().for_each(|one| bands.merge(&one.bands));
+    ImageSimilarity { psnr: mean(|s| s.psnr), psnr_hand: mean(|s| s.psnr_hand), ssim: mean(|s| s.ssim), bands }
 }
 
 /// Which joints move. A joint whose rotation is exactly 0 in every pose is fixed in this capture, and refinement does

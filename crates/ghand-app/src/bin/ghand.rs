@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, capture, export, inspect, pose, render, splat};
+use ghand_app::commands::{bench, capture, evaluate, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -22,6 +22,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Write a posed avatar as a scene of Gaussians (.ply)
     Export(export::ExportArgs),
+    /// Compare an avatar with images of a capture that training did not see
+    Evaluate(evaluate::EvaluateArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
     cli::run(|arguments: Arguments| match &arguments.command {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Export(args) => export::run(args, &arguments.adapter),
+        Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),

@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use ghand_train::alignment_picture::alignment_picture;
 use ghand_train::evaluate::Metrics;
+use ghand_train::protocol::given_views;
 use ghand_train::report::report;
-use ghand_train::{TrainError, TrainSettings, Trained, Trainer};
+use ghand_train::{Align, Protocol, TrainError, TrainSettings, Trained, Trainer};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::capture_args::CaptureArgs;
@@ -16,10 +18,13 @@ use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
-use crate::train_run::evaluation::{evaluate_images, failure, pose_error, print_table};
+use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
 use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
 use crate::train_run::results::{save_metrics, save_poses};
-use crate::train_run::run_folder::{AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+use crate::train_run::run_folder::{
+    ALIGN_FILE, AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder,
+};
+use crate::train_run::training_poses::StartPoses;
 
 /// Command line of `train`.
 #[derive(Debug, Args)]
@@ -32,7 +37,11 @@ pub struct TrainArgs {
     /// Split to evaluate on [default: test, if there is one]
     #[arg(long)]
     test_split: Option<String>,
-    /// Folder for avatar.ghand, poses.json, metrics.json and report.png [default: out/train or, if it holds an earlier
+    /// Training poses to start from: `given`, the capture's; `truth`, its exact ones, which are then not aligned unless
+    /// --set align=... says so; or those of a file, by the frames' ids
+    #[arg(long, value_name = "given|truth|FILE", default_value = "given")]
+    poses: StartPoses,
+    /// Folder for avatar.ghand, poses.json, metrics.json, align.png and report.png [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
     out: Option<PathBuf>,
@@ -52,7 +61,8 @@ pub struct TrainArgs {
 
 impl TrainArgs {
     fn settings(&self) -> anyhow::Result<TrainSettings> {
-        let mut settings = TrainSettings::default();
+        let align = if self.poses == StartPoses::Truth { Align::None } else { Align::default() };
+        let mut settings = TrainSettings { align, ..TrainSettings::default() };
         for assignment in &self.set {
             settings.set(assignment)?;
         }
@@ -97,9 +107,10 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let needed: Vec<&str> = std::iter::once(&args.split).chain(&args.test_split).map(String::as_str).collect();
     let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
-    check_before_training(&capture, path, &args.split, test_split, args.ignore_checks)?;
+    let start = args.poses.applied_to(&capture, &args.split)?;
+    check_before_training(&start, path, &args.split, test_split, args.ignore_checks)?;
     let train_split = capture.split(&args.split)?.clone();
-    let trainer = Trainer::new(&gpu, &capture, &args.split, &settings)?;
+    let trainer = Trainer::new(&gpu, &start, &args.split, &settings)?;
     let gaussians = trainer.gaussians();
     say!(
         "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
@@ -108,6 +119,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         train_split.views.len(),
         settings.iterations
     );
+    if settings.align == Align::Contours {
+        say!("aligning poses and the template's proportions with the masks first");
+    }
     interruption.stop_first();
     let trained = train(trainer.stop_when(interruption.stop()), settings.iterations)?;
     let stopped_early = trained.iterations < settings.iterations;
@@ -128,29 +142,42 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 
     let mut shown = None;
     let images = match capture.splits.get(test_split) {
-        Some(test) if !test.views.is_empty() => {
+        Some(split) if !split.views.is_empty() => {
+            let views = given_views(&capture, split);
+            let test = TestImages { capture: &capture, split: test_split, protocol: Protocol::Given, views };
             let (metrics, views) = gpu.retry_on_device_loss("the evaluation", |gpu| {
-                evaluate_images(gpu, &capture, &train_split, &trained, test_split)
+                evaluate_images(gpu, &trained.avatar, &test, &train_split, &trained.poses)
             })?;
             shown = Some(report(&views));
             Some(metrics)
         }
         _ => None,
     };
+    let (pose_error_deg, alignment) = pose_figures(&start, &train_split.frames, &trained);
     let metrics = Metrics {
         images,
-        pose_error_deg: pose_error(&capture, &train_split.frames, &trained),
+        poses: args.poses.to_string(),
+        pose_error_deg,
+        alignment,
         seconds: trained.seconds,
         iterations: trained.iterations,
         stopped_early,
         gaussians,
     };
+    let outlines = match &trained.alignment {
+        Some(alignment) => Some(alignment_picture(&start, &train_split, alignment)?),
+        None => None,
+    };
     interruption.whole(|| -> anyhow::Result<()> {
+        outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
         shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;
         save_metrics(&metrics, &folder.file(METRICS_FILE))
     })?;
     print_table(&metrics);
     say!("avatar: {}", avatar_path.display());
+    if outlines.is_some() {
+        say!("alignment: {}", folder.file(ALIGN_FILE).display());
+    }
     match metrics.images {
         Some(_) => say!("report: {}", report_path.display()),
         None => say!("no report: there are no images to evaluate in the split `{test_split}`"),

@@ -1,11 +1,17 @@
 //! The figures of a run: on images that training did not see, and on poses with known truth.
 
+use std::collections::HashSet;
+
+use ghand_avatar::Avatar;
 use ghand_capture::{Capture, Split};
+use ghand_core::Pose;
 use ghand_render::Gpu;
-use ghand_train::evaluate::{EvaluatedView, FloorMetrics, ImageMetrics, Metrics, PoseError, evaluate};
+use ghand_train::alignment_figures::AlignmentFigures;
+use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics};
 use ghand_train::floor::Floor;
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
-use ghand_train::{TrainSettings, Trained};
+use ghand_train::protocol::PosedView;
+use ghand_train::{Protocol, TrainSettings, Trained, evaluate_views};
 
 use crate::say;
 
@@ -14,74 +20,129 @@ const REPORT_VIEWS: usize = 5;
 /// Number of views that the floor's colours are averaged over.
 const FLOOR_VIEWS: usize = 200;
 
-/// The figures on a split that has images, and some of them for the report.
+/// What an avatar is compared with.
+#[derive(Debug, Clone)]
+pub struct TestImages<'a> {
+    /// Where the images are.
+    pub capture: &'a Capture,
+    /// Name of their split.
+    pub split: &'a str,
+    /// How their poses were chosen.
+    pub protocol: Protocol,
+    /// The images with their poses.
+    pub views: Vec<PosedView>,
+}
+
+/// The figures on images, and some of the images for the report. The floor's texture is made from the images of `train`,
+/// whose frames are in the poses `train_poses`.
 ///
 /// # Errors
 /// An error that names the unusable image, or the device if it failed.
 pub fn evaluate_images(
     gpu: &Gpu,
-    capture: &Capture,
+    avatar: &Avatar,
+    test: &TestImages,
     train: &Split,
-    trained: &Trained,
-    split: &str,
+    train_poses: &[Pose],
 ) -> anyhow::Result<(ImageMetrics, Vec<EvaluatedView>)> {
-    let test = capture.split(split)?;
     let total = test.views.len();
-    let floor = Floor::new(gpu, capture, train, &trained.poses, FLOOR_VIEWS)?;
+    let cameras = test.views.iter().map(|view| view.camera).collect::<HashSet<_>>().len();
+    let floor = Floor::new(gpu, test.capture, train, train_poses, FLOOR_VIEWS)?;
     let mut shown: Vec<EvaluatedView> = Vec::new();
     let mut index = 0;
-    let evaluation = evaluate(gpu, &trained.avatar, capture, split, &floor, |view| {
+    let evaluation = evaluate_views(gpu, avatar, test.capture, &test.views, &floor, |view| {
         // Evenly over the frames, a different camera each time.
         let rows = REPORT_VIEWS.min(total);
-        if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % test.cameras.len().max(1) {
+        if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % cameras.max(1) {
             shown.push(view);
         }
         index += 1;
     })?;
-    let (avatar, floor) = (evaluation.avatar, evaluation.floor);
-    let metrics = ImageMetrics {
-        split: split.into(),
-        frames: evaluation.views,
-        psnr: avatar.psnr,
-        psnr_hand: avatar.psnr_hand,
-        ssim: avatar.ssim,
-        floor: FloorMetrics { psnr: floor.psnr, psnr_hand: floor.psnr_hand, ssim: floor.ssim },
-        beats_floor: avatar.psnr > floor.psnr,
-    };
-    Ok((metrics, shown))
+    Ok((ImageMetrics::new(test.protocol, test.split, &evaluation), shown))
 }
 
-/// Joint-angle errors of the capture's and the refined training poses, if the truth of all of them is known.
-pub fn pose_error(capture: &Capture, frames: &[usize], trained: &Trained) -> Option<PoseError> {
-    let truth = capture.truth.as_ref()?;
-    let truth: Option<Vec<_>> = frames.iter().map(|f| truth.get(*f)?.clone()).collect();
-    let truth = truth?;
-    let given: Vec<_> = frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
-    let counts = moving_joints(&given);
-    Some(PoseError {
-        before: pose_error_degrees(&given, &truth, &counts),
-        after: pose_error_degrees(&trained.poses, &truth, &counts),
-    })
+/// The figures of the training poses: those that a run started from, `start`'s, and the refined ones, and how they were
+/// aligned. Errors are known if the truth of all of them is.
+pub fn pose_figures(
+    start: &Capture,
+    frames: &[usize],
+    trained: &Trained,
+) -> (Option<PoseError>, Option<AlignmentFigures>) {
+    let truth: Option<Vec<Pose>> =
+        start.truth.as_ref().and_then(|truth| frames.iter().map(|f| truth.get(*f)?.clone()).collect());
+    let before: Vec<Pose> = frames.iter().map(|f| start.frames[*f].pose.clone()).collect();
+    let counts = moving_joints(&before);
+    let error = truth.as_ref().map(|truth| PoseError {
+        before: pose_error_degrees(&before, truth, &counts),
+        after: pose_error_degrees(&trained.poses, truth, &counts),
+    });
+    let alignment = trained.alignment.as_ref();
+    (error, alignment.map(|alignment| AlignmentFigures::new(alignment, &before, truth.as_deref())))
 }
 
-/// Prints the figures.
+/// Prints the figures of a run.
 pub fn print_table(m: &Metrics) {
-    if let Some(m) = &m.images {
-        say!("\n{} images of split `{}` (new poses, new views)", m.frames, m.split);
-        say!("            PSNR   PSNR on the hand   SSIM");
-        say!("  floor    {:6.2}      {:6.2}         {:.4}", m.floor.psnr, m.floor.psnr_hand, m.floor.ssim);
-        say!("  avatar   {:6.2}      {:6.2}         {:.4}", m.psnr, m.psnr_hand, m.ssim);
-        say!(
-            "  gain     {:+6.2}      {:+6.2}         {:+.4}",
-            m.psnr - m.floor.psnr,
-            m.psnr_hand - m.floor.psnr_hand,
-            m.ssim - m.floor.ssim
-        );
+    if let Some(images) = &m.images {
+        print_image_table(images);
     }
-    if let Some(e) = m.pose_error_deg {
-        say!("pose error: {:.2} degrees given, {:.2} refined", e.before, e.after);
+    match m.pose_error_deg {
+        Some(e) => {
+            say!("training poses: {}; pose error: {:.2} degrees before, {:.2} refined", m.poses, e.before, e.after)
+        }
+        None => say!("training poses: {}", m.poses),
+    }
+    if let Some(alignment) = &m.alignment {
+        print_alignment(alignment);
     }
     say!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
+}
+
+fn print_alignment(figures: &AlignmentFigures) {
+    let AlignmentFigures { given, found, .. } = figures;
+    say!(
+        "alignment: contours {:.2} pixels off the masks, {:.2} given; overlap {:.3}, {:.3} given; {:.0} s",
+        found.contours_median_px,
+        given.contours_median_px,
+        found.overlap,
+        given.overlap,
+        figures.seconds
+    );
+    if let Some(reason) = &figures.rejection {
+        say!("           not used: {reason}");
+    }
+    if let Some(e) = figures.pose_error_deg {
+        say!(
+            "           pose error {:.2} degrees given, {:.2} by priors alone, {:.2} aligned, {:.2} without constant offsets",
+            e.given,
+            e.priors_alone,
+            e.aligned,
+            e.gauge_aligned
+        );
+        say!(
+            "           translations {:.2} mm off given, {:.2} aligned",
+            e.given_translation_mm,
+            e.aligned_translation_mm
+        );
+    }
+}
+
+/// Prints the figures on images.
+pub fn print_image_table(m: &ImageMetrics) {
+    say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
+    say!("            PSNR   PSNR on the hand   SSIM     squared error x 1000: outside, 0-3, 3-8, over 8 px inside");
+    for (name, figures) in [("floor", &m.floor), ("avatar", &m.avatar)] {
+        let SimilarityMetrics { psnr, psnr_hand, ssim, squared_error: e } = figures;
+        let bands = [e.outside, e.inside_to_3_px, e.inside_3_to_8_px, e.inside_over_8_px];
+        let bands: String =
+            bands.iter().map(|error| error.map_or("      -".into(), |error| format!("{:7.2}", 1e3 * error))).collect();
+        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}  {bands}");
+    }
+    say!(
+        "  gain     {:+6.2}      {:+6.2}         {:+.4}",
+        m.avatar.psnr - m.floor.psnr,
+        m.avatar.psnr_hand - m.floor.psnr_hand,
+        m.avatar.ssim - m.floor.ssim
+    );
 }
 
 /// A message that the avatar does not beat its floor, with likely reasons; `None` if it does, or without figures on
@@ -100,28 +161,26 @@ pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
         "the training has failed: the avatar's PSNR of {:.2} dB is not above the {:.2} dB of its floor, the textured \
          template; likely reasons are {few}poses, cameras or masks that do not match the images (`ghand inspect` \
          shows that), too few images for the hand's motion{changed}",
-        images.psnr, images.floor.psnr
+        images.avatar.psnr, images.floor.psnr
     ))
 }
 
 #[cfg(test)]
 mod tests {
+    use ghand_train::Evaluation;
+    use ghand_train::metrics::ImageSimilarity;
+
     use super::*;
 
     fn metrics(psnr: f64, floor: f64, iterations: u64) -> Metrics {
-        let floor_metrics = FloorMetrics { psnr: floor, psnr_hand: 0.0, ssim: 0.0 };
-        let images = ImageMetrics {
-            split: "test".into(),
-            frames: 1,
-            psnr,
-            psnr_hand: 0.0,
-            ssim: 0.0,
-            floor: floor_metrics,
-            beats_floor: psnr > floor,
-        };
+        let similarity = |psnr: f64| ImageSimilarity { psnr, ..Default::default() };
+        let evaluation = Evaluation { views: 1, avatar: similarity(psnr), floor: similarity(floor) };
+        let images = ImageMetrics::new(Protocol::Given, "test", &evaluation);
         Metrics {
             images: Some(images),
+            poses: "given".into(),
             pose_error_deg: None,
+            alignment: None,
             seconds: 1.0,
             iterations,
             stopped_early: false,

@@ -10,7 +10,7 @@ use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::pose_sequence::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_train::Trained;
-use ghand_train::evaluate::Metrics;
+use serde::Serialize;
 
 /// Writes the refined poses as a pose file, joints in the hand model's order.
 ///
@@ -32,7 +32,7 @@ pub fn save_poses(capture: &Capture, frames: &[usize], trained: &Trained, path: 
 ///
 /// # Errors
 /// An error that names the file, if it cannot be written.
-pub fn save_metrics(metrics: &Metrics, path: &Path) -> anyhow::Result<()> {
+pub fn save_metrics(metrics: &impl Serialize, path: &Path) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(metrics)?;
     write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
 }

@@ -17,8 +17,10 @@ pub const POSES_FILE: &str = "poses.json";
 pub const METRICS_FILE: &str = "metrics.json";
 /// The picture in a run's folder.
 pub const REPORT_FILE: &str = "report.png";
+/// The template's outlines before and after the alignment, in a run's folder.
+pub const ALIGN_FILE: &str = "align.png";
 /// All results of a run.
-const RESULTS: [&str; 4] = [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE];
+const RESULTS: [&str; 5] = [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE, ALIGN_FILE];
 /// Number of folders that are tried after the default one.
 const MOST_FOLDERS: usize = 100_000;
 

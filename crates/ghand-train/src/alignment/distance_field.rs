@@ -81,7 +81,7 @@ impl DistanceField {
 
 /// Squared distances to the nearest pixel of value 0, exact, along columns and then rows (Felzenszwalb and Huttenlocher
 /// 2012).
-fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> Vec<f64> {
+pub fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> Vec<f64> {
     let mut envelope = Envelope::default();
     for x in 0..columns {
         let line: Vec<f64> = (0..rows).map(|y| values[y * columns + x]).collect();

@@ -1,0 +1,177 @@
+//! `ghand evaluate`: compares an avatar with images of a capture.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use ghand_avatar::Avatar;
+use ghand_capture::Capture;
+use ghand_core::Pose;
+use ghand_train::Protocol;
+use ghand_train::evaluate::ImageMetrics;
+use ghand_train::pose_offsets::PoseOffsets;
+use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views};
+use ghand_train::report::report;
+use serde::Serialize;
+
+use crate::capture_args::CaptureArgs;
+use crate::cli::AdapterArgs;
+use crate::commands::render::write_png;
+use crate::say;
+use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
+use crate::train_run::interruption::Interruption;
+use crate::train_run::results::save_metrics;
+use crate::train_run::run_folder::{METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+use crate::train_run::training_poses::{poses_of_split, true_poses};
+
+/// Command line of `ghand evaluate`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("subject").args(["capture"]).required(true))]
+pub struct EvaluateArgs {
+    /// The avatar, a .ghand file
+    avatar: PathBuf,
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Split to evaluate on
+    #[arg(long, default_value = "test")]
+    split: String,
+    /// In which poses avatar and floor are drawn
+    #[arg(long, value_enum, default_value_t)]
+    protocol: ProtocolArg,
+    /// Split that the avatar was trained on: the floor's texture is made from its images [default: as the avatar says]
+    #[arg(long)]
+    train_split: Option<String>,
+    /// Refined poses of the training frames [default: poses.json beside the avatar; without it, the floor takes the
+    /// capture's poses]
+    #[arg(long, value_name = "FILE")]
+    training_poses: Option<PathBuf>,
+    /// Folder for metrics.json and report.png
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace earlier results in the folder
+    #[arg(long)]
+    force: bool,
+}
+
+/// [`Protocol`] as an option.
+#[derive(Debug, Clone, Copy, Default, ValueEnum)]
+enum ProtocolArg {
+    /// The capture's poses, untouched
+    #[default]
+    Given,
+    /// The capture's poses, mapped by the constant offsets between its exact training poses and the refined ones
+    Aligned,
+    /// Poses fitted to the masks of half of a frame's cameras and compared with the images of the other half, both ways
+    RefinedCross,
+}
+
+/// Contents of `metrics.json`.
+#[derive(Debug, Serialize)]
+struct EvaluationFile {
+    #[serde(flatten)]
+    images: ImageMetrics,
+    avatar: String,
+    capture: String,
+    train_split: String,
+    /// The file of the refined training poses; absent if there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    training_poses: Option<String>,
+}
+
+/// Compares the avatar with all images of a split and writes the results to a folder.
+///
+/// # Errors
+/// An error that names the file or the option and its problem.
+pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let avatar = Avatar::load(&args.avatar)?;
+    let mut gpu = adapter.open()?;
+    say!("adapter: {}", gpu.info.name);
+    let folder = RunFolder::named(&args.out, args.force)?;
+    let interruption = Interruption::listen("stopped: nothing was saved")?;
+    interruption.remove_at_end(folder.leftovers());
+
+    let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
+    let capture = args.capture.open(path, &[&args.split, train_split], &[])?;
+    check_joints(&avatar, &args.avatar, &capture)?;
+    let split = capture.split(&args.split)?;
+    if split.views.is_empty() {
+        bail!("{}: the split {:?} has no images", path.display(), args.split);
+    }
+    let file = refined_poses_file(args);
+    let refined = file.as_ref().map(|file| poses_of_split(file, &capture, train_split)).transpose()?;
+    let (protocol, views) = match args.protocol {
+        ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
+        ProtocolArg::Aligned => {
+            let refined = refined.as_deref().with_context(|| {
+                format!(
+                    "--protocol aligned: needs the refined training poses, but there is no {POSES_FILE} beside {}; give \
+                     them with --training-poses",
+                    args.avatar.display()
+                )
+            })?;
+            (Protocol::Aligned, aligned(&capture, &args.split, train_split, refined)?)
+        }
+        ProtocolArg::RefinedCross => {
+            let views = cross_views(&capture, split, &avatar.model);
+            (Protocol::RefinedCross, views.with_context(|| format!("--split {}", args.split))?)
+        }
+    };
+    let train = capture.split(train_split)?;
+    let train_poses: Vec<Pose> = match refined {
+        Some(refined) => refined,
+        None => train.frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect(),
+    };
+    let test = TestImages { capture: &capture, split: &args.split, protocol, views };
+    let (images, shown) =
+        gpu.retry_on_device_loss("the evaluation", |gpu| evaluate_images(gpu, &avatar, &test, train, &train_poses))?;
+    let results = EvaluationFile {
+        images,
+        avatar: args.avatar.display().to_string(),
+        capture: path.display().to_string(),
+        train_split: train_split.into(),
+        training_poses: file.as_ref().map(|file| file.display().to_string()),
+    };
+    let report_path = folder.file(REPORT_FILE);
+    interruption.whole(|| -> anyhow::Result<()> {
+        write_png(&report_path, &report(&shown))?;
+        save_metrics(&results, &folder.file(METRICS_FILE))
+    })?;
+    print_image_table(&results.images);
+    match &file {
+        Some(file) => say!("floor: textured in the training poses of {}", file.display()),
+        None => say!("floor: textured in the capture's training poses"),
+    }
+    say!("report: {}", report_path.display());
+    Ok(())
+}
+
+/// The test images in poses mapped by the offsets of the refined training poses.
+fn aligned(capture: &Capture, split: &str, train_split: &str, refined: &[Pose]) -> anyhow::Result<Vec<PosedView>> {
+    let truth = true_poses(capture, train_split).context("--protocol aligned")?;
+    let offsets = PoseOffsets::between(&truth, refined, &capture.hand_model.parents);
+    say!("offsets of the refined training poses: {:.2} degrees per joint on average", offsets.mean_degrees());
+    Ok(aligned_views(capture, capture.split(split)?, &offsets))
+}
+
+/// The file of the refined training poses, if one was given or is beside the avatar.
+fn refined_poses_file(args: &EvaluateArgs) -> Option<PathBuf> {
+    let beside = args.avatar.parent().map(|folder| folder.join(POSES_FILE)).filter(|file| file.exists());
+    args.training_poses.clone().or(beside)
+}
+
+/// Poses of the capture must be poses of the avatar.
+fn check_joints(avatar: &Avatar, path: &Path, capture: &Capture) -> anyhow::Result<()> {
+    let [own, other] = [&avatar.template.joint_names, &capture.hand_model.joint_names];
+    if own != other || avatar.template.parents != capture.hand_model.parents {
+        bail!(
+            "{}: the avatar's {} joints are not the {} of the hand model of {}; evaluate it on a capture with its own \
+             hand model",
+            path.display(),
+            own.len(),
+            other.len(),
+            capture.root.display()
+        );
+    }
+    Ok(())
+}

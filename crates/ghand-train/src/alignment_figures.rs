@@ -1,0 +1,103 @@
+//! The figures of an alignment in `metrics.json`.
+
+use std::collections::BTreeMap;
+
+use ghand_core::Pose;
+use serde::Serialize;
+
+use crate::alignment::{Alignment, MaskFit};
+use crate::metrics::{moving_joints, pose_error_degrees};
+use crate::pose_offsets::PoseOffsets;
+
+/// How well an alignment went.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AlignmentFigures {
+    /// Why the given poses were used instead; `null` if they were not.
+    pub rejection: Option<String>,
+    /// Frames that keep their given poses because these fit the masks better.
+    pub kept_frames: usize,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// How given poses fit the masks.
+    pub given: FitFigures,
+    /// How the poses that the alignment found fit the masks.
+    pub found: FitFigures,
+    /// Mean angle between the poses and the true ones, degrees, over all frames and the joints that move; `null` if the
+    /// true poses are unknown.
+    pub pose_error_deg: Option<PoseErrors>,
+    /// By joint that moves, how far the rotations about each axis are expected to be off, degrees.
+    pub uncertainty_deg: BTreeMap<String, f64>,
+}
+
+/// How a template fits the masks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FitFigures {
+    /// Median distance of the template's contours from the masks' outlines, pixels; `null` without contours.
+    pub contours_median_px: f64,
+    /// 95 % of the distances are below this, pixels.
+    pub contours_95_px: f64,
+    /// Mean intersection over union of silhouettes and masks.
+    pub overlap: f64,
+}
+
+/// Errors of poses at several stages.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PoseErrors {
+    /// Of the given poses.
+    pub given: f64,
+    /// Of the likeliest poses by the given ones and how the joints vary, without the frame's own images.
+    pub priors_alone: f64,
+    /// Of the aligned poses.
+    pub aligned: f64,
+    /// The same without each joint's constant offset over the frames, which other proportions of the template explain.
+    pub gauge_aligned: f64,
+    /// Mean distance of the given translations from the true ones, millimetres.
+    pub given_translation_mm: f64,
+    /// Mean distance of the aligned translations from the true ones, millimetres.
+    pub aligned_translation_mm: f64,
+}
+
+impl AlignmentFigures {
+    /// The figures of an alignment that started from the poses `given`.
+    pub fn new(alignment: &Alignment, given: &[Pose], truth: Option<&[Pose]>) -> AlignmentFigures {
+        let moves = moving_joints(given);
+        let names = alignment.template.joint_names.iter();
+        let uncertain = names.zip(&alignment.uncertainty).zip(&moves).filter(|(_, moves)| **moves);
+        AlignmentFigures {
+            rejection: alignment.rejection.map(|reason| reason.to_string()),
+            kept_frames: alignment.kept.len(),
+            seconds: alignment.seconds,
+            given: FitFigures::of(alignment.fit[0]),
+            found: FitFigures::of(alignment.fit[1]),
+            pose_error_deg: truth.map(|truth| PoseErrors::new(alignment, given, truth)),
+            uncertainty_deg: uncertain.map(|((name, angle), _)| (name.clone(), angle.to_degrees())).collect(),
+        }
+    }
+}
+
+impl FitFigures {
+    fn of(fit: MaskFit) -> FitFigures {
+        let [contours_median_px, contours_95_px] = fit.contours;
+        FitFigures { contours_median_px, contours_95_px, overlap: fit.overlap }
+    }
+}
+
+impl PoseErrors {
+    fn new(alignment: &Alignment, given: &[Pose], truth: &[Pose]) -> PoseErrors {
+        let moves = moving_joints(given);
+        let offsets = PoseOffsets::between(truth, &alignment.poses, &alignment.template.parents);
+        let shifted: Vec<Pose> = truth.iter().map(|pose| offsets.apply(pose)).collect();
+        let distance = |poses: &[Pose]| {
+            let sum: f64 = poses.iter().zip(truth).map(|(p, t)| p.translation.distance(t.translation)).sum();
+            1e3 * sum / truth.len().max(1) as f64
+        };
+        PoseErrors {
+            given: pose_error_degrees(given, truth, &moves),
+            priors_alone: pose_error_degrees(&alignment.prior_poses, truth, &moves),
+            aligned: pose_error_degrees(&alignment.poses, truth, &moves),
+            gauge_aligned: pose_error_degrees(&alignment.poses, &shifted, &moves),
+            given_translation_mm: distance(given),
+            aligned_translation_mm: distance(&alignment.poses),
+        }
+    }
+}
