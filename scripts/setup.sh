@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a linker, a Vulkan driver and the
-# libraries that the viewer's window loads. Changes nothing where all is there.
+# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a linker, a C++ compiler (for FLIP), a
+# Vulkan driver and the libraries that the viewer's window loads. Changes nothing where all is there.
 set -euo pipefail
 
 say() { echo "setup: $*"; }
@@ -21,6 +21,15 @@ links_programs() {
     folder=$(mktemp -d)
     echo 'int main(void) { return 0; }' >"$folder/a.c"
     cc "$folder/a.c" -o "$folder/a" 2>/dev/null || works=0
+    rm -rf "$folder"
+    [ "$works" = 1 ]
+}
+
+compiles_cpp() {
+    local folder works=1
+    folder=$(mktemp -d)
+    printf '#include <vector>\nint main() { return std::vector<int>{}.empty() ? 0 : 1; }\n' >"$folder/a.cpp"
+    "${CXX:-c++}" -std=c++17 "$folder/a.cpp" -o "$folder/a" 2>/dev/null || works=0
     rm -rf "$folder"
     [ "$works" = 1 ]
 }
@@ -61,6 +70,10 @@ if ! links_programs; then
     say "a C linker is missing."
     needed+=(gcc libc6-dev)
 fi
+if ! compiles_cpp; then
+    say "a C++ compiler is missing."
+    needed+=(g++)
+fi
 if ! has_library libvulkan.so.1; then
     say "the Vulkan loader is missing."
     needed+=(libvulkan1)
@@ -100,7 +113,7 @@ give_up() {
 
 if ! command -v apt-get >/dev/null; then
     give_up "this is not Debian or Ubuntu; install by hand what these packages hold there: ${packages[*]}" \
-        "(Fedora: gcc mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi)."
+        "(Fedora: gcc gcc-c++ mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi)."
 fi
 as_root=()
 if [ "$(id -u)" != 0 ]; then

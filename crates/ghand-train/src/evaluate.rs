@@ -180,14 +180,16 @@ pub struct SimilarityMetrics {
     pub psnr_hand: f64,
     /// Mean SSIM.
     pub ssim: f64,
+    /// Mean FLIP, 0 for equal pictures.
+    pub flip: f64,
     /// Mean squared errors by distance from the mask's outline.
     pub squared_error: MeanBandErrors,
 }
 
 impl SimilarityMetrics {
     fn of(similarity: &ImageSimilarity) -> SimilarityMetrics {
-        let ImageSimilarity { psnr, psnr_hand, ssim, bands } = *similarity;
-        SimilarityMetrics { psnr, psnr_hand, ssim, squared_error: bands.means() }
+        let ImageSimilarity { psnr, psnr_hand, ssim, flip, bands } = *similarity;
+        SimilarityMetrics { psnr, psnr_hand, ssim, flip, squared_error: bands.means() }
     }
 }
 

@@ -8,6 +8,7 @@ mod divergence;
 pub mod draw_text;
 pub mod error_bands;
 pub mod evaluate;
+pub mod flip;
 pub mod floor;
 mod memory_check;
 pub mod metrics;

@@ -5,6 +5,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use glam::DVec3;
 
 use crate::error_bands::{ErrorBands, bands_of, squared_error};
+use crate::flip::mean_flip;
 use crate::ssim::mean_ssim;
 
 /// Similarity of a picture to its truth.
@@ -16,6 +17,8 @@ pub struct ImageSimilarity {
     pub psnr_hand: f64,
     /// Mean SSIM ([`mean_ssim`]).
     pub ssim: f64,
+    /// Mean FLIP ([`mean_flip`]).
+    pub flip: f64,
     /// Squared errors by distance from the mask's outline.
     pub bands: ErrorBands,
 }
@@ -52,6 +55,7 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
             psnr: psnr(sum, 3 * picture.len()),
             psnr_hand: psnr(hand_sum, hand),
             ssim: mean_ssim(size[0] as usize, picture, &colors),
+            flip: mean_flip(size, picture, &colors),
             bands: errors,
         }
     })
@@ -62,7 +66,13 @@ pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
     let mean = |value: fn(&ImageSimilarity) -> f64| all.iter().map(value).sum::<f64>() / all.len().max(1) as f64;
     let mut bands = ErrorBands::default();
     all.iter().for_each(|one| bands.merge(&one.bands));
-    ImageSimilarity { psnr: mean(|s| s.psnr), psnr_hand: mean(|s| s.psnr_hand), ssim: mean(|s| s.ssim), bands }
+    ImageSimilarity {
+        psnr: mean(|s| s.psnr),
+        psnr_hand: mean(|s| s.psnr_hand),
+        ssim: mean(|s| s.ssim),
+        flip: mean(|s| s.flip),
+        bands,
+    }
 }
 
 /// Which joints move. A joint whose rotation is exactly 0 in every pose is fixed in this capture, and refinement does

@@ -69,13 +69,9 @@ fn similarity([p, t, pp, tt, pt]: [f64; 5]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SIZE: [usize; 2] = [24, 20];
-
+pub(crate) mod test_pictures {
     /// Two pictures by formula, cut to their first columns and rows.
-    fn pictures(width: usize, height: usize) -> [Vec<[u8; 3]>; 2] {
+    pub(crate) fn pictures(width: usize, height: usize) -> [Vec<[u8; 3]>; 2] {
         let first = |x: usize, y: usize, c: usize| (x * x * 3 + y * y * 5 + c * 40 + x * y) % 256;
         let second = |x: usize, y: usize, c: usize| (3 * first(x, y, c) + (x * 29 + y * 17 + c * 11) % 256) / 4;
         let picture = |value: &dyn Fn(usize, usize, usize) -> usize| {
@@ -84,6 +80,14 @@ mod tests {
         };
         [picture(&first), picture(&second)]
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::test_pictures::pictures;
+    use super::*;
+
+    const SIZE: [usize; 2] = [24, 20];
 
     #[test]
     fn values_are_those_of_scikit_image() {

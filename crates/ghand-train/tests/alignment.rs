@@ -7,6 +7,7 @@ use common::{make, poses, small_options};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_train::alignment::single_frames::{SingleFrame, align_single_frames};
 use ghand_train::alignment::{AlignmentError, align};
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use glam::DVec3;
@@ -45,6 +46,30 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
         let again = one.install(|| align(&capture, split, &mut |_, _| true)).unwrap();
         assert!(again.poses == aligned.poses && again.template == aligned.template);
     }
+}
+
+#[test]
+fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
+    let (capture, _folder) = small_capture(3);
+    let [given, truth] = poses(&capture, capture.split("train").unwrap());
+    let split = capture.split("train").unwrap();
+    let template = align(&capture, split, &mut |_, _| true).unwrap().template;
+    let frame = |(frame, pose): (&usize, &Pose)| SingleFrame {
+        frame: *frame,
+        cameras: split.cameras.clone(),
+        pose: pose.clone(),
+    };
+    let frames: Vec<SingleFrame> = split.frames.iter().zip(&given).map(frame).collect();
+    let found = align_single_frames(&capture, &template, &frames).unwrap();
+    let shift =
+        |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
+    let moving = moving_joints(&given);
+    let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
+    println!("{:.2} -> {:.2} degrees", error(&given), error(&found));
+    println!("{:.2} -> {:.2} mm", 1e3 * shift(&given) / 8.0, 1e3 * shift(&found) / 8.0);
+    assert!(shift(&found) < 0.75 * shift(&given) && error(&found) < error(&given));
+    let alone = align_single_frames(&capture, &template, &frames[2..3]).unwrap();
+    assert!(alone[0] == found[2], "other frames have a part in it");
 }
 
 #[test]

@@ -129,20 +129,25 @@ fn print_alignment(figures: &AlignmentFigures) {
 /// Prints the figures on images.
 pub fn print_image_table(m: &ImageMetrics) {
     say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
-    say!("            PSNR   PSNR on the hand   SSIM     squared error x 1000: outside, 0-3, 3-8, over 8 px inside");
-    for (name, figures) in [("floor", &m.floor), ("avatar", &m.avatar)] {
-        let SimilarityMetrics { psnr, psnr_hand, ssim, squared_error: e } = figures;
-        let bands = [e.outside, e.inside_to_3_px, e.inside_3_to_8_px, e.inside_over_8_px];
-        let bands: String =
-            bands.iter().map(|error| error.map_or("      -".into(), |error| format!("{:7.2}", 1e3 * error))).collect();
-        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}  {bands}");
+    let rows = [("floor", &m.floor), ("avatar", &m.avatar)];
+    say!("            PSNR   PSNR on the hand   SSIM      FLIP");
+    for (name, SimilarityMetrics { psnr, psnr_hand, ssim, flip, .. }) in rows {
+        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}    {flip:.4}");
     }
     say!(
-        "  gain     {:+6.2}      {:+6.2}         {:+.4}",
+        "  gain     {:+6.2}      {:+6.2}         {:+.4}   {:+.4}",
         m.avatar.psnr - m.floor.psnr,
         m.avatar.psnr_hand - m.floor.psnr_hand,
-        m.avatar.ssim - m.floor.ssim
+        m.avatar.ssim - m.floor.ssim,
+        m.avatar.flip - m.floor.flip
     );
+    say!("squared error x 1000: outside the mask; inside, to 3 px from its outline; 3 to 8 px; deeper");
+    for (name, figures) in rows {
+        let e = figures.squared_error;
+        let bands = [e.outside, e.inside_to_3_px, e.inside_3_to_8_px, e.inside_over_8_px];
+        let [a, b, c, d] = bands.map(|error| error.map_or("-".into(), |error| format!("{:.2}", 1e3 * error)));
+        say!("  {name:<6}  {a:>6}  {b:>6}  {c:>6}  {d:>6}");
+    }
 }
 
 /// A message that the avatar does not beat its floor, with likely reasons; `None` if it does, or without figures on
