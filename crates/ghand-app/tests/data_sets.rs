@@ -42,7 +42,7 @@ fn train(folder: &Path, arguments: &[&str]) -> String {
         &[arguments, &["--hand-model", "MANO_RIGHT.pkl", "--out", "out", "--force"], &SHORT[..]].concat(),
     );
     let said = assert_trained(&output).concat();
-    assert_eq!(listing(&folder.join("out")), ["avatar.ghand", "metrics.json", "poses.json", "report.png"]);
+    assert_eq!(listing(&folder.join("out")), ["align.png", "avatar.ghand", "metrics.json", "poses.json", "report.png"]);
     said
 }
 

@@ -71,6 +71,13 @@ fn the_protocol_given_repeats_the_figures_of_the_training_and_others_have_their_
     assert_eq!(json(&folder.path().join("aligned/metrics.json"))["protocol"], "aligned");
     assert_ne!(figures(folder.path(), "aligned"), figures(folder.path(), "run"));
 
+    let said = assert_evaluated(&evaluate(folder.path(), "boxed", &["--protocol", "handavatar"]));
+    assert!(said.contains("protocol `handavatar`"), "{said}");
+    assert_ne!(figures(folder.path(), "boxed"), figures(folder.path(), "run"));
+    // The report shows squares of 256 pixels, four in a row.
+    let width = image::image_dimensions(folder.path().join("boxed/report.png")).unwrap().0;
+    assert!((4 * 256..4 * 256 + 60).contains(&width), "{width}");
+
     // Results are replaced only on request.
     assert_one_sentence(&evaluate(folder.path(), "given", &[]), &["given/metrics.json", "--force"]);
     assert_evaluated(&evaluate(folder.path(), "given", &["--force"]));

@@ -189,7 +189,7 @@ fn killing_a_run_leaves_the_old_avatar_whole() {
     small_capture(&folder.path().join("capture"));
     let arguments = ["--capture", "capture", "--out", "out", "--force", "--set", "uv_resolution=32", "--set"];
     assert_trained(&run(TRAIN, folder.path(), &[&arguments[..], &["iterations=4"]].concat()));
-    let files = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
+    let files = ["align.png", "avatar.ghand", "metrics.json", "poses.json", "report.png"];
     assert_eq!(listing(&folder.path().join("out")), files);
     let avatar = std::fs::read(folder.path().join("out/avatar.ghand")).unwrap();
 

@@ -13,7 +13,7 @@ use common::{assert_one_sentence, listing, run, small_capture};
 use ghand_avatar::Avatar;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
-const RESULTS: [&str; 4] = ["avatar.ghand", "metrics.json", "poses.json", "report.png"];
+const RESULTS: [&str; 5] = ["align.png", "avatar.ghand", "metrics.json", "poses.json", "report.png"];
 /// Longer than any test needs to wait.
 const ENDLESS: &str = "iterations=1000000";
 
@@ -94,7 +94,7 @@ fn results_in_a_named_folder_are_replaced_only_with_force() {
     std::fs::write(out.join("notes.txt"), "of the user").unwrap();
     let named = ["--out", "run", "--set", "iterations=4"];
     train(folder.path(), &named);
-    let with_notes = ["avatar.ghand", "metrics.json", "notes.txt", "poses.json", "report.png"];
+    let with_notes = ["align.png", "avatar.ghand", "metrics.json", "notes.txt", "poses.json", "report.png"];
     assert_eq!(listing(&out), with_notes);
     let avatar = || std::fs::read(out.join("avatar.ghand")).unwrap();
     let first = avatar();

@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::alignment_figures::AlignmentFigures;
 use crate::error_bands::MeanBandErrors;
 use crate::floor::{Floor, FloorError};
+use crate::hand_box::{HandBox, SIDE};
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use crate::protocol::{PosedView, Protocol, given_views};
 
@@ -71,10 +72,11 @@ pub fn evaluate(
     each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
     let views = given_views(capture, capture.split(split_name)?);
-    evaluate_views(gpu, avatar, capture, &views, floor, each)
+    evaluate_views(gpu, avatar, capture, Protocol::Given, &views, floor, each)
 }
 
-/// As [`evaluate`], for images and poses of any protocol. Both avatar and floor are drawn in these poses.
+/// As [`evaluate`], for the images and poses of any protocol. Both avatar and floor are drawn in these poses. The protocol
+/// `handavatar` leaves out images with empty masks.
 ///
 /// # Errors
 /// [`EvaluateError`] if an image is unusable or the device failed.
@@ -82,16 +84,18 @@ pub fn evaluate_views(
     gpu: &Gpu,
     avatar: &Avatar,
     capture: &Capture,
+    protocol: Protocol,
     views: &[PosedView],
     floor: &Floor,
     mut each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
+    let boxed = protocol == Protocol::HandAvatar;
     let largest = |axis: fn(&ghand_core::Camera) -> u32| {
         views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1)
     };
-    let max_size = [largest(|c| c.width), largest(|c| c.height)];
+    let max_size = if boxed { [SIDE; 2] } else { [largest(|c| c.width), largest(|c| c.height)] };
     let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
-    let background = capture.background;
+    let background = if boxed { [0.0; 3] } else { capture.background };
     let mut similarities: [Vec<ImageSimilarity>; 2] = Default::default();
     let mut posed: Option<&Pose> = None;
     for PosedView { frame, camera: camera_index, pose } in views {
@@ -99,27 +103,35 @@ pub fn evaluate_views(
             scene.set_pose(gpu, 0, 0, pose)?;
             posed = Some(pose);
         }
-        let camera = &capture.cameras[*camera_index];
-        let truth = capture.load_view(*camera_index, *frame)?;
-        let size = [truth.width, truth.height];
-        let image = scene.render(gpu, 0, camera, background.map(|b| b as f32))?;
+        let loaded = capture.load_view(*camera_index, *frame)?.rgba;
+        let (camera, truth) = if boxed {
+            let Some(HandBox { camera, rgba }) = HandBox::of(&capture.cameras[*camera_index], &loaded) else {
+                continue;
+            };
+            (camera, rgba)
+        } else {
+            (capture.cameras[*camera_index].clone(), loaded)
+        };
+        let size = [camera.width, camera.height];
+        let image = scene.render(gpu, 0, &camera, background.map(|b| b as f32))?;
         let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
-        let floor_picture: Vec<[u8; 3]> = floor.render(pose, camera, background)?.into_iter().map(quantize).collect();
-        let [likeness, floor_likeness] = compare(size, [&render, &floor_picture], &truth.rgba);
+        let floor_picture: Vec<[u8; 3]> = floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
+        let [likeness, floor_likeness] = compare(size, [&render, &floor_picture], &truth);
         similarities[0].push(likeness);
         similarities[1].push(floor_likeness);
         each(EvaluatedView {
             name: [camera.id.clone(), capture.frames[*frame].id.clone()],
             size,
-            truth: truth.rgba,
+            truth,
             render,
             floor: floor_picture,
             likeness,
             floor_likeness,
         });
     }
+    let count = similarities[0].len();
     let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
-    Ok(Evaluation { views: views.len(), avatar, floor })
+    Ok(Evaluation { views: count, avatar, floor })
 }
 
 /// Contents of `metrics.json`.

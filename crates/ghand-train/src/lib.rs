@@ -10,6 +10,7 @@ pub mod error_bands;
 pub mod evaluate;
 pub mod flip;
 pub mod floor;
+pub mod hand_box;
 mod memory_check;
 pub mod metrics;
 pub mod pose_offsets;

@@ -19,6 +19,9 @@ pub enum Protocol {
     Aligned,
     /// Poses fitted to the masks' contours of half of a frame's cameras, compared with the images of the other half.
     RefinedCross,
+    /// The capture's own poses, in squares around the hand on black ([`crate::hand_box`]), as HandAvatar is evaluated.
+    #[serde(rename = "handavatar")]
+    HandAvatar,
 }
 
 impl Protocol {
@@ -28,6 +31,7 @@ impl Protocol {
             Protocol::Given => "test poses untouched",
             Protocol::Aligned => "test poses mapped by the constant offsets of the refined training poses",
             Protocol::RefinedCross => "test poses fitted to the masks of half of the cameras, scored on the other half",
+            Protocol::HandAvatar => "test poses untouched, squares of 256 x 256 pixels around the hand on black",
         }
     }
 }
@@ -38,6 +42,7 @@ impl std::fmt::Display for Protocol {
             Protocol::Given => "given",
             Protocol::Aligned => "aligned",
             Protocol::RefinedCross => "refined-cross",
+            Protocol::HandAvatar => "handavatar",
         })
     }
 }

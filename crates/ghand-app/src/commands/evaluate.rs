@@ -63,6 +63,9 @@ enum ProtocolArg {
     Aligned,
     /// Poses fitted to the masks of half of a frame's cameras and compared with the images of the other half, both ways
     RefinedCross,
+    /// As HandAvatar is evaluated: the capture's poses, squares of 256 x 256 pixels around the hand, on black
+    #[value(name = "handavatar")]
+    HandAvatar,
 }
 
 /// Contents of `metrics.json`.
@@ -102,6 +105,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let refined = file.as_ref().map(|file| poses_of_split(file, &capture, train_split)).transpose()?;
     let (protocol, views) = match args.protocol {
         ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
+        ProtocolArg::HandAvatar => (Protocol::HandAvatar, given_views(&capture, split)),
         ProtocolArg::Aligned => {
             let refined = refined.as_deref().with_context(|| {
                 format!(

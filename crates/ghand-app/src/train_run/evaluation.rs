@@ -50,7 +50,7 @@ pub fn evaluate_images(
     let floor = Floor::new(gpu, test.capture, train, train_poses, FLOOR_VIEWS)?;
     let mut shown: Vec<EvaluatedView> = Vec::new();
     let mut index = 0;
-    let evaluation = evaluate_views(gpu, avatar, test.capture, &test.views, &floor, |view| {
+    let evaluation = evaluate_views(gpu, avatar, test.capture, test.protocol, &test.views, &floor, |view| {
         // Evenly over the frames, a different camera each time.
         let rows = REPORT_VIEWS.min(total);
         if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % cameras.max(1) {
