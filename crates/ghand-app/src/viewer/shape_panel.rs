@@ -23,7 +23,9 @@ impl ShapePanel {
     /// Shows the sliders.
     pub fn sliders(&self, ui: &mut Ui, shape: &mut [f64]) {
         for (name, value) in self.names.iter().zip(shape.iter_mut()) {
-            ui.add(number_slider(value, -LARGEST..=LARGEST, 1, "").text(name));
+            // Above the slider: beside it, long names would not fit the panel.
+            let label = ui.label(name).id;
+            ui.add(number_slider(value, -LARGEST..=LARGEST, 1, "")).labelled_by(label);
         }
         if ui.button("Mean shape").clicked() {
             shape.fill(0.0);

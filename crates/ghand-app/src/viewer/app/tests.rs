@@ -7,6 +7,8 @@ use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ghand_avatar::{Avatar, AvatarConfig};
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::AdapterChoice;
 
@@ -150,6 +152,21 @@ fn every_control_has_a_name() {
     ui.click("Index finger");
     assert!(ui.harness.query_all_by_label("flexion").count() > 3, "the sliders are missing");
     ui.harness.check_accessibility();
+}
+
+#[test]
+fn the_names_of_shapes_and_joints_fit_the_panel() {
+    let hand = Hand::bare(builtin_hand(Side::Right).unwrap());
+    let mut ui = Headless::new(Subject::Hand(Box::new(hand)), vec2(500.0, 1600.0), 0.1);
+    for section in ["Shape", "Joints", "Thumb"] {
+        ui.click(section);
+    }
+    (0..3).for_each(|_| _ = ui.frame(Vec::new()));
+    for name in ["finger diameter", "wrist circumference", "macro 5", "flexion", "Pixels"] {
+        let labels: Vec<f32> = ui.harness.query_all_by_label_contains(name).map(|label| label.rect().right()).collect();
+        assert!(!labels.is_empty(), "{name} is missing");
+        assert!(labels.iter().all(|right| *right < PANEL_WIDTH), "{name} reaches {labels:?}");
+    }
 }
 
 #[test]
