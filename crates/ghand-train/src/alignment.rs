@@ -9,6 +9,7 @@ mod distance_field;
 mod frame;
 mod priors;
 mod proportions;
+mod rejection;
 pub mod single_frames;
 mod spread;
 
@@ -29,6 +30,8 @@ pub(crate) use distance_field::squared_distances;
 use frame::{FrameEquations, Rig};
 use priors::Priors;
 use proportions::Proportions;
+pub use rejection::Rejection;
+use rejection::rejection;
 use spread::Estimate;
 
 /// Steps without knowledge of how the joints vary: for each the distance beyond which a contour counts linearly, pixels.
@@ -76,73 +79,6 @@ pub struct Alignment {
     pub seconds: f64,
 }
 
-/// Why an alignment is not used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Rejection {
-    /// There is nothing to align with.
-    #[error("no mask shows the outline of the hand near that of the template")]
-    NoOutline,
-    /// The masks are not what this template looks like.
-    #[error(
-        "the aligned template overlaps the masks by only {overlap:.2}; its side, its size, the cameras or the masks may be \
-         wrong"
-    )]
-    NoOverlap {
-        /// Intersection over union.
-        overlap: f64,
-    },
-    /// No hand has such proportions.
-    #[error(
-        "the aligned template's bones differ in length by {:.0} % from its own proportions; it may be of the wrong side",
-        100.0 * deviation
-    )]
-    Proportions {
-        /// Standard deviation of the logarithms of the bones' relative lengths.
-        deviation: f64,
-    },
-    /// The given poses fit better.
-    #[error("the given poses fit the masks better than the aligned ones")]
-    NotBetter,
-}
-
-/// Least overlap of aligned templates and masks. Good fits are above 0.9, those of templates ten times too large or too
-/// small below 0.6.
-const LEAST_OVERLAP: f64 = 0.7;
-/// Largest standard deviation of the bones' relative lengths, logarithmic: right templates end below 0.05, a left one for
-/// a right hand at 0.17.
-const LARGEST_DEVIATION: f64 = 0.1;
-
-/// Whether and why the aligned poses should not be used.
-fn rejection(fit: [MaskFit; 2], given: &HandModel, aligned: &HandModel) -> Option<Rejection> {
-    let [before, after] = fit;
-    let deviation = length_deviation(given, aligned);
-    if after.contours[0].is_nan() {
-        Some(Rejection::NoOutline)
-    } else if after.overlap < LEAST_OVERLAP {
-        Some(Rejection::NoOverlap { overlap: after.overlap })
-    } else if deviation > LARGEST_DEVIATION {
-        Some(Rejection::Proportions { deviation })
-    } else if after.overlap <= before.overlap || after.contours[0] >= before.contours[0] {
-        Some(Rejection::NotBetter)
-    } else {
-        None
-    }
-}
-
-/// Standard deviation of the logarithms of the bones' lengths relative to those of another template of the same rig: the
-/// size of the whole hand does not count.
-fn length_deviation(given: &HandModel, aligned: &HandModel) -> f64 {
-    let length = |model: &HandModel, k: usize, parent: usize| model.joints[k].distance(model.joints[parent]);
-    let changes: Vec<f64> = (given.parents.iter().enumerate())
-        .filter_map(|(k, parent)| {
-            let change = (length(aligned, k, (*parent)?) / length(given, k, (*parent)?)).ln();
-            change.is_finite().then_some(change)
-        })
-        .collect();
-    let mean = changes.iter().sum::<f64>() / changes.len().max(1) as f64;
-    (changes.iter().map(|change| (change - mean).powi(2)).sum::<f64>() / changes.len().max(1) as f64).sqrt()
-}
-
 /// How well a template in certain poses fits the masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaskFit {
@@ -150,6 +86,8 @@ pub struct MaskFit {
     pub contours: [f64; 2],
     /// Intersection over union of the template's silhouettes and the masks, mean over the images.
     pub overlap: f64,
+    /// Square root of the masks' mean area, pixels.
+    pub mask_size: f64,
 }
 
 /// A frame's images.
@@ -390,7 +328,13 @@ impl<'a> Fit<'a> {
         let per_frame =
             frames.iter().map(|(_, overlaps)| if overlaps.is_empty() { 1.0 } else { mean(overlaps) }).collect();
         let (distances, overlaps): (Vec<Vec<f64>>, Vec<Vec<f64>>) = frames.into_iter().unzip();
-        Ok((MaskFit { contours: quantiles(distances.concat()), overlap: mean(&overlaps.concat()) }, per_frame))
+        let areas: Vec<f64> = images.iter().flatten().map(|(_, field)| field.area() as f64).collect();
+        let fit = MaskFit {
+            contours: quantiles(distances.concat()),
+            overlap: mean(&overlaps.concat()),
+            mask_size: mean(&areas).sqrt(),
+        };
+        Ok((fit, per_frame))
     }
 
     /// A pose after a step.

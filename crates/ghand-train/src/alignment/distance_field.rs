@@ -48,6 +48,11 @@ impl DistanceField {
         Some(DistanceField { origin: [left, top], size, values })
     }
 
+    /// Pixels of the mask.
+    pub fn area(&self) -> usize {
+        self.values.iter().filter(|value| **value < 0).count()
+    }
+
     /// Intersection over union of the mask and another one of the same image, row-major.
     pub fn overlap(&self, other: &[bool], width: usize) -> f64 {
         let ([left, top], [columns, rows]) = (self.origin, self.size);
@@ -57,8 +62,7 @@ impl DistanceField {
             let line = self.values[y * columns..(y + 1) * columns].iter().zip(&other[start..start + columns]);
             both += line.filter(|(value, other)| **value < 0 && **other).count();
         }
-        let own = self.values.iter().filter(|value| **value < 0).count();
-        let all = own + other.iter().filter(|other| **other).count() - both;
+        let all = self.area() + other.iter().filter(|other| **other).count() - both;
         both as f64 / all.max(1) as f64
     }
 
