@@ -176,7 +176,7 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     assert!(said.contains("no images to evaluate") && !said.contains("PSNR") && said.contains("pose error"), "{said}");
-    assert_eq!(listing(&folder.path().join("out")), ["avatar.ghand", "metrics.json", "poses.json"]);
+    assert_eq!(listing(&folder.path().join("out")), ["align.png", "avatar.ghand", "metrics.json", "poses.json"]);
     let metrics = std::fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
     assert!(metrics.contains("pose_error_deg") && !metrics.contains("psnr"), "{metrics}");
     let asked = run(TRAIN, folder.path(), &[&arguments[..], &["--test-split", "exam"]].concat());

@@ -84,6 +84,21 @@ impl Capture {
         self.load_view_with_notes(camera, frame).map(|(view, _)| view)
     }
 
+    /// The mask of a camera and a frame alone, row-major: as in [`Capture::load_view`], but the image is read only if it
+    /// is needed for the mask.
+    ///
+    /// # Errors
+    /// As [`Capture::load_view`].
+    pub fn load_hand_mask(&self, camera: usize, frame: usize) -> Result<Vec<bool>, CaptureError> {
+        let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
+        if self.distortion.get(camera).copied().flatten().is_none() {
+            if let Some(mask) = self.load_mask(camera, frame, size)? {
+                return Ok(mask.values.iter().map(|value| *value >= 128).collect());
+            }
+        }
+        Ok(self.load_view(camera, frame)?.rgba.iter().map(|pixel| pixel[3] >= 128).collect())
+    }
+
     /// Like [`Capture::load_view`], with observations.
     pub(crate) fn load_view_with_notes(&self, camera: usize, frame: usize) -> Result<(View, ViewNotes), CaptureError> {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;

@@ -106,9 +106,8 @@ pub fn align(
     let start = Instant::now();
     let fields: Vec<Option<DistanceField>> = (split.views.par_iter())
         .map(|view| {
-            let image = capture.load_view(view.camera, view.frame)?;
-            let mask: Vec<bool> = image.rgba.iter().map(|pixel| pixel[3] >= 128).collect();
-            Ok(DistanceField::of_mask(&mask, image.width as usize))
+            let mask = capture.load_hand_mask(view.camera, view.frame)?;
+            Ok(DistanceField::of_mask(&mask, capture.cameras[view.camera].width as usize))
         })
         .collect::<Result<_, CaptureError>>()?;
     let mut images: Vec<Images> = vec![vec![]; split.frames.len()];

@@ -21,6 +21,11 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
     for identity in [3, 11] {
         let (capture, _folder) = small_capture(identity);
         let split = capture.split("train").unwrap();
+        for view in &split.views {
+            let alpha = capture.load_view(view.camera, view.frame).unwrap().rgba;
+            let mask = capture.load_hand_mask(view.camera, view.frame).unwrap();
+            assert!(alpha.iter().map(|pixel| pixel[3] == 255).eq(mask), "the mask alone is another one");
+        }
         let [given, truth] = poses(&capture, split);
         let aligned = align(&capture, split, &mut |_, _| true).unwrap();
         let moving = moving_joints(&given);

@@ -40,7 +40,7 @@ pub enum Rejection {
 /// masks may show an arm that the template lacks.
 const FARTHEST: f64 = 0.03;
 /// Largest standard deviation of the bones' relative lengths, logarithmic: right templates end below 0.05, a left one for
-/// a right hand at 0.17.
+/// a right hand at 0.15.
 const LARGEST_DEVIATION: f64 = 0.1;
 
 /// Whether and why the aligned poses should not be used.

@@ -29,9 +29,8 @@ pub fn align_single_frames(
 ) -> Result<Vec<Pose>, AlignmentError> {
     let fields = |frame: &SingleFrame| -> Result<Vec<Option<DistanceField>>, CaptureError> {
         let field = |camera: &usize| {
-            let image = capture.load_view(*camera, frame.frame)?;
-            let mask: Vec<bool> = image.rgba.iter().map(|pixel| pixel[3] >= 128).collect();
-            Ok(DistanceField::of_mask(&mask, image.width as usize))
+            let mask = capture.load_hand_mask(*camera, frame.frame)?;
+            Ok(DistanceField::of_mask(&mask, capture.cameras[*camera].width as usize))
         };
         frame.cameras.iter().map(field).collect()
     };
