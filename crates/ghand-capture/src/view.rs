@@ -91,10 +91,10 @@ impl Capture {
     /// As [`Capture::load_view`].
     pub fn load_hand_mask(&self, camera: usize, frame: usize) -> Result<Vec<bool>, CaptureError> {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
-        if self.distortion.get(camera).copied().flatten().is_none() {
-            if let Some(mask) = self.load_mask(camera, frame, size)? {
-                return Ok(mask.values.iter().map(|value| *value >= 128).collect());
-            }
+        if self.distortion.get(camera).copied().flatten().is_none()
+            && let Some(mask) = self.load_mask(camera, frame, size)?
+        {
+            return Ok(mask.values.iter().map(|value| *value >= 128).collect());
         }
         Ok(self.load_view(camera, frame)?.rgba.iter().map(|pixel| pixel[3] >= 128).collect())
     }
