@@ -265,7 +265,7 @@ impl<'a> Fit<'a> {
         let (given_fit, _) = self.fit_of(self.proportions.template(), &given, images)?;
         let template = self.proportions.shaped(&self.shape)?.model;
         let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
-        let (_, overlaps) = self.fit_of(&template, &self.poses, images)?;
+        let (mut aligned_fit, overlaps) = self.fit_of(&template, &self.poses, images)?;
         let mut kept = vec![];
         for (k, (before, after)) in given_overlaps.iter().zip(&overlaps).enumerate() {
             if before > after {
@@ -273,7 +273,9 @@ impl<'a> Fit<'a> {
                 kept.push(k);
             }
         }
-        let (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
+        if !kept.is_empty() {
+            (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
+        }
         let fit = [given_fit, aligned_fit];
         let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
         let uncertainty = self.uncertainty(images)?;
