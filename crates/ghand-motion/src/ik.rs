@@ -40,7 +40,7 @@ const COLD_STEPS: usize = 60;
 const WARM_STEPS: usize = 20;
 
 /// A warm start that ends further than this from the landmarks (metres, root mean square) is tried again from cold
-/// ones, if it is also this many times further than the previous frame.
+/// ones: the hand jumped, or a finger took a wrong turn.
 const LOST: f64 = 0.008;
 
 /// A first start that ends nearer than this does not need a second one, metres.
@@ -185,13 +185,9 @@ impl HandIk {
             steps += taken;
             (fit.residual(&x), x)
         };
-        let warm = before.map(|pose| {
-            let start = self.unknowns(pose);
-            let seen = fit.residual(&start);
-            (run(start, WARM_STEPS), seen)
-        });
+        let warm = before.map(|pose| run(self.unknowns(pose), WARM_STEPS));
         let best = match warm {
-            Some((best, seen)) if best.0 <= LOST || best.0 <= 0.5 * seen => best,
+            Some(best) if best.0 <= LOST => best,
             _ => {
                 let translation = landmarks[0] - self.joints[self.landmarks[0]];
                 let mut best = run(self.start(root, translation, 0.0), COLD_STEPS);
@@ -200,7 +196,7 @@ impl HandIk {
                     best = if other.0 < best.0 { other } else { best };
                 }
                 match warm {
-                    Some((warm, _)) if warm.0 < best.0 => warm,
+                    Some(warm) if warm.0 < best.0 => warm,
                     _ => best,
                 }
             }

@@ -158,10 +158,10 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
             error * 1e3,
             median(steps)
         );
-        // Of 900 joints, a few may bend quite differently. A landmark is off by 8.7 mm, the square root of three times 5
+        // Of 900 joints, one or two may bend quite differently. A landmark is off by 8.7 mm, the square root of three times 5
         // mm: the worst joint is no further off than that, plus a little for the metacarpals' ends, which have no
         // landmark.
-        assert!(error < 0.010 && angle < 12.0 && far <= 6, "{error} {angle} {far}");
+        assert!(error < 0.010 && angle < 12.0 && far <= 2, "{error} {angle} {far}");
     }
 }
 
