@@ -5,6 +5,7 @@ use ghand_core::mesh::RenderMesh;
 use ghand_hand_model::{HandModelError, surface};
 use serde::{Deserialize, Serialize};
 
+use crate::light::AvatarLight;
 use crate::local_thickness::local_thickness;
 use crate::properties::{PropertyStart, PropertyTables};
 use crate::template::{AvatarConfig, Template};
@@ -35,6 +36,8 @@ pub struct Avatar {
     pub config: AvatarConfig,
     /// The learned tables of the property model.
     pub tables: PropertyTables,
+    /// The light of the capture, if it is apart from the colours in the tables.
+    pub light: Option<AvatarLight>,
     /// Its origin.
     pub provenance: Provenance,
 }
@@ -89,6 +92,7 @@ impl Avatar {
             model: model.without_blend_shapes(),
             config: config.clone(),
             tables,
+            light: None,
             provenance: Provenance::default(),
         })
     }

@@ -14,13 +14,16 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, Provenance};
+use crate::light::{AvatarLight, Light, LightKind};
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
 use crate::template::{AvatarConfig, Template};
 
 /// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response
-/// depended on the root's rotation.
-const VERSION: u32 = 2;
+/// depended on the root's rotation; version 2 had no light.
+const VERSION: u32 = 3;
+/// Version of avatars without light, which other programs may read.
+const UNLIT_VERSION: u32 = 2;
 /// Maximum file size, bytes; the largest avatars have a few hundred million.
 const LARGEST_FILE: u64 = 1 << 32;
 /// Key of the JSON block in the file's metadata.
@@ -71,6 +74,9 @@ struct Metadata {
     /// The property model, which determines the tensors. Omitted for the first model, `direct`.
     #[serde(default, skip_serializing_if = "ModelTag::is_first")]
     property_model: ModelTag,
+    /// The kind of light, if light is apart from skin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    light: Option<LightKind>,
     provenance: Provenance,
 }
 
@@ -129,6 +135,12 @@ fn tensors(avatar: &Avatar) -> Tensors {
     match &avatar.tables {
         PropertyTables::Direct(tables) => tables.write(t, &avatar.config, &mut out),
     }
+    if let Some(lit) = &avatar.light {
+        let light = &lit.light;
+        out.add("light.coefficients", Dtype::F32, &[light.coefficients.len(), 3], light.coefficients.as_flattened());
+        out.add("light.faces", Dtype::U32, &[lit.faces.len()], &lit.faces);
+        out.add("light.barycentric", Dtype::F32, &[lit.barycentric.len(), 3], lit.barycentric.as_flattened());
+    }
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
     out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
@@ -162,7 +174,7 @@ impl Avatar {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
             format: "ghand-avatar".into(),
-            version: VERSION,
+            version: if self.light.is_some() { VERSION } else { UNLIT_VERSION },
             units: "metre".into(),
             model: ModelMetadata {
                 name: self.template.name.clone(),
@@ -172,6 +184,7 @@ impl Avatar {
             },
             config: self.config.clone(),
             property_model: ModelTag::of(&self.tables),
+            light: self.light.as_ref().map(|lit| lit.light.kind),
             provenance: self.provenance.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|e| invalid(e.to_string()))?;
@@ -230,8 +243,8 @@ impl<'a> Reader<'a> {
         // The version comes first: an unknown version may have other fields.
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
-            Some(v) if v == u64::from(VERSION) => {}
-            Some(v) if v < u64::from(VERSION) => {
+            Some(v) if v == u64::from(VERSION) || v == u64::from(UNLIT_VERSION) => {}
+            Some(v) if v < u64::from(UNLIT_VERSION) => {
                 let problem = format!("is {v}, this program reads version {VERSION}; train the avatar again");
                 return Err(invalid("version", problem));
             }
@@ -348,7 +361,23 @@ impl<'a> Reader<'a> {
             source_vertices: vec![],
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
-        Ok(Avatar { template, model, config: config.clone(), tables, provenance: meta.provenance.clone() })
+        let light = meta.light.map(|kind| self.light(kind, count, model.faces.len())).transpose()?;
+        Ok(Avatar { template, model, config: config.clone(), tables, light, provenance: meta.provenance.clone() })
+    }
+
+    /// A light on `count` Gaussians on a mesh of `faces` faces.
+    fn light(&self, kind: LightKind, count: usize, faces: usize) -> Result<AvatarLight, AvatarFileError> {
+        let coefficients = self.floats("light.coefficients", &[Some(kind.len()), Some(3)])?;
+        let coefficients = coefficients.as_chunks::<3>().0.to_vec();
+        if kind == LightKind::Transfer && coefficients.iter().flatten().any(|radiance| *radiance < 0.0) {
+            return Err(self.invalid("light.coefficients", "a radiance is negative; train the avatar again"));
+        }
+        let (_, on) = self.tensor::<u32>("light.faces", Dtype::U32, &[Some(count)])?;
+        if let Some(face) = on.iter().find(|face| **face as usize >= faces) {
+            return Err(self.invalid("light.faces", format!("names face {face} of {faces}; train the avatar again")));
+        }
+        let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
+        Ok(AvatarLight { light: Light { kind, coefficients }, faces: on, barycentric })
     }
 }
 
@@ -357,6 +386,47 @@ mod tests {
     use super::*;
     use crate::properties::direct::table_lengths;
     use ghand_hand_model::procedural::ProceduralHand;
+
+    /// A small avatar in a light from directions.
+    fn lit() -> Avatar {
+        let mut avatar = small();
+        let samples = ghand_hand_model::surface::sample_surface(&avatar.model, 16).unwrap();
+        let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
+        avatar.light = Some(AvatarLight::new(Light { kind: LightKind::Transfer, coefficients }, &samples));
+        avatar
+    }
+
+    #[test]
+    fn a_light_is_read_as_it_was_written_and_a_damaged_one_is_rejected() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.ghand");
+        lit().save(&path).unwrap();
+        let read = Avatar::load(&path).unwrap();
+        assert_eq!(read.light, lit().light);
+        assert!(read.light.is_some());
+        type Damage = (&'static str, fn(&mut AvatarLight));
+        let spoil: [Damage; 6] = [
+            ("light.coefficients", |l| l.light.coefficients[3][1] = -0.1),
+            ("light.coefficients", |l| l.light.coefficients[3][1] = f32::NAN),
+            ("light.coefficients", |l| l.light.coefficients.truncate(9)),
+            ("light.faces", |l| l.faces[2] = 1 << 30),
+            ("light.faces", |l| l.faces.truncate(3)),
+            ("light.barycentric", |l| l.barycentric[0][0] = f32::INFINITY),
+        ];
+        for (field, spoil) in spoil {
+            let mut avatar = lit();
+            spoil(avatar.light.as_mut().unwrap());
+            let error = avatar.save(&path).unwrap_err();
+            assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+        }
+    }
+
+    #[test]
+    fn avatars_without_light_keep_the_version_that_older_programs_read() {
+        let text = |avatar: Avatar| String::from_utf8_lossy(&avatar.to_bytes(Path::new("a")).unwrap()).into_owned();
+        assert!(text(small()).contains(r#"\"version\":2"#) && text(lit()).contains(r#"\"version\":3"#));
+        assert!(!text(small()).contains("light"));
+    }
 
     fn small() -> Avatar {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();

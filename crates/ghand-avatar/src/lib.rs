@@ -3,6 +3,7 @@
 
 pub mod avatar;
 pub mod file;
+pub mod light;
 pub mod local_thickness;
 pub mod ply;
 pub mod posed_avatar;
@@ -12,6 +13,7 @@ pub mod template;
 
 pub use avatar::{Avatar, Provenance};
 pub use file::AvatarFileError;
+pub use light::{AvatarLight, Light, LightKind};
 pub use posed_avatar::PosedAvatar;
 pub use properties::direct::DirectTables;
 pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};

@@ -1,12 +1,15 @@
 //! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
-use ghand_core::Pose;
+use ghand_core::{HandModel, Pose};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, TablePlace, pose_stride};
+use ghand_render::deform::{
+    DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride,
+};
 use ghand_render::{Gpu, RenderError};
 
 use crate::avatar::Avatar;
+use crate::light::Light;
 use crate::properties::PropertyModel;
 
 /// An avatar on the device.
@@ -15,6 +18,8 @@ pub struct PosedAvatar {
     pub deformation: Deformation,
     /// The property model, which fills the properties.
     pub model: Box<dyn PropertyModel>,
+    /// The light, and the mesh on which it falls.
+    lit: Option<(Light, HandModel)>,
     joint_count: usize,
     frames: usize,
 }
@@ -33,6 +38,12 @@ impl PosedAvatar {
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
         let frames = frames.max(1);
+        let corners = avatar.light.as_ref().map(|light| light.corners(&avatar.model));
+        let lit_surface = avatar.light.as_ref().zip(corners.as_ref()).map(|(light, corners)| LitSurface {
+            vertex_count: avatar.model.vertices.len(),
+            corners,
+            barycentric: &light.barycentric,
+        });
         let deform_template = DeformTemplate {
             normals: None,
             rest: &template.rest,
@@ -44,10 +55,12 @@ impl PosedAvatar {
             frames,
             anchored: config.residual_skeleton == ResidualSkeleton::Anchored,
             zero_sum: config.residual_weights == ResidualWeights::ZeroSum,
+            lit_surface,
         };
         let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
         let model = avatar.tables.on_device(gpu, template, config, &deformation);
-        PosedAvatar { deformation, model, joint_count: template.joint_count(), frames }
+        let lit = avatar.light.as_ref().map(|light| (light.light.clone(), avatar.model.clone()));
+        PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames }
     }
 
     /// Sets the pose of frame number `frame`.
@@ -69,6 +82,10 @@ impl PosedAvatar {
         let values: Vec<f32> = vectors.flat_map(|v| v.as_vec3().to_array()).collect();
         let offset = frame * pose_stride(self.joint_count) * size_of::<f32>();
         gpu.queue.write_buffer(self.deformation.poses(), offset as u64, bytemuck::cast_slice(&values));
+        if let Some((light, model)) = &self.lit {
+            let shades = light.vertex_shades(model, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
+            self.deformation.set_shades(gpu, frame, &shades)?;
+        }
         Ok(())
     }
 

@@ -10,6 +10,7 @@ pub mod blend_shapes;
 pub mod camera;
 pub mod deformation;
 pub mod hand_model;
+pub mod light;
 pub mod mesh;
 mod parallel;
 pub mod pose;

@@ -1,7 +1,7 @@
 //! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back
 //! (paper eq. 7 to 11).
 //!
-//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin; the backward pass runs in the
+//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> shade; the backward pass runs in the
 //! opposite order. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or
 //! component-major (`[rows][N]`), so that neighbouring invocations access neighbouring words.
 
@@ -10,6 +10,7 @@ mod joint_sums;
 mod normals;
 mod properties;
 mod residual_skeleton;
+mod shade;
 mod skeleton;
 mod skin;
 
@@ -20,10 +21,11 @@ pub use joint_sums::{JointSums, SumUniforms};
 pub use properties::{Properties, PropertySizes};
 
 use crate::pipeline::compute_pass;
-use crate::{Gpu, buffers};
+use crate::{Gpu, RenderError, buffers};
 use blend_shapes::{BlendShapes, BlendShapesBackward};
 use normals::Normals;
 use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
+use shade::{Shade, ShadeBackward};
 use skeleton::{Skeleton, SkeletonBackward};
 use skin::{Skin, SkinBackward};
 
@@ -85,6 +87,19 @@ pub struct DeformTemplate<'a> {
     pub anchored: bool,
     /// Whether the mean over joints is subtracted from the residual weights.
     pub zero_sum: bool,
+    /// Where the Gaussians lie on a mesh whose vertices have shades, if light is apart from skin.
+    pub lit_surface: Option<LitSurface<'a>>,
+}
+
+/// Where the Gaussians of a hand lie on its mesh.
+#[derive(Debug, Clone, Copy)]
+pub struct LitSurface<'a> {
+    /// Number of the mesh's vertices, V.
+    pub vertex_count: usize,
+    /// Vertices of each Gaussian's triangle, N.
+    pub corners: &'a [[u32; 3]],
+    /// Barycentric coordinates on it, N.
+    pub barycentric: &'a [[f32; 3]],
 }
 
 /// The position of a hand's Gaussians in a splatter's table, `[rows][columns]`.
@@ -162,6 +177,7 @@ pub struct Deformation {
     blend_shapes: BlendShapes,
     residual_skeleton: ResidualSkeleton,
     skin: Skin,
+    shade: Option<Shade>,
     normals: Option<Normals>,
 }
 
@@ -206,6 +222,7 @@ impl Deformation {
             blend_shapes: BlendShapes::new(gpu, &buffers),
             residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
             skin: Skin::new(gpu, &buffers),
+            shade: template.lit_surface.map(|surface| Shade::new(gpu, &buffers, &surface, template.frames)),
             normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             buffers,
             current,
@@ -259,6 +276,15 @@ impl Deformation {
         &self.buffers.poses
     }
 
+    /// Sets the shades of a frame, one RGB per vertex of the mesh: factors on the colours. They are 1 before.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the hand has no mesh with shades, or another number of vertices or frames.
+    pub fn set_shades(&self, gpu: &Gpu, frame: usize, shades: &[[f32; 3]]) -> Result<(), RenderError> {
+        let shade = self.shade.as_ref().ok_or_else(|| RenderError::Invalid("shades for a hand without light".into()))?;
+        shade.set(gpu, frame, shades)
+    }
+
     /// Sets the frame whose pose later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
         self.current.pose_offset = (frame * pose_stride(self.current.joint_count as usize)) as u32;
@@ -276,15 +302,20 @@ impl Deformation {
         self.blend_shapes.encode(&mut pass);
         self.residual_skeleton.encode(&mut pass);
         self.skin.encode(&mut pass);
+        if let Some(shade) = &self.shade {
+            shade.encode(&mut pass);
+        }
         if let Some(normals) = &self.normals {
             normals.encode(&mut pass);
         }
         drop(pass);
         let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
         encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, self.place.byte(ROW_SCALE), row);
-        for c in 0..3 {
-            let to = self.place.byte(ROW_COLOR + c);
-            encoder.copy_buffer_to_buffer(&p.color, c * row, &self.buffers.gaussians, to, row);
+        if self.shade.is_none() {
+            for c in 0..3 {
+                let to = self.place.byte(ROW_COLOR + c);
+                encoder.copy_buffer_to_buffer(&p.color, c * row, &self.buffers.gaussians, to, row);
+            }
         }
     }
 }
@@ -334,6 +365,7 @@ pub struct DeformationBackward {
     place: TablePlace,
     row_bytes: u64,
     skin: SkinBackward,
+    shade: Option<ShadeBackward>,
     residual_skeleton: ResidualSkeletonBackward,
     blend_shapes: BlendShapesBackward,
     skeleton: SkeletonBackward,
@@ -357,6 +389,7 @@ impl DeformationBackward {
         };
         DeformationBackward {
             skin: SkinBackward::new(gpu, b, &d),
+            shade: forward.shade.as_ref().map(|shade| ShadeBackward::new(gpu, shade, b, &d)),
             residual_skeleton: ResidualSkeletonBackward::new(gpu, b, &d),
             blend_shapes: BlendShapesBackward::new(gpu, b, &d),
             skeleton: SkeletonBackward::new(gpu, b, &d),
@@ -397,11 +430,17 @@ impl DeformationBackward {
     pub fn encode_point_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
         let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
         encoder.copy_buffer_to_buffer(&b.d_gaussians, self.place.byte(ROW_SCALE), &g.scale, 0, row);
-        for c in 0..3 {
-            let from = self.place.byte(ROW_COLOR + c);
-            encoder.copy_buffer_to_buffer(&b.d_gaussians, from, &g.color, c * row, row);
+        if self.shade.is_none() {
+            for c in 0..3 {
+                let from = self.place.byte(ROW_COLOR + c);
+                encoder.copy_buffer_to_buffer(&b.d_gaussians, from, &g.color, c * row, row);
+            }
         }
-        self.skin.encode(&mut compute_pass(encoder, "deform backward"));
+        let mut pass = compute_pass(encoder, "deform backward");
+        if let Some(shade) = &self.shade {
+            shade.encode(&mut pass);
+        }
+        self.skin.encode(&mut pass);
     }
 
     /// Encodes the gradients from the points to all other properties, and the residual skeleton's part of the local

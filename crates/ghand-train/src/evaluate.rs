@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::alignment_figures::AlignmentFigures;
 use crate::error_bands::MeanBandErrors;
+use crate::light_fit::LightReport;
 use crate::floor::{Floor, FloorError};
 use crate::hand_box::{HandBox, SIDE};
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
@@ -146,6 +147,8 @@ pub struct Metrics {
     pub pose_error_deg: Option<PoseError>,
     /// How the alignment went, with `align=contours`.
     pub alignment: Option<AlignmentFigures>,
+    /// How light was taken apart from skin; `null` with `light=none`.
+    pub light: Option<LightReport>,
     /// Wall-clock time of training, seconds.
     pub seconds: f64,
     /// Training iterations done.

@@ -1,19 +1,19 @@
 //! The floor: the baseline that an avatar must beat. It is the template mesh, posed by its hand model, with mean texel
 //! colours.
 
-use ghand_capture::{Capture, CaptureError, Split, SplitView};
+use ghand_capture::{Capture, CaptureError, Split};
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::posing::pose_hand;
-use ghand_core::skinning::{ResidualWeights, Skinning, skin};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
-use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
+use ghand_hand_model::HandModelError;
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
+
+use crate::texel_views::{TexelObserver, TexelView};
 
 /// Why the floor could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -42,47 +42,20 @@ fn pose_mesh(model: &HandModel, pose: &Pose) -> Result<(Vec<DVec3>, Vec<DVec3>),
     Ok((positions, normals))
 }
 
-/// Surface samples in a pose: offset by `distance` metres along their normals, moved by the pose correctives of their
-/// triangles, then skinned with their own weights.
-fn pose_samples(
-    model: &HandModel,
-    samples: &SurfaceSamples,
-    pose: &Pose,
-    distance: f64,
-) -> Result<Vec<DVec3>, InvalidHandModel> {
-    let posed = pose_hand(model, &[], pose)?;
-    let moved = |vertex: u32| posed.corrected[vertex as usize] - posed.shaped.vertices[vertex as usize];
-    let rest: Vec<DVec3> = (0..samples.len())
-        .map(|i| {
-            let corners = model.faces[samples.faces[i] as usize].iter().zip(samples.barycentric[i]);
-            let corrective: DVec3 = corners.map(|(vertex, weight)| moved(*vertex) * weight).sum();
-            samples.positions[i] + samples.normals[i] * distance + corrective
-        })
-        .collect();
-    Ok(skin(&Skinning {
-        rest: &rest,
-        weights: &samples.weights,
-        residual_weights: &[],
-        bones: &posed.chain.posed_from_rest,
-        residual_bones: &[],
-        translation: pose.translation,
-        mode: ResidualWeights::Paper,
-    }))
-}
-
 /// Draws a posed template with a texture.
-struct MeshPainter<'a> {
+pub(crate) struct MeshPainter<'a> {
     renderer: MeshRenderer,
     model: &'a HandModel,
     mesh: RenderMesh,
 }
 
 impl<'a> MeshPainter<'a> {
-    fn new(gpu: &Gpu, model: &'a HandModel) -> Result<MeshPainter<'a>, MeshError> {
+    pub fn new(gpu: &Gpu, model: &'a HandModel) -> Result<MeshPainter<'a>, MeshError> {
         Ok(MeshPainter { renderer: MeshRenderer::new(gpu)?, model, mesh: RenderMesh::from_model(model) })
     }
 
-    fn paint(
+    /// Pixels of a posed template; `supersample` samples per side of a pixel.
+    pub fn paint(
         &self,
         pose: &Pose,
         camera: &Camera,
@@ -113,13 +86,16 @@ pub struct TexelColors {
     pub resolution: u32,
 }
 
-/// A texel counts as hidden if the rendered surface is more than this in front of it, metres.
-const DEPTH_TOLERANCE: f64 = 0.002;
-/// Texels seen at a more grazing angle than this cosine are skipped.
-const MIN_COSINE: f64 = 0.3;
+/// The shades of a split's frame, counted in the split: one RGB per texel.
+pub type TexelShades<'a> = dyn Fn(usize) -> Result<Vec<[f32; 3]>, InvalidHandModel> + 'a;
+
+/// How much the mean of all texels counts at each one, as a view with this weight: texels that training hardly saw, or saw
+/// in deep shadow only, stay near it.
+const PRIOR_WEIGHT: f64 = 0.02;
 
 /// Mean colours over at most `view_count` of a split's views, chosen at random with a fixed seed. `poses` holds the
-/// poses of the split's frames.
+/// poses of the split's frames. With `shades` the colours are those of the unlit skin: least squares of the shade times
+/// the colour.
 ///
 /// # Errors
 /// [`FloorError`] if an image or the model is unusable.
@@ -130,46 +106,34 @@ pub fn texel_colors(
     poses: &[Pose],
     resolution: u32,
     view_count: usize,
+    shades: Option<&TexelShades<'_>>,
 ) -> Result<TexelColors, FloorError> {
-    let model = &capture.template;
-    let samples = surface::sample_surface(model, resolution)?;
-    let painter = MeshPainter::new(gpu, model)?;
-    let plain = Texture::plain([255; 3]);
+    let observer = TexelObserver::new(gpu, capture, resolution)?;
     let mut views = split.views.clone();
     // Shuffled, so that the chosen views spread over all cameras and frames.
     views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
     views.truncate(view_count);
-    let mut sums = vec![[0.0f64; 4]; samples.len()];
-    for SplitView { position, frame, camera: camera_index } in views {
-        let camera = &capture.cameras[camera_index];
-        let view = capture.load_view(camera_index, frame)?;
-        let depth = painter.paint(&poses[position], camera, &plain, 1)?.depth;
-        let points = pose_samples(model, &samples, &poses[position], 0.0)?;
-        // The posed normal comes from posing a second point, a small distance along the rest normal.
-        let tips = pose_samples(model, &samples, &poses[position], 1e-4)?;
-        sums.par_iter_mut().enumerate().for_each(|(t, sum)| {
-            let (at, z) = camera.project(points[t]);
-            let (x, y) = (at.x.floor(), at.y.floor());
-            if z <= 0.0 || x < 0.0 || y < 0.0 || x >= f64::from(camera.width) || y >= f64::from(camera.height) {
-                return;
+    // Of each texel and channel: sums of weight * shade * colour and of weight * shade^2.
+    let mut sums = vec![[[0.0f64; 2]; 3]; observer.samples().len()];
+    for view in views {
+        let pose = &poses[view.position];
+        let shades = shades.map(|shades| shades(view.position)).transpose()?;
+        for (t, (sum, seen)) in sums.iter_mut().zip(observer.observe(&view, pose)?).enumerate() {
+            let Some(TexelView { color, weight }) = seen else { continue };
+            let shade = shades.as_ref().map_or([1.0; 3], |shades| shades[t]).map(f64::from);
+            for c in 0..3 {
+                sum[c][0] += weight * shade[c] * color[c];
+                sum[c][1] += weight * shade[c] * shade[c];
             }
-            let pixel = y as usize * camera.width as usize + x as usize;
-            let cosine = (tips[t] - points[t]).normalize_or_zero().dot((camera.center() - points[t]).normalize());
-            let [r, g, b, mask] = view.rgba[pixel];
-            if mask < 128 || cosine < MIN_COSINE || z > f64::from(depth[pixel]) + DEPTH_TOLERANCE {
-                return;
-            }
-            for (s, v) in sum.iter_mut().zip([r, g, b]) {
-                *s += cosine * f64::from(v) / 255.0;
-            }
-            sum[3] += cosine;
-        });
+        }
     }
-    let seen: Vec<[f64; 3]> =
-        sums.iter().filter(|s| s[3] > 0.0).map(|s| [s[0] / s[3], s[1] / s[3], s[2] / s[3]]).collect();
-    let mean = [0, 1, 2].map(|c| seen.iter().map(|s| s[c]).sum::<f64>() / seen.len().max(1) as f64);
-    let colors = sums.iter().map(|s| if s[3] > 0.0 { [s[0] / s[3], s[1] / s[3], s[2] / s[3]] } else { mean }).collect();
-    Ok(TexelColors { colors, texels: samples.texels, resolution })
+    let total = |c: usize, k: usize| sums.iter().map(|sum| sum[c][k]).sum::<f64>();
+    let mean = [0, 1, 2].map(|c| total(c, 0) / total(c, 1).max(f64::MIN_POSITIVE));
+    let color = |sum: &[[f64; 2]; 3]| {
+        [0, 1, 2].map(|c| (sum[c][0] + PRIOR_WEIGHT * mean[c]) / (sum[c][1] + PRIOR_WEIGHT))
+    };
+    let colors = sums.iter().map(color).collect();
+    Ok(TexelColors { colors, texels: observer.samples().texels.clone(), resolution })
 }
 
 impl TexelColors {
@@ -220,7 +184,7 @@ impl<'a> Floor<'a> {
         poses: &[Pose],
         view_count: usize,
     ) -> Result<Floor<'a>, FloorError> {
-        let colors = texel_colors(gpu, capture, split, poses, FLOOR_RESOLUTION, view_count)?;
+        let colors = texel_colors(gpu, capture, split, poses, FLOOR_RESOLUTION, view_count, None)?;
         Ok(Floor { painter: MeshPainter::new(gpu, &capture.template)?, texture: colors.texture() })
     }
 

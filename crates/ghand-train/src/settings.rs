@@ -21,6 +21,21 @@ pub enum Align {
     None,
 }
 
+/// How light is taken apart from skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightChoice {
+    /// As frames that the fit has not seen require: [`crate::light_fit`].
+    #[default]
+    Auto,
+    /// Light from directions, with shadows.
+    Transfer,
+    /// Spherical harmonics of the normal, without shadows.
+    Sh,
+    /// Not at all: colours are as the images show them.
+    None,
+}
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -29,6 +44,8 @@ pub struct TrainSettings {
     pub iterations: u64,
     /// How the poses are refined before the avatar is trained.
     pub align: Align,
+    /// How light is taken apart from skin.
+    pub light: LightChoice,
     /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
     pub pose_stage: f64,
     /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
@@ -92,6 +109,7 @@ impl Default for TrainSettings {
         TrainSettings {
             iterations: 2000,
             align: Align::default(),
+            light: LightChoice::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,

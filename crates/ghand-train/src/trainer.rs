@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use ghand_avatar::{Avatar, Provenance, Template};
+use ghand_avatar::{Avatar, AvatarLight, Provenance, Template};
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 use ghand_hand_model::surface;
@@ -16,11 +16,12 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::alignment::{Alignment, AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
-use crate::floor::texel_colors;
+use crate::floor::{TexelShades, texel_colors};
+use crate::light_fit::{LightFit, fit_light};
 use crate::memory_check;
 use crate::metrics::moving_joints;
 use crate::pose_prior::shrink;
-use crate::settings::{Align, TrainSettings};
+use crate::settings::{Align, LightChoice, TrainSettings};
 use crate::step::{Rates, Step};
 use crate::train_error::TrainError;
 use crate::views::{TrainView, TrainViews};
@@ -47,6 +48,8 @@ pub struct Trained {
     pub poses: Vec<Pose>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
     pub alignment: Option<Alignment>,
+    /// How the light was found, unless `light=none`.
+    pub light: Option<LightFit>,
     /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
     pub iterations: u64,
     /// Wall-clock time of the iterations, seconds.
@@ -77,6 +80,7 @@ pub struct Trainer<'a> {
     poses: Vec<Pose>,
     gaussians: usize,
     alignment: Option<Alignment>,
+    light: Option<LightFit>,
     stop: Option<&'a AtomicBool>,
 }
 
@@ -149,6 +153,7 @@ impl<'a> Trainer<'a> {
             settings: settings.clone(),
             gaussians,
             alignment: None,
+            light: None,
             stop: None,
         })
     }
@@ -197,6 +202,9 @@ impl<'a> Trainer<'a> {
             recenter(&mut refined, &self.poses);
             self.poses = refined;
         }
+        if self.settings.light != LightChoice::None {
+            self.fit_light(&gpu)?;
+        }
         let stage = Stage {
             number: 2,
             settings: self.settings.clone(),
@@ -210,8 +218,8 @@ impl<'a> Trainer<'a> {
         let iterations = stage.done + done.iterations;
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        let (poses, alignment) = (self.poses, self.alignment);
-        Ok(Trained { avatar, poses, alignment, iterations, seconds: start.elapsed().as_secs_f64() })
+        let (poses, alignment, light) = (self.poses, self.alignment, self.light);
+        Ok(Trained { avatar, poses, alignment, light, iterations, seconds: start.elapsed().as_secs_f64() })
     }
 
     /// Aligns poses and proportions.
@@ -238,6 +246,13 @@ impl<'a> Trainer<'a> {
         Ok(())
     }
 
+    /// Takes the light apart from the skin.
+    fn fit_light(&mut self, gpu: &Gpu) -> Result<(), TrainError> {
+        let fit = fit_light(gpu, &self.capture, &self.split, &self.poses, self.settings.light)?;
+        self.light = Some(fit);
+        Ok(())
+    }
+
     /// The poses of the frames with training images.
     fn seen_poses(&self) -> Vec<Pose> {
         let seen = |position: usize| self.split.views.iter().any(|view| view.position == position);
@@ -253,7 +268,21 @@ impl<'a> Trainer<'a> {
             settings.start_inset,
             settings.seed,
         )?;
-        let colors = texel_colors(gpu, &self.capture, &self.split, &self.poses, settings.uv_resolution, COLOR_VIEWS)?;
+        let light = self.light.as_ref().and_then(|fit| fit.light.clone());
+        if let Some(light) = light {
+            let samples = surface::sample_surface(&self.capture.template, settings.uv_resolution)?;
+            avatar.light = Some(AvatarLight::new(light, &samples));
+        }
+        let shades = |position: usize| match &avatar.light {
+            Some(lit) => {
+                let vertices = lit.light.vertex_shades(&avatar.model, &self.poses[position])?;
+                Ok(lit.at_gaussians(&avatar.model, &vertices))
+            }
+            None => Ok(vec![[1.0; 3]; avatar.template.len()]),
+        };
+        let shades = avatar.light.as_ref().map(|_| &shades as &TexelShades<'_>);
+        let (capture, resolution) = (&self.capture, settings.uv_resolution);
+        let colors = texel_colors(gpu, capture, &self.split, &self.poses, resolution, COLOR_VIEWS, shades)?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),

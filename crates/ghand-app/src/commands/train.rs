@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use ghand_train::light_fit::LightFit;
 use ghand_train::alignment_picture::alignment_picture;
 use ghand_train::evaluate::Metrics;
 use ghand_train::protocol::given_views;
@@ -159,6 +160,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         poses: args.poses.to_string(),
         pose_error_deg,
         alignment,
+        light: trained.light.as_ref().map(LightFit::report),
         seconds: trained.seconds,
         iterations: trained.iterations,
         stopped_early,

@@ -2,13 +2,14 @@
 
 use std::collections::HashSet;
 
-use ghand_avatar::Avatar;
+use ghand_avatar::{Avatar, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 use ghand_render::Gpu;
 use ghand_train::alignment_figures::AlignmentFigures;
 use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics};
 use ghand_train::floor::Floor;
+use ghand_train::light_fit::{LightFigures, LightReport};
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use ghand_train::protocol::PosedView;
 use ghand_train::{Protocol, TrainSettings, Trained, evaluate_views};
@@ -94,6 +95,9 @@ pub fn print_table(m: &Metrics) {
     if let Some(alignment) = &m.alignment {
         print_alignment(alignment);
     }
+    if let Some(light) = &m.light {
+        print_light(light);
+    }
     say!("{} Gaussians, {} iterations in {:.0} s\n", m.gaussians, m.iterations, m.seconds);
 }
 
@@ -124,6 +128,22 @@ fn print_alignment(figures: &AlignmentFigures) {
             e.aligned_translation_mm
         );
     }
+}
+
+fn print_light(report: &LightReport) {
+    let kind = match report.kind {
+        None => "not apart from skin",
+        Some(LightKind::Sh) => "apart from skin, as spherical harmonics",
+        Some(LightKind::Transfer) => "apart from skin, from directions with shadows",
+    };
+    let LightFigures { none, sh, transfer } = report.squared_error_left_out;
+    say!("light: {kind}");
+    say!(
+        "       squared error x 1000 of frames left out: {:.2} without, {:.2} harmonics, {:.2} directions",
+        1e3 * none,
+        1e3 * sh,
+        1e3 * transfer
+    );
 }
 
 /// Prints the figures on images.
@@ -186,6 +206,7 @@ mod tests {
             poses: "given".into(),
             pose_error_deg: None,
             alignment: None,
+            light: None,
             seconds: 1.0,
             iterations,
             stopped_early: false,

@@ -65,6 +65,7 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
         model,
         config: config.clone(),
         tables: PropertyTables::Direct(tables),
+        light: None,
         provenance: Default::default(),
     }
 }

@@ -157,6 +157,7 @@ impl Run {
             frames: 2,
             anchored: kind.skeleton == ResidualSkeleton::Anchored,
             zero_sum: kind.weights == ResidualWeights::ZeroSum,
+            lit_surface: None,
         };
         let columns = PLACE.columns;
         let gaussians = buffers::zeroed(gpu, "gaussians", 7 * columns);

@@ -8,5 +8,6 @@ mod joint_sums;
 mod normals;
 mod penalty;
 mod residual_skeleton;
+mod shade;
 mod skeleton;
 mod skin;

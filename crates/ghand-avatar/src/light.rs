@@ -1,0 +1,144 @@
+//! The light in which an avatar was captured, apart from its skin.
+//!
+//! Light is fixed in the world while the hand turns and bends in it. A pose gives each vertex of the hand's mesh a shade,
+//! in which a Gaussian takes part by its place on the mesh; its colour is that of its skin times the shade
+//! (`ghand_core::light`). What training learns as colour is then skin, and what a pose changes about the light follows
+//! from the pose.
+
+pub mod visibility;
+
+use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade};
+use ghand_core::posing::pose_hand;
+use ghand_core::{HandModel, InvalidHandModel, Pose};
+use ghand_hand_model::SurfaceSamples;
+use serde::{Deserialize, Serialize};
+
+/// How light reaches the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightKind {
+    /// From [`DIRECTION_COUNT`] directions, each hidden where the hand is in its way.
+    Transfer,
+    /// By [`HARMONIC_COUNT`] spherical harmonics of the normal, without shadows.
+    Sh,
+}
+
+impl LightKind {
+    /// Number of coefficients.
+    pub fn len(self) -> usize {
+        match self {
+            LightKind::Transfer => DIRECTION_COUNT,
+            LightKind::Sh => HARMONIC_COUNT,
+        }
+    }
+
+    /// Never: each kind has coefficients.
+    pub fn is_empty(self) -> bool {
+        false
+    }
+}
+
+/// A light, fixed in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// How it reaches the skin.
+    pub kind: LightKind,
+    /// Radiance of each direction of `ghand_core::light::directions`, or the factor of each harmonic; linear RGB, with a
+    /// mean over the directions of 1.
+    pub coefficients: Vec<[f32; 3]>,
+}
+
+/// An avatar's light, and where its Gaussians lie on the mesh that light falls on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AvatarLight {
+    /// The light.
+    pub light: Light,
+    /// Triangle of the avatar's mesh for each Gaussian.
+    pub faces: Vec<u32>,
+    /// Barycentric coordinates on it, in the order of its corners.
+    pub barycentric: Vec<[f32; 3]>,
+}
+
+impl AvatarLight {
+    /// A light on the Gaussians at the samples of a surface.
+    pub fn new(light: Light, samples: &SurfaceSamples) -> AvatarLight {
+        let barycentric = samples.barycentric.iter().map(|b| b.map(|x| x as f32)).collect();
+        AvatarLight { light, faces: samples.faces.clone(), barycentric }
+    }
+
+    /// The vertices of each Gaussian's triangle.
+    pub fn corners(&self, model: &HandModel) -> Vec<[u32; 3]> {
+        self.faces.iter().map(|face| model.faces.get(*face as usize).copied().unwrap_or_default()).collect()
+    }
+
+    /// Values of the vertices, interpolated at the Gaussians.
+    pub fn at_gaussians(&self, model: &HandModel, vertices: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mix = |corners: [u32; 3], weights: &[f32; 3]| {
+            let mut sum = [0.0; 3];
+            for (corner, weight) in corners.iter().zip(weights) {
+                for (s, value) in sum.iter_mut().zip(vertices[*corner as usize]) {
+                    *s += weight * value;
+                }
+            }
+            sum
+        };
+        self.corners(model).into_iter().zip(&self.barycentric).map(|(c, w)| mix(c, w)).collect()
+    }
+}
+
+impl Light {
+    /// The shade of each vertex of a hand in a pose, RGB.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the hand.
+    pub fn vertex_shades(&self, model: &HandModel, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
+        let parts = Parts::new(self.kind, model, pose, &|k| self.coefficients[k] != [0.0; 3])?;
+        let mut sums = vec![[0.0f64; 3]; model.vertices.len()];
+        for (column, coefficient) in parts.columns.iter().zip(&self.coefficients) {
+            for (sum, part) in sums.iter_mut().zip(column) {
+                for (s, c) in sum.iter_mut().zip(coefficient) {
+                    *s += f64::from(*part) * f64::from(*c);
+                }
+            }
+        }
+        Ok(sums.into_iter().map(|sum| sum.map(|irradiance| shade(irradiance) as f32)).collect())
+    }
+}
+
+/// What each coefficient of a light contributes to the irradiance of each vertex of a posed hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parts {
+    /// One column of V numbers per coefficient; empty for those that were not wanted.
+    pub columns: Vec<Vec<f32>>,
+}
+
+impl Parts {
+    /// The parts of the coefficients that `wanted` names.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the hand.
+    pub fn new(
+        kind: LightKind,
+        model: &HandModel,
+        pose: &Pose,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Result<Parts, InvalidHandModel> {
+        let vertices = pose_hand(model, &[], pose)?.vertices;
+        let normals = model.vertex_normals(&vertices);
+        let columns = match kind {
+            LightKind::Sh => {
+                let all: Vec<[f64; HARMONIC_COUNT]> = normals.iter().map(|n| harmonics(*n)).collect();
+                (0..HARMONIC_COUNT).map(|k| all.iter().map(|values| values[k] as f32).collect()).collect()
+            }
+            LightKind::Transfer => visibility::of_vertices(&model.faces, &vertices, &normals, wanted)
+                .into_iter()
+                .zip(directions())
+                .map(|(seen, d)| {
+                    let parts = seen.iter().zip(&normals);
+                    parts.map(|(seen, n)| seen * cosine_transfer(*n, d) as f32).collect()
+                })
+                .collect(),
+        };
+        Ok(Parts { columns })
+    }
+}

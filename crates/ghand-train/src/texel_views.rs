@@ -1,0 +1,107 @@
+//! What the images of a capture show of the template's texels.
+
+use ghand_capture::{Capture, SplitView};
+use ghand_core::mesh::Texture;
+use ghand_core::posing::pose_hand;
+use ghand_core::skinning::{ResidualWeights, Skinning, skin};
+use ghand_core::{HandModel, InvalidHandModel, Pose};
+use ghand_hand_model::{SurfaceSamples, surface};
+use ghand_render::Gpu;
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::floor::{FloorError, MeshPainter};
+
+/// A texel counts as hidden if the rendered surface is more than this in front of it, metres.
+const DEPTH_TOLERANCE: f64 = 0.002;
+/// Texels seen at a more grazing angle than this cosine are skipped.
+const MIN_COSINE: f64 = 0.3;
+
+/// A texel in an image that shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TexelView {
+    /// Its colour there, display values 0..1.
+    pub color: [f64; 3],
+    /// Cosine of the angle at which it is seen.
+    pub weight: f64,
+}
+
+/// Finds a template's texels in the images of a capture.
+pub(crate) struct TexelObserver<'a> {
+    capture: &'a Capture,
+    samples: SurfaceSamples,
+    painter: MeshPainter<'a>,
+    plain: Texture,
+}
+
+impl<'a> TexelObserver<'a> {
+    /// Of the texels of a raster with `resolution` rows and columns.
+    pub fn new(gpu: &Gpu, capture: &'a Capture, resolution: u32) -> Result<TexelObserver<'a>, FloorError> {
+        Ok(TexelObserver {
+            capture,
+            samples: surface::sample_surface(&capture.template, resolution)?,
+            painter: MeshPainter::new(gpu, &capture.template)?,
+            plain: Texture::plain([255; 3]),
+        })
+    }
+
+    /// The texels.
+    pub fn samples(&self) -> &SurfaceSamples {
+        &self.samples
+    }
+
+    /// Each texel in a view's image, with the template in a pose; `None` where the image does not show it.
+    pub fn observe(&self, view: &SplitView, pose: &Pose) -> Result<Vec<Option<TexelView>>, FloorError> {
+        let (model, samples) = (&self.capture.template, &self.samples);
+        let camera = &self.capture.cameras[view.camera];
+        let image = self.capture.load_view(view.camera, view.frame)?;
+        let depth = self.painter.paint(pose, camera, &self.plain, 1)?.depth;
+        let points = pose_samples(model, samples, pose, 0.0)?;
+        // The posed normal comes from posing a second point, a small distance along the rest normal.
+        let tips = pose_samples(model, samples, pose, 1e-4)?;
+        let texel = |(point, tip): (&DVec3, &DVec3)| {
+            let (at, z) = camera.project(*point);
+            let (x, y) = (at.x.floor(), at.y.floor());
+            if z <= 0.0 || x < 0.0 || y < 0.0 || x >= f64::from(camera.width) || y >= f64::from(camera.height) {
+                return None;
+            }
+            let pixel = y as usize * camera.width as usize + x as usize;
+            let cosine = (*tip - *point).normalize_or_zero().dot((camera.center() - *point).normalize());
+            let [r, g, b, mask] = image.rgba[pixel];
+            if mask < 128 || cosine < MIN_COSINE || z > f64::from(depth[pixel]) + DEPTH_TOLERANCE {
+                return None;
+            }
+            Some(TexelView { color: [r, g, b].map(|v| f64::from(v) / 255.0), weight: cosine })
+        };
+        Ok(points.par_iter().zip(&tips).map(texel).collect())
+    }
+}
+
+/// Surface samples in a pose: offset by `distance` metres along their normals, moved by the pose correctives of their
+/// triangles, then skinned with their own weights.
+fn pose_samples(
+    model: &HandModel,
+    samples: &SurfaceSamples,
+    pose: &Pose,
+    distance: f64,
+) -> Result<Vec<DVec3>, InvalidHandModel> {
+    let posed = pose_hand(model, &[], pose)?;
+    let moved = |vertex: u32| posed.corrected[vertex as usize] - posed.shaped.vertices[vertex as usize];
+    let rest: Vec<DVec3> = (0..samples.len())
+        .map(|i| {
+            let corners = model.faces[samples.faces[i] as usize].iter().zip(samples.barycentric[i]);
+            let corrective: DVec3 = corners.map(|(vertex, weight)| moved(*vertex) * weight).sum();
+            samples.positions[i] + samples.normals[i] * distance + corrective
+        })
+        .collect();
+    Ok(skin(&Skinning {
+        rest: &rest,
+        weights: &samples.weights,
+        residual_weights: &[],
+        bones: &posed.chain.posed_from_rest,
+        residual_bones: &[],
+        translation: pose.translation,
+        mode: ResidualWeights::Paper,
+    }))
+}
+
