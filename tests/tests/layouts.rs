@@ -10,6 +10,7 @@ use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::penalty::PenaltyUniforms;
+use ghand_render::roughness::RoughnessUniforms;
 use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View, shared_constants};
 use ghand_render::{Tier, reference};
 use ghand_tests::shaders::{sources, validate};
@@ -104,6 +105,9 @@ fn host_layouts() -> Vec<Layout> {
         }),
         host_layout!(ResponseUniforms { coefficient_rows, color_components, max_scale, padding }),
         host_layout!(PenaltyUniforms { count, weight, padding }),
+        host_layout!(RoughnessUniforms {
+            count, rows, neighbors, weight, inverse_squared_width, padding_a, padding_b, padding_c
+        }),
         host_layout!(Counters {
             gaussians,
             intersections,

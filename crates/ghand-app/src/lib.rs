@@ -9,6 +9,7 @@ pub mod crash;
 pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
+pub mod light_args;
 pub mod mesh_picture;
 pub mod pictures;
 pub mod pose_choice;

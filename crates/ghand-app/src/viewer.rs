@@ -4,6 +4,7 @@ pub mod app;
 pub mod camera;
 pub mod drawing;
 pub mod hand;
+pub mod light_panel;
 pub mod navigation;
 pub mod number_slider;
 pub mod picture;

@@ -5,6 +5,7 @@ pub mod avatar;
 pub mod file;
 pub mod light;
 pub mod local_thickness;
+pub mod neighbors;
 pub mod ply;
 pub mod posed_avatar;
 pub mod properties;

@@ -5,6 +5,7 @@
 //! (`ghand_core::light`). What training learns as colour is then skin, and what a pose changes about the light follows
 //! from the pose.
 
+pub mod environment;
 pub mod visibility;
 
 use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade};

@@ -63,6 +63,13 @@ impl PosedAvatar {
         PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames }
     }
 
+    /// Puts the avatar into another light, for poses set later; nothing changes if light is part of its colours.
+    pub fn set_light(&mut self, light: &Light) {
+        if let Some((old, _)) = &mut self.lit {
+            old.clone_from(light);
+        }
+    }
+
     /// Sets the pose of frame number `frame`.
     ///
     /// # Errors

@@ -13,6 +13,7 @@ pub mod optimizer;
 pub mod penalty;
 pub mod pipeline;
 pub mod reference;
+pub mod roughness;
 pub mod shader_sources;
 pub mod splat;
 pub mod tier;

@@ -7,6 +7,7 @@ pub mod mesh;
 pub mod penalty;
 pub mod project;
 pub mod rasterize;
+pub mod roughness;
 pub mod sort;
 pub mod spherical_harmonics;
 mod wireframe;

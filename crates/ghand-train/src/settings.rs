@@ -78,6 +78,10 @@ pub struct TrainSettings {
     pub offset_weight: f64,
     /// Weight of the mean squared scale (metres^2) in stage 1; 0 in stage 2.
     pub scale_weight: f64,
+    /// Weight of the roughness of the unlit colours: differences between neighbours.
+    pub color_roughness: f64,
+    /// Weight of the roughness of the offsets (metres).
+    pub offset_roughness: f64,
     /// Pixels kept around the mask when a view is cropped to the hand.
     pub crop_margin: u32,
     /// All rates decay exponentially to this fraction of their initial value.
@@ -127,6 +131,8 @@ impl Default for TrainSettings {
             ssim_weight: 0.2,
             offset_weight: 10.0,
             scale_weight: 1.0,
+            color_roughness: 0.0,
+            offset_roughness: 0.0,
             crop_margin: 16,
             final_rate: 0.05,
             rate_shape_basis: 1e-4,

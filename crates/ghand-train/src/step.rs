@@ -1,16 +1,23 @@
 //! One training step on the device: pose, splat, loss, the backward pass and the update. Only counters are read back.
 
+use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::penalty::Penalty;
 use ghand_render::pipeline::compute_pass;
+use ghand_render::roughness::Roughness;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::settings::TrainSettings;
 use crate::views::TrainView;
+
+/// Differences of neighbouring colours (display values) beyond this count linearly: nails and creases keep their edges.
+const COLOR_WIDTH: f32 = 0.03;
+/// The same of offsets, metres.
+const OFFSET_WIDTH: f32 = 0.002;
 
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
@@ -19,6 +26,8 @@ pub struct Step {
     backward: DeformationBackward,
     offset_penalty: Penalty,
     scale_penalty: Penalty,
+    color_roughness: Roughness,
+    offset_roughness: Roughness,
     poses: AdamTable,
     joints: AdamTable,
     count: usize,
@@ -83,12 +92,32 @@ impl Step {
                 Penalty::new(gpu, values, gradients, count),
             ]
         })?;
+        let neighbors = neighbors(&avatar.template);
+        let [color_roughness, offset_roughness] = gpu.scoped("the penalties on roughness", || {
+            let (colors, gradients) = (&deformation.properties().color, &backward.gradients().color);
+            [
+                Roughness::new(gpu, colors, gradients, 3, &neighbors, count),
+                Roughness::new(gpu, deformation.offsets(), backward.d_offsets(), 3, &neighbors, count),
+            ]
+        })?;
         let adam = Adam::new(gpu)?;
         let joints =
             adam.table(gpu, deformation.joints(), backward.d_joints(), 3 * joint_count, 1, Grouping::Scalars)?;
         let pose_length = frames * pose_stride(joint_count);
         let poses = adam.table(gpu, deformation.poses(), backward.d_pose(), pose_length, 2, Grouping::Vectors)?;
-        Ok(Step { scene, loss, backward, offset_penalty, scale_penalty, poses, joints, count, joint_count })
+        Ok(Step {
+            scene,
+            loss,
+            backward,
+            offset_penalty,
+            scale_penalty,
+            color_roughness,
+            offset_roughness,
+            poses,
+            joints,
+            count,
+            joint_count,
+        })
     }
 
     /// Sets the pose of frame number `frame`.
@@ -148,13 +177,15 @@ impl Step {
         rates: &Rates,
     ) -> Result<(), RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
-        let Step { scene, loss, backward, offset_penalty, scale_penalty, .. } = self;
+        let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
         scene.run_frame(gpu, |splatter, encoder| {
             loss.encode(encoder);
             splatter.backward(encoder);
             backward.encode_point_gradients(encoder);
             offset_penalty.encode(encoder);
             scale_penalty.encode(encoder);
+            color_roughness.encode(encoder);
+            offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
         })?;
         self.learn(gpu, view.frame, settings, rates)
@@ -207,6 +238,8 @@ impl Step {
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
         self.offset_penalty.set_weight(gpu, per_gaussian(settings.offset_weight));
         self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
+        self.color_roughness.set_weight(gpu, per_gaussian(settings.color_roughness), COLOR_WIDTH);
+        self.offset_roughness.set_weight(gpu, per_gaussian(settings.offset_roughness), OFFSET_WIDTH);
         self.scene.set_frame(gpu, view.frame);
         self.scene.set_view(gpu, &view.camera, background)
     }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Parser;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::light_args::LightArgs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
@@ -27,6 +28,8 @@ struct Arguments {
     pose: Option<String>,
     #[command(flatten)]
     reading: PoseReadingArgs,
+    #[command(flatten)]
+    light: LightArgs,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -45,7 +48,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
-    let (mut subject, source) = subject(arguments.file.as_deref())?;
+    let (mut subject, source) = subject(arguments.file.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -65,9 +68,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
 }
 
 /// What to show, and its source.
-fn subject(path: Option<&Path>) -> anyhow::Result<(Subject, String)> {
+fn subject(path: Option<&Path>, light: &LightArgs) -> anyhow::Result<(Subject, String)> {
     match path.map(Path::to_owned).or_else(last_avatar) {
-        Some(path) => Ok((Subject::read(&path)?, path.display().to_string())),
+        Some(path) => Ok((Subject::read(&path, light)?, path.display().to_string())),
         None => Ok((Subject::bare_hand(builtin_hand(Side::Right)?), "no trained avatar yet".into())),
     }
 }

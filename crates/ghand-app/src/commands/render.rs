@@ -13,6 +13,7 @@ use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::{orbit, turntable};
+use crate::light_args::LightArgs;
 pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
@@ -55,6 +56,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
     #[command(flatten)]
+    light: LightArgs,
+    #[command(flatten)]
     format: FormatArgs,
     /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, not
     /// even in EXR
@@ -73,7 +76,8 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
-    let avatar = Avatar::load(&args.avatar)?;
+    let mut avatar = Avatar::load(&args.avatar)?;
+    args.light.apply_to(&mut avatar)?;
     let sequence = args.reading.load(&args.pose, &avatar.model)?;
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;

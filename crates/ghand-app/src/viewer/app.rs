@@ -215,6 +215,7 @@ impl Viewer {
         let shot = PictureInputs {
             pose: self.subject.pose().cloned(),
             shape: self.subject.shape().to_vec(),
+            light: self.subject.light().cloned(),
             camera: self.camera.camera(size),
             background: self.background.map(|v| f32::from(v) / 255.0),
         };

@@ -64,6 +64,9 @@ impl Drawing {
     ) -> Result<Layer, RenderError> {
         match self {
             Drawing::Gaussians(scene) => {
+                if let Some(light) = &inputs.light {
+                    scene.avatars_mut().iter_mut().for_each(|avatar| avatar.set_light(light));
+                }
                 if let Some(pose) = &inputs.pose {
                     scene.set_pose(gpu, 0, 0, pose)?;
                 }

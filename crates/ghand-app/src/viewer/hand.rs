@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use egui::{CollapsingHeader, RichText, Ui};
-use ghand_avatar::Avatar;
+use ghand_avatar::{Avatar, Light};
 use ghand_core::{HandModel, Pose};
 use ghand_motion::PoseSequence;
 
 use crate::bare_hand::BareHand;
+use crate::viewer::light_panel::LightPanel;
 use crate::viewer::pose_panel::PosePanel;
 use crate::viewer::shape_panel::ShapePanel;
 use crate::viewer::timeline::Timeline;
@@ -30,6 +31,8 @@ pub struct Hand {
     pub(crate) timeline: Option<Timeline>,
     pose_panel: PosePanel,
     shape_panel: ShapePanel,
+    /// `None` if light is part of the colours.
+    light_panel: Option<LightPanel>,
 }
 
 impl Hand {
@@ -47,12 +50,22 @@ impl Hand {
         let model = model(&look);
         let shape = vec![0.0; model.shape_count()];
         let (pose_panel, shape_panel) = (PosePanel::new(model), ShapePanel::new(model));
-        Hand { pose: Pose::rest(model.joint_count()), shape, timeline: None, pose_panel, shape_panel, look }
+        let light_panel = match &look {
+            Look::Avatar(avatar) => avatar.light.as_ref().map(|lit| LightPanel::new(&lit.light)),
+            Look::Bare(_) => None,
+        };
+        let pose = Pose::rest(model.joint_count());
+        Hand { pose, shape, timeline: None, pose_panel, shape_panel, light_panel, look }
     }
 
     /// How it looks.
     pub fn look(&self) -> &Look {
         &self.look
+    }
+
+    /// The light on it, if light is apart from its skin.
+    pub fn light(&self) -> Option<&Light> {
+        self.light_panel.as_ref().map(LightPanel::light)
     }
 
     /// Its hand model.
@@ -88,10 +101,13 @@ impl Hand {
         }
     }
 
-    /// Resets the pose to the rest pose, the shape to the mean one, and a motion to its beginning.
+    /// Resets the pose to the rest pose, the shape to the mean one, the light to the first one, and a motion to its beginning.
     pub fn reset(&mut self) {
         self.pose = Pose::rest(self.model().joint_count());
         self.shape.fill(0.0);
+        if let Some(panel) = &mut self.light_panel {
+            panel.reset();
+        }
         if let Some(timeline) = &mut self.timeline {
             timeline.rewind();
         }
@@ -109,6 +125,11 @@ impl Hand {
         }
         if !self.shape.is_empty() {
             CollapsingHeader::new("Shape").show(ui, |ui| self.shape_panel.sliders(ui, &mut self.shape));
+        }
+        if let Some(panel) = &mut self.light_panel {
+            ui.separator();
+            ui.label(RichText::new("Light").strong());
+            panel.show(ui);
         }
         ui.separator();
         ui.label(RichText::new("Motion").strong());

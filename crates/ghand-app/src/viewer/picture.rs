@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
+use ghand_avatar::Light;
 use ghand_core::{Camera, Pose};
 use ghand_render::bindings::Bindings;
 use ghand_render::splat::Counters;
@@ -29,6 +30,8 @@ pub struct PictureInputs {
     pub pose: Option<Pose>,
     /// The shape, if the subject has one.
     pub shape: Vec<f64>,
+    /// The light, if it is apart from the subject's colours.
+    pub light: Option<Light>,
     /// The camera; its size is the picture's.
     pub camera: Camera,
     /// Colour behind the subject, display values.
@@ -376,6 +379,7 @@ mod tests {
             let shot = PictureInputs {
                 pose: Some(pose.clone()),
                 shape: vec![],
+                light: None,
                 camera: camera.clone(),
                 background: [0.1, 0.2, 0.3],
             };
@@ -405,7 +409,7 @@ mod tests {
             let camera = &turntable(&model, &[&pose], 1, size)[0][0];
             let background = [0.1, 0.2, 0.3];
             let shot =
-                PictureInputs { pose: Some(pose.clone()), shape: shape.clone(), camera: camera.clone(), background };
+                PictureInputs { pose: Some(pose.clone()), shape: shape.clone(), light: None, camera: camera.clone(), background };
             assert!(picture.render(&gpu, &shot).unwrap());
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use egui::Ui;
 use ghand_avatar::ply::SplatScene;
-use ghand_avatar::{Avatar, Scene};
+use ghand_avatar::{Avatar, Light, Scene};
 use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;
 use ghand_hand_model::read::ReadOptions;
@@ -14,6 +14,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
+use crate::light_args::LightArgs;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::Drawing;
 use crate::viewer::hand::{Hand, Look};
@@ -33,17 +34,29 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// Reads an avatar, a scene of Gaussians or a hand model, recognised from its contents.
+    /// Reads an avatar, which is put into a light, a scene of Gaussians or a hand model, recognised from its contents.
     ///
     /// # Errors
     /// One sentence that names the file, and the invalid part or the expected kind of file.
-    pub fn read(path: &Path) -> anyhow::Result<Subject> {
+    pub fn read(path: &Path, light: &LightArgs) -> anyhow::Result<Subject> {
+        let subject = Subject::read_file(path, light)?;
+        if subject.light().is_none() && !light.is_default() {
+            bail!("--light: {} is not an avatar with a light of its own", path.display());
+        }
+        Ok(subject)
+    }
+
+    fn read_file(path: &Path, light: &LightArgs) -> anyhow::Result<Subject> {
         if is_hand_name(path) {
             return Subject::hand_model(path);
         }
         input_file::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         match file_kind(path) {
-            FileKind::Avatar => Ok(Subject::avatar(Avatar::load(path)?)),
+            FileKind::Avatar => {
+                let mut avatar = Avatar::load(path)?;
+                light.apply_to(&mut avatar)?;
+                Ok(Subject::avatar(avatar))
+            }
             FileKind::Ply => {
                 let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                 Ok(Subject::Scene { gaussians: read_scene(path)?, name })
@@ -99,6 +112,14 @@ impl Subject {
     pub fn pose(&self) -> Option<&Pose> {
         match self {
             Subject::Hand(hand) => Some(&hand.pose),
+            Subject::Scene { .. } => None,
+        }
+    }
+
+    /// The light on it, if light is apart from its colours.
+    pub fn light(&self) -> Option<&Light> {
+        match self {
+            Subject::Hand(hand) => hand.light(),
             Subject::Scene { .. } => None,
         }
     }

@@ -8,6 +8,7 @@ mod joint_sums;
 mod normals;
 mod penalty;
 mod residual_skeleton;
+mod roughness;
 mod shade;
 mod skeleton;
 mod skin;
