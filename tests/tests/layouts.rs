@@ -106,7 +106,14 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(ResponseUniforms { coefficient_rows, color_components, max_scale, padding }),
         host_layout!(PenaltyUniforms { count, weight, padding }),
         host_layout!(RoughnessUniforms {
-            count, rows, neighbors, weight, inverse_squared_width, padding_a, padding_b, padding_c
+            count,
+            rows,
+            neighbors,
+            weight,
+            inverse_squared_width,
+            padding_a,
+            padding_b,
+            padding_c
         }),
         host_layout!(Counters {
             gaussians,

@@ -59,7 +59,9 @@ mod tests {
         let template = Template::sample(&builtin_hand(Side::Right).unwrap(), 64).unwrap();
         let count = template.len();
         let table = neighbors(&template);
-        let of = |p: usize| (0..MOST_NEIGHBORS).map(|k| table[k * count + p] as usize).filter(|q| *q != p).collect::<Vec<_>>();
+        let of = |p: usize| {
+            (0..MOST_NEIGHBORS).map(|k| table[k * count + p] as usize).filter(|q| *q != p).collect::<Vec<_>>()
+        };
         let place = |p: usize| Vec3::from([0, 1, 2].map(|c| template.rest[c * count + p]));
         let mut alone = 0;
         for p in 0..count {

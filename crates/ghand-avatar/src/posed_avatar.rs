@@ -1,11 +1,9 @@
 //! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
-use ghand_core::{HandModel, Pose};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_render::deform::{
-    DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride,
-};
+use ghand_core::{HandModel, Pose};
+use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
 use ghand_render::{Gpu, RenderError};
 
 use crate::avatar::Avatar;

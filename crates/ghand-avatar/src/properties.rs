@@ -142,6 +142,14 @@ impl PropertyTables {
         }
     }
 
+    /// Lets Gaussians that training hardly saw take their values from their neighbours. `seen` is how much it saw each
+    /// of them, N; `neighbors` is [`crate::neighbors::neighbors`].
+    pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
+        match self {
+            PropertyTables::Direct(tables) => tables.fill_unseen(seen, neighbors),
+        }
+    }
+
     /// All learned tables, with their names in messages.
     pub fn parts(&self) -> Vec<(&'static str, &[f32])> {
         match self {

@@ -281,7 +281,8 @@ impl Deformation {
     /// # Errors
     /// [`RenderError::Invalid`] if the hand has no mesh with shades, or another number of vertices or frames.
     pub fn set_shades(&self, gpu: &Gpu, frame: usize, shades: &[[f32; 3]]) -> Result<(), RenderError> {
-        let shade = self.shade.as_ref().ok_or_else(|| RenderError::Invalid("shades for a hand without light".into()))?;
+        let shade =
+            self.shade.as_ref().ok_or_else(|| RenderError::Invalid("shades for a hand without light".into()))?;
         shade.set(gpu, frame, shades)
     }
 

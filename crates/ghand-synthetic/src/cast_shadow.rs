@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::SceneLighting;
 use super::true_hand::PosedHand;
+use super::{PlantedLight, SceneLighting};
 
 /// Edge of a cell of the map, metres. The hand's vertices are about 0.5 mm apart, so that every cell has some.
 const CELL: f64 = 0.001;
@@ -24,6 +24,21 @@ pub(super) fn add_shadow(hand: &mut PosedHand, lighting: &SceneLighting) {
         let cosine = ((normal.dot(light.direction) + lighting.wrap) / (1.0 + lighting.wrap)).max(0.0);
         let direct = brightness(light.color) * cosine;
         *visibility *= (ambient + direct * map.lit_part(*position)) / (ambient + direct);
+    });
+}
+
+/// Replaces how much light reaches each vertex by the factor of a planted light on its display value.
+pub(super) fn plant_light(hand: &mut PosedHand, light: &PlantedLight) {
+    if light.key == 0.0 {
+        hand.light_visibility.fill(light.sky);
+        return;
+    }
+    let map = HeightMap::of(&hand.positions, light.towards);
+    let skin = hand.positions.par_iter().zip(&hand.normals);
+    hand.light_visibility.par_iter_mut().zip(skin).for_each(|(visibility, (position, normal))| {
+        let direct = light.key * normal.dot(light.towards).max(0.0);
+        let lit = if direct > 0.0 { map.lit_part(*position) } else { 0.0 };
+        *visibility = (light.sky * *visibility + direct * lit).powf(1.0 / 2.2);
     });
 }
 

@@ -9,7 +9,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::cast_shadow::add_shadow;
+use super::cast_shadow::{add_shadow, plant_light};
 use super::lighting::lighting;
 use super::mask_errors::MaskErrors;
 use super::true_hand::{PosedHand, TrueHand};
@@ -35,6 +35,9 @@ pub(super) fn draw(
         let mut posed = hand.pose(pose);
         if options.light == LightSetup::Side {
             add_shadow(&mut posed, &lighting);
+        }
+        if let Some(light) = options.light.planted() {
+            plant_light(&mut posed, &light);
         }
         for (split, errors) in [("train", &errors), ("test", &exact)] {
             let Some(split) = capture.splits.get(split).filter(|split| split.frames.contains(&frame)) else { continue };

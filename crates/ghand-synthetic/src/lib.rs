@@ -73,6 +73,37 @@ pub enum LightSetup {
     Soft,
     /// One strong light from the thumb's side of the hand, in which the hand casts shadows on itself, and little else.
     Side,
+    /// One strong light as in nature, added in linear light, with shadows and a dim sky: [`LightSetup::planted`].
+    Key,
+    /// As `Key`, from another side.
+    Rim,
+    /// The skin's own colours: an irradiance of 1 everywhere.
+    Flat,
+}
+
+/// A light whose effect is exact: linear irradiance = sky x openness + key x max(0, n . towards) x lit part, and display
+/// value = texture x irradiance^(1 / 2.2).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlantedLight {
+    /// Unit vector towards the key light, world axes.
+    pub towards: DVec3,
+    /// Irradiance of the key light at normal incidence.
+    pub key: f64,
+    /// Irradiance of the sky on an open surface.
+    pub sky: f64,
+}
+
+impl LightSetup {
+    /// The light of the setups with an exact one.
+    pub fn planted(self) -> Option<PlantedLight> {
+        let light = |towards: [f64; 3], key, sky| PlantedLight { towards: DVec3::from(towards).normalize(), key, sky };
+        match self {
+            LightSetup::Soft | LightSetup::Side => None,
+            LightSetup::Key => Some(light([0.35, -0.30, -0.90], 1.1, 0.12)),
+            LightSetup::Rim => Some(light([-0.70, -0.55, 0.45], 1.1, 0.12)),
+            LightSetup::Flat => Some(light([0.0, -1.0, 0.0], 0.0, 1.0)),
+        }
+    }
 }
 
 /// More are probably a mistake.

@@ -27,5 +27,9 @@ pub(super) fn lighting(setup: LightSetup) -> SceneLighting {
             lights: vec![light([0.35, -0.30, -0.90], [1.10, 1.06, 1.00])],
             wrap: 0.05,
         },
+        // All of it is in the factor of each vertex.
+        LightSetup::Key | LightSetup::Rim | LightSetup::Flat => {
+            SceneLighting { ambient: DVec3::ONE, lights: vec![], wrap: 0.0 }
+        }
     }
 }

@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use crate::alignment_figures::AlignmentFigures;
 use crate::error_bands::MeanBandErrors;
-use crate::light_fit::LightReport;
 use crate::floor::{Floor, FloorError};
 use crate::hand_box::{HandBox, SIDE};
+use crate::light_fit::LightReport;
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use crate::protocol::{PosedView, Protocol, given_views};
 

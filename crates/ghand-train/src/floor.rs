@@ -129,9 +129,8 @@ pub fn texel_colors(
     }
     let total = |c: usize, k: usize| sums.iter().map(|sum| sum[c][k]).sum::<f64>();
     let mean = [0, 1, 2].map(|c| total(c, 0) / total(c, 1).max(f64::MIN_POSITIVE));
-    let color = |sum: &[[f64; 2]; 3]| {
-        [0, 1, 2].map(|c| (sum[c][0] + PRIOR_WEIGHT * mean[c]) / (sum[c][1] + PRIOR_WEIGHT))
-    };
+    let color =
+        |sum: &[[f64; 2]; 3]| [0, 1, 2].map(|c| (sum[c][0] + PRIOR_WEIGHT * mean[c]) / (sum[c][1] + PRIOR_WEIGHT));
     let colors = sums.iter().map(color).collect();
     Ok(TexelColors { colors, texels: observer.samples().texels.clone(), resolution })
 }

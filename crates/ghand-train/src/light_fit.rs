@@ -26,10 +26,12 @@ const RESOLUTION: u32 = 96;
 const MOST_FRAMES: usize = 60;
 const VIEWS_PER_FRAME: usize = 5;
 /// Turns of light and albedo.
-const ROUNDS: usize = 8;
-/// Ridge on the light, as a fraction of the mean diagonal, and on an albedo, as an irradiance seen once.
+const ROUNDS: usize = 40;
+/// Ridge on the light, as a fraction of the mean diagonal.
 const LIGHT_RIDGE: f64 = 1e-3;
-const ALBEDO_RIDGE: f64 = 0.02;
+/// Ridge on the albedos, towards their mean: the squared ratio of what the model leaves unexplained to how much skin
+/// varies. A hand that hardly turns does not tell light from skin otherwise.
+const ALBEDO_RIDGE: f64 = 0.1;
 /// Every this many frames, one is held out.
 const HOLD_OUT: usize = 3;
 /// A kind of light must reduce the held-out error of the simpler one to less than this fraction.
@@ -228,21 +230,11 @@ impl Observations {
             LightKind::Transfer => light.fill(1.0),
             LightKind::Sh => light.rows_mut(0, unknowns.min(1)).fill(1.0),
         }
-        let mut albedo = DVector::from_element(texels, 0.0);
-        let mean = mean(frames.iter().flat_map(|f| (0..texels).filter_map(move |t| seen(*f, t))));
+        // All skin alike: what light explains is light.
+        let mut albedo = DVector::from_element(texels, 1.0);
         for round in 0..=ROUNDS {
-            let mut sums = vec![[0.0; 2]; texels];
-            for f in &frames {
-                let irradiance = &parts[*f] * &light;
-                for (t, sum) in sums.iter_mut().enumerate() {
-                    if let Some(value) = seen(*f, t) {
-                        sum[0] += irradiance[t] * value;
-                        sum[1] += irradiance[t] * irradiance[t];
-                    }
-                }
-            }
-            for (a, sum) in albedo.iter_mut().zip(sums) {
-                *a = (sum[0] + ALBEDO_RIDGE * mean) / (sum[1] + ALBEDO_RIDGE);
+            if round > 0 || unknowns < 2 {
+                albedo = fit_albedo(&frames, parts, &light, texels, &seen);
             }
             if round == ROUNDS || unknowns < 2 {
                 break;
@@ -299,6 +291,30 @@ impl Observations {
         }
         mean(errors.into_iter())
     }
+}
+
+/// The albedos of all texels under a light, drawn to their mean.
+fn fit_albedo(
+    frames: &[usize],
+    parts: &[DMatrix<f64>],
+    light: &DVector<f64>,
+    texels: usize,
+    seen: &dyn Fn(usize, usize) -> Option<f64>,
+) -> DVector<f64> {
+    // Of each texel: sums of irradiance * colour and of irradiance^2.
+    let mut sums = vec![[0.0; 2]; texels];
+    for f in frames {
+        let irradiance = &parts[*f] * light;
+        for (t, sum) in sums.iter_mut().enumerate() {
+            if let Some(value) = seen(*f, t) {
+                sum[0] += irradiance[t] * value;
+                sum[1] += irradiance[t] * irradiance[t];
+            }
+        }
+    }
+    let total = |k: usize| sums.iter().map(|sum| sum[k]).sum::<f64>();
+    let mean = total(0) / total(1).max(f64::MIN_POSITIVE);
+    DVector::from_iterator(texels, sums.iter().map(|sum| (sum[0] + ALBEDO_RIDGE * mean) / (sum[1] + ALBEDO_RIDGE)))
 }
 
 /// At most `most` of some items, evenly spaced.

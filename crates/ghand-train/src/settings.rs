@@ -131,7 +131,7 @@ impl Default for TrainSettings {
             ssim_weight: 0.2,
             offset_weight: 10.0,
             scale_weight: 1.0,
-            color_roughness: 0.0,
+            color_roughness: 0.1,
             offset_roughness: 0.0,
             crop_margin: 16,
             final_rate: 0.05,

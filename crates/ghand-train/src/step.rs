@@ -19,6 +19,9 @@ const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
 
+/// First row of the colours in the splatter's table.
+const ROW_COLOR: usize = 4;
+
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
     scene: Scene,
@@ -200,6 +203,23 @@ impl Step {
         model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
         self.update_hand(gpu, &mut encoder, frame, settings, rates);
         gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Adds how much each Gaussian contributes to one view to `seen`, N: the sum of its blend weights over the pixels.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn add_seen(&mut self, gpu: &Gpu, view: &TrainView, seen: &mut [f32]) -> Result<(), RenderError> {
+        self.scene.set_frame(gpu, view.frame);
+        self.scene.set_view(gpu, &view.camera, [0.0; 3])?;
+        // The derivative of the sum of all pixels' red.
+        let one = vec![[1.0f32, 0.0, 0.0, 0.0]; view.pixels.len()];
+        gpu.queue.write_buffer(self.scene.splatter().d_image(), 0, bytemuck::cast_slice(&one));
+        self.scene.run_frame(gpu, |splatter, encoder| splatter.backward(encoder))?;
+        let columns = self.scene.splatter().count();
+        let table: Vec<f32> = buffers::read(gpu, self.scene.splatter().d_gaussians(), (ROW_COLOR + 1) * columns)?;
+        seen.iter_mut().zip(&table[ROW_COLOR * columns..]).for_each(|(sum, weight)| *sum += weight);
         Ok(())
     }
 

@@ -104,4 +104,3 @@ fn pose_samples(
         mode: ResidualWeights::Paper,
     }))
 }
-

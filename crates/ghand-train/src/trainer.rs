@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, AvatarLight, Provenance, Template};
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
@@ -90,6 +91,8 @@ const REFERENCE_VIEWS: usize = 8;
 const LOSS_EVERY: u64 = 25;
 /// Number of views decoded ahead of their use, if not all fit into memory.
 const PREFETCHED: usize = 16;
+/// Number of views that say how much training saw of each Gaussian.
+const SEEN_VIEWS: usize = 60;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
@@ -376,11 +379,15 @@ impl<'a> Trainer<'a> {
                 l1: mean,
             });
         }
-        let tables = step.tables(gpu)?;
+        let mut tables = step.tables(gpu)?;
         let (response, moved, poses) = self.read_hand(gpu, &step)?;
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
+        if !stage.refine_poses {
+            let seen = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
+            tables.fill_unseen(&seen, &neighbors(&avatar.template));
+        }
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
@@ -393,6 +400,17 @@ impl<'a> Trainer<'a> {
         let numbers = step.hand_parameters(gpu, self.poses.len())?;
         let poses = poses_of(&numbers.poses, numbers.joints.len());
         Ok((numbers.response, numbers.joints, poses))
+    }
+
+    /// How much each Gaussian contributes to an evenly spaced selection of the views.
+    fn seen_weights(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, count: usize) -> Result<Vec<f32>, TrainError> {
+        let views = self.views.len().min(SEEN_VIEWS);
+        let mut seen = vec![0.0; count];
+        for k in 0..views {
+            let view = self.views.get(k * self.views.len() / views, stage.reduction)?;
+            step.add_seen(gpu, &view, &mut seen)?;
+        }
+        Ok(seen)
     }
 
     /// The mean loss over a fixed, evenly spaced selection of the views.

@@ -61,13 +61,23 @@ pub struct CaptureArgs {
     /// Which hand the capture shows
     #[arg(long, value_name = "SIDE", default_value = "right", value_parser = ["right", "left"])]
     side: String,
-    /// soft: light from all sides. side: one strong light from the thumb's side, with shadows, and little else
-    #[arg(long, value_name = "LIGHT", default_value = "soft", value_parser = ["soft", "side"])]
+    /// soft: light from all sides. side: one strong light from the thumb's side, with shadows, and little else. key,
+    /// rim: one strong light from one of two sides, added in linear light. flat: the skin's own colours
+    #[arg(long, value_name = "LIGHT", default_value = "soft", value_parser = LIGHTS.map(|(name, _)| name))]
     light: String,
     /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
     #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
     format: String,
 }
+
+/// The lights by name.
+const LIGHTS: [(&str, LightSetup); 5] = [
+    ("soft", LightSetup::Soft),
+    ("side", LightSetup::Side),
+    ("key", LightSetup::Key),
+    ("rim", LightSetup::Rim),
+    ("flat", LightSetup::Flat),
+];
 
 /// Makes the capture.
 ///
@@ -92,7 +102,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         twist_degrees: args.twist.unwrap_or(defaults.twist_degrees),
         abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
         side: if args.side == "left" { Side::Left } else { Side::Right },
-        light: if args.light == "side" { LightSetup::Side } else { LightSetup::Soft },
+        light: LIGHTS.iter().find(|(name, _)| args.light == *name).map_or(defaults.light, |(_, light)| *light),
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };

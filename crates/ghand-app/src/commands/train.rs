@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use ghand_train::light_fit::LightFit;
 use ghand_train::alignment_picture::alignment_picture;
 use ghand_train::evaluate::Metrics;
+use ghand_train::light_fit::LightFit;
 use ghand_train::protocol::given_views;
 use ghand_train::report::report;
 use ghand_train::{Align, Protocol, TrainError, TrainSettings, Trained, Trainer};

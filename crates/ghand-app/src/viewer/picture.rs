@@ -408,8 +408,13 @@ mod tests {
             shape[0] = first;
             let camera = &turntable(&model, &[&pose], 1, size)[0][0];
             let background = [0.1, 0.2, 0.3];
-            let shot =
-                PictureInputs { pose: Some(pose.clone()), shape: shape.clone(), light: None, camera: camera.clone(), background };
+            let shot = PictureInputs {
+                pose: Some(pose.clone()),
+                shape: shape.clone(),
+                light: None,
+                camera: camera.clone(),
+                background,
+            };
             assert!(picture.render(&gpu, &shot).unwrap());
             gpu.wait().unwrap();
             assert_eq!(picture.poll(&gpu).unwrap(), Progress::Complete);

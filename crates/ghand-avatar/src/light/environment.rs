@@ -173,7 +173,8 @@ mod tests {
 
     #[test]
     fn a_panoramas_lamp_is_where_its_pixel_says() {
-        for (x, y, expected) in [(32, 16, DVec3::Z), (48, 16, DVec3::X), (32, 1, DVec3::NEG_Y), (16, 16, DVec3::NEG_X)] {
+        for (x, y, expected) in [(32, 16, DVec3::Z), (48, 16, DVec3::X), (32, 1, DVec3::NEG_Y), (16, 16, DVec3::NEG_X)]
+        {
             let light = Light::of_panorama(64, 32, &panorama(x, y)).unwrap();
             let angle = towards(&light).angle_between(expected).to_degrees();
             assert!(angle < 15.0, "({x}, {y}): {angle} degrees");

@@ -62,12 +62,8 @@ impl DepthMap {
         let cell = CELL.max(extent.max_element() / (MOST_CELLS - 3) as f32);
         // A cell around the mesh stays empty, so that interpolation needs no special case.
         let size = (extent / cell).to_array().map(|cells| cells as usize + 3);
-        let mut map = DepthMap {
-            start: low - Vec2::splat(cell),
-            cell,
-            size,
-            depths: vec![f32::NEG_INFINITY; size[0] * size[1]],
-        };
+        let mut map =
+            DepthMap { start: low - Vec2::splat(cell), cell, size, depths: vec![f32::NEG_INFINITY; size[0] * size[1]] };
         for face in faces {
             map.draw(face.map(|corner| points[corner as usize]));
         }

@@ -4,6 +4,7 @@ mod device;
 mod response_limits;
 mod tables;
 mod tensors;
+mod unseen;
 
 pub use device::{DirectModel, ResponseUniforms};
 pub use response_limits::RESPONSE_MARGIN;

@@ -1,8 +1,8 @@
 //! `roughness.wgsl` against `ghand_render::reference::roughness`, and that against differences of the penalty.
 
+use ghand_render::buffers;
 use ghand_render::reference::roughness::{add_roughness, roughness};
 use ghand_render::roughness::Roughness;
-use ghand_render::buffers;
 
 use crate::hand::{assert_same, gpu, kinds, random, widen};
 

@@ -1,0 +1,116 @@
+//! Gaussians that training hardly saw take their values from their neighbours.
+
+use rayon::prelude::*;
+
+use super::tables::DirectTables;
+use crate::neighbors::MOST_NEIGHBORS;
+
+/// How much a difference between neighbours counts, as a part of the weight of a Gaussian that training saw as much as
+/// most. Where training saw much this moves nothing visible; where it saw nothing neighbours decide alone.
+const COUPLING: f64 = 0.01;
+/// Sweeps over the surface: enough to cross the widest unseen part.
+const SWEEPS: usize = 300;
+
+impl DirectTables {
+    /// Solves `min sum_p w_p |x_p - y_p|^2 + c sum_(p,q) |x_p - x_q|^2` over neighbours for each row of shape bases and
+    /// appearance. `seen` is how much training saw each Gaussian, N; w is that, relative to the median, but at most 1.
+    /// `neighbors` is [`crate::neighbors::neighbors`].
+    pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
+        let count = seen.len();
+        let mut sorted = seen.to_vec();
+        sorted.sort_by(f32::total_cmp);
+        let median = f64::from(sorted.get(count / 2).copied().unwrap_or_default());
+        if !(median > 0.0) {
+            return;
+        }
+        let weights: Vec<f64> = seen.iter().map(|w| (f64::from(*w) / median).clamp(0.0, 1.0)).collect();
+        // Gaussians without neighbours in their part of the surface keep their values.
+        let near: Vec<Vec<usize>> = (0..count)
+            .map(|p| (0..MOST_NEIGHBORS).map(|k| neighbors[k * count + p] as usize).filter(|q| *q != p).collect())
+            .collect();
+        let rows = self.shape_basis.par_chunks_exact_mut(count).chain(self.appearance.par_chunks_exact_mut(count));
+        rows.for_each(|row| fill_row(row, &weights, &near));
+    }
+}
+
+/// Gauss-Seidel sweeps, forwards and backwards in turns.
+fn fill_row(row: &mut [f32], weights: &[f64], near: &[Vec<usize>]) {
+    let wanted: Vec<f64> = row.iter().map(|y| f64::from(*y)).collect();
+    let mut values = wanted.clone();
+    let update = |values: &mut [f64], p: usize| {
+        let sum: f64 = near[p].iter().map(|q| values[*q]).sum();
+        let total = weights[p] + COUPLING * near[p].len() as f64;
+        if total > 0.0 {
+            values[p] = (weights[p] * wanted[p] + COUPLING * sum) / total;
+        }
+    };
+    for sweep in 0..SWEEPS {
+        if sweep % 2 == 0 {
+            (0..values.len()).for_each(|p| update(&mut values, p));
+        } else {
+            (0..values.len()).rev().for_each(|p| update(&mut values, p));
+        }
+    }
+    row.iter_mut().zip(values).for_each(|(slot, value)| *slot = value as f32);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chain of 60 Gaussians.
+    fn chain() -> Vec<Vec<usize>> {
+        (0..60usize).map(|p| [p.checked_sub(1), (p < 59).then_some(p + 1)].into_iter().flatten().collect()).collect()
+    }
+
+    #[test]
+    fn unseen_gaussians_get_what_lies_between_seen_ones_and_those_stay() {
+        let noise = |p: usize| if p % 2 == 0 { 9.0 } else { -9.0 };
+        let seen = |p: usize| !(20..40).contains(&p);
+        let mut row: Vec<f32> = (0..60)
+            .map(|p| {
+                if !seen(p) {
+                    noise(p)
+                } else if p < 20 {
+                    1.0
+                } else {
+                    2.0
+                }
+            })
+            .collect();
+        let weights: Vec<f64> = (0..60).map(|p| if seen(p) { 1.0 } else { 0.0 }).collect();
+        fill_row(&mut row, &weights, &chain());
+        for (p, value) in row.iter().enumerate() {
+            let expected = 1.0 + (p as f32 - 19.5).clamp(0.0, 20.0) / 20.0;
+            assert!((value - expected).abs() < 0.06, "{p}: {value}, expected {expected}");
+        }
+        assert!((row[0] - 1.0).abs() < 1e-4 && (row[59] - 2.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_surface_that_nothing_saw_keeps_its_values() {
+        let template =
+            crate::Template::sample(&ghand_hand_model::builtin::builtin_hand(ghand_core::Side::Right).unwrap(), 16)
+                .unwrap();
+        let config = crate::AvatarConfig { uv_resolution: 16, ..Default::default() };
+        let lengths = super::super::table_lengths(template.len(), template.joint_count(), &config);
+        let values = |i: usize| (0..lengths[i]).map(|k| k as f32).collect::<Vec<f32>>();
+        let mut tables = DirectTables {
+            shape_basis: values(0),
+            residual_weights: values(1),
+            regressor: values(2),
+            appearance: values(3),
+            response: values(4),
+            response_limits: values(5),
+        };
+        let before = tables.clone();
+        let neighbors = crate::neighbors::neighbors(&template);
+        tables.fill_unseen(&vec![0.0; template.len()], &neighbors);
+        assert_eq!(tables, before);
+        let mut seen = vec![1.0; template.len()];
+        seen[7] = 0.0;
+        tables.fill_unseen(&seen, &neighbors);
+        assert_ne!(tables.appearance, before.appearance);
+        assert_eq!((&tables.response, &tables.residual_weights), (&before.response, &before.residual_weights));
+    }
+}
