@@ -5,7 +5,10 @@
 mod common;
 
 use common::{assert_one_sentence, listing, run, save_avatar};
-use image::RgbImage;
+use ghand_avatar::{Avatar, AvatarLight, Light, LightKind};
+use ghand_core::light::directions;
+use ghand_hand_model::surface::sample_surface;
+use image::{ImageBuffer, Rgb, RgbImage};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
@@ -147,4 +150,77 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
     check(&["hand.ghand", "--pose", "grasp", "--orbit", "0"], &["--orbit"]);
     check(&["hand.ghand", "--camera", "camera.json:d"], &["camera.json: id", "\"c\""]);
     check(&["hand.ghand", "--turntable", "0"], &["--turntable"]);
+}
+
+/// Saves an avatar whose light comes from one side only.
+fn save_lit_avatar(folder: &std::path::Path) {
+    let mut avatar = Avatar::load(&save_avatar(folder)).unwrap();
+    let samples = sample_surface(&avatar.model, avatar.config.uv_resolution).unwrap();
+    let coefficients = directions().map(|d| [if d.x > 0.7 { 6.0 } else { 0.1 }; 3]).to_vec();
+    let light = Light { kind: LightKind::Transfer, coefficients };
+    avatar.light = Some(AvatarLight::new(light, &samples));
+    avatar.save(&folder.join("lit.ghand")).unwrap();
+}
+
+/// Writes a panorama that is bright on one side.
+fn write_panorama(path: &std::path::Path, width: u32, brightness: f32) {
+    let lamp = |x, _| Rgb([if x < width / 4 { brightness } else { 0.1 }; 3]);
+    ImageBuffer::<Rgb<f32>, Vec<f32>>::from_fn(width, 16, lamp).save(path).unwrap();
+}
+
+#[test]
+fn an_avatar_is_rendered_in_other_light() {
+    let folder = tempfile::tempdir().unwrap();
+    save_lit_avatar(folder.path());
+    write_panorama(&folder.path().join("sky.exr"), 32, 5.0);
+    write_panorama(&folder.path().join("sky.hdr"), 32, 5.0);
+    let render = |name: &str, light: &[&str]| {
+        let arguments = ["render", "lit.ghand", "--turntable", "1", "--size", "96x128", "--out", name];
+        let output = run(GHAND, folder.path(), &[&arguments[..], light].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        open(&folder.path().join(name))
+    };
+    let plain = render("plain.png", &[]);
+    assert_eq!(plain, render("capture.png", &["--light", "capture"]));
+    let others = [
+        render("turned.png", &["--light-turn", "-120"]),
+        render("studio.png", &["--light", "studio"]),
+        render("exr.png", &["--light", "sky.exr"]),
+        render("turned_exr.png", &["--light", "sky.exr", "--light-turn", "90"]),
+    ];
+    for (k, other) in others.iter().enumerate() {
+        assert!(*other != plain, "{k}");
+        assert!(others[..k].iter().all(|before| before != other), "{k}");
+        assert!((coverage(other, [0, 0, 0]) - coverage(&plain, [0, 0, 0])).abs() < 0.02, "light moves nothing");
+    }
+    // Radiance in .hdr has eight bits.
+    let hdr = render("hdr.png", &["--light", "sky.hdr"]);
+    let far = hdr.as_raw().iter().zip(others[2].as_raw()).filter(|(a, b)| a.abs_diff(**b) > 4).count();
+    assert!(far * 50 < hdr.as_raw().len(), "{far}");
+}
+
+#[test]
+fn what_is_no_light_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    save_lit_avatar(folder.path());
+    write_panorama(&folder.path().join("square.exr"), 16, 5.0);
+    write_panorama(&folder.path().join("dark.exr"), 32, -5.0);
+    write_panorama(&folder.path().join("endless.exr"), 32, f32::INFINITY);
+    std::fs::write(folder.path().join("broken.hdr"), b"#?RADIANCE\nnothing").unwrap();
+    std::fs::write(folder.path().join("picture.jpg"), b"").unwrap();
+    let cases: [(&str, &[&str], &[&str]); 8] = [
+        ("hand.ghand", &["--light", "studio"], &["--light", "--set light=transfer"]),
+        ("lit.ghand", &["--light", "square.exr"], &["square.exr", "16 x 16", "twice as wide as high"]),
+        ("lit.ghand", &["--light", "dark.exr"], &["dark.exr", "radiance of -5"]),
+        ("lit.ghand", &["--light", "endless.exr"], &["endless.exr", "radiance of inf"]),
+        ("lit.ghand", &["--light", "broken.hdr"], &["broken.hdr"]),
+        ("lit.ghand", &["--light", "none.exr"], &["none.exr", "cannot read the panorama"]),
+        ("lit.ghand", &["--light", "picture.jpg"], &["picture.jpg", ".exr or .hdr"]),
+        ("lit.ghand", &["--light", "sunset"], &["`sunset` must be `capture`, `studio`"]),
+    ];
+    for (avatar, light, parts) in cases {
+        let arguments = [&["render", avatar, "--turntable", "1", "--out", "out.png"], light].concat();
+        assert_one_sentence(&run(GHAND, folder.path(), &arguments), parts);
+        assert!(!folder.path().join("out.png").exists());
+    }
 }

@@ -55,3 +55,31 @@ impl LightPanel {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+
+    #[test]
+    fn a_chosen_light_is_shown_until_the_reset() {
+        let coefficients = (0..64).map(|k| [k as f32 / 31.5; 3]).collect();
+        let captured = Light { kind: ghand_avatar::LightKind::Transfer, coefficients };
+        let panel = LightPanel::new(&captured);
+        let mut ui = Harness::new_ui_state(|ui, panel: &mut LightPanel| panel.show(ui), panel);
+        assert_eq!(ui.state().light(), &captured);
+        ui.get_by_label("studio").click();
+        ui.run();
+        assert_eq!(ui.state().light(), &Light::studio());
+        ui.get_by_label("as captured").click();
+        ui.run();
+        assert_eq!(ui.state().light(), &captured);
+        ui.state_mut().turn = 90.0;
+        ui.state_mut().update();
+        assert_ne!(ui.state().light(), &captured);
+        ui.state_mut().reset();
+        assert_eq!((ui.state().light(), ui.state().turn), (&captured, 0.0));
+    }
+}
