@@ -206,7 +206,10 @@ impl<'a> Trainer<'a> {
             self.poses = refined;
         }
         if self.settings.light != LightChoice::None {
-            self.fit_light(&gpu)?;
+            let fit = gpu.retry_on_device_loss("the light", |gpu| -> Result<LightFit, TrainError> {
+                Ok(fit_light(gpu, &self.capture, &self.split, &self.poses, self.settings.light)?)
+            })?;
+            self.light = Some(fit);
         }
         let stage = Stage {
             number: 2,
@@ -246,13 +249,6 @@ impl<'a> Trainer<'a> {
         self.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
         self.alignment = Some(aligned);
-        Ok(())
-    }
-
-    /// Takes the light apart from the skin.
-    fn fit_light(&mut self, gpu: &Gpu) -> Result<(), TrainError> {
-        let fit = fit_light(gpu, &self.capture, &self.split, &self.poses, self.settings.light)?;
-        self.light = Some(fit);
         Ok(())
     }
 
