@@ -2,7 +2,8 @@
 //!
 //! Contour bundle adjustment: the template's outer contour in all images of a frame is moved onto the outlines of the
 //! masks, by Gauss-Newton steps for all frames together. A frame's pose is eliminated by its Schur complement; the shape
-//! is shared. On the CPU, in f64; the same bits for any number of threads.
+//! is shared. Then the skin's texture refines the poses (`texture.rs`). On the CPU, in f64; the same bits for any number of
+//! threads.
 
 mod contour;
 mod distance_field;
@@ -12,6 +13,7 @@ mod proportions;
 mod rejection;
 pub mod single_frames;
 mod spread;
+mod texture;
 
 use std::time::Instant;
 
@@ -33,6 +35,8 @@ use proportions::Proportions;
 pub use rejection::Rejection;
 use rejection::rejection;
 use spread::Estimate;
+use texture::SplitContrast;
+pub use texture::TextureRefinement;
 
 /// Steps without knowledge of how the joints vary: for each the distance beyond which a contour counts linearly, pixels.
 const FIRST_STEPS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];
@@ -72,8 +76,10 @@ pub struct Alignment {
     pub kept: Vec<usize>,
     /// The likeliest poses by the given ones and how the joints vary over the capture, without the frame's own images.
     pub prior_poses: Vec<Pose>,
-    /// Standard deviation of what the aligned rotations may be off by, root mean square over frames and axes, radians: by
-    /// joint, 0 for those that do not move.
+    /// How texture refined the poses; `None` if the alignment was rejected.
+    pub texture: Option<TextureRefinement>,
+    /// Standard deviation of what the aligned rotations may be off by, by contours and priors without texture, root mean
+    /// square over frames and axes, radians: by joint, 0 for those that do not move.
     pub uncertainty: Vec<f64>,
     /// Seconds that it took.
     pub seconds: f64,
@@ -127,7 +133,11 @@ pub fn align(
             return Err(AlignmentError::Stopped);
         }
     }
-    Ok(fit.finish(&images, start)?)
+    let refine = |fit: &Fit, usable: &[bool]| {
+        let contrast = SplitContrast::load(capture, split)?;
+        texture::refine(fit, &contrast.by_frame(capture, split), &images, usable, after_step)
+    };
+    fit.finish(&images, start, refine)
 }
 
 /// The state of an alignment.
@@ -259,8 +269,13 @@ impl<'a> Fit<'a> {
         Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
     }
 
-    /// The result.
-    fn finish(mut self, images: &[Images], start: Instant) -> Result<Alignment, InvalidHandModel> {
+    /// The result. `refine` refines the poses by texture, given which frames' poses may be believed.
+    fn finish(
+        mut self,
+        images: &[Images],
+        start: Instant,
+        refine: impl FnOnce(&Fit, &[bool]) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError>,
+    ) -> Result<Alignment, AlignmentError> {
         let given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
         let (given_fit, _) = self.fit_of(self.proportions.template(), &given, images)?;
         let template = self.proportions.shaped(&self.shape)?.model;
@@ -276,16 +291,28 @@ impl<'a> Fit<'a> {
         if !kept.is_empty() {
             (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
         }
+        let rejection = rejection([given_fit, aligned_fit], self.proportions.template(), &template);
+        let mut texture = None;
+        if rejection.is_none() {
+            let usable: Vec<bool> = (0..images.len()).map(|k| !images[k].is_empty() && !kept.contains(&k)).collect();
+            let (poses, mut refinement) = refine(&self, &usable)?;
+            let overlaps;
+            (aligned_fit, overlaps) = self.fit_of(&template, &poses, images)?;
+            self.poses = poses;
+            if refinement.take_back(&mut self.poses, |frame| overlaps[frame] < given_overlaps[frame]) {
+                (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
+            }
+            texture = Some(refinement);
+        }
         let fit = [given_fit, aligned_fit];
         let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
         let uncertainty = self.uncertainty(images)?;
         let seconds = start.elapsed().as_secs_f64();
-        let rejection = rejection(fit, self.proportions.template(), &template);
         let (poses, template) = match rejection {
             Some(_) => (given, self.proportions.template().clone()),
             None => (self.poses, template),
         };
-        Ok(Alignment { poses, template, rejection, fit, kept, prior_poses, uncertainty, seconds })
+        Ok(Alignment { poses, template, rejection, fit, kept, prior_poses, texture, uncertainty, seconds })
     }
 
     /// The standard deviations of the joints' rotations, by all that is known.

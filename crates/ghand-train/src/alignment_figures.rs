@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ghand_core::Pose;
 use serde::Serialize;
 
-use crate::alignment::{Alignment, MaskFit};
+use crate::alignment::{Alignment, MaskFit, TextureRefinement};
 use crate::metrics::{moving_joints, pose_error_degrees};
 use crate::pose_offsets::PoseOffsets;
 
@@ -18,6 +18,8 @@ pub struct AlignmentFigures {
     pub kept_frames: usize,
     /// Seconds that it took.
     pub seconds: f64,
+    /// How texture refined the poses; `null` if they are the given ones.
+    pub texture: Option<TextureFigures>,
     /// How given poses fit the masks.
     pub given: FitFigures,
     /// How the poses that the alignment found fit the masks.
@@ -40,6 +42,20 @@ pub struct FitFigures {
     pub overlap: f64,
 }
 
+/// How a refinement by texture went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TextureFigures {
+    /// Frames that were refined.
+    pub refined_frames: usize,
+    /// Frames that keep the poses that contours alone gave them.
+    pub kept_frames: usize,
+    /// Root mean square difference of images held out from what the other images lead to expect, in contrast, with bounded
+    /// influence of outliers: in the poses by contours alone.
+    pub held_out_before: f64,
+    /// The same after the refinement.
+    pub held_out_after: f64,
+}
+
 /// Errors of poses at several stages.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PoseErrors {
@@ -47,12 +63,16 @@ pub struct PoseErrors {
     pub given: f64,
     /// Of the likeliest poses by the given ones and how the joints vary, without the frame's own images.
     pub priors_alone: f64,
-    /// Of the aligned poses.
+    /// Of the poses by contours alone, before texture refined them.
+    pub contours_alone: f64,
+    /// Of the aligned poses, with texture.
     pub aligned: f64,
     /// The same without each joint's constant offset over the frames, which other proportions of the template explain.
     pub gauge_aligned: f64,
     /// Mean distance of the given translations from the true ones, millimetres.
     pub given_translation_mm: f64,
+    /// Mean distance of the translations by contours alone from the true ones, millimetres.
+    pub contours_alone_translation_mm: f64,
     /// Mean distance of the aligned translations from the true ones, millimetres.
     pub aligned_translation_mm: f64,
 }
@@ -67,6 +87,7 @@ impl AlignmentFigures {
             rejection: alignment.rejection.map(|reason| reason.to_string()),
             kept_frames: alignment.kept.len(),
             seconds: alignment.seconds,
+            texture: alignment.texture.as_ref().map(TextureFigures::of),
             given: FitFigures::of(alignment.fit[0]),
             found: FitFigures::of(alignment.fit[1]),
             pose_error_deg: truth.map(|truth| PoseErrors::new(alignment, given, truth)),
@@ -82,11 +103,20 @@ impl FitFigures {
     }
 }
 
+impl TextureFigures {
+    fn of(texture: &TextureRefinement) -> TextureFigures {
+        let [held_out_before, held_out_after] = texture.held_out;
+        let [refined_frames, kept_frames] = [&texture.refined, &texture.kept].map(|frames| frames.len());
+        TextureFigures { refined_frames, kept_frames, held_out_before, held_out_after }
+    }
+}
+
 impl PoseErrors {
     fn new(alignment: &Alignment, given: &[Pose], truth: &[Pose]) -> PoseErrors {
         let moves = moving_joints(given);
         let offsets = PoseOffsets::between(truth, &alignment.poses, &alignment.template.parents);
         let shifted: Vec<Pose> = truth.iter().map(|pose| offsets.apply(pose)).collect();
+        let by_contours = alignment.texture.as_ref().map_or(&alignment.poses, |texture| &texture.contour_poses);
         let distance = |poses: &[Pose]| {
             let sum: f64 = poses.iter().zip(truth).map(|(p, t)| p.translation.distance(t.translation)).sum();
             1e3 * sum / truth.len().max(1) as f64
@@ -94,9 +124,11 @@ impl PoseErrors {
         PoseErrors {
             given: pose_error_degrees(given, truth, &moves),
             priors_alone: pose_error_degrees(&alignment.prior_poses, truth, &moves),
+            contours_alone: pose_error_degrees(by_contours, truth, &moves),
             aligned: pose_error_degrees(&alignment.poses, truth, &moves),
             gauge_aligned: pose_error_degrees(&alignment.poses, &shifted, &moves),
             given_translation_mm: distance(given),
+            contours_alone_translation_mm: distance(by_contours),
             aligned_translation_mm: distance(&alignment.poses),
         }
     }

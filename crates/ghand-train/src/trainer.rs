@@ -246,6 +246,14 @@ impl<'a> Trainer<'a> {
                 self.poses.len()
             );
         }
+        if let Some(texture) = &aligned.texture {
+            log::info!(
+                "texture refined {} of {} frames; {} keep the poses by contours, which explain images held out better",
+                texture.refined.len(),
+                self.poses.len(),
+                texture.kept.len()
+            );
+        }
         self.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
         self.alignment = Some(aligned);

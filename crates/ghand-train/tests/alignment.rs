@@ -143,6 +143,16 @@ fn figures_of_a_capture() {
     })
     .unwrap();
     println!("{:?}, kept {:?}, {:.1} s", aligned.fit, aligned.kept, aligned.seconds);
+    if let Some(texture) = &aligned.texture {
+        println!("by contours alone: {}, with texture: {}", figures(&texture.contour_poses), figures(&aligned.poses));
+        println!(
+            "refined {} frames, kept {:?}, held out {:.5?}, variance factors {:.2?}",
+            texture.refined.len(),
+            texture.kept,
+            texture.held_out,
+            texture.variance_factors
+        );
+    }
     println!("by given poses and spreads alone: {}", figures(&aligned.prior_poses));
     // By joint: root mean square of the error over frames and axes, and what the alignment expects it to be.
     for k in &moving {

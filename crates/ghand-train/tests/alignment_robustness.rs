@@ -61,7 +61,8 @@ fn figures(name: &str, capture: &Capture, split: &Split) -> Figures {
         contours,
         rejection: aligned.rejection,
     };
-    println!("{name}: {figures:.2?}, {:.3?}", aligned.fit);
+    let by_contours = aligned.texture.as_ref().map(|texture| errors(&texture.contour_poses, &truth));
+    println!("{name}: {figures:.2?}, by contours alone {by_contours:.2?}, {:.3?}", aligned.fit);
     figures
 }
 
@@ -92,8 +93,8 @@ fn of_template(name: &str, template: HandModel) -> Figures {
 fn masks_two_pixels_off_cost_little() {
     let found = of_options("masks off by 2 px", &SyntheticOptions { mask_noise_pixels: 2.0, ..small_options(3) });
     assert_eq!(found.given, of_exact().given, "only masks differ");
-    // 0.24 degrees and 0.45 mm as measured.
-    found.assert_costs(of_exact(), [0.4, 0.6]);
+    // 0.42 degrees and 0.36 mm as measured (0.24 and 0.45 by contours alone, before texture makes both better).
+    found.assert_costs(of_exact(), [0.55, 0.6]);
     assert!(found.contours[1][0] < 2.0 && found.contours[1][0] > of_exact().contours[1][0], "{found:.2?}");
 }
 
@@ -161,9 +162,10 @@ fn one_camera_is_enough_to_make_poses_better() {
 fn a_template_of_another_size_takes_the_size_of_the_hand() {
     for factor in [0.8, 1.3] {
         let found = of_template(&format!("template x {factor}"), scaled(&exact().0.template, factor));
-        // Another size moves the template's wrist, so that translations cannot be compared. 3.6 and 3.5 degrees as
-        // measured, and 0.4 pixels.
-        found.assert_costs(of_exact(), [0.15, f64::INFINITY]);
+        // Another size moves the template's wrist, so that translations cannot be compared. 3.27 and 3.51
+        // degrees as measured, where the template's own size has 3.21; and 0.4 pixels. At 1.3 images held out are not
+        // explained better, so that texture refines nothing.
+        found.assert_costs(of_exact(), [0.4, f64::INFINITY]);
         assert!(found.contours[1][0] < 0.6, "{found:.2?}");
     }
 }

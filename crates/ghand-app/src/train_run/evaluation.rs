@@ -111,20 +111,30 @@ fn print_alignment(figures: &AlignmentFigures) {
         given.overlap,
         figures.seconds
     );
+    if let Some(texture) = figures.texture {
+        say!(
+            "           texture refined {} frames, {} keep their poses; images held out differ by {:.4}, {:.4} before",
+            texture.refined_frames,
+            texture.kept_frames,
+            texture.held_out_after,
+            texture.held_out_before
+        );
+    }
     if let Some(reason) = &figures.rejection {
         say!("           not used: {reason}");
     }
     if let Some(e) = figures.pose_error_deg {
         say!(
-            "           pose error {:.2} degrees given, {:.2} by priors alone, {:.2} aligned, {:.2} without constant offsets",
+            "           pose error {:.2} degrees given, {:.2} by priors alone, {:.2} by contours alone",
             e.given,
             e.priors_alone,
-            e.aligned,
-            e.gauge_aligned
+            e.contours_alone
         );
+        say!("           with texture {:.2} degrees, {:.2} without constant offsets", e.aligned, e.gauge_aligned);
         say!(
-            "           translations {:.2} mm off given, {:.2} aligned",
+            "           translations {:.2} mm off given, {:.2} by contours alone, {:.2} with texture",
             e.given_translation_mm,
+            e.contours_alone_translation_mm,
             e.aligned_translation_mm
         );
     }

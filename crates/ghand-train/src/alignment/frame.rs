@@ -2,7 +2,7 @@
 
 use ghand_core::posing::{PosedHand, pose_hand};
 use ghand_core::{Camera, InvalidHandModel, Pose};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 
 use super::contour::{ContourPoint, Edges};
@@ -90,7 +90,7 @@ impl Rig<'_> {
 }
 
 /// How the vertices of a frame move with its pose and with the shape. Pose correctives are taken as constant.
-struct VertexMotion<'a> {
+pub struct VertexMotion<'a> {
     rig: &'a Rig<'a>,
     posed: &'a PosedHand,
     /// Derivatives of the joints' posed positions, `[parameters][n_b]`.
@@ -101,7 +101,8 @@ struct VertexMotion<'a> {
 }
 
 impl<'a> VertexMotion<'a> {
-    fn new(rig: &'a Rig<'a>, posed: &'a PosedHand) -> VertexMotion<'a> {
+    /// Of a posed hand.
+    pub fn new(rig: &'a Rig<'a>, posed: &'a PosedHand) -> VertexMotion<'a> {
         let model = &rig.shaped.model;
         let d_origins = |d_joints: &Vec<DVec3>| {
             let mut moved = d_joints.clone();
@@ -144,6 +145,29 @@ impl<'a> VertexMotion<'a> {
         for (k, (a, b)) in a.1.iter().zip(&b.1).enumerate() {
             push(translation + 3 + k, point.gradient.dot(0.5 * (*a + *b)));
         }
+    }
+
+    /// The non-zero derivatives of a face point's position by the pose, by ascending parameter. The point is the mean of
+    /// the corners with these weights.
+    pub fn of_face_point(&mut self, corners: [u32; 3], weights: [f64; 3], row: &mut Vec<(usize, DVec3)>) {
+        row.clear();
+        for vertex in corners {
+            if self.known[vertex as usize].is_none() {
+                self.known[vertex as usize] = Some(self.of_vertex(vertex as usize));
+            }
+        }
+        let [Some(a), Some(b), Some(c)] = corners.map(|vertex| self.known[vertex as usize].as_ref()) else { return };
+        for (i, joint) in self.rig.moving.iter().enumerate() {
+            let arm = weights[0] * a.0[i] + weights[1] * b.0[i] + weights[2] * c.0[i];
+            if arm == DVec3::ZERO {
+                continue;
+            }
+            let parent = self.rig.shaped.model.parents[*joint];
+            let axes = parent.map_or(DMat3::IDENTITY, |parent| self.posed.chain.world[parent].linear);
+            row.extend((0..3).map(|axis| (3 * i + axis, axes.col(axis).cross(arm))));
+        }
+        let translation = 3 * self.rig.moving.len();
+        row.extend((0..3).map(|axis| (translation + axis, DVec3::AXES[axis])));
     }
 
     fn of_vertex(&self, vertex: usize) -> (Vec<DVec3>, Vec<DVec3>) {
