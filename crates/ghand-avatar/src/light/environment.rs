@@ -109,7 +109,7 @@ impl Light {
         let turn = DQuat::from_axis_angle(UP, angle);
         let all = directions();
         let mut radiances = [[0.0f64; 3]; DIRECTION_COUNT];
-        for (d, radiance) in all.iter().zip(self.from_directions().coefficients) {
+        for (d, radiance) in all.iter().zip(self.as_directions().coefficients) {
             let to = turn * *d;
             let mut near: Vec<(f64, usize)> = (0..DIRECTION_COUNT).map(|k| ((all[k] - to).length(), k)).collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -127,7 +127,7 @@ impl Light {
     }
 
     /// The light from directions; that of harmonics is what they say of an open surface that faces the direction.
-    fn from_directions(&self) -> Light {
+    fn as_directions(&self) -> Light {
         match self.kind {
             LightKind::Transfer => self.clone(),
             LightKind::Sh => {

@@ -79,7 +79,7 @@ impl DepthMap {
         let [a, b, c] = triangle.map(|corner| self.place(corner));
         let area = (b - a).perp_dot(c - a);
         // Counter-clockwise triangles look towards the light.
-        if !(area < 0.0) {
+        if area.is_nan() || area >= 0.0 {
             return;
         }
         // The map has a border: all of these are in it.
@@ -168,8 +168,8 @@ mod tests {
             let chosen = [3, 20, 41, 60];
             let columns = of_vertices(&model.faces, &vertices, &normals, &|k| chosen.contains(&k));
             let (mut agree, mut count, mut hidden) = (0.0, 0.0, 0.0);
-            for k in 0..DIRECTION_COUNT {
-                assert_eq!(columns[k].len(), if chosen.contains(&k) { vertices.len() } else { 0 });
+            for (k, column) in columns.iter().enumerate() {
+                assert_eq!(column.len(), if chosen.contains(&k) { vertices.len() } else { 0 });
             }
             for k in chosen {
                 let d = directions()[k];

@@ -20,7 +20,7 @@ impl DirectTables {
         let mut sorted = seen.to_vec();
         sorted.sort_by(f32::total_cmp);
         let median = f64::from(sorted.get(count / 2).copied().unwrap_or_default());
-        if !(median > 0.0) {
+        if median.is_nan() || median <= 0.0 {
             return;
         }
         let weights: Vec<f64> = seen.iter().map(|w| (f64::from(*w) / median).clamp(0.0, 1.0)).collect();
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn unseen_gaussians_get_what_lies_between_seen_ones_and_those_stay() {
-        let noise = |p: usize| if p % 2 == 0 { 9.0 } else { -9.0 };
+        let noise = |p: usize| if p.is_multiple_of(2) { 9.0 } else { -9.0 };
         let seen = |p: usize| !(20..40).contains(&p);
         let mut row: Vec<f32> = (0..60)
             .map(|p| {
