@@ -71,6 +71,7 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
             ("ssim_weight", s.ssim_weight),
             ("offset_weight", s.offset_weight),
             ("scale_weight", s.scale_weight),
+            ("color_roughness", s.color_roughness),
             ("rate_shape_basis", s.rate_shape_basis),
             ("rate_residual_weights", s.rate_residual_weights),
             ("rate_regressor", s.rate_regressor),

@@ -228,6 +228,8 @@ impl TrainSettings {
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
             color_components: 0,
+            color_roughness: 0.0,
+            offset_roughness: 0.0,
             rate_residual_weights: 0.0,
             rate_regressor: 0.0,
             rate_response: 0.0,
