@@ -45,7 +45,7 @@ impl Light {
         ]
         .map(|([x, up, z], strength, color)| (DVec3::new(x, -up, z).normalize(), strength, color));
         let radiance = |d: DVec3| {
-            let room = 0.35 + 0.15 * d.dot(UP);
+            let room = 0.12 + 0.08 * d.dot(UP);
             [0, 1, 2].map(|c| {
                 let lamp = |(towards, strength, color): &(DVec3, f64, [f64; 3])| {
                     strength * color[c] * ((d.dot(*towards) - 1.0) * 6.0).exp()
