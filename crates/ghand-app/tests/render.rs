@@ -157,7 +157,7 @@ fn save_lit_avatar(folder: &std::path::Path) {
     let mut avatar = Avatar::load(&save_avatar(folder)).unwrap();
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution).unwrap();
     let coefficients = directions().map(|d| [if d.x > 0.7 { 6.0 } else { 0.1 }; 3]).to_vec();
-    let light = Light { kind: LightKind::Transfer, coefficients };
+    let light = Light { kind: LightKind::Transfer, turn: glam::DQuat::IDENTITY, coefficients };
     avatar.light = Some(AvatarLight::new(light, &samples));
     avatar.save(&folder.join("lit.ghand")).unwrap();
 }

@@ -8,7 +8,7 @@ use ghand_core::{HandModel, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use ghand_files::json_error::plain_json_error;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
@@ -138,6 +138,7 @@ fn tensors(avatar: &Avatar) -> Tensors {
     if let Some(lit) = &avatar.light {
         let light = &lit.light;
         out.add("light.coefficients", Dtype::F32, &[light.coefficients.len(), 3], light.coefficients.as_flattened());
+        out.add("light.turn", Dtype::F64, &[4], &light.turn.to_array());
         out.add("light.faces", Dtype::U32, &[lit.faces.len()], &lit.faces);
         out.add("light.barycentric", Dtype::F32, &[lit.barycentric.len(), 3], lit.barycentric.as_flattened());
     }
@@ -372,12 +373,16 @@ impl<'a> Reader<'a> {
         if kind == LightKind::Transfer && coefficients.iter().flatten().any(|radiance| *radiance < 0.0) {
             return Err(self.invalid("light.coefficients", "a radiance is negative; train the avatar again"));
         }
+        let turn = DQuat::from_slice(&self.doubles("light.turn", &[Some(4)])?);
+        if !turn.is_normalized() {
+            return Err(self.invalid("light.turn", "is no unit quaternion; train the avatar again"));
+        }
         let (_, on) = self.tensor::<u32>("light.faces", Dtype::U32, &[Some(count)])?;
         if let Some(face) = on.iter().find(|face| **face as usize >= faces) {
             return Err(self.invalid("light.faces", format!("names face {face} of {faces}; train the avatar again")));
         }
         let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
-        Ok(AvatarLight { light: Light { kind, coefficients }, faces: on, barycentric })
+        Ok(AvatarLight { light: Light { kind, turn, coefficients }, faces: on, barycentric })
     }
 }
 
@@ -392,7 +397,10 @@ mod tests {
         let mut avatar = small();
         let samples = ghand_hand_model::surface::sample_surface(&avatar.model, 16).unwrap();
         let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
-        avatar.light = Some(AvatarLight::new(Light { kind: LightKind::Transfer, coefficients }, &samples));
+        avatar.light = Some(AvatarLight::new(
+            Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
+            &samples,
+        ));
         avatar
     }
 
@@ -405,10 +413,12 @@ mod tests {
         assert_eq!(read.light, lit().light);
         assert!(read.light.is_some());
         type Damage = (&'static str, fn(&mut AvatarLight));
-        let spoil: [Damage; 6] = [
+        let spoil: [Damage; 8] = [
             ("light.coefficients", |l| l.light.coefficients[3][1] = -0.1),
             ("light.coefficients", |l| l.light.coefficients[3][1] = f32::NAN),
             ("light.coefficients", |l| l.light.coefficients.truncate(9)),
+            ("light.turn", |l| l.light.turn.w = 2.0),
+            ("light.turn", |l| l.light.turn.x = f64::NAN),
             ("light.faces", |l| l.faces[2] = 1 << 30),
             ("light.faces", |l| l.faces.truncate(3)),
             ("light.barycentric", |l| l.barycentric[0][0] = f32::INFINITY),

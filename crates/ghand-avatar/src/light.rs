@@ -12,6 +12,7 @@ use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, direct
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// How light reaches the skin.
@@ -44,6 +45,8 @@ impl LightKind {
 pub struct Light {
     /// How it reaches the skin.
     pub kind: LightKind,
+    /// From the light's own axes, in which directions and harmonics are, to the world's.
+    pub turn: DQuat,
     /// Radiance of each direction of `ghand_core::light::directions`, or the factor of each harmonic; linear RGB, with a
     /// mean over the directions of 1.
     pub coefficients: Vec<[f32; 3]>,
@@ -88,12 +91,17 @@ impl AvatarLight {
 }
 
 impl Light {
+    /// Unit vectors towards the light of each of the directions, world axes.
+    pub fn directions(&self) -> [DVec3; DIRECTION_COUNT] {
+        directions().map(|d| self.turn * d)
+    }
+
     /// The shade of each vertex of a hand in a pose, RGB.
     ///
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn vertex_shades(&self, model: &HandModel, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
-        let parts = Parts::new(self.kind, model, pose, &|k| self.coefficients[k] != [0.0; 3])?;
+        let parts = Parts::new(self.kind, self.turn, model, pose, &|k| self.coefficients[k] != [0.0; 3])?;
         let mut sums = vec![[0.0f64; 3]; model.vertices.len()];
         for (column, coefficient) in parts.columns.iter().zip(&self.coefficients) {
             for (sum, part) in sums.iter_mut().zip(column) {
@@ -114,12 +122,13 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The parts of the coefficients that `wanted` names.
+    /// The parts of the coefficients that `wanted` names, of a light whose axes are turned.
     ///
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn new(
         kind: LightKind,
+        turn: DQuat,
         model: &HandModel,
         pose: &Pose,
         wanted: &(dyn Fn(usize) -> bool + Sync),
@@ -128,17 +137,18 @@ impl Parts {
         let normals = model.vertex_normals(&vertices);
         let columns = match kind {
             LightKind::Sh => {
-                let all: Vec<[f64; HARMONIC_COUNT]> = normals.iter().map(|n| harmonics(*n)).collect();
+                let all: Vec<[f64; HARMONIC_COUNT]> = normals.iter().map(|n| harmonics(turn.inverse() * *n)).collect();
                 (0..HARMONIC_COUNT).map(|k| all.iter().map(|values| values[k] as f32).collect()).collect()
             }
-            LightKind::Transfer => visibility::of_vertices(&model.faces, &vertices, &normals, wanted)
-                .into_iter()
-                .zip(directions())
-                .map(|(seen, d)| {
-                    let parts = seen.iter().zip(&normals);
-                    parts.map(|(seen, n)| seen * cosine_transfer(*n, d) as f32).collect()
-                })
-                .collect(),
+            LightKind::Transfer => {
+                let towards = directions().map(|d| turn * d);
+                let part = |d: DVec3, seen: &f32, n: &DVec3| seen * cosine_transfer(*n, d) as f32;
+                visibility::of_vertices(&model.faces, &vertices, &normals, &towards, wanted)
+                    .iter()
+                    .zip(towards)
+                    .map(|(seen, d)| seen.iter().zip(&normals).map(|(seen, n)| part(d, seen, n)).collect())
+                    .collect()
+            }
         };
         Ok(Parts { columns })
     }

@@ -146,12 +146,14 @@ fn print_light(report: &LightReport) {
         Some(LightKind::Sh) => "apart from skin, as spherical harmonics",
         Some(LightKind::Transfer) => "apart from skin, from directions with shadows",
     };
-    let LightFigures { none, sh, transfer } = report.squared_error_left_out;
-    say!("light: {kind}");
+    let LightFigures { none, sh, lamps, transfer } = report.squared_error_left_out;
+    say!("light: {kind}; found in {:.0} s", report.seconds);
     say!(
-        "       squared error x 1000 of frames left out: {:.2} without, {:.2} harmonics, {:.2} directions",
+        "       squared error x 1000 of frames left out: {:.2} without, {:.2} harmonics, {:.2} few lamps in an even sky, \
+         {:.2} all directions",
         1e3 * none,
         1e3 * sh,
+        1e3 * lamps,
         1e3 * transfer
     );
 }

@@ -4,7 +4,6 @@
 //! of something else that is turned to the point. Its own surface is not in the map, so that no offset along the normal
 //! is needed, and things may touch.
 
-use ghand_core::light::{DIRECTION_COUNT, directions};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -16,21 +15,22 @@ const MOST_CELLS: usize = 128;
 /// centres, and near a terminator the own surface's far side is close.
 const MARGIN: f32 = 0.002;
 
-/// How much of the light from each of the `ghand_core::light::directions` reaches each vertex, 0 to 1: one column of V
-/// numbers per direction; empty for those not wanted.
+/// How much of the light from each direction `towards` (unit vectors) reaches each vertex, 0 to 1: one column of V numbers
+/// per direction; empty for those not wanted.
 pub fn of_vertices(
     faces: &[[u32; 3]],
     vertices: &[DVec3],
     normals: &[DVec3],
+    towards: &[DVec3],
     wanted: &(dyn Fn(usize) -> bool + Sync),
 ) -> Vec<Vec<f32>> {
     // In f32 only relative to a near point.
     let origin = vertices.first().copied().unwrap_or_default();
     let vertices: Vec<Vec3> = vertices.iter().map(|v| (*v - origin).as_vec3()).collect();
-    let all = directions();
-    (0..DIRECTION_COUNT)
-        .into_par_iter()
-        .map(|k| if wanted(k) { from_direction(all[k], faces, &vertices, normals) } else { vec![] })
+    towards
+        .par_iter()
+        .enumerate()
+        .map(|(k, d)| if wanted(k) { from_direction(*d, faces, &vertices, normals) } else { vec![] })
         .collect()
 }
 
@@ -114,6 +114,7 @@ impl DepthMap {
 
 #[cfg(test)]
 mod tests {
+    use ghand_core::light::directions;
     use ghand_hand_model::builtin::builtin_hand;
     use ghand_hand_model::named_poses::named_pose;
 
@@ -166,7 +167,7 @@ mod tests {
             let vertices = ghand_core::posing::pose_hand(&model, &[], &pose).unwrap().vertices;
             let normals = model.vertex_normals(&vertices);
             let chosen = [3, 20, 41, 60];
-            let columns = of_vertices(&model.faces, &vertices, &normals, &|k| chosen.contains(&k));
+            let columns = of_vertices(&model.faces, &vertices, &normals, &directions(), &|k| chosen.contains(&k));
             let (mut agree, mut count, mut hidden) = (0.0, 0.0, 0.0);
             for (k, column) in columns.iter().enumerate() {
                 assert_eq!(column.len(), if chosen.contains(&k) { vertices.len() } else { 0 });

@@ -1,0 +1,312 @@
+//! Light and albedos from the colours of texels in many frames, by alternating least squares.
+//!
+//! Errors count as they are seen: those of dark skin, which say how bright the shadows are, as much as those of lit skin.
+//! Large ones count less: the edge of a shadow is where template and hand differ.
+
+use ghand_core::light::{DISPLAY_EXPONENT, linear, shade};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Most turns of light and albedo, and the change of the light, as a fraction of it, that ends them.
+const ROUNDS: usize = 40;
+const SMALL_CHANGE: f64 = 1e-3;
+/// Ridge on the light, as a fraction of the mean diagonal.
+const LIGHT_RIDGE: f64 = 1e-3;
+/// What [`Unknowns::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is gained
+/// by a lamp of its own there stays in the sky.
+const SPARSITY: f64 = 0.03;
+/// Ridge on the albedos, towards their mean: the squared ratio of what the model leaves unexplained to how much skin
+/// varies. A hand that hardly turns does not tell light from skin otherwise.
+const ALBEDO_RIDGE: f64 = 0.1;
+/// Linear values below this count as much as it does: their errors are those of 8 bits and of stray light.
+const DARKEST: f64 = 0.01;
+/// Display values; errors of three times the median one, but at least of this, count half.
+const LEAST_LARGE_ERROR: f64 = 0.03;
+/// Sweeps of coordinate descent; the matrix is small and its diagonal strong.
+const SWEEPS: usize = 400;
+
+/// What is to be found of a light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unknowns {
+    /// Nothing: all light is even.
+    Constant,
+    /// Factors of harmonics, of which the first is constant.
+    Harmonics,
+    /// A sky that is the same from everywhere, and lamps in few of the directions.
+    Lamps,
+    /// The radiance of each direction.
+    Directions,
+}
+
+/// What a frame shows of some texels.
+pub(super) struct FrameColors {
+    /// Which texels.
+    pub texels: Vec<usize>,
+    /// Their colours, linear.
+    pub colors: Vec<[f64; 3]>,
+    /// What each unknown of the light gives each of them.
+    pub parts: DMatrix<f64>,
+}
+
+/// Light and albedos of one channel.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ChannelFit {
+    pub light: DVector<f64>,
+    pub albedo: DVector<f64>,
+}
+
+/// Light and albedos of the three channels, linear.
+pub(super) fn fit(unknowns: Unknowns, frames: &[&FrameColors], texels: usize) -> Vec<ChannelFit> {
+    (0..3usize).into_par_iter().map(|channel| fit_channel(unknowns, frames, texels, channel)).collect()
+}
+
+fn fit_channel(unknowns: Unknowns, frames: &[&FrameColors], texels: usize, channel: usize) -> ChannelFit {
+    let count = frames.first().map_or(0, |frame| frame.parts.ncols());
+    // Even light.
+    let mut light = DVector::from_element(count, 1.0);
+    if unknowns == Unknowns::Harmonics {
+        light.rows_mut(1, count.saturating_sub(1)).fill(0.0);
+    }
+    if unknowns == Unknowns::Constant {
+        return ChannelFit { light, albedo: mean_colors(frames, texels, channel) };
+    }
+    let values: Vec<Vec<f64>> =
+        frames.iter().map(|frame| frame.colors.iter().map(|color| color[channel]).collect()).collect();
+    // All skin alike: what light explains is light.
+    let mut albedo = DVector::from_element(texels, 1.0);
+    let mut weights: Vec<Vec<f64>> =
+        values.iter().map(|values| values.iter().map(|value| steepness(*value).powi(2)).collect()).collect();
+    for _ in 0..ROUNDS {
+        let before = light.clone();
+        light = fit_light(unknowns, frames, &values, &weights, &albedo, light);
+        albedo = fit_albedo(frames, &values, &weights, &light, texels);
+        weights = robust_weights(frames, &values, &light, &albedo);
+        if (&light - before).norm() < SMALL_CHANGE * light.norm() {
+            break;
+        }
+    }
+    ChannelFit { light, albedo }
+}
+
+/// The texels' mean colours, taken over display values.
+fn mean_colors(frames: &[&FrameColors], texels: usize, channel: usize) -> DVector<f64> {
+    let mut sums = vec![[0.0; 2]; texels];
+    for frame in frames {
+        for (t, color) in frame.texels.iter().zip(&frame.colors) {
+            sums[*t][0] += shade(color[channel]);
+            sums[*t][1] += 1.0;
+        }
+    }
+    let mean = sums.iter().map(|sum| sum[0]).sum::<f64>() / sums.iter().map(|sum| sum[1]).sum::<f64>().max(1.0);
+    let of_texel = |[sum, count]: &[f64; 2]| linear(if *count > 0.0 { sum / count } else { mean });
+    DVector::from_iterator(texels, sums.iter().map(of_texel))
+}
+
+/// The light under which albedos look as they do, with a mean of 1: albedo carries the scale.
+fn fit_light(
+    unknowns: Unknowns,
+    frames: &[&FrameColors],
+    values: &[Vec<f64>],
+    weights: &[Vec<f64>],
+    albedo: &DVector<f64>,
+    before: DVector<f64>,
+) -> DVector<f64> {
+    let count = before.len();
+    let mut matrix = DMatrix::zeros(count, count);
+    let mut vector = DVector::zeros(count);
+    for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
+        let mut rows = frame.parts.clone();
+        let mut targets = DVector::zeros(values.len());
+        for (i, mut row) in rows.row_iter_mut().enumerate() {
+            let weight = weights[i].sqrt();
+            row *= weight * albedo[frame.texels[i]];
+            targets[i] = weight * values[i];
+        }
+        let transposed = rows.transpose();
+        matrix += &transposed * &rows;
+        vector += transposed * targets;
+    }
+    let ridge = LIGHT_RIDGE * matrix.trace() / count as f64;
+    // Drawn to even light, so that directions that nothing shows are not dark.
+    for k in 0..count {
+        matrix[(k, k)] += ridge;
+        if unknowns != Unknowns::Harmonics {
+            vector[k] += ridge;
+        }
+    }
+    let mut light = match unknowns {
+        Unknowns::Directions => non_negative(&matrix, &vector, before),
+        Unknowns::Lamps => lamps_in_a_sky(&matrix, &vector, &before),
+        Unknowns::Harmonics | Unknowns::Constant => matrix.lu().solve(&vector).unwrap_or(before),
+    };
+    let scale = if unknowns == Unknowns::Harmonics { light[0] } else { light.mean() };
+    if scale > 0.0 {
+        light /= scale;
+    }
+    light
+}
+
+/// The albedos of all texels under a light, drawn to their mean.
+fn fit_albedo(
+    frames: &[&FrameColors],
+    values: &[Vec<f64>],
+    weights: &[Vec<f64>],
+    light: &DVector<f64>,
+    texels: usize,
+) -> DVector<f64> {
+    // Of each texel: sums of irradiance * colour and of irradiance^2.
+    let mut sums = vec![[0.0; 2]; texels];
+    for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
+        let irradiance = &frame.parts * light;
+        for (i, t) in frame.texels.iter().enumerate() {
+            sums[*t][0] += weights[i] * irradiance[i] * values[i];
+            sums[*t][1] += weights[i] * irradiance[i] * irradiance[i];
+        }
+    }
+    let total = |k: usize| sums.iter().map(|sum| sum[k]).sum::<f64>();
+    let mean = total(0) / total(1).max(f64::MIN_POSITIVE);
+    DVector::from_iterator(texels, sums.iter().map(|sum| (sum[0] + ALBEDO_RIDGE * mean) / (sum[1] + ALBEDO_RIDGE)))
+}
+
+/// How much a display value changes with a linear one.
+fn steepness(linear: f64) -> f64 {
+    DISPLAY_EXPONENT * linear.max(DARKEST).powf(DISPLAY_EXPONENT - 1.0)
+}
+
+/// The weights of squared linear errors at a fit.
+fn robust_weights(
+    frames: &[&FrameColors],
+    values: &[Vec<f64>],
+    light: &DVector<f64>,
+    albedo: &DVector<f64>,
+) -> Vec<Vec<f64>> {
+    let errors: Vec<Vec<f64>> = (frames.iter().zip(values))
+        .map(|(frame, values)| {
+            let irradiance = &frame.parts * light;
+            let error =
+                |(i, value): (usize, &f64)| steepness(*value) * (value - albedo[frame.texels[i]] * irradiance[i]);
+            values.iter().enumerate().map(error).collect()
+        })
+        .collect();
+    let mut sizes: Vec<f64> = errors.iter().flatten().map(|error| error.abs()).collect();
+    let middle = sizes.len() / 2;
+    let median = if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    let large = (3.0 * median).max(LEAST_LARGE_ERROR);
+    let weight = |(value, error): (&f64, &f64)| steepness(*value).powi(2) / (1.0 + (error / large) * (error / large));
+    values.iter().zip(&errors).map(|(values, errors)| values.iter().zip(errors).map(weight).collect()).collect()
+}
+
+/// Mean squared error of display values in some frames.
+pub(super) fn squared_error(frames: &[&FrameColors], fits: &[ChannelFit]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for (channel, fit) in fits.iter().enumerate() {
+        for frame in frames {
+            let irradiance = &frame.parts * &fit.light;
+            for (i, t) in frame.texels.iter().enumerate() {
+                let display = shade(irradiance[i] * fit.albedo[*t]).min(1.0);
+                sum += (display - shade(frame.colors[i][channel])).powi(2);
+                count += 1;
+            }
+        }
+    }
+    sum / count.max(1) as f64
+}
+
+/// The light of least error, of which what is not the same from everywhere is sparse: directions are charged for their
+/// radiance above the sky's, those that are bright already hardly at all.
+fn lamps_in_a_sky(matrix: &DMatrix<f64>, vector: &DVector<f64>, before: &DVector<f64>) -> DVector<f64> {
+    let count = before.len();
+    let even = matrix.column_sum();
+    // The last unknown is the sky.
+    let mut all = matrix.clone().resize(count + 1, count + 1, 0.0);
+    all.view_mut((count, 0), (1, count)).tr_copy_from(&even);
+    all.view_mut((0, count), (count, 1)).copy_from(&even);
+    all[(count, count)] = even.sum();
+    let sky = before.min();
+    let charge = SPARSITY * vector.mean();
+    let mut values = vector.clone().resize_vertically(count + 1, vector.sum());
+    let mut start = before.clone().resize_vertically(count + 1, sky);
+    for k in 0..count {
+        start[k] -= sky;
+        values[k] -= charge / (1.0 + start[k] / before.mean());
+    }
+    let found = non_negative(&all, &values, start);
+    found.rows(0, count).add_scalar(found[count])
+}
+
+/// The minimum of `x^T A x / 2 - b^T x` without negative `x`, by coordinate descent from `x`.
+fn non_negative(matrix: &DMatrix<f64>, vector: &DVector<f64>, mut x: DVector<f64>) -> DVector<f64> {
+    for _ in 0..SWEEPS {
+        let mut change = 0.0f64;
+        for k in 0..x.len() {
+            let gradient = matrix.column(k).dot(&x) - vector[k];
+            if matrix[(k, k)] > 0.0 {
+                let next = (x[k] - gradient / matrix[(k, k)]).max(0.0);
+                change = change.max((next - x[k]).abs());
+                x[k] = next;
+            }
+        }
+        if change < 1e-9 * x.max() {
+            break;
+        }
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::light::{cosine_transfer, directions};
+    use glam::DQuat;
+
+    use super::*;
+
+    #[test]
+    fn the_non_negative_minimum_meets_its_conditions() {
+        let rows = DMatrix::from_fn(30, 6, |i, k| (1.7 * (i * (k + 1)) as f64 + k as f64).sin());
+        let values = DVector::from_fn(30, |i, _| (0.9 * i as f64).cos());
+        let (matrix, vector) = (rows.tr_mul(&rows), rows.tr_mul(&values));
+        let x = non_negative(&matrix, &vector, DVector::from_element(6, 1.0));
+        let gradient = &matrix * &x - &vector;
+        assert!(x.iter().any(|x| *x == 0.0) && x.iter().any(|x| *x > 0.0), "{x}");
+        for (x, g) in x.iter().zip(&gradient) {
+            assert!(if *x > 0.0 { g.abs() < 1e-8 } else { *g > -1e-8 }, "{x}: {g}");
+        }
+    }
+
+    /// A lamp in a sky on balls of random skin, each turned otherwise in each frame.
+    fn planted(lamp: usize, sky: f64) -> (Vec<FrameColors>, Vec<f64>) {
+        let towards = directions();
+        let albedo: Vec<f64> = (0..200).map(|t| 0.4 + 0.2 * (7.3 * t as f64).sin()).collect();
+        let frame = |f: usize| {
+            let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.1 * f as f64, -0.07 * f as f64, 0.05 * f as f64);
+            let normal = |t: usize| turn * towards[(t * 13) % 64];
+            let parts = DMatrix::from_fn(albedo.len(), 64, |t, k| cosine_transfer(normal(t), towards[k]));
+            let color = |t: usize| {
+                let irradiance: f64 = (0..64).map(|k| parts[(t, k)] * if k == lamp { 16.0 } else { sky }).sum();
+                [irradiance * albedo[t]; 3]
+            };
+            FrameColors { texels: (0..albedo.len()).collect(), colors: (0..albedo.len()).map(color).collect(), parts }
+        };
+        ((0..10).map(frame).collect(), albedo)
+    }
+
+    #[test]
+    fn a_lamp_in_a_sky_and_the_skin_under_them_are_found() {
+        for (lamp, sky) in [(5, 0.3), (40, 0.1)] {
+            let (frames, albedo) = planted(lamp, sky);
+            let found = &fit(Unknowns::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len())[0];
+            assert_eq!(found.light.imax(), lamp);
+            let skies = found.light.iter().filter(|radiance| **radiance == found.light.min()).count();
+            assert!(skies >= 60, "{skies} of 64 directions are the sky");
+            let ratio = found.light.min() / found.light[lamp] / (sky / 16.0);
+            assert!((0.8..1.25).contains(&ratio), "the sky has {ratio} of its strength");
+            let mut ratios: Vec<f64> =
+                found.albedo.iter().zip(&albedo).map(|(found, planted)| found / planted).collect();
+            ratios.sort_by(f64::total_cmp);
+            let middle = ratios[ratios.len() / 2];
+            let mut errors: Vec<f64> = ratios.iter().map(|ratio| (ratio / middle - 1.0).abs()).collect();
+            errors.sort_by(f64::total_cmp);
+            assert!(errors[errors.len() / 2] < 0.05, "{}", errors[errors.len() / 2]);
+        }
+    }
+}
