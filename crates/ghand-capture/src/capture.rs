@@ -8,6 +8,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::procedural::ProceduralHand;
 
+use crate::color_correction::ColorCorrection;
 use crate::distortion::Distortion;
 pub use crate::error::CaptureError;
 pub use crate::split::{Split, SplitView};
@@ -81,6 +82,8 @@ pub struct Capture {
     /// Distortion of the cameras' lenses, one per camera; empty if none has any. Files of images and masks are
     /// distorted, views are not: [`Capture::load_view`] undistorts them.
     pub distortion: Vec<Option<Distortion>>,
+    /// What [`Capture::load_view`] does to the colours of the images. No file has it: training finds it.
+    pub color_correction: ColorCorrection,
     /// The frames, poses in the order of the hand model's joints.
     pub frames: Vec<Frame>,
     /// Where the images are.

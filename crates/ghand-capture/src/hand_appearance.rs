@@ -88,6 +88,7 @@ pub(crate) fn read_hand_appearance(
             Some("{sequence}/mask/{number}_mask.jpg"),
         ),
         distortion: vec![],
+        color_correction: Default::default(),
         splits: BTreeMap::new(),
         truth: None,
     };

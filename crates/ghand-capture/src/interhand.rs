@@ -123,6 +123,7 @@ pub(crate) fn read_interhand(
         images: paths,
         splits: BTreeMap::new(),
         distortion: vec![],
+        color_correction: Default::default(),
         truth: truth(&location.root.join(TRUTH_FILE), &frames, &model.joint_names)?,
         frames,
     };

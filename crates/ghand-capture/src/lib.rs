@@ -8,6 +8,7 @@ pub mod camera_file;
 pub mod camera_sampling;
 pub mod capture;
 mod capture_validation;
+pub mod color_correction;
 pub mod distortion;
 mod error;
 pub mod ghand_format;
@@ -31,6 +32,7 @@ pub mod view;
 pub mod view_store;
 
 pub use capture::{Capture, CaptureError, Frame, Split, SplitView};
+pub use color_correction::ColorCorrection;
 pub use open::OpenOptions;
 pub use opened::{CaptureKind, Opened};
 pub use view::{CroppedView, View};

@@ -18,8 +18,8 @@ pub struct View {
     pub height: u32,
     /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are
     /// exactly those of the file, with these exceptions: images with an alpha channel are composited over the capture's
-    /// background, the linear light of EXR is encoded as sRGB, images of cameras with distortion are undistorted, and
-    /// captures may hide the surroundings.
+    /// background, the linear light of EXR is encoded as sRGB, images of cameras with distortion are undistorted,
+    /// colours are corrected if the capture says so, and captures may hide the surroundings.
     pub rgba: Vec<[u8; 4]>,
 }
 
@@ -130,6 +130,7 @@ impl Capture {
             rgba = distortion.undistorted(camera, &rgba, [r, g, b, 0]);
             cut(&mut rgba);
         }
+        self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
         if self.images.hide_surroundings {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }

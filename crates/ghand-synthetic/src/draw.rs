@@ -10,6 +10,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::cast_shadow::{add_shadow, plant_light};
+use super::exposure::exposures;
 use super::lighting::lighting;
 use super::mask_errors::MaskErrors;
 use super::true_hand::{PosedHand, TrueHand};
@@ -28,6 +29,7 @@ pub(super) fn draw(
 ) -> Result<(), CaptureError> {
     let exact = MaskErrors { pixels: 0.0, seed: options.seed };
     let errors = MaskErrors { pixels: options.mask_noise_pixels, ..exact };
+    let exposures = exposures(capture.cameras.len(), options.exposure_noise, options.seed);
     let lighting = lighting(options.light);
     let poses = capture.truth.iter().flatten().map(|pose| pose.as_ref());
     for (frame, pose) in poses.enumerate() {
@@ -39,10 +41,12 @@ pub(super) fn draw(
         if let Some(light) = options.light.planted() {
             plant_light(&mut posed, &light);
         }
-        for (split, errors) in [("train", &errors), ("test", &exact)] {
+        for (split, errors, exposures) in [("train", &errors, Some(&exposures)), ("test", &exact, None)] {
             let Some(split) = capture.splits.get(split).filter(|split| split.frames.contains(&frame)) else { continue };
             for &camera in &split.cameras {
-                Shot { capture, hand, posed: &posed, lighting: &lighting, camera, frame }.take(errors, render)?;
+                let exposure = exposures.map_or([1.0; 3], |all| all[camera]);
+                Shot { capture, hand, posed: &posed, lighting: &lighting, camera, frame, exposure }
+                    .take(errors, render)?;
             }
         }
     }
@@ -57,6 +61,8 @@ struct Shot<'a> {
     lighting: &'a SceneLighting,
     camera: usize,
     frame: usize,
+    /// Factors on the display values.
+    exposure: [f64; 3],
 }
 
 impl Shot<'_> {
@@ -81,7 +87,8 @@ impl Shot<'_> {
         let over_background = |[r, g, b, a]: [u8; 4]| {
             let a = f64::from(a) / 255.0;
             let mix = |value: u8, behind: f64| (f64::from(value) * a + 255.0 * behind * (1.0 - a)).round() as u8;
-            [mix(r, capture.background[0]), mix(g, capture.background[1]), mix(b, capture.background[2])]
+            let mixed = [mix(r, capture.background[0]), mix(g, capture.background[1]), mix(b, capture.background[2])];
+            [0, 1, 2].map(|c| (f64::from(mixed[c]) * self.exposure[c]).round().min(255.0) as u8)
         };
         let colors: Vec<u8> = pixels.iter().flat_map(|p| over_background(*p)).collect();
         let covered: Vec<bool> = pixels.iter().map(|p| p[3] >= 128).collect();

@@ -15,6 +15,7 @@ mod cast_shadow;
 mod complexion;
 mod curve;
 mod draw;
+mod exposure;
 mod finger_play;
 mod folds;
 mod light_visibility;
@@ -151,6 +152,9 @@ pub struct SyntheticOptions {
     /// Standard deviation of the errors of the training masks' outlines, pixels; they are alike over some 15 pixels. In
     /// one mask of eight, a disc of four times this radius is missing at the outline.
     pub mask_noise_pixels: f64,
+    /// Standard deviation of the logarithm of the training cameras' exposures, of display values; each channel has a third
+    /// of it in addition.
+    pub exposure_noise: f64,
     /// Standard deviation of additional true rotations of the fingers' joints about their bones, degrees, within what
     /// the joints allow.
     pub twist_degrees: f64,
@@ -179,6 +183,7 @@ impl Default for SyntheticOptions {
             translation_noise: 0.001,
             pose_bias_degrees: 0.0,
             mask_noise_pixels: 0.0,
+            exposure_noise: 0.0,
             twist_degrees: 0.0,
             abduction_degrees: 0.0,
             side: Side::Right,
@@ -320,6 +325,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
         ("translation_noise", options.translation_noise, 0.1),
         ("pose_bias_degrees", options.pose_bias_degrees, 45.0),
         ("mask_noise_pixels", options.mask_noise_pixels, 10.0),
+        ("exposure_noise", options.exposure_noise, 1.0),
         ("twist_degrees", options.twist_degrees, 45.0),
         ("abduction_degrees", options.abduction_degrees, 45.0),
     ];
@@ -422,6 +428,7 @@ fn plan(options: &SyntheticOptions, templates: Templates, true_hand: &TrueHand, 
         hand_model_source: HandModelSource::Builtin,
         cameras,
         distortion: vec![],
+        color_correction: Default::default(),
         frames: frames.collect(),
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits,

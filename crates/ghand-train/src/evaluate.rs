@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::alignment_figures::AlignmentFigures;
 use crate::error_bands::MeanBandErrors;
+use crate::exposure::ExposureFit;
 use crate::floor::{Floor, FloorError};
 use crate::hand_box::{HandBox, SIDE};
 use crate::light_fit::LightReport;
@@ -147,6 +148,8 @@ pub struct Metrics {
     pub pose_error_deg: Option<PoseError>,
     /// How the alignment went, with `align=contours`.
     pub alignment: Option<AlignmentFigures>,
+    /// What was found of the cameras' exposures; `null` with `exposure=same`.
+    pub exposure: Option<ExposureFit>,
     /// How light was taken apart from skin; `null` with `light=none`.
     pub light: Option<LightReport>,
     /// Wall-clock time of training, seconds.

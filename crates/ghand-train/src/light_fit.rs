@@ -23,7 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::floor::FloorError;
 use crate::settings::LightChoice;
-use least_squares::{ChannelFit, FrameColors, Unknowns, fit, squared_error};
+use crate::texel_frames::TexelFrames;
+use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, squared_error};
 use observations::Observations;
 
 /// Every this many frames, one is held out.
@@ -61,6 +62,8 @@ pub struct LightFit {
     pub frames: usize,
     /// See `frames`.
     pub texels: usize,
+    /// How much brighter than the fit each of these frames is: factors on display values with a mean logarithm of 0.
+    pub frame_factors: Vec<f64>,
     /// Wall-clock time, seconds.
     pub seconds: f64,
 }
@@ -76,6 +79,9 @@ pub struct LightReport {
     pub frames: usize,
     /// See `frames`.
     pub texels: usize,
+    /// How much frames differ in brightness from what the light explains: standard deviation of the logarithm of display
+    /// values.
+    pub frames_differ: f64,
     /// Wall-clock time, seconds.
     pub seconds: f64,
     /// Unit vector towards the brightest part of the light, world axes: the mean of the directions by radiance above the
@@ -91,9 +97,18 @@ impl LightFit {
             squared_error_left_out: self.figures,
             frames: self.frames,
             texels: self.texels,
+            frames_differ: self.frames_differ(),
             seconds: self.seconds,
             towards: self.light.as_ref().and_then(towards),
         }
+    }
+}
+
+impl LightFit {
+    /// See [`LightReport::frames_differ`].
+    pub fn frames_differ(&self) -> f64 {
+        let squares = self.frame_factors.iter().map(|factor| factor.ln().powi(2)).sum::<f64>();
+        (squares / self.frame_factors.len().max(1) as f64).sqrt()
     }
 }
 
@@ -116,9 +131,20 @@ pub fn fit_light(
     poses: &[Pose],
     choice: LightChoice,
 ) -> Result<LightFit, FloorError> {
+    let seen = TexelFrames::new(gpu, capture, split, poses)?;
+    Ok(fit_light_to(&seen, &capture.template, poses, choice)?)
+}
+
+/// As [`fit_light`], from what is seen already.
+pub(crate) fn fit_light_to(
+    seen: &TexelFrames,
+    template: &HandModel,
+    poses: &[Pose],
+    choice: LightChoice,
+) -> Result<LightFit, InvalidHandModel> {
     let start = Instant::now();
-    let seen = Observations::new(gpu, capture, split, poses)?;
-    let model = capture.template.without_blend_shapes();
+    let seen = Observations::new(seen);
+    let model = template.without_blend_shapes();
     let texels = seen.samples.len();
     let held_out = |frame: usize| frame % HOLD_OUT == HOLD_OUT - 1 && seen.frames.len() >= 2 * HOLD_OUT;
     let error = |unknowns: Unknowns, columns: &[FrameColors]| {
@@ -150,23 +176,19 @@ pub fn fit_light(
         LightChoice::Transfer => directions_needed(&figures).0,
         LightChoice::Auto => needed(&figures),
     };
-    let light = match unknowns {
-        Unknowns::Constant => None,
-        Unknowns::Harmonics => Some((LightKind::Sh, DQuat::IDENTITY, &sh)),
-        Unknowns::Lamps | Unknowns::Directions => Some((LightKind::Transfer, turn, &transfer)),
+    let (kind, turn, columns) = match unknowns {
+        Unknowns::Constant => (None, DQuat::IDENTITY, &constant),
+        Unknowns::Harmonics => (Some(LightKind::Sh), DQuat::IDENTITY, &sh),
+        Unknowns::Lamps | Unknowns::Directions => (Some(LightKind::Transfer), turn, &transfer),
     };
-    let light = light.map(|(kind, turn, columns)| {
-        let fits = all(columns, unknowns);
+    let fits = all(columns, unknowns);
+    let light = kind.map(|kind| {
         let coefficients = (0..kind.len()).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
         Light { kind, turn, coefficients }
     });
-    Ok(LightFit {
-        light,
-        figures,
-        frames: seen.frames.len(),
-        texels: seen.used(),
-        seconds: start.elapsed().as_secs_f64(),
-    })
+    let frame_factors = frame_factors(columns, &fits);
+    let (frames, texels, seconds) = (seen.frames.len(), seen.used(), start.elapsed().as_secs_f64());
+    Ok(LightFit { light, figures, frames, texels, frame_factors, seconds })
 }
 
 /// What each coefficient of a light gives the texels in each frame.

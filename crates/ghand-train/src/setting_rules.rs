@@ -30,6 +30,8 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
         "align" => Rule::Word(&["contours", "paper", "none"]),
         "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),
+        "exposure" => Rule::Word(&["auto", "per_camera", "same"]),
+        "frame_gain" => Rule::Word(&["same", "per_frame"]),
         "pose_stage" => Rule::BelowOne,
         "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
         "pose_uv_resolution" | "uv_resolution" => Rule::Whole(8, 2048),

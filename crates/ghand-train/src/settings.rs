@@ -36,6 +36,30 @@ pub enum LightChoice {
     None,
 }
 
+/// How cameras with other exposures are treated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExposureChoice {
+    /// Corrected if cameras agree better with it in frames left out: [`crate::exposure`].
+    #[default]
+    Auto,
+    /// Each camera's images are corrected.
+    PerCamera,
+    /// All cameras are taken to be alike.
+    Same,
+}
+
+/// How frames that are brighter or darker than light and pose explain are treated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameGain {
+    /// As they are.
+    #[default]
+    Same,
+    /// Each frame's images are made as bright as the others'.
+    PerFrame,
+}
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -46,6 +70,10 @@ pub struct TrainSettings {
     pub align: Align,
     /// How light is taken apart from skin.
     pub light: LightChoice,
+    /// How cameras with other exposures are treated.
+    pub exposure: ExposureChoice,
+    /// How light that changes between frames is treated.
+    pub frame_gain: FrameGain,
     /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
     pub pose_stage: f64,
     /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
@@ -114,6 +142,8 @@ impl Default for TrainSettings {
             iterations: 2000,
             align: Align::default(),
             light: LightChoice::default(),
+            exposure: ExposureChoice::default(),
+            frame_gain: FrameGain::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, AvatarLight, Provenance, Template};
-use ghand_capture::{Capture, Split};
+use ghand_capture::{Capture, ColorCorrection, Split};
 use ghand_core::Pose;
 use ghand_hand_model::surface;
 use ghand_render::deform::pose_stride;
@@ -17,13 +17,15 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::alignment::{Alignment, AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
-use crate::floor::{TexelShades, texel_colors};
-use crate::light_fit::{LightFit, fit_light};
+use crate::exposure::{ExposureFit, fit_exposure};
+use crate::floor::{FloorError, TexelShades, texel_colors};
+use crate::light_fit::{LightFit, fit_light_to};
 use crate::memory_check;
 use crate::metrics::moving_joints;
 use crate::pose_prior::shrink;
-use crate::settings::{Align, LightChoice, TrainSettings};
+use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings};
 use crate::step::{Rates, Step};
+use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
 use crate::views::{TrainView, TrainViews};
 
@@ -51,6 +53,8 @@ pub struct Trained {
     pub alignment: Option<Alignment>,
     /// How the light was found, unless `light=none`.
     pub light: Option<LightFit>,
+    /// What was found of the cameras' exposures, unless `exposure=same`.
+    pub exposure: Option<ExposureFit>,
     /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
     pub iterations: u64,
     /// Wall-clock time of the iterations, seconds.
@@ -82,6 +86,7 @@ pub struct Trainer<'a> {
     gaussians: usize,
     alignment: Option<Alignment>,
     light: Option<LightFit>,
+    exposure: Option<ExposureFit>,
     stop: Option<&'a AtomicBool>,
 }
 
@@ -95,6 +100,11 @@ const PREFETCHED: usize = 16;
 const SEEN_VIEWS: usize = 60;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
+
+/// A larger part of the hand's pixels that is burnt out or black is told.
+const MOST_EXTREME: f64 = 0.1;
+/// Frames whose brightness differs by more than this (standard deviation of the logarithm) are told.
+const UNSTEADY: f64 = 0.06;
 
 /// One stage of training.
 struct Stage {
@@ -157,6 +167,7 @@ impl<'a> Trainer<'a> {
             gaussians,
             alignment: None,
             light: None,
+            exposure: None,
             stop: None,
         })
     }
@@ -205,12 +216,7 @@ impl<'a> Trainer<'a> {
             recenter(&mut refined, &self.poses);
             self.poses = refined;
         }
-        if self.settings.light != LightChoice::None {
-            let fit = gpu.retry_on_device_loss("the light", |gpu| -> Result<LightFit, TrainError> {
-                Ok(fit_light(gpu, &self.capture, &self.split, &self.poses, self.settings.light)?)
-            })?;
-            self.light = Some(fit);
-        }
+        self.find_light(&mut gpu)?;
         let stage = Stage {
             number: 2,
             settings: self.settings.clone(),
@@ -224,8 +230,62 @@ impl<'a> Trainer<'a> {
         let iterations = stage.done + done.iterations;
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        let (poses, alignment, light) = (self.poses, self.alignment, self.light);
-        Ok(Trained { avatar, poses, alignment, light, iterations, seconds: start.elapsed().as_secs_f64() })
+        let (poses, alignment, light, exposure) = (self.poses, self.alignment, self.light, self.exposure);
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, seconds })
+    }
+
+    /// Finds what the images say of exposures and light, and corrects the images accordingly.
+    fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
+        let TrainSettings { light, exposure, frame_gain, .. } = self.settings;
+        if (light, exposure, frame_gain) == (LightChoice::None, ExposureChoice::Same, FrameGain::Same) {
+            return Ok(());
+        }
+        let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
+            Ok(TexelFrames::new(gpu, &self.capture, &self.split, &self.poses)?)
+        })?;
+        let [burnt, black] = seen.extremes();
+        for (part, how) in [(burnt, "burnt out (white)"), (black, "black")] {
+            if part > MOST_EXTREME {
+                log::warn!(
+                    "{:.0} % of what the images show of the hand is {how}: its colours there are not known",
+                    1e2 * part
+                );
+            }
+        }
+        let mut correction = ColorCorrection::default();
+        if exposure != ExposureChoice::Same {
+            let fit = fit_exposure(&seen, exposure);
+            if fit.corrected {
+                correction.cameras.clone_from(&fit.maps);
+                seen.correct(&correction);
+            }
+            self.exposure = Some(fit);
+        }
+        if light != LightChoice::None || frame_gain != FrameGain::Same {
+            let template = self.capture.template.clone();
+            let mut fit = fit_light_to(&seen, &template, &self.poses, light).map_err(FloorError::from)?;
+            let differ = fit.frames_differ();
+            if frame_gain == FrameGain::PerFrame {
+                let even = seen.even_frames(&fit.frame_factors);
+                seen.correct(&even);
+                correction.frames = even.frames;
+                let again = fit_light_to(&seen, &template, &self.poses, light).map_err(FloorError::from)?;
+                fit = LightFit { frame_factors: fit.frame_factors, ..again };
+            } else if differ > UNSTEADY {
+                log::warn!(
+                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains: if \
+                     the light changed, use --set frame_gain=per_frame",
+                    1e2 * differ
+                );
+            }
+            self.light = (light != LightChoice::None).then_some(fit);
+        }
+        if !correction.is_empty() {
+            self.capture.color_correction = correction;
+            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        }
+        Ok(())
     }
 
     /// Aligns poses and proportions.

@@ -51,6 +51,10 @@ pub struct CaptureArgs {
     /// eight also misses a disc of four times this radius. Images and test masks stay exact [default: 0]
     #[arg(long, value_name = "PX")]
     mask_noise: Option<f64>,
+    /// Standard deviation of the exposures of the training cameras, as a part of the display values; each channel has a
+    /// third of it in addition. Test images are exact [default: 0]
+    #[arg(long, value_name = "PART")]
+    exposure_noise: Option<f64>,
     /// Standard deviation of additional true rotations of the fingers' joints about their bones, degrees, within
     /// anatomical limits, to which hinges add a play of 10 degrees [default: 0]
     #[arg(long, value_name = "DEG")]
@@ -99,6 +103,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         pose_noise_degrees: args.pose_noise.unwrap_or(defaults.pose_noise_degrees),
         pose_bias_degrees: args.pose_bias.unwrap_or(defaults.pose_bias_degrees),
         mask_noise_pixels: args.mask_noise.unwrap_or(defaults.mask_noise_pixels),
+        exposure_noise: args.exposure_noise.unwrap_or(defaults.exposure_noise),
         twist_degrees: args.twist.unwrap_or(defaults.twist_degrees),
         abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
         side: if args.side == "left" { Side::Left } else { Side::Right },

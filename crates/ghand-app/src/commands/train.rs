@@ -160,6 +160,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         poses: args.poses.to_string(),
         pose_error_deg,
         alignment,
+        exposure: trained.exposure.clone(),
         light: trained.light.as_ref().map(LightFit::report),
         seconds: trained.seconds,
         iterations: trained.iterations,

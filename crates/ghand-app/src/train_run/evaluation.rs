@@ -8,6 +8,7 @@ use ghand_core::Pose;
 use ghand_render::Gpu;
 use ghand_train::alignment_figures::AlignmentFigures;
 use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics};
+use ghand_train::exposure::ExposureFit;
 use ghand_train::floor::Floor;
 use ghand_train::light_fit::{LightFigures, LightReport};
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
@@ -95,6 +96,9 @@ pub fn print_table(m: &Metrics) {
     if let Some(alignment) = &m.alignment {
         print_alignment(alignment);
     }
+    if let Some(exposure) = &m.exposure {
+        print_exposure(exposure);
+    }
     if let Some(light) = &m.light {
         print_light(light);
     }
@@ -140,6 +144,17 @@ fn print_alignment(figures: &AlignmentFigures) {
     }
 }
 
+fn print_exposure(fit: &ExposureFit) {
+    let [without, with] = fit.squared_difference_left_out.map(|value| 1e3 * value);
+    let done = if fit.corrected {
+        format!("differ by {:.1} %: each camera's colours are corrected", 1e2 * fit.spread)
+    } else {
+        "are alike enough: nothing is corrected".into()
+    };
+    say!("exposures: cameras {done}");
+    say!("           squared difference x 1000 between cameras in frames left out: {without:.2}, {with:.2} corrected");
+}
+
 fn print_light(report: &LightReport) {
     let kind = match report.kind {
         None => "not apart from skin",
@@ -156,6 +171,7 @@ fn print_light(report: &LightReport) {
         1e3 * lamps,
         1e3 * transfer
     );
+    say!("       frames differ in brightness by {:.1} % beyond that", 1e2 * report.frames_differ);
 }
 
 /// Prints the figures on images.
@@ -218,6 +234,7 @@ mod tests {
             poses: "given".into(),
             pose_error_deg: None,
             alignment: None,
+            exposure: None,
             light: None,
             seconds: 1.0,
             iterations,

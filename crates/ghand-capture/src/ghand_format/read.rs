@@ -135,6 +135,7 @@ impl Reader<'_> {
             template,
             cameras,
             distortion,
+            color_correction: Default::default(),
             frames,
             images,
             splits,

@@ -39,6 +39,7 @@ pub(super) fn sample(root: &Path) -> Capture {
         hand_model_source: HandModelSource::Procedural(hand()),
         cameras: (0..3).map(camera).collect(),
         distortion: vec![],
+        color_correction: Default::default(),
         frames,
         images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
         splits: [

@@ -212,6 +212,27 @@ pub(super) fn squared_error(frames: &[&FrameColors], fits: &[ChannelFit]) -> f64
     sum / count.max(1) as f64
 }
 
+/// How much brighter each frame is than a fit: the median ratio of its display values, over a mean logarithm of 0.
+pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<f64> {
+    let logarithm = |frame: &FrameColors| {
+        let mut ratios = Vec::new();
+        for (channel, fit) in fits.iter().enumerate() {
+            let irradiance = &frame.parts * &fit.light;
+            for (i, t) in frame.texels.iter().enumerate() {
+                let (seen, fitted) = (frame.colors[i][channel], irradiance[i] * fit.albedo[*t]);
+                if seen.min(fitted) > DARKEST {
+                    ratios.push(DISPLAY_EXPONENT * (seen / fitted).ln());
+                }
+            }
+        }
+        let middle = ratios.len() / 2;
+        if ratios.is_empty() { 0.0 } else { *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    let logarithms: Vec<f64> = frames.iter().map(logarithm).collect();
+    let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
+    logarithms.iter().map(|logarithm| (logarithm - mean).exp()).collect()
+}
+
 /// The light of least error, of which what is not the same from everywhere is sparse: directions are charged for their
 /// radiance above the sky's, those that are bright already hardly at all.
 fn lamps_in_a_sky(matrix: &DMatrix<f64>, vector: &DVector<f64>, before: &DVector<f64>) -> DVector<f64> {
@@ -307,6 +328,19 @@ mod tests {
             let mut errors: Vec<f64> = ratios.iter().map(|ratio| (ratio / middle - 1.0).abs()).collect();
             errors.sort_by(f64::total_cmp);
             assert!(errors[errors.len() / 2] < 0.05, "{}", errors[errors.len() / 2]);
+        }
+    }
+
+    #[test]
+    fn frames_that_are_brighter_than_the_light_explains_are_found() {
+        let (mut frames, albedo) = planted(5, 0.3);
+        for frame in frames.iter_mut().step_by(2) {
+            frame.colors.iter_mut().flatten().for_each(|value| *value *= linear(1.1));
+        }
+        let fits = fit(Unknowns::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len());
+        for (f, factor) in frame_factors(&frames, &fits).iter().enumerate() {
+            let expected = if f % 2 == 0 { 1.1f64.sqrt() } else { 1.0 / 1.1f64.sqrt() };
+            assert!((factor / expected - 1.0).abs() < 0.02, "frame {f}: {factor} for {expected}");
         }
     }
 }
