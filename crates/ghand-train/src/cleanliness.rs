@@ -12,6 +12,8 @@ use crate::metrics::quantize;
 
 /// Bins of a colour channel, 8 grey levels wide.
 const BINS: usize = 32;
+/// Part of the training pixels up to which a colour is an accident, such as a pixel that a mask has wrong.
+const RARE: f64 = 1e-5;
 /// Depth below the outline up to which the background may mix into a pixel, pixels.
 const RIM: f64 = 2.0;
 /// Half the width of the square that detail is compared with, pixels.
@@ -64,17 +66,17 @@ impl HandPicture {
     }
 }
 
-/// The colours of the training images' hand pixels.
+/// The distribution of the training images' hand pixels over colours.
 #[derive(Debug, Clone)]
 pub struct KnownColors {
-    seen: Vec<bool>,
-    /// Bins that were seen, or touch one that was.
-    near: Vec<bool>,
+    /// Pixels in each bin and those that touch it.
+    near: Vec<u64>,
+    total: u64,
 }
 
 impl Default for KnownColors {
     fn default() -> KnownColors {
-        KnownColors { seen: vec![false; BINS.pow(3)], near: vec![false; BINS.pow(3)] }
+        KnownColors { near: vec![0; BINS.pow(3)], total: 0 }
     }
 }
 
@@ -91,24 +93,22 @@ impl KnownColors {
     pub fn add(&mut self, picture: &HandPicture) {
         for (color, _) in picture.hand_pixels() {
             let at = bins_of(color);
-            if std::mem::replace(&mut self.seen[bin(at)], true) {
-                continue;
-            }
             let around = |k: usize| at[k].saturating_sub(1)..=(at[k] + 1).min(BINS - 1);
             for (r, g) in around(0).flat_map(|r| around(1).map(move |g| (r, g))) {
-                around(2).for_each(|b| self.near[bin([r, g, b])] = true);
+                around(2).for_each(|b| self.near[bin([r, g, b])] += 1);
             }
+            self.total += 1;
         }
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        !self.near.contains(&true)
+        self.total == 0
     }
 
-    /// Whether the training images have this colour or one at most a bin away in each channel.
+    /// Whether more than [`RARE`] of the training pixels have this colour or one at most a bin away in each channel.
     pub fn contains(&self, color: [u8; 3]) -> bool {
-        self.near[bin(bins_of(color))]
+        self.near[bin(bins_of(color))] as f64 > RARE * self.total as f64
     }
 }
 
@@ -311,6 +311,20 @@ mod tests {
             assert_eq!(known.contains(color), is_known, "{color:?}");
         }
         assert!(!known.contains([112, 0, 255]) && !known.contains([100, 16, 255]) && !known.contains([100, 0, 239]));
+    }
+
+    #[test]
+    fn colours_of_a_few_stray_pixels_are_not_known() {
+        let image = |stray: usize| {
+            let color = |i: usize| if i < stray { [20, 200, 20, 255] } else { [190, 140, 110, 255] };
+            HandPicture::of_image(&(0..500 * 400).map(color).collect::<Vec<_>>(), [500, 400])
+        };
+        for (stray, is_known) in [(2, false), (3, true)] {
+            let mut known = KnownColors::default();
+            known.add(&image(stray));
+            assert_eq!(known.contains([20, 200, 20]), is_known, "{stray} of 200,000 pixels");
+            assert!(known.contains([190, 140, 110]));
+        }
     }
 
     #[test]
