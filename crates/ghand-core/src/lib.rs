@@ -20,6 +20,7 @@ pub mod residual_skeleton;
 pub mod rotation;
 pub mod skeleton;
 pub mod skinning;
+pub mod sphere;
 
 pub use camera::Camera;
 pub use hand_model::{HandModel, InvalidHandModel, PoseSpace, Side};

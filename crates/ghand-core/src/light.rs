@@ -9,6 +9,8 @@
 
 use glam::DVec3;
 
+use crate::sphere::spiral_direction;
+
 /// Number of light directions, K.
 pub const DIRECTION_COUNT: usize = 64;
 /// Number of spherical harmonics of degree at most 2.
@@ -21,13 +23,7 @@ pub const LEAST_IRRADIANCE: f64 = 1e-3;
 
 /// The directions towards the light, unit length: evenly on the sphere, along a Fibonacci spiral.
 pub fn directions() -> [DVec3; DIRECTION_COUNT] {
-    let golden = std::f64::consts::PI * (1.0 + 5.0f64.sqrt());
-    std::array::from_fn(|k| {
-        let at = k as f64 + 0.5;
-        let z = 1.0 - 2.0 * at / DIRECTION_COUNT as f64;
-        let (radius, angle) = ((1.0 - z * z).sqrt(), golden * at);
-        DVec3::new(radius * angle.cos(), radius * angle.sin(), z)
-    })
+    std::array::from_fn(|k| spiral_direction(k, DIRECTION_COUNT))
 }
 
 /// The part of the light from direction `d` that an unshadowed surface with normal `n` gets (unit vectors).

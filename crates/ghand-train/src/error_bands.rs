@@ -60,19 +60,26 @@ pub fn squared_error(picture: [u8; 3], truth: [u8; 4]) -> f64 {
     (0..3).map(|c| ((f64::from(picture[c]) - f64::from(truth[c])) / 255.0).powi(2)).sum()
 }
 
+/// The depth of each pixel's centre below the outline of a mask, row-major, pixels: 0.5 next to the outline, infinite if
+/// the mask covers the picture. Not positive outside the mask.
+pub fn depths(is_inside: impl Iterator<Item = bool>, [width, height]: [u32; 2]) -> Vec<f64> {
+    let start = is_inside.map(|inside| if inside { f64::INFINITY } else { 0.0 }).collect();
+    // The outline runs half a pixel from the centre of the nearest pixel outside.
+    squared_distances(start, [width as usize, height as usize])
+        .into_iter()
+        .map(|squared| squared.sqrt() - 0.5)
+        .collect()
+}
+
 /// The band of each pixel of a row-major image, from its mask. A pixel's distance from the outline is that of its centre.
-pub fn bands_of(truth: &[[u8; 4]], [width, height]: [u32; 2]) -> Vec<u8> {
-    let start = truth.iter().map(|pixel| if pixel[3] < 128 { 0.0 } else { f64::INFINITY }).collect();
-    let distances = squared_distances(start, [width as usize, height as usize]);
-    let band = |squared: &f64| {
-        if *squared == 0.0 {
+pub fn bands_of(truth: &[[u8; 4]], size: [u32; 2]) -> Vec<u8> {
+    let band = |depth: f64| {
+        if depth < 0.0 {
             return 0;
         }
-        // The outline runs half a pixel from the centre of the nearest pixel outside.
-        let depth = squared.sqrt() - 0.5;
         1 + ENDS.iter().filter(|end| depth > **end).count() as u8
     };
-    distances.iter().map(band).collect()
+    depths(truth.iter().map(|pixel| pixel[3] >= 128), size).into_iter().map(band).collect()
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 pub mod alignment;
 pub mod alignment_figures;
 pub mod alignment_picture;
+pub mod cleanliness;
+pub mod cleanliness_sheet;
 mod divergence;
 pub mod draw_text;
 pub mod error_bands;

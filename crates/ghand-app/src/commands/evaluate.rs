@@ -1,5 +1,7 @@
 //! `ghand evaluate`: compares an avatar with images of a capture.
 
+mod pose_library;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -33,8 +35,12 @@ pub struct EvaluateArgs {
     #[command(flatten)]
     capture: CaptureArgs,
     /// Split to evaluate on
-    #[arg(long, default_value = "test")]
+    #[arg(long, default_value = DEFAULT_SPLIT)]
     split: String,
+    /// Measure how clean the avatar looks in the named poses from all around, which no image shows: the part of its
+    /// pixels with colours that the training images lack, and its fine detail relative to theirs
+    #[arg(long, value_enum, conflicts_with_all = ["protocol", "training_poses"])]
+    poses: Option<PosesArg>,
     /// In which poses avatar and floor are drawn
     #[arg(long, value_enum, default_value_t)]
     protocol: ProtocolArg,
@@ -45,12 +51,23 @@ pub struct EvaluateArgs {
     /// capture's poses]
     #[arg(long, value_name = "FILE")]
     training_poses: Option<PathBuf>,
-    /// Folder for metrics.json and report.png
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    /// Folder for metrics.json and report.png; with --poses library for cleanliness.json and cleanliness.png, and not
+    /// required
+    #[arg(long, value_name = "DIR", required_unless_present = "poses")]
+    out: Option<PathBuf>,
     /// Replace earlier results in the folder
     #[arg(long)]
     force: bool,
+}
+
+/// The default of `--split`.
+const DEFAULT_SPLIT: &str = "test";
+
+/// Poses that no image shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PosesArg {
+    /// The hand model's named poses
+    Library,
 }
 
 /// [`Protocol`] as an option.
@@ -81,15 +98,18 @@ struct EvaluationFile {
     training_poses: Option<String>,
 }
 
-/// Compares the avatar with all images of a split and writes the results to a folder.
+/// Compares the avatar with all images of a split and writes the results to a folder; or measures it in the named poses.
 ///
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    if args.poses == Some(PosesArg::Library) {
+        return pose_library::run(args, adapter);
+    }
     let avatar = Avatar::load(&args.avatar)?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let folder = RunFolder::named(&args.out, args.force)?;
+    let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
     let interruption = Interruption::listen("stopped: nothing was saved")?;
     interruption.remove_at_end(folder.leftovers());
 

@@ -19,8 +19,13 @@ pub const METRICS_FILE: &str = "metrics.json";
 pub const REPORT_FILE: &str = "report.png";
 /// The template's outlines before and after the alignment, in a run's folder.
 pub const ALIGN_FILE: &str = "align.png";
-/// All results of a run.
-const RESULTS: [&str; 5] = [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE, ALIGN_FILE];
+/// The figures on the pose library, in an evaluation's folder.
+pub const CLEANLINESS_FILE: &str = "cleanliness.json";
+/// The picture of the pose library, in an evaluation's folder.
+pub const CLEANLINESS_SHEET: &str = "cleanliness.png";
+/// All results of a run or an evaluation.
+const RESULTS: [&str; 7] =
+    [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE, ALIGN_FILE, CLEANLINESS_FILE, CLEANLINESS_SHEET];
 /// Number of folders that are tried after the default one.
 const MOST_FOLDERS: usize = 100_000;
 

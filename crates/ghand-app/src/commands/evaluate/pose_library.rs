@@ -1,0 +1,351 @@
+//! `ghand evaluate --poses library`: how clean an avatar looks in the named poses, from all around.
+
+use anyhow::{Context, bail};
+use ghand_avatar::{Avatar, Scene};
+use ghand_capture::{Capture, Split};
+use ghand_core::{Camera, Pose};
+use ghand_hand_model::named_poses::POSE_NAMES;
+use ghand_render::Gpu;
+use ghand_render::splat::Purpose;
+use ghand_train::cleanliness::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
+use ghand_train::cleanliness_sheet::{PoseViews, cleanliness_sheet};
+use ghand_train::metrics::quantize;
+use glam::{DQuat, DVec3};
+use image::{Rgb, RgbImage};
+use serde::Serialize;
+
+use super::{DEFAULT_SPLIT, EvaluateArgs, check_joints};
+use crate::cli::AdapterArgs;
+use crate::commands::render::write_png;
+use crate::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
+use crate::pose_choice::pose_by_name;
+use crate::say;
+use crate::train_run::interruption::Interruption;
+use crate::train_run::results::save_metrics;
+use crate::train_run::run_folder::{CLEANLINESS_FILE, CLEANLINESS_SHEET, RunFolder};
+
+/// Views of each pose, evenly around the hand.
+const VIEWS: usize = 24;
+/// Most images of a split that are measured.
+const MOST_IMAGES: usize = 60;
+/// Most poses on the sheet.
+const SHEET_POSES: usize = 12;
+/// Directions of the views on the sheet, in the axes of [`direction_around`].
+const SHEET_DIRECTIONS: [DVec3; 4] = [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y];
+
+/// Contents of `cleanliness.json`.
+#[derive(Debug, Serialize)]
+struct LibraryFile {
+    avatar: String,
+    capture: String,
+    /// All poses and views together.
+    #[serde(flatten)]
+    total: PoseFigures,
+    poses: Vec<NamedFigures>,
+    views: Vec<ViewFigures>,
+    training: Images,
+    /// The images that training did not see; `null` without any.
+    held_out: Option<HeldOut>,
+    pixels_per_metre: f64,
+}
+
+/// Figures of pictures in the capture's light, and of the skin alone.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct PoseFigures {
+    #[serde(flatten)]
+    lit: Cleanliness,
+    /// High-frequency energy of the skin's colours without light, as a multiple of the training images'.
+    albedo_detail: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct NamedFigures {
+    pose: String,
+    #[serde(flatten)]
+    figures: PoseFigures,
+}
+
+#[derive(Debug, Serialize)]
+struct ViewFigures {
+    /// From the hand to the camera, in the axes of [`direction_around`].
+    direction: [f64; 3],
+    outside_share: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Images {
+    split: String,
+    images: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct HeldOut {
+    #[serde(flatten)]
+    from: Images,
+    #[serde(flatten)]
+    figures: Cleanliness,
+}
+
+/// What the training images look like.
+struct Training {
+    known: KnownColors,
+    detail: DetailEnergy,
+    images: usize,
+    footprint: Footprint,
+}
+
+/// What an avatar looks like in a pose.
+#[derive(Default)]
+struct PosedSums {
+    /// Of each view.
+    lit: Vec<PictureSums>,
+    albedo: DetailEnergy,
+    /// Of the sheet's directions.
+    pictures: Vec<RgbImage>,
+}
+
+/// Measures the avatar in the named poses.
+///
+/// # Errors
+/// An error that names the file or the option and its problem.
+pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let avatar = Avatar::load(&args.avatar)?;
+    let mut gpu = adapter.open()?;
+    say!("adapter: {}", gpu.info.name);
+    let folder = args.out.as_deref().map(|out| RunFolder::named(out, args.force)).transpose()?;
+    let interruption = Interruption::listen("stopped: nothing was saved")?;
+    if let Some(folder) = &folder {
+        interruption.remove_at_end(folder.leftovers());
+    }
+    let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
+    // A capture without test images has no held-out figures.
+    let (needed, optional) = match args.split == DEFAULT_SPLIT {
+        true => (vec![train_split], vec![DEFAULT_SPLIT]),
+        false => (vec![train_split, &args.split], vec![]),
+    };
+    let capture = args.capture.open(path, &needed, &optional)?;
+    check_joints(&avatar, &args.avatar, &capture)?;
+    let train = capture.split(train_split)?;
+    let root = mean_root(&capture, train);
+    let poses: Result<Vec<Pose>, _> = POSE_NAMES.iter().map(|name| library_pose(name, &avatar, root)).collect();
+    let poses = poses.context("--poses library")?;
+    let training = measure_training(&capture, train).with_context(|| format!("{}: --poses library", path.display()))?;
+    let cameras = all_around(&avatar.model, &poses.iter().collect::<Vec<_>>(), VIEWS, training.footprint);
+    let posed = gpu.retry_on_device_loss("the evaluation", |gpu| {
+        draw(gpu, &avatar, &poses, &cameras, capture.background, &training.known)
+    })?;
+
+    let figures = |lit: &PictureSums, albedo: &DetailEnergy| PoseFigures {
+        lit: lit.figures(&training.detail),
+        albedo_detail: albedo.relative_to(&training.detail),
+    };
+    let (mut lit, mut albedo) = (PictureSums::default(), DetailEnergy::default());
+    let mut by_view = vec![PictureSums::default(); VIEWS];
+    let mut by_pose: Vec<NamedFigures> = vec![];
+    for (name, posed) in POSE_NAMES.iter().zip(&posed) {
+        let mut of_pose = PictureSums::default();
+        for (of_view, sums) in by_view.iter_mut().zip(&posed.lit) {
+            of_pose.merge(sums);
+            of_view.merge(sums);
+        }
+        lit.merge(&of_pose);
+        albedo.merge(&posed.albedo);
+        by_pose.push(NamedFigures { pose: (*name).into(), figures: figures(&of_pose, &posed.albedo) });
+    }
+    let view = |(k, sums): (usize, &PictureSums)| ViewFigures {
+        direction: direction_around(k, VIEWS).to_array(),
+        outside_share: sums.figures(&training.detail).outside_share,
+    };
+    let results = LibraryFile {
+        avatar: args.avatar.display().to_string(),
+        capture: path.display().to_string(),
+        total: figures(&lit, &albedo),
+        poses: by_pose,
+        views: by_view.iter().enumerate().map(view).collect(),
+        held_out: measure_held_out(&capture, &args.split, &training)?,
+        pixels_per_metre: training.footprint.pixels_per_metre,
+        training: Images { split: train_split.into(), images: training.images },
+    };
+    print_table(&results);
+    let Some(folder) = folder else { return Ok(()) };
+    let sheet_path = folder.file(CLEANLINESS_SHEET);
+    interruption.whole(|| -> anyhow::Result<()> {
+        write_png(&sheet_path, &sheet(&results, posed))?;
+        save_metrics(&results, &folder.file(CLEANLINESS_FILE))
+    })?;
+    say!("picture: {}", sheet_path.display());
+    Ok(())
+}
+
+/// The mean place of the hand in a split: its root's rotation (axis-angle, radians) and its translation (metres). There
+/// the light falls on it as in training.
+fn mean_root(capture: &Capture, split: &Split) -> [DVec3; 2] {
+    let poses: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+    let turns: Vec<DQuat> = poses.iter().map(|pose| DQuat::from_scaled_axis(pose.rotations[0])).collect();
+    let first = turns.first().copied().unwrap_or_default();
+    // A quaternion and its negative are the same rotation.
+    let aligned = turns.iter().map(|turn| if turn.dot(first) < 0.0 { -*turn } else { *turn });
+    let sum = aligned.fold(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, turn| sum + turn);
+    let turn = if sum.length() > 1e-6 { sum.normalize() } else { first };
+    let translation = poses.iter().map(|pose| pose.translation).sum::<DVec3>() / poses.len().max(1) as f64;
+    [turn.to_scaled_axis(), translation]
+}
+
+/// A named pose with the hand at a place.
+fn library_pose(name: &str, avatar: &Avatar, [rotation, translation]: [DVec3; 2]) -> anyhow::Result<Pose> {
+    let mut pose = pose_by_name(name, &avatar.model)?;
+    pose.rotations[0] = rotation;
+    Ok(Pose { translation, ..pose })
+}
+
+/// Measures a sample of the training images.
+fn measure_training(capture: &Capture, split: &Split) -> anyhow::Result<Training> {
+    let (mut known, mut detail) = (KnownColors::default(), DetailEnergy::default());
+    let (mut resolutions, mut distances) = (vec![], vec![]);
+    let mut has_outline = false;
+    let sample = sample_of(split, MOST_IMAGES);
+    if sample.is_empty() {
+        bail!("needs training images, but their split has none; choose another with --train-split");
+    }
+    for view in &sample {
+        let picture = load_picture(capture, view.camera, view.frame)?;
+        has_outline |= !picture.is_all_hand();
+        known.add(&picture);
+        detail.add(&picture);
+        let (camera, frame) = (&capture.cameras[view.camera], &capture.frames[view.frame]);
+        let distance = camera.camera_from_world(middle(&posed_vertices(&capture.template, &frame.pose))).z;
+        if distance > 0.0 {
+            resolutions.push(0.5 * camera.focal.element_sum() / distance);
+            distances.push(distance);
+        }
+    }
+    if !has_outline {
+        bail!("needs masks, but the training images have neither masks nor transparent backgrounds");
+    }
+    if known.is_empty() {
+        bail!("the hand is less than five pixels wide in all training images; use larger images");
+    }
+    let (Some(pixels_per_metre), Some(distance)) = (median(resolutions), median(distances)) else {
+        bail!("the hand is behind the camera in all training images; `ghand inspect` shows what is wrong");
+    };
+    Ok(Training { known, detail, images: sample.len(), footprint: Footprint { pixels_per_metre, distance } })
+}
+
+fn load_picture(capture: &Capture, camera: usize, frame: usize) -> anyhow::Result<HandPicture> {
+    let view = capture.load_view(camera, frame)?;
+    Ok(HandPicture::of_image(&view.rgba, [view.width, view.height]))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Real images that training did not see: what the measures give for a perfect avatar.
+fn measure_held_out(capture: &Capture, split: &str, training: &Training) -> anyhow::Result<Option<HeldOut>> {
+    let Some(images) = capture.splits.get(split).filter(|split| !split.views.is_empty()) else { return Ok(None) };
+    let sample = sample_of(images, MOST_IMAGES);
+    let mut sums = PictureSums::default();
+    for view in &sample {
+        sums.add(&load_picture(capture, view.camera, view.frame)?, &training.known);
+    }
+    let from = Images { split: split.into(), images: sample.len() };
+    Ok(Some(HeldOut { from, figures: sums.figures(&training.detail) }))
+}
+
+/// Draws and measures every pose from all views.
+fn draw(
+    gpu: &Gpu,
+    avatar: &Avatar,
+    poses: &[Pose],
+    cameras: &[Vec<Camera>],
+    background: [f64; 3],
+    known: &KnownColors,
+) -> anyhow::Result<Vec<PosedSums>> {
+    let background = background.map(|b| b as f32);
+    let size = cameras.iter().flatten().next().map_or([1; 2], |camera| [camera.width, camera.height]);
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, size)?;
+    // Without its light, an avatar shows its skin's own colours.
+    let unlit = avatar.light.as_ref().map(|_| Avatar { light: None, ..avatar.clone() });
+    let mut unlit_scene =
+        unlit.as_ref().map(|unlit| Scene::new(gpu, &[unlit], Purpose::Images, 1, size)).transpose()?;
+    let shown = SHEET_DIRECTIONS.map(nearest_view);
+    let mut all = vec![];
+    for (pose, cameras) in poses.iter().zip(cameras) {
+        let mut posed = PosedSums::default();
+        let mut pictures: [Option<RgbImage>; SHEET_DIRECTIONS.len()] = Default::default();
+        scene.set_pose(gpu, 0, 0, pose)?;
+        if let Some(scene) = &unlit_scene {
+            scene.set_pose(gpu, 0, 0, pose)?;
+        }
+        for (k, camera) in cameras.iter().enumerate() {
+            let rendering = scene.render(gpu, 0, camera, background)?.rgba;
+            let picture = HandPicture::of_rendering(&rendering, size);
+            let mut sums = PictureSums::default();
+            sums.add(&picture, known);
+            posed.lit.push(sums);
+            match &mut unlit_scene {
+                Some(scene) => {
+                    let rendering = scene.render(gpu, 0, camera, background)?.rgba;
+                    posed.albedo.add(&HandPicture::of_rendering(&rendering, size));
+                }
+                None => posed.albedo.add(&picture),
+            }
+            for (place, _) in pictures.iter_mut().zip(shown).filter(|(_, view)| *view == k) {
+                *place = Some(RgbImage::from_fn(size[0], size[1], |x, y| {
+                    let [r, g, b, _] = rendering[(y * size[0] + x) as usize];
+                    Rgb(quantize([r, g, b]))
+                }));
+            }
+        }
+        posed.pictures = pictures.into_iter().flatten().collect();
+        all.push(posed);
+    }
+    Ok(all)
+}
+
+/// The view whose direction is closest to another.
+fn nearest_view(direction: DVec3) -> usize {
+    let closeness = |k: &usize| direction_around(*k, VIEWS).dot(direction);
+    (0..VIEWS).max_by(|a, b| closeness(a).total_cmp(&closeness(b))).unwrap_or(0)
+}
+
+fn sheet(results: &LibraryFile, posed: Vec<PosedSums>) -> RgbImage {
+    let with_title = |(named, posed): (&NamedFigures, PosedSums)| {
+        let lit = &named.figures.lit;
+        let title = format!("{}  outside {}  detail {}", named.pose, percent(lit.outside_share), factor(lit.detail));
+        PoseViews { title, pictures: posed.pictures }
+    };
+    let poses: Vec<PoseViews> = results.poses.iter().zip(posed).take(SHEET_POSES).map(with_title).collect();
+    cleanliness_sheet(&poses)
+}
+
+fn print_table(results: &LibraryFile) {
+    let LibraryFile { poses, total, training, held_out, .. } = results;
+    say!(
+        "\n{} named poses from {VIEWS} views, against {} images of split `{}`",
+        poses.len(),
+        training.images,
+        training.split
+    );
+    say!("outside: hand pixels with colours that these images lack; detail: high-frequency energy, theirs is 1");
+    say!("                    outside  see-through   detail   detail without light");
+    let row = |name: &str, lit: &Cleanliness, albedo: Option<f64>| {
+        let [outside, see_through] = [lit.outside_share, lit.see_through_share].map(percent);
+        say!("  {name:<14}  {outside:>9}    {see_through:>9}   {:>6}   {:>6}", factor(lit.detail), factor(albedo));
+    };
+    poses.iter().for_each(|named| row(&named.pose, &named.figures.lit, named.figures.albedo_detail));
+    row("all", &total.lit, total.albedo_detail);
+    if let Some(HeldOut { from, figures }) = held_out {
+        row(&format!("split `{}`", from.split), figures, None);
+    }
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or("-".into(), |share| format!("{:.3} %", 100.0 * share))
+}
+
+fn factor(value: Option<f64>) -> String {
+    value.map_or("-".into(), |value| format!("{value:.2}"))
+}
