@@ -20,7 +20,7 @@ setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
 
 demo: setup ## Train an avatar on a synthetic capture and print how good it is
-	@$(with_runtime_dir) cargo run --bin train -- --set iterations=700
+	@$(with_runtime_dir) cargo run --bin train -- --set iterations=660
 
 test: setup ## Run all tests
 	@$(with_runtime_dir) \

@@ -21,7 +21,7 @@ say() { echo "results: $*" >&2; }
 blender="--set uv_resolution=192 --set iterations=1500 --set start_inset=1"
 entries=$(
     cat <<ENTRIES
-demo - --set iterations=700
+demo - --set iterations=660
 blender-a-given blender-a $blender --set align=none
 blender-a-paper blender-a $blender --set align=paper
 blender-a-aligned blender-a $blender
