@@ -158,7 +158,7 @@ fn save_lit_avatar(folder: &std::path::Path) {
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution).unwrap();
     let coefficients = directions().map(|d| [if d.x > 0.7 { 6.0 } else { 0.1 }; 3]).to_vec();
     let light = Light { kind: LightKind::Transfer, turn: glam::DQuat::IDENTITY, coefficients };
-    avatar.light = Some(AvatarLight::new(light, &samples));
+    avatar.light = Some(AvatarLight::new(light, None, &samples));
     avatar.save(&folder.join("lit.ghand")).unwrap();
 }
 

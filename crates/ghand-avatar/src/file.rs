@@ -14,7 +14,7 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, Provenance};
-use crate::light::{AvatarLight, Light, LightKind};
+use crate::light::{AvatarLight, Gloss, Light, LightKind};
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
 use crate::template::{AvatarConfig, Template};
@@ -141,6 +141,10 @@ fn tensors(avatar: &Avatar) -> Tensors {
         out.add("light.turn", Dtype::F64, &[4], &light.turn.to_array());
         out.add("light.faces", Dtype::U32, &[lit.faces.len()], &lit.faces);
         out.add("light.barycentric", Dtype::F32, &[lit.barycentric.len(), 3], lit.barycentric.as_flattened());
+        if let Some(gloss) = &lit.gloss {
+            out.add("light.roughness", Dtype::F64, &[1], &[gloss.roughness]);
+            out.add("light.gloss", Dtype::F32, &[gloss.strengths.len(), 3], gloss.strengths.as_flattened());
+        }
     }
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
@@ -362,12 +366,18 @@ impl<'a> Reader<'a> {
             source_vertices: vec![],
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
-        let light = meta.light.map(|kind| self.light(kind, count, model.faces.len())).transpose()?;
+        let light = meta.light.map(|kind| self.light(kind, count, model.faces.len(), joints)).transpose()?;
         Ok(Avatar { template, model, config: config.clone(), tables, light, provenance: meta.provenance.clone() })
     }
 
-    /// A light on `count` Gaussians on a mesh of `faces` faces.
-    fn light(&self, kind: LightKind, count: usize, faces: usize) -> Result<AvatarLight, AvatarFileError> {
+    /// A light on `count` Gaussians on a mesh of `faces` faces, of a hand of `joints` joints.
+    fn light(
+        &self,
+        kind: LightKind,
+        count: usize,
+        faces: usize,
+        joints: usize,
+    ) -> Result<AvatarLight, AvatarFileError> {
         let coefficients = self.floats("light.coefficients", &[Some(kind.len()), Some(3)])?;
         let coefficients = coefficients.as_chunks::<3>().0.to_vec();
         if kind == LightKind::Transfer && coefficients.iter().flatten().any(|radiance| *radiance < 0.0) {
@@ -382,7 +392,25 @@ impl<'a> Reader<'a> {
             return Err(self.invalid("light.faces", format!("names face {face} of {faces}; train the avatar again")));
         }
         let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
-        Ok(AvatarLight { light: Light { kind, turn, coefficients }, faces: on, barycentric })
+        let gloss = self.gloss(joints)?;
+        Ok(AvatarLight { light: Light { kind, turn, coefficients }, faces: on, barycentric, gloss })
+    }
+
+    /// The gloss of a hand of `joints` joints; earlier files have none.
+    fn gloss(&self, joints: usize) -> Result<Option<Gloss>, AvatarFileError> {
+        if self.tensors.tensor("light.gloss").is_err() {
+            return Ok(None);
+        }
+        let strengths = self.floats("light.gloss", &[Some(joints), Some(3)])?.as_chunks::<3>().0.to_vec();
+        let roughness = self.doubles("light.roughness", &[Some(1)])?[0];
+        if !(roughness > 0.0 && roughness <= 1.0) {
+            let problem = format!("is {roughness}, it must be above 0 and at most 1; train the avatar again");
+            return Err(self.invalid("light.roughness", problem));
+        }
+        if strengths.iter().flatten().any(|strength| *strength < 0.0) {
+            return Err(self.invalid("light.gloss", "a strength is negative; train the avatar again"));
+        }
+        Ok(Some(Gloss { roughness, strengths }))
     }
 }
 
@@ -399,6 +427,7 @@ mod tests {
         let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
         avatar.light = Some(AvatarLight::new(
             Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
+            Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
             &samples,
         ));
         avatar
@@ -413,7 +442,11 @@ mod tests {
         assert_eq!(read.light, lit().light);
         assert!(read.light.is_some());
         type Damage = (&'static str, fn(&mut AvatarLight));
-        let spoil: [Damage; 8] = [
+        let spoil: [Damage; 12] = [
+            ("light.roughness", |l| l.gloss.as_mut().unwrap().roughness = 0.0),
+            ("light.roughness", |l| l.gloss.as_mut().unwrap().roughness = f64::NAN),
+            ("light.gloss", |l| l.gloss.as_mut().unwrap().strengths[1][2] = -0.1),
+            ("light.gloss", |l| l.gloss.as_mut().unwrap().strengths.truncate(2)),
             ("light.coefficients", |l| l.light.coefficients[3][1] = -0.1),
             ("light.coefficients", |l| l.light.coefficients[3][1] = f32::NAN),
             ("light.coefficients", |l| l.light.coefficients.truncate(9)),

@@ -6,6 +6,7 @@
 //! from the pose.
 
 pub mod environment;
+pub mod gloss;
 pub mod visibility;
 
 use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade};
@@ -14,6 +15,8 @@ use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+
+pub use gloss::Gloss;
 
 /// How light reaches the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -61,13 +64,41 @@ pub struct AvatarLight {
     pub faces: Vec<u32>,
     /// Barycentric coordinates on it, in the order of its corners.
     pub barycentric: Vec<[f32; 3]>,
+    /// The gloss of the skin, if it has any. Needs a light from directions.
+    pub gloss: Option<Gloss>,
+}
+
+/// What light does to Gaussians.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LitGaussians {
+    /// The factors on their display values, RGB.
+    pub shades: Vec<[f32; 3]>,
+    /// What they mirror, linear RGB.
+    pub gloss: Vec<[f32; 3]>,
 }
 
 impl AvatarLight {
     /// A light on the Gaussians at the samples of a surface.
-    pub fn new(light: Light, samples: &SurfaceSamples) -> AvatarLight {
+    pub fn new(light: Light, gloss: Option<Gloss>, samples: &SurfaceSamples) -> AvatarLight {
         let barycentric = samples.barycentric.iter().map(|b| b.map(|x| x as f32)).collect();
-        AvatarLight { light, faces: samples.faces.clone(), barycentric }
+        AvatarLight { light, faces: samples.faces.clone(), barycentric, gloss }
+    }
+
+    /// What light does to each Gaussian of a hand in a pose, seen by an eye (metres, world axes).
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the hand.
+    pub fn of_gaussians(&self, model: &HandModel, pose: &Pose, eye: DVec3) -> Result<LitGaussians, InvalidHandModel> {
+        let parts = self.light.parts(model, pose)?;
+        let gloss = self.gloss.as_ref().map(|gloss| {
+            let mut vertices = gloss::of_vertices(&self.light, &parts, gloss.roughness, eye);
+            for (value, strength) in vertices.iter_mut().zip(gloss.of_vertices(model)) {
+                *value = [0, 1, 2].map(|c| value[c] * strength[c]);
+            }
+            self.at_gaussians(model, &vertices)
+        });
+        let shades = self.at_gaussians(model, &self.light.shades(&parts));
+        Ok(LitGaussians { gloss: gloss.unwrap_or_else(|| vec![[0.0; 3]; shades.len()]), shades })
     }
 
     /// The vertices of each Gaussian's triangle.
@@ -101,8 +132,20 @@ impl Light {
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn vertex_shades(&self, model: &HandModel, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
-        let parts = Parts::new(self.kind, self.turn, model, pose, &|k| self.coefficients[k] != [0.0; 3])?;
-        let mut sums = vec![[0.0f64; 3]; model.vertices.len()];
+        Ok(self.shades(&self.parts(model, pose)?))
+    }
+
+    /// What each of the light's coefficients, of those that are not 0, gives the vertices of a hand in a pose.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the hand.
+    pub fn parts(&self, model: &HandModel, pose: &Pose) -> Result<Parts, InvalidHandModel> {
+        Parts::new(self.kind, self.turn, model, pose, &|k| self.coefficients[k] != [0.0; 3])
+    }
+
+    /// The shade of each vertex, RGB, from its parts of this light.
+    pub fn shades(&self, parts: &Parts) -> Vec<[f32; 3]> {
+        let mut sums = vec![[0.0f64; 3]; parts.vertices.len()];
         for (column, coefficient) in parts.columns.iter().zip(&self.coefficients) {
             for (sum, part) in sums.iter_mut().zip(column) {
                 for (s, c) in sum.iter_mut().zip(coefficient) {
@@ -110,7 +153,7 @@ impl Light {
                 }
             }
         }
-        Ok(sums.into_iter().map(|sum| sum.map(|irradiance| shade(irradiance) as f32)).collect())
+        sums.into_iter().map(|sum| sum.map(|irradiance| shade(irradiance) as f32)).collect()
     }
 }
 
@@ -119,6 +162,10 @@ impl Light {
 pub struct Parts {
     /// One column of V numbers per coefficient; empty for those that were not wanted.
     pub columns: Vec<Vec<f32>>,
+    /// The posed vertices, metres, world axes.
+    pub vertices: Vec<DVec3>,
+    /// Their normals, unit length.
+    pub normals: Vec<DVec3>,
 }
 
 impl Parts {
@@ -150,6 +197,6 @@ impl Parts {
                     .collect()
             }
         };
-        Ok(Parts { columns })
+        Ok(Parts { columns, vertices, normals })
     }
 }

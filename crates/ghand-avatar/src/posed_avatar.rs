@@ -5,9 +5,11 @@ use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose};
 use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
 use ghand_render::{Gpu, RenderError};
+use glam::DVec3;
 
 use crate::avatar::Avatar;
-use crate::light::Light;
+use crate::light::gloss;
+use crate::light::{AvatarLight, Light, LightKind, Parts};
 use crate::properties::PropertyModel;
 
 /// An avatar on the device.
@@ -16,10 +18,60 @@ pub struct PosedAvatar {
     pub deformation: Deformation,
     /// The property model, which fills the properties.
     pub model: Box<dyn PropertyModel>,
-    /// The light, and the mesh on which it falls.
-    lit: Option<(Light, HandModel)>,
+    lit: Option<LitHand>,
     joint_count: usize,
     frames: usize,
+    /// The frame whose pose later submissions use.
+    frame: usize,
+}
+
+/// The light, and the mesh on which it falls.
+struct LitHand {
+    light: Light,
+    model: HandModel,
+    gloss: Option<VertexGloss>,
+}
+
+/// What the mesh mirrors.
+struct VertexGloss {
+    roughness: f64,
+    strengths: Vec<[f32; 3]>,
+    /// Each frame's parts of its light.
+    parts: Vec<Option<(Light, Parts)>>,
+    /// The frame and eye whose gloss the device has.
+    current: Option<(usize, DVec3)>,
+}
+
+impl LitHand {
+    fn new(lit: &AvatarLight, model: &HandModel, frames: usize) -> LitHand {
+        let gloss = lit.gloss.as_ref().map(|gloss| VertexGloss {
+            roughness: gloss.roughness,
+            strengths: gloss.of_vertices(model),
+            parts: vec![None; frames],
+            current: None,
+        });
+        LitHand { light: lit.light.clone(), model: model.clone(), gloss }
+    }
+}
+
+impl VertexGloss {
+    /// The gloss that the device should have and has not, for an eye; none from nowhere.
+    fn update(&mut self, frame: usize, eye: Option<DVec3>) -> Option<Vec<[f32; 3]>> {
+        // A NaN is never equal: then it is computed each time.
+        let eye = eye.unwrap_or(DVec3::NAN);
+        if self.current == Some((frame, eye)) {
+            return None;
+        }
+        self.current = Some((frame, eye));
+        let none = || vec![[0.0; 3]; self.strengths.len()];
+        let usable = |(light, _): &&(Light, Parts)| eye.is_finite() && light.kind == LightKind::Transfer;
+        let Some((light, parts)) = self.parts[frame].as_ref().filter(usable) else { return Some(none()) };
+        let mut values = gloss::of_vertices(light, parts, self.roughness, eye);
+        for (value, strength) in values.iter_mut().zip(&self.strengths) {
+            value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
+        }
+        Some(values)
+    }
 }
 
 impl PosedAvatar {
@@ -41,6 +93,7 @@ impl PosedAvatar {
             vertex_count: avatar.model.vertices.len(),
             corners,
             barycentric: &light.barycentric,
+            glossy: light.gloss.is_some(),
         });
         let deform_template = DeformTemplate {
             normals: None,
@@ -57,22 +110,28 @@ impl PosedAvatar {
         };
         let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
         let model = avatar.tables.on_device(gpu, template, config, &deformation);
-        let lit = avatar.light.as_ref().map(|light| (light.light.clone(), avatar.model.clone()));
-        PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames }
+        let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
+        PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames, frame: 0 }
     }
 
     /// Puts the avatar into another light, for poses set later; nothing changes if light is part of its colours.
     pub fn set_light(&mut self, light: &Light) {
-        if let Some((old, _)) = &mut self.lit {
-            old.clone_from(light);
+        if let Some(lit) = &mut self.lit {
+            lit.light.clone_from(light);
         }
+    }
+
+    /// Sets the frame whose pose later submissions use.
+    pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
+        self.frame = frame;
+        self.deformation.set_frame(gpu, frame);
     }
 
     /// Sets the pose of frame number `frame`.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the pose does not have the avatar's number of joints, or the frame does not exist.
-    pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &Pose) -> Result<(), RenderError> {
+    pub fn set_pose(&mut self, gpu: &Gpu, frame: usize, pose: &Pose) -> Result<(), RenderError> {
         if pose.rotations.len() != self.joint_count {
             return Err(RenderError::Invalid(format!(
                 "a pose of {} joints for an avatar of {}",
@@ -87,18 +146,32 @@ impl PosedAvatar {
         let values: Vec<f32> = vectors.flat_map(|v| v.as_vec3().to_array()).collect();
         let offset = frame * pose_stride(self.joint_count) * size_of::<f32>();
         gpu.queue.write_buffer(self.deformation.poses(), offset as u64, bytemuck::cast_slice(&values));
-        if let Some((light, model)) = &self.lit {
-            let shades = light.vertex_shades(model, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
-            self.deformation.set_shades(gpu, frame, &shades)?;
+        if let Some(lit) = &mut self.lit {
+            let parts = lit.light.parts(&lit.model, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
+            self.deformation.set_shades(gpu, frame, &lit.light.shades(&parts))?;
+            if let Some(gloss) = &mut lit.gloss {
+                gloss.parts[frame] = Some((lit.light.clone(), parts));
+                gloss.current = None;
+            }
         }
         Ok(())
     }
 
-    /// Encodes the posing of the current frame, which fills the avatar's part of the table.
+    /// Encodes the posing of the current frame, which fills the avatar's part of the table. What its skin mirrors is what
+    /// the eye sees (metres, world axes); nothing if there is none.
     ///
     /// # Errors
     /// [`RenderError`] if the property model fails.
-    pub fn encode(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        eye: Option<DVec3>,
+    ) -> Result<(), RenderError> {
+        let gloss = self.lit.as_mut().and_then(|lit| lit.gloss.as_mut());
+        if let Some(gloss) = gloss.and_then(|gloss| gloss.update(self.frame, eye)) {
+            self.deformation.set_gloss(gpu, &gloss)?;
+        }
         self.deformation.encode_skeleton(encoder);
         self.model.forward(gpu, encoder)?;
         self.deformation.encode_skin(encoder);

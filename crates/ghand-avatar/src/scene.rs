@@ -9,6 +9,7 @@ use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
 use ghand_render::splat::{Counters, Image, Purpose, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError, buffers};
+use glam::DVec3;
 
 use crate::avatar::Avatar;
 use crate::ply::SplatScene;
@@ -37,11 +38,18 @@ pub const OPACITY: f32 = 1.0;
 pub struct Scene {
     splatter: Splatter,
     avatars: Vec<PosedAvatar>,
+    /// Where the view is taken from, metres, world axes.
+    eye: Option<DVec3>,
 }
 
-/// Encodes the posing of all avatars, which fills the splatter's table for the frame.
-fn encode_poses(avatars: &mut [PosedAvatar], gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-    avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))
+/// Encodes the posing of all avatars, which fills the splatter's table for the frame as an eye sees it.
+fn encode_poses(
+    avatars: &mut [PosedAvatar],
+    gpu: &Gpu,
+    encoder: &mut wgpu::CommandEncoder,
+    eye: Option<DVec3>,
+) -> Result<(), RenderError> {
+    avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder, eye))
 }
 
 impl Scene {
@@ -68,7 +76,7 @@ impl Scene {
             posed.push(gpu.scoped(&what, || PosedAvatar::new(gpu, avatar, frames, splatter.gaussians(), place))?);
             first += count;
         }
-        Ok(Scene { splatter, avatars: posed })
+        Ok(Scene { splatter, avatars: posed, eye: None })
     }
 
     /// Puts static Gaussians on the device, for images of at most `max_size` pixels.
@@ -79,7 +87,7 @@ impl Scene {
         let options = SplatOptions { model: splats.model(), purpose: Purpose::Images, depth: false };
         let splatter = Splatter::new(gpu, options, splats.count, max_size)?;
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&splats.table));
-        Ok(Scene { splatter, avatars: Vec::new() })
+        Ok(Scene { splatter, avatars: Vec::new(), eye: None })
     }
 
     /// The splatter, which holds the rendered image.
@@ -116,17 +124,18 @@ impl Scene {
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the avatar or frame does not exist, or the pose has the wrong number of joints.
-    pub fn set_pose(&self, gpu: &Gpu, avatar: usize, frame: usize, pose: &Pose) -> Result<(), RenderError> {
-        let posed = self.avatars.get(avatar);
+    pub fn set_pose(&mut self, gpu: &Gpu, avatar: usize, frame: usize, pose: &Pose) -> Result<(), RenderError> {
+        let count = self.avatars.len();
+        let posed = self.avatars.get_mut(avatar);
         let posed = posed.ok_or_else(|| {
-            RenderError::Invalid(format!("pose for avatar {avatar}, but the scene has {} avatars", self.avatars.len()))
+            RenderError::Invalid(format!("pose for avatar {avatar}, but the scene has {count} avatars"))
         })?;
         posed.set_pose(gpu, frame, pose)
     }
 
     /// Sets the frame whose poses later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
-        self.avatars.iter_mut().for_each(|avatar| avatar.deformation.set_frame(gpu, frame));
+        self.avatars.iter_mut().for_each(|avatar| avatar.set_frame(gpu, frame));
     }
 
     /// Sets the view of later submissions.
@@ -134,6 +143,7 @@ impl Scene {
     /// # Errors
     /// [`RenderError::Invalid`] if the image is too large.
     pub fn set_view(&mut self, gpu: &Gpu, camera: &Camera, background: [f32; 3]) -> Result<(), RenderError> {
+        self.eye = Some(camera.center());
         self.splatter.set_view(gpu, View::new(camera, self.splatter.count(), background, OPACITY))
     }
 
@@ -142,7 +152,7 @@ impl Scene {
     /// # Errors
     /// [`RenderError`] if a property model fails.
     pub fn encode(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-        encode_poses(&mut self.avatars, gpu, encoder)?;
+        encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
         self.splatter.forward(encoder);
         Ok(())
     }
@@ -156,9 +166,9 @@ impl Scene {
         gpu: &Gpu,
         behind: impl Fn(&Splatter, &mut wgpu::CommandEncoder),
     ) -> Result<Counters, RenderError> {
-        let Scene { splatter, avatars } = self;
+        let Scene { splatter, avatars, eye } = self;
         splatter.run_frame(gpu, |splatter, encoder| {
-            encode_poses(avatars, gpu, encoder)?;
+            encode_poses(avatars, gpu, encoder, *eye)?;
             splatter.forward(encoder);
             behind(splatter, encoder);
             Ok(())
@@ -195,20 +205,20 @@ impl Scene {
         background: [f32; 3],
         sink: impl FnMut(u32, &Image),
     ) -> Result<(), RenderError> {
-        self.pose_only(gpu, frame)?;
+        self.pose_only(gpu, frame, Some(camera.center()))?;
         self.splatter.render_bands(gpu, View::new(camera, self.splatter.count(), background, OPACITY), sink)
     }
 
-    /// Fills the splatter's table with the Gaussians of frame `frame`, without drawing.
-    fn pose_only(&mut self, gpu: &Gpu, frame: usize) -> Result<(), RenderError> {
+    /// Fills the splatter's table with the Gaussians of frame `frame` as an eye sees them, without drawing.
+    fn pose_only(&mut self, gpu: &Gpu, frame: usize, eye: Option<DVec3>) -> Result<(), RenderError> {
         self.set_frame(gpu, frame);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encode_poses(&mut self.avatars, gpu, &mut encoder)?;
+        encode_poses(&mut self.avatars, gpu, &mut encoder, eye)?;
         gpu.queue.submit([encoder.finish()]);
         Ok(())
     }
 
-    /// The Gaussians of frame `frame`: see [`SplatScene::of_hand`].
+    /// The Gaussians of frame `frame`, without gloss, which depends on the view: see [`SplatScene::of_hand`].
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
@@ -216,12 +226,12 @@ impl Scene {
         Ok(SplatScene::of_hand(&self.posed_table(gpu, frame)?))
     }
 
-    /// The splatter's table of frame `frame`, `[rows][N]` with the avatars one after the other in each row.
+    /// The splatter's table of frame `frame` without gloss, `[rows][N]` with the avatars one after the other in each row.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn posed_table(&mut self, gpu: &Gpu, frame: usize) -> Result<Vec<f32>, RenderError> {
-        self.pose_only(gpu, frame)?;
+        self.pose_only(gpu, frame, None)?;
         let rows = self.splatter.options().model.rows();
         buffers::read(gpu, self.splatter.gaussians(), rows * self.splatter.count())
     }

@@ -50,7 +50,7 @@ fn every_avatar_of_a_scene_is_posed_as_if_it_were_alone() {
 fn poses_without_a_matching_avatar_or_frame_are_rejected_with_one_sentence() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let avatar = random_avatar(1, &AvatarConfig { shape_bases: 1, color_components: 0, ..Default::default() });
-    let scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 2, [16, 16]).unwrap();
+    let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 2, [16, 16]).unwrap();
     let short = Pose { rotations: vec![DVec3::ZERO; JOINTS - 1], translation: DVec3::ZERO };
     for (avatar, frame, pose, part) in
         [(1, 0, pose(1), "avatar 1"), (0, 2, pose(1), "frame 2"), (0, 0, short, "6 joints")]

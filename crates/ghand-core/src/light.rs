@@ -5,7 +5,8 @@
 //! The cheap variant replaces directions by the nine spherical harmonics of degree at most 2 of the normal.
 //!
 //! A display value is the power [`DISPLAY_EXPONENT`] of linear light, so that the colour of lit skin is the product of
-//! the skin's colour under irradiance 1 and the point's shade, `irradiance^DISPLAY_EXPONENT`.
+//! the skin's colour under irradiance 1 and the point's shade, `irradiance^DISPLAY_EXPONENT`. What the skin's surface
+//! mirrors, its gloss, is added in linear light: `gloss_p = strength_p sum_k transfer_pk radiance_k mirrored_pk`.
 
 use glam::DVec3;
 
@@ -48,18 +49,83 @@ pub fn linear(display: f64) -> f64 {
     display.max(0.0).powf(1.0 / DISPLAY_EXPONENT)
 }
 
-/// Lit colours, and with them the gradient of the unlit ones: a Gaussian's shade is interpolated from its triangle's
-/// corners.
+/// Reflectance of skin that is looked at head-on.
+const HEAD_ON_REFLECTANCE: f64 = 0.028;
+
+/// The part of the light from direction `d` that a rough surface with normal `n` mirrors towards `v`, as a factor on what
+/// white skin would show of it (unit vectors; `roughness` above 0, at most 1). 0 if either is behind the surface.
 ///
-/// `shades` holds one RGB per vertex, `corners` the triangle of each Gaussian and `barycentric` its place there; `colors`
-/// and the result are `[3][N]`. Since the product is linear in the colour, lighting the gradients of the lit colours gives
-/// those of the unlit ones.
-pub fn lit(colors: &[f64], corners: &[[u32; 3]], barycentric: &[[f64; 3]], shades: &[[f64; 3]]) -> Vec<f64> {
-    let count = corners.len();
-    let shade = |channel: usize, p: usize| -> f64 {
-        corners[p].iter().zip(barycentric[p]).map(|(v, weight)| weight * shades[*v as usize][channel]).sum()
+/// The GGX distribution of facets with correlated masking and Schlick's Fresnel term, times pi.
+pub fn mirrored(n: DVec3, d: DVec3, v: DVec3, roughness: f64) -> f64 {
+    let (to_light, to_eye) = (n.dot(d), n.dot(v));
+    if !(to_light > 0.0 && to_eye > 0.0) {
+        return 0.0;
+    }
+    let half = (d + v).normalize_or_zero();
+    let squared = roughness.powi(4);
+    let peak = n.dot(half).powi(2) * (squared - 1.0) + 1.0;
+    let masked = |a: f64, b: f64| a * (b * b * (1.0 - squared) + squared).sqrt();
+    let masking = 0.5 / (masked(to_light, to_eye) + masked(to_eye, to_light));
+    let fresnel = HEAD_ON_REFLECTANCE + (1.0 - HEAD_ON_REFLECTANCE) * (1.0 - v.dot(half)).clamp(0.0, 1.0).powi(5);
+    squared / (peak * peak) * masking * fresnel
+}
+
+/// A display value with gloss (linear light) added. Skin is not darker than black.
+pub fn with_gloss(display: f64, gloss: f64) -> f64 {
+    if gloss > 0.0 { (linear(display) + gloss).powf(DISPLAY_EXPONENT) } else { display }
+}
+
+/// The derivative of [`with_gloss`] to the display value.
+pub fn with_gloss_vjp(display: f64, gloss: f64) -> f64 {
+    if gloss > 0.0 {
+        let power = 1.0 / DISPLAY_EXPONENT - 1.0;
+        (display.max(0.0) / with_gloss(display, gloss)).powf(power)
+    } else {
+        1.0
+    }
+}
+
+/// What falls on the vertices of a mesh, on which Gaussians lie: values are interpolated from a triangle's corners.
+#[derive(Debug, Clone, Copy)]
+pub struct LitSurface<'a> {
+    /// The triangle of each Gaussian.
+    pub corners: &'a [[u32; 3]],
+    /// Its place there.
+    pub barycentric: &'a [[f64; 3]],
+    /// One RGB per vertex.
+    pub shades: &'a [[f64; 3]],
+    /// Linear RGB per vertex; empty without gloss.
+    pub gloss: &'a [[f64; 3]],
+}
+
+impl LitSurface<'_> {
+    /// Shade and gloss of number `i` of the colours, `[3][N]`.
+    fn at(&self, i: usize) -> [f64; 2] {
+        let (channel, p) = (i / self.corners.len(), i % self.corners.len());
+        let at = |values: &[[f64; 3]]| -> f64 {
+            let corners = self.corners[p].iter().zip(self.barycentric[p]);
+            corners.map(|(v, weight)| weight * values.get(*v as usize).map_or(0.0, |rgb| rgb[channel])).sum()
+        };
+        [at(self.shades), at(self.gloss)]
+    }
+}
+
+/// Lit colours from unlit ones, both `[3][N]`.
+pub fn lit(colors: &[f64], surface: &LitSurface<'_>) -> Vec<f64> {
+    let lit = |(i, color): (usize, &f64)| {
+        let [shade, gloss] = surface.at(i);
+        with_gloss(color * shade, gloss)
     };
-    colors.iter().enumerate().map(|(i, color)| color * shade(i / count, i % count)).collect()
+    colors.iter().enumerate().map(lit).collect()
+}
+
+/// The gradient of the unlit colours from that of the lit ones, both `[3][N]`.
+pub fn lit_vjp(colors: &[f64], surface: &LitSurface<'_>, d_lit: &[f64]) -> Vec<f64> {
+    let d_color = |(i, (color, d)): (usize, (&f64, &f64))| {
+        let [shade, gloss] = surface.at(i);
+        d * shade * with_gloss_vjp(color * shade, gloss)
+    };
+    colors.iter().zip(d_lit).enumerate().map(d_color).collect()
 }
 
 #[cfg(test)]
@@ -100,8 +166,56 @@ mod tests {
     fn a_lit_colour_is_the_interpolated_shade_times_the_colour() {
         let shades = [[1.0, 0.5, 0.0], [2.0, 0.5, 1.0], [0.0, 0.5, 2.0]];
         let (corners, barycentric) = ([[0, 1, 2], [2, 1, 0]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
-        let lit = lit(&[0.5, 1.0, 0.2, 0.4, 1.0, 0.5], &corners, &barycentric, &shades);
+        let surface = LitSurface { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &[] };
+        let lit = lit(&[0.5, 1.0, 0.2, 0.4, 1.0, 0.5], &surface);
         let wanted = [0.5, 0.0, 0.1, 0.2, 0.75, 1.0];
         assert!(lit.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{lit:?}");
+    }
+
+    #[test]
+    fn the_derivative_of_lit_colours_is_that_of_finite_differences() {
+        let shades = [[1.0, 0.5, 0.2], [1.5, 0.5, 1.0], [0.1, 0.5, 1.2]];
+        let gloss = [[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [0.05, 0.0, 1.0]];
+        let (corners, barycentric) = ([[0, 1, 2], [1, 1, 1]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
+        let surface = LitSurface { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &gloss };
+        let colors = [0.5, 0.9, 0.2, 0.4, 1.0, 0.03];
+        let d_lit = [0.3, -1.0, 0.7, 0.2, -0.4, 1.1];
+        let loss = |colors: &[f64]| -> f64 { lit(colors, &surface).iter().zip(d_lit).map(|(c, d)| c * d).sum() };
+        for (i, d) in lit_vjp(&colors, &surface, &d_lit).into_iter().enumerate() {
+            let moved = |by: f64| {
+                let mut moved = colors;
+                moved[i] += by;
+                loss(&moved)
+            };
+            let difference = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+            assert!((d - difference).abs() < 1e-8, "{i}: {d}, {difference}");
+        }
+    }
+
+    #[test]
+    fn a_mirror_shows_a_lamp_where_it_is_and_takes_no_more_than_there_is() {
+        let n = DVec3::Z;
+        let at = |angle: f64| DVec3::new(angle.sin(), 0.0, angle.cos());
+        for roughness in [0.45, 0.55, 0.7] {
+            let seen = |angle: f64| mirrored(n, at(-0.5), at(angle), roughness);
+            assert!(seen(0.5) > 1.2 * seen(0.1) && seen(0.5) > 1.2 * seen(-0.5), "{roughness}");
+            assert_eq!(seen(1.7), 0.0);
+            // Light goes both ways.
+            let back = mirrored(n, at(0.3), at(-0.5), roughness);
+            assert!((seen(0.3) - back).abs() < 1e-12);
+            // White light from everywhere: no more than a few percent are mirrored, more at a grazing angle.
+            let all = |v: DVec3| -> f64 {
+                directions().iter().map(|d| cosine_transfer(n, *d) * mirrored(n, *d, v, roughness)).sum()
+            };
+            assert!((0.01..0.06).contains(&all(at(0.2))), "{roughness}: {}", all(at(0.2)));
+            assert!((all(at(0.2))..0.4).contains(&all(at(1.3))), "{roughness}: {}", all(at(1.3)));
+        }
+    }
+
+    #[test]
+    fn gloss_is_added_in_linear_light() {
+        assert!((with_gloss(shade(0.3), 0.2) - shade(0.5)).abs() < 1e-12);
+        assert_eq!((with_gloss(0.4, 0.0), with_gloss_vjp(0.4, 0.0)), (0.4, 1.0));
+        assert!((with_gloss(0.0, 0.1) - shade(0.1)).abs() < 1e-12 && with_gloss_vjp(0.0, 0.1) == 0.0);
     }
 }

@@ -100,6 +100,8 @@ pub struct LitSurface<'a> {
     pub corners: &'a [[u32; 3]],
     /// Barycentric coordinates on it, N.
     pub barycentric: &'a [[f32; 3]],
+    /// Whether the vertices have gloss beside their shades.
+    pub glossy: bool,
 }
 
 /// The position of a hand's Gaussians in a splatter's table, `[rows][columns]`.
@@ -284,6 +286,16 @@ impl Deformation {
         let shade =
             self.shade.as_ref().ok_or_else(|| RenderError::Invalid("shades for a hand without light".into()))?;
         shade.set(gpu, frame, shades)
+    }
+
+    /// Sets the gloss of the frame and view that are drawn next, one RGB per vertex of the mesh, linear light: it is added
+    /// to what the shaded skin shows. It is 0 before.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the hand has no gloss, or another number of vertices.
+    pub fn set_gloss(&self, gpu: &Gpu, gloss: &[[f32; 3]]) -> Result<(), RenderError> {
+        let shade = self.shade.as_ref().ok_or_else(|| RenderError::Invalid("gloss for a hand without light".into()))?;
+        shade.set_gloss(gpu, gloss)
     }
 
     /// Sets the frame whose pose later submissions use.

@@ -154,6 +154,7 @@ mod tests {
             (!at.is_multiple_of(4)).then_some(TexelView { color, weight: 0.8 })
         };
         let image = |camera: usize, frame: usize| TexelImage {
+            eye: glam::DVec3::ZERO,
             camera,
             texels: (0..150).map(|t| texel(t, camera, frame)).collect(),
         };

@@ -1,7 +1,9 @@
 //! The floor: the baseline that an avatar must beat. It is the template mesh, posed by its hand model, with mean texel
 //! colours.
 
+use ghand_avatar::AvatarLight;
 use ghand_capture::{Capture, CaptureError, Split};
+use ghand_core::light::{linear, shade};
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
@@ -86,16 +88,13 @@ pub struct TexelColors {
     pub resolution: u32,
 }
 
-/// The shades of a split's frame, counted in the split: one RGB per texel.
-pub type TexelShades<'a> = dyn Fn(usize) -> Result<Vec<[f32; 3]>, InvalidHandModel> + 'a;
-
 /// How much the mean of all texels counts at each one, as a view with this weight: texels that training hardly saw, or saw
 /// in deep shadow only, stay near it.
 const PRIOR_WEIGHT: f64 = 0.02;
 
 /// Mean colours over at most `view_count` of a split's views, chosen at random with a fixed seed. `poses` holds the
-/// poses of the split's frames. With `shades` the colours are those of the unlit skin: least squares of the shade times
-/// the colour.
+/// poses of the split's frames. With a light, whose Gaussians are the texels, the colours are those of the unlit skin:
+/// least squares of the shade times the colour to what is seen less the gloss.
 ///
 /// # Errors
 /// [`FloorError`] if an image or the model is unusable.
@@ -106,9 +105,10 @@ pub fn texel_colors(
     poses: &[Pose],
     resolution: u32,
     view_count: usize,
-    shades: Option<&TexelShades<'_>>,
+    lit: Option<&AvatarLight>,
 ) -> Result<TexelColors, FloorError> {
     let observer = TexelObserver::new(gpu, capture, resolution)?;
+    let model = capture.template.without_blend_shapes();
     let mut views = split.views.clone();
     // Shuffled, so that the chosen views spread over all cameras and frames.
     views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
@@ -117,13 +117,16 @@ pub fn texel_colors(
     let mut sums = vec![[[0.0f64; 2]; 3]; observer.samples().len()];
     for view in views {
         let pose = &poses[view.position];
-        let shades = shades.map(|shades| shades(view.position)).transpose()?;
+        let eye = capture.cameras[view.camera].center();
+        let light = lit.map(|lit| lit.of_gaussians(&model, pose, eye)).transpose()?;
         for (t, (sum, seen)) in sums.iter_mut().zip(observer.observe(&view, pose)?).enumerate() {
             let Some(TexelView { color, weight }) = seen else { continue };
-            let shade = shades.as_ref().map_or([1.0; 3], |shades| shades[t]).map(f64::from);
             for c in 0..3 {
-                sum[c][0] += weight * shade[c] * color[c];
-                sum[c][1] += weight * shade[c] * shade[c];
+                let [factor, mirrored] =
+                    light.as_ref().map_or([1.0, 0.0], |light| [light.shades[t][c], light.gloss[t][c]].map(f64::from));
+                let matte = if mirrored > 0.0 { shade((linear(color[c]) - mirrored).max(0.0)) } else { color[c] };
+                sum[c][0] += weight * factor * matte;
+                sum[c][1] += weight * factor * factor;
             }
         }
     }

@@ -2,14 +2,15 @@
 //!
 //! A texel's mean colour in a frame, in linear light, is its albedo times its irradiance, which is linear in the light's
 //! coefficients: albedo and light are fitted in turns ([`least_squares`]). Which kind of light a capture needs is decided
-//! on frames that the fit has not seen.
+//! on frames that the fit has not seen. Gloss is found from the images of one frame ([`gloss`]).
 
+mod gloss;
 mod least_squares;
 mod observations;
 
 use std::time::Instant;
 
-use ghand_avatar::light::Parts;
+use ghand_avatar::light::{Gloss, Parts};
 use ghand_avatar::{Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::directions;
@@ -22,10 +23,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::floor::FloorError;
-use crate::settings::LightChoice;
+use crate::settings::{GlossChoice, LightChoice};
 use crate::texel_frames::TexelFrames;
 use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, squared_error};
 use observations::Observations;
+
+pub use gloss::GlossFit;
 
 /// Every this many frames, one is held out.
 const HOLD_OUT: usize = 3;
@@ -33,6 +36,8 @@ const HOLD_OUT: usize = 3;
 const WORTHWHILE: f64 = 0.9;
 /// Light from all directions must reduce that of few lamps to less than this fraction.
 const BETTER_THAN_LAMPS: f64 = 0.95;
+/// How often gloss is found and then taken from the images for the light.
+const GLOSS_ROUNDS: usize = 2;
 /// How often the directions are turned so that one of them is the brightest.
 const TURNS: usize = 2;
 /// Directions within this cosine of the brightest one belong to the same lamp: its neighbours, some 30 degrees away.
@@ -56,6 +61,8 @@ pub struct LightFigures {
 pub struct LightFit {
     /// The light; `None` if none is apart from the colours.
     pub light: Option<Light>,
+    /// What the skin mirrors of it, if that explains enough.
+    pub gloss: Option<GlossFit>,
     /// The kinds compared.
     pub figures: LightFigures,
     /// Number of frames and texels that they come from.
@@ -87,6 +94,19 @@ pub struct LightReport {
     /// Unit vector towards the brightest part of the light, world axes: the mean of the directions by radiance above the
     /// mean; `null` without directions.
     pub towards: Option<[f64; 3]>,
+    /// What the skin mirrors; `null` without gloss.
+    pub gloss: Option<GlossReport>,
+}
+
+/// A gloss in `metrics.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GlossReport {
+    /// Roughness of the surface, 0 to 1.
+    pub roughness: f64,
+    /// Mean strength over joints and channels.
+    pub mean_strength: f64,
+    /// The part of the squared differences between the images of a frame left out that it leaves.
+    pub squared_difference_left: f64,
 }
 
 impl LightFit {
@@ -100,7 +120,18 @@ impl LightFit {
             frames_differ: self.frames_differ(),
             seconds: self.seconds,
             towards: self.light.as_ref().and_then(towards),
+            gloss: self.gloss.as_ref().map(GlossFit::report),
         }
+    }
+}
+
+impl GlossFit {
+    /// The fit as it is reported.
+    fn report(&self) -> GlossReport {
+        let Gloss { roughness, strengths } = &self.gloss;
+        let all = strengths.as_flattened();
+        let mean_strength = all.iter().map(|s| f64::from(*s)).sum::<f64>() / all.len().max(1) as f64;
+        GlossReport { roughness: *roughness, mean_strength, squared_difference_left: self.left }
     }
 }
 
@@ -130,23 +161,30 @@ pub fn fit_light(
     split: &Split,
     poses: &[Pose],
     choice: LightChoice,
+    gloss: GlossChoice,
 ) -> Result<LightFit, FloorError> {
     let seen = TexelFrames::new(gpu, capture, split, poses)?;
-    Ok(fit_light_to(&seen, &capture.template, poses, choice)?)
+    Ok(fit_light_to(&seen, &capture.template, poses, choice, gloss)?)
+}
+
+/// Whether a frame is left out of a fit that is judged by it, of `frames` in all.
+fn held_out(frame: usize, frames: usize) -> bool {
+    frame % HOLD_OUT == HOLD_OUT - 1 && frames >= 2 * HOLD_OUT
 }
 
 /// As [`fit_light`], from what is seen already.
 pub(crate) fn fit_light_to(
-    seen: &TexelFrames,
+    texel_frames: &TexelFrames,
     template: &HandModel,
     poses: &[Pose],
     choice: LightChoice,
+    gloss_choice: GlossChoice,
 ) -> Result<LightFit, InvalidHandModel> {
     let start = Instant::now();
-    let seen = Observations::new(seen);
+    let seen = Observations::new(texel_frames, None);
     let model = template.without_blend_shapes();
     let texels = seen.samples.len();
-    let held_out = |frame: usize| frame % HOLD_OUT == HOLD_OUT - 1 && seen.frames.len() >= 2 * HOLD_OUT;
+    let held_out = |frame: usize| held_out(frame, seen.frames.len());
     let error = |unknowns: Unknowns, columns: &[FrameColors]| {
         let (others, chosen): (Vec<_>, Vec<_>) = columns.iter().enumerate().partition(|(frame, _)| !held_out(*frame));
         let [others, chosen] = [others, chosen].map(|frames| frames.into_iter().map(|(_, f)| f).collect::<Vec<_>>());
@@ -176,19 +214,37 @@ pub(crate) fn fit_light_to(
         LightChoice::Transfer => directions_needed(&figures).0,
         LightChoice::Auto => needed(&figures),
     };
-    let (kind, turn, columns) = match unknowns {
-        Unknowns::Constant => (None, DQuat::IDENTITY, &constant),
-        Unknowns::Harmonics => (Some(LightKind::Sh), DQuat::IDENTITY, &sh),
-        Unknowns::Lamps | Unknowns::Directions => (Some(LightKind::Transfer), turn, &transfer),
+    let (kind, turn, mut columns) = match unknowns {
+        Unknowns::Constant => (None, DQuat::IDENTITY, constant),
+        Unknowns::Harmonics => (Some(LightKind::Sh), DQuat::IDENTITY, sh),
+        Unknowns::Lamps | Unknowns::Directions => (Some(LightKind::Transfer), turn, transfer),
     };
-    let fits = all(columns, unknowns);
-    let light = kind.map(|kind| {
-        let coefficients = (0..kind.len()).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
-        Light { kind, turn, coefficients }
-    });
-    let frame_factors = frame_factors(columns, &fits);
+    let light = |fits: &[ChannelFit]| {
+        kind.map(|kind| {
+            let coefficients = (0..kind.len()).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
+            Light { kind, turn, coefficients }
+        })
+    };
+    let mut fits = all(&columns, unknowns);
+    let mut gloss: Option<GlossFit> = None;
+    if gloss_choice != GlossChoice::None && kind == Some(LightKind::Transfer) {
+        for _ in 0..GLOSS_ROUNDS {
+            let Some(light) = light(&fits) else { break };
+            let first = gloss.as_ref().map(|found| found.gloss.roughness);
+            let roughnesses = first.map_or(gloss::ROUGHNESSES.to_vec(), |roughness| vec![roughness]);
+            let always = first.is_some() || gloss_choice == GlossChoice::Always;
+            gloss = gloss::find(texel_frames, &model, poses, &light, &roughnesses, always)?;
+            let Some(found) = &gloss else { break };
+            // Skin and light are what is left without it.
+            let mirrored = gloss::in_images(texel_frames, &model, poses, &light, &found.gloss)?;
+            let matte = Observations::new(texel_frames, Some(&mirrored));
+            columns.iter_mut().enumerate().for_each(|(frame, colors)| matte.recolor(frame, colors));
+            fits = all(&columns, unknowns);
+        }
+    }
+    let frame_factors = frame_factors(&columns, &fits);
     let (frames, texels, seconds) = (seen.frames.len(), seen.used(), start.elapsed().as_secs_f64());
-    Ok(LightFit { light, figures, frames, texels, frame_factors, seconds })
+    Ok(LightFit { light: light(&fits), gloss, figures, frames, texels, frame_factors, seconds })
 }
 
 /// What each coefficient of a light gives the texels in each frame.

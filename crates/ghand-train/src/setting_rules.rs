@@ -30,6 +30,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
         "align" => Rule::Word(&["contours", "paper", "none"]),
         "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),
+        "gloss" => Rule::Word(&["auto", "always", "none"]),
         "exposure" => Rule::Word(&["auto", "per_camera", "same"]),
         "frame_gain" => Rule::Word(&["same", "per_frame"]),
         "pose_stage" => Rule::BelowOne,

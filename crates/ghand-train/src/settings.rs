@@ -49,6 +49,19 @@ pub enum ExposureChoice {
     Same,
 }
 
+/// Whether the skin's gloss is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GlossChoice {
+    /// If it explains how the images of frames left out differ: [`crate::light_fit`].
+    #[default]
+    Auto,
+    /// Wherever light comes from directions.
+    Always,
+    /// Never.
+    None,
+}
+
 /// How frames that are brighter or darker than light and pose explain are treated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -70,6 +83,8 @@ pub struct TrainSettings {
     pub align: Align,
     /// How light is taken apart from skin.
     pub light: LightChoice,
+    /// Whether what the skin mirrors is modelled.
+    pub gloss: GlossChoice,
     /// How cameras with other exposures are treated.
     pub exposure: ExposureChoice,
     /// How light that changes between frames is treated.
@@ -142,6 +157,7 @@ impl Default for TrainSettings {
             iterations: 2000,
             align: Align::default(),
             light: LightChoice::default(),
+            gloss: GlossChoice::default(),
             exposure: ExposureChoice::default(),
             frame_gain: FrameGain::default(),
             pose_stage: 0.62,

@@ -127,7 +127,7 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the pose does not fit the avatar.
-    pub fn set_pose(&self, gpu: &Gpu, frame: usize, pose: &ghand_core::Pose) -> Result<(), RenderError> {
+    pub fn set_pose(&mut self, gpu: &Gpu, frame: usize, pose: &ghand_core::Pose) -> Result<(), RenderError> {
         self.scene.set_pose(gpu, 0, frame, pose)
     }
 

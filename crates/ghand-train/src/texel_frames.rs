@@ -4,6 +4,7 @@ use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::Pose;
 use ghand_hand_model::SurfaceSamples;
 use ghand_render::Gpu;
+use glam::DVec3;
 
 use crate::floor::FloorError;
 use crate::texel_views::{TexelObserver, TexelView};
@@ -21,6 +22,8 @@ const BLACK: f64 = 0.02;
 pub(crate) struct TexelImage {
     /// Index of the camera in the capture.
     pub camera: usize,
+    /// Where it was taken from, metres, world axes.
+    pub eye: DVec3,
     /// Each texel, where the image shows it.
     pub texels: Vec<Option<TexelView>>,
 }
@@ -48,13 +51,23 @@ impl TexelFrames {
         for (turn, frame) in frames.iter().enumerate() {
             let views: Vec<&SplitView> = split.views.iter().filter(|view| view.position == *frame).collect();
             let image = |view: &SplitView| -> Result<TexelImage, FloorError> {
-                Ok(TexelImage { camera: view.camera, texels: observer.observe(view, &poses[*frame])? })
+                Ok(TexelImage {
+                    camera: view.camera,
+                    eye: capture.cameras[view.camera].center(),
+                    texels: observer.observe(view, &poses[*frame])?,
+                })
             };
             // Other cameras in each frame, so that all of them meet.
             images.push(evenly(&views, VIEWS_PER_FRAME, turn).into_iter().map(image).collect::<Result<Vec<_>, _>>()?);
         }
         let indices = frames.iter().map(|position| split.frames[*position]).collect();
         Ok(TexelFrames { samples: observer.samples().clone(), frames, indices, images })
+    }
+
+    /// Of images of frames that a split and a capture number alike.
+    #[cfg(test)]
+    pub fn of_images(samples: SurfaceSamples, frames: Vec<usize>, images: Vec<Vec<TexelImage>>) -> TexelFrames {
+        TexelFrames { samples, indices: frames.clone(), frames, images }
     }
 
     /// Corrects all colours.

@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::alignment::{Alignment, AlignmentError, align};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::exposure::{ExposureFit, fit_exposure};
-use crate::floor::{FloorError, TexelShades, texel_colors};
+use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
 use crate::memory_check;
 use crate::metrics::moving_joints;
@@ -237,7 +237,7 @@ impl<'a> Trainer<'a> {
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
     fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
-        let TrainSettings { light, exposure, frame_gain, .. } = self.settings;
+        let TrainSettings { light, gloss, exposure, frame_gain, .. } = self.settings;
         if (light, exposure, frame_gain) == (LightChoice::None, ExposureChoice::Same, FrameGain::Same) {
             return Ok(());
         }
@@ -264,13 +264,13 @@ impl<'a> Trainer<'a> {
         }
         if light != LightChoice::None || frame_gain != FrameGain::Same {
             let template = self.capture.template.clone();
-            let mut fit = fit_light_to(&seen, &template, &self.poses, light).map_err(FloorError::from)?;
+            let mut fit = fit_light_to(&seen, &template, &self.poses, light, gloss).map_err(FloorError::from)?;
             let differ = fit.frames_differ();
             if frame_gain == FrameGain::PerFrame {
                 let even = seen.even_frames(&fit.frame_factors);
                 seen.correct(&even);
                 correction.frames = even.frames;
-                let again = fit_light_to(&seen, &template, &self.poses, light).map_err(FloorError::from)?;
+                let again = fit_light_to(&seen, &template, &self.poses, light, gloss).map_err(FloorError::from)?;
                 fit = LightFit { frame_factors: fit.frame_factors, ..again };
             } else if differ > UNSTEADY {
                 log::warn!(
@@ -335,21 +335,14 @@ impl<'a> Trainer<'a> {
             settings.start_inset,
             settings.seed,
         )?;
-        let light = self.light.as_ref().and_then(|fit| fit.light.clone());
-        if let Some(light) = light {
+        if let Some((light, fit)) = self.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let samples = surface::sample_surface(&self.capture.template, settings.uv_resolution)?;
-            avatar.light = Some(AvatarLight::new(light, &samples));
+            let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
+            avatar.light = Some(AvatarLight::new(light, gloss, &samples));
         }
-        let shades = |position: usize| match &avatar.light {
-            Some(lit) => {
-                let vertices = lit.light.vertex_shades(&avatar.model, &self.poses[position])?;
-                Ok(lit.at_gaussians(&avatar.model, &vertices))
-            }
-            None => Ok(vec![[1.0; 3]; avatar.template.len()]),
-        };
-        let shades = avatar.light.as_ref().map(|_| &shades as &TexelShades<'_>);
         let (capture, resolution) = (&self.capture, settings.uv_resolution);
-        let colors = texel_colors(gpu, capture, &self.split, &self.poses, resolution, COLOR_VIEWS, shades)?;
+        let colors =
+            texel_colors(gpu, capture, &self.split, &self.poses, resolution, COLOR_VIEWS, avatar.light.as_ref())?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),

@@ -16,7 +16,7 @@ use ghand_train::alignment::align;
 use ghand_train::floor::Floor;
 use ghand_train::floor::texel_colors;
 use ghand_train::light_fit::{LightFit, fit_light};
-use ghand_train::{LightChoice, TrainSettings, Trainer, evaluate};
+use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer, evaluate};
 use glam::{DQuat, DVec3};
 
 const RESOLUTION: u32 = 48;
@@ -27,24 +27,17 @@ fn capture(light: LightSetup) -> (Capture, tempfile::TempDir) {
 }
 
 fn fit(gpu: &Gpu, capture: &Capture, poses: &[Pose], choice: LightChoice) -> LightFit {
-    let fit = fit_light(gpu, capture, capture.split("train").unwrap(), poses, choice).unwrap();
+    let fit = fit_light(gpu, capture, capture.split("train").unwrap(), poses, choice, GlossChoice::Auto).unwrap();
     println!("{choice:?}: {:?}", fit.report());
     fit
 }
 
-/// Unlit colours of the texels, display values, and how many of them there are.
+/// Unlit colours of the texels, display values.
 fn skin(gpu: &Gpu, capture: &Capture, poses: &[Pose], light: Option<&Light>) -> Vec<[f64; 3]> {
     let samples = sample_surface(&capture.template, RESOLUTION).unwrap();
-    let model = capture.template.without_blend_shapes();
-    let shades = |frame: usize| match light {
-        Some(light) => {
-            let vertices = light.vertex_shades(&model, &poses[frame])?;
-            Ok(AvatarLight::new(light.clone(), &samples).at_gaussians(&model, &vertices))
-        }
-        None => Ok(vec![[1.0; 3]; samples.len()]),
-    };
+    let lit = light.map(|light| AvatarLight::new(light.clone(), None, &samples));
     let split = capture.split("train").unwrap();
-    texel_colors(gpu, capture, split, poses, RESOLUTION, 72, Some(&shades)).unwrap().colors
+    texel_colors(gpu, capture, split, poses, RESOLUTION, 72, lit.as_ref()).unwrap().colors
 }
 
 /// The median relative error of linear albedos, up to one factor per channel.
@@ -92,8 +85,9 @@ fn skin_without_light_on_it_needs_none() {
     let fit = fit(&gpu, &flat, &poses, LightChoice::Auto);
     assert_eq!(fit.light, None, "{:?}", fit.figures);
     // What is asked for is done all the same.
-    let forced = fit_light(&gpu, &flat, flat.split("train").unwrap(), &poses, LightChoice::Sh).unwrap();
-    assert_eq!(forced.light.unwrap().kind, LightKind::Sh);
+    let forced =
+        fit_light(&gpu, &flat, flat.split("train").unwrap(), &poses, LightChoice::Sh, GlossChoice::Always).unwrap();
+    assert_eq!((forced.light.unwrap().kind, forced.gloss), (LightKind::Sh, None));
 }
 
 /// Puts the fitted template into a capture, and gives the fitted poses of its training frames.

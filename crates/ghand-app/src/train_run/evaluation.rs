@@ -171,6 +171,14 @@ fn print_light(report: &LightReport) {
         1e3 * lamps,
         1e3 * transfer
     );
+    if let Some(gloss) = &report.gloss {
+        say!(
+            "       gloss of roughness {} and mean strength {:.2} leaves {:.0} % of how images of a frame left out differ",
+            gloss.roughness,
+            gloss.mean_strength,
+            1e2 * gloss.squared_difference_left
+        );
+    }
     say!("       frames differ in brightness by {:.1} % beyond that", 1e2 * report.frames_differ);
 }
 

@@ -17,21 +17,29 @@ struct ShadeBuffers {
     corners: wgpu::Buffer,
     barycentric: wgpu::Buffer,
     vertex_shades: wgpu::Buffer,
+    /// A single number if nothing is glossy.
+    vertex_gloss: wgpu::Buffer,
+    glossy: bool,
 }
 
 impl ShadeBuffers {
-    fn named(&self) -> [(&str, &wgpu::Buffer); 3] {
-        [("corners", &self.corners), ("barycentric", &self.barycentric), ("vertex_shades", &self.vertex_shades)]
+    fn named(&self) -> [(&str, &wgpu::Buffer); 4] {
+        [
+            ("corners", &self.corners),
+            ("barycentric", &self.barycentric),
+            ("vertex_shades", &self.vertex_shades),
+            ("vertex_gloss", &self.vertex_gloss),
+        ]
     }
 
     fn bind(&self, gpu: &Gpu, stage: &'static str, others: &[(&str, &wgpu::Buffer)]) -> Bound {
-        let constants = [("VERTEX_COUNT", self.vertex_count as f64)];
+        let constants = [("VERTEX_COUNT", self.vertex_count as f64), ("GLOSSY", f64::from(u8::from(self.glossy)))];
         Module::new(gpu, "shade").stage(gpu, stage, &constants).bind(gpu, &[&self.named()[..], others].concat())
     }
 }
 
 impl Shade {
-    /// All shades are 1 until they are set.
+    /// All shades are 1, and all gloss is 0, until they are set.
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, surface: &LitSurface<'_>, frames: usize) -> Shade {
         let columns = |get: &dyn Fn(usize) -> u32| -> Vec<u32> { (0..3 * surface.corners.len()).map(get).collect() };
         let count = surface.corners.len().max(1);
@@ -42,6 +50,12 @@ impl Shade {
             corners: buffers::filled(gpu, "corners", &corners),
             barycentric: buffers::filled(gpu, "barycentric", &barycentric),
             vertex_shades: buffers::filled(gpu, "vertex shades", &vec![1.0f32; frames * surface.vertex_count * 3]),
+            vertex_gloss: buffers::zeroed(
+                gpu,
+                "vertex gloss",
+                if surface.glossy { 3 * surface.vertex_count } else { 1 },
+            ),
+            glossy: surface.glossy,
         };
         let others = [&b.named()[..], &[("color", &b.properties.color)]].concat();
         let light_colors = buffers.bind(gpu, "light_colors", &others);
@@ -61,6 +75,17 @@ impl Shade {
         Ok(())
     }
 
+    /// Sets the gloss of the frame and view to be drawn, one RGB per vertex, linear light.
+    pub fn set_gloss(&self, gpu: &Gpu, gloss: &[[f32; 3]]) -> Result<(), RenderError> {
+        let vertices = self.buffers.vertex_count;
+        if !self.buffers.glossy || gloss.len() != vertices {
+            let what = if self.buffers.glossy { "" } else { " of a hand without gloss" };
+            return Err(RenderError::Invalid(format!("gloss of {} for {vertices} vertices{what}", gloss.len())));
+        }
+        gpu.queue.write_buffer(&self.buffers.vertex_gloss, 0, bytemuck::cast_slice(gloss));
+        Ok(())
+    }
+
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.light_colors.dispatch_invocations(pass, self.count);
     }
@@ -74,7 +99,8 @@ pub struct ShadeBackward {
 
 impl ShadeBackward {
     pub fn new(gpu: &Gpu, forward: &Shade, b: &ForwardBuffers, d: &BackwardBuffers) -> ShadeBackward {
-        let others = [&b.named()[..], &d.named()[..], &[("d_color", &d.gradients.color)]].concat();
+        let colors = [("color", &b.properties.color), ("d_color", &d.gradients.color)];
+        let others = [&b.named()[..], &d.named()[..], &colors].concat();
         ShadeBackward {
             light_colors: forward.buffers.bind(gpu, "light_colors_backward", &others),
             count: forward.count,

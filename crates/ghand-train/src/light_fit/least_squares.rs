@@ -169,7 +169,7 @@ fn fit_albedo(
 }
 
 /// How much a display value changes with a linear one.
-fn steepness(linear: f64) -> f64 {
+pub(super) fn steepness(linear: f64) -> f64 {
     DISPLAY_EXPONENT * linear.max(DARKEST).powf(DISPLAY_EXPONENT - 1.0)
 }
 
@@ -256,7 +256,7 @@ fn lamps_in_a_sky(matrix: &DMatrix<f64>, vector: &DVector<f64>, before: &DVector
 }
 
 /// The minimum of `x^T A x / 2 - b^T x` without negative `x`, by coordinate descent from `x`.
-fn non_negative(matrix: &DMatrix<f64>, vector: &DVector<f64>, mut x: DVector<f64>) -> DVector<f64> {
+pub(super) fn non_negative(matrix: &DMatrix<f64>, vector: &DVector<f64>, mut x: DVector<f64>) -> DVector<f64> {
     for _ in 0..SWEEPS {
         let mut change = 0.0f64;
         for k in 0..x.len() {

@@ -4,6 +4,7 @@ use ghand_core::light::linear;
 use ghand_hand_model::SurfaceSamples;
 use nalgebra::DMatrix;
 
+use super::gloss::ImageGloss;
 use super::least_squares::FrameColors;
 use crate::texel_frames::TexelFrames;
 use crate::texel_views::TexelView;
@@ -21,16 +22,18 @@ pub(super) struct Observations {
 }
 
 impl Observations {
-    pub fn new(seen: &TexelFrames) -> Observations {
+    /// What images show, less a gloss.
+    pub fn new(seen: &TexelFrames, gloss: Option<&ImageGloss>) -> Observations {
         let texels = seen.samples.len();
         let mut colors: Vec<Vec<Option<[f64; 3]>>> = Vec::new();
-        for images in &seen.images {
+        for (frame, images) in seen.images.iter().enumerate() {
             let mut sums = vec![[0.0; 4]; texels];
-            for image in images {
-                for (sum, seen) in sums.iter_mut().zip(&image.texels) {
+            for (i, image) in images.iter().enumerate() {
+                for (t, (sum, seen)) in sums.iter_mut().zip(&image.texels).enumerate() {
                     let Some(TexelView { color, weight }) = seen else { continue };
-                    for (s, value) in sum.iter_mut().zip(color) {
-                        *s += weight * linear(*value);
+                    for (c, value) in color.iter().enumerate() {
+                        let mirrored = gloss.map_or(0.0, |gloss| f64::from(gloss[frame][i][t][c]));
+                        sum[c] += weight * (linear(*value) - mirrored).max(0.0);
                     }
                     sum[3] += weight;
                 }
@@ -48,6 +51,13 @@ impl Observations {
     /// Number of texels that take part.
     pub fn used(&self) -> usize {
         (0..self.samples.len()).filter(|t| self.colors.iter().any(|frame| frame[*t].is_some())).count()
+    }
+
+    /// Changes a frame's colours of other observations, which found the same texels, to these.
+    pub fn recolor(&self, frame: usize, colors: &mut FrameColors) {
+        for (t, color) in colors.texels.iter().zip(&mut colors.colors) {
+            *color = self.colors[frame][*t].unwrap_or(*color);
+        }
     }
 
     /// A frame's colours with what each unknown of a light gives all texels.

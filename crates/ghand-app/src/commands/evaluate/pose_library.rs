@@ -276,7 +276,7 @@ fn draw(
         let mut posed = PosedSums::default();
         let mut pictures: [Option<RgbImage>; SHEET_DIRECTIONS.len()] = Default::default();
         scene.set_pose(gpu, 0, 0, pose)?;
-        if let Some(scene) = &unlit_scene {
+        if let Some(scene) = &mut unlit_scene {
             scene.set_pose(gpu, 0, 0, pose)?;
         }
         for (k, camera) in cameras.iter().enumerate() {
