@@ -32,6 +32,23 @@ blender-d-paper blender-d $blender --set align=paper
 blender-d-aligned blender-d $blender
 blender-d-true blender-d $blender --poses truth
 ENTRIES
+    # What light and surface bring, one after the other, with true poses.
+    for capture in demo blender-a blender-d; do
+        from=$([ $capture = demo ] && echo - || echo $capture)
+        settings="$blender --set iterations=300 --poses truth"
+        plain="--set color_roughness=0 --set unseen=keep"
+        while read -r rung options; do
+            echo "ladder-$rung-$capture $from $settings $options"
+        done <<RUNGS
+none $plain --set light=none
+sh $plain --set light=sh
+transfer $plain --set light=transfer --set gloss=none
+gloss $plain --set light=transfer --set gloss=always
+surface --set unseen=keep --set light=transfer --set gloss=always
+unseen --set light=transfer --set gloss=always
+flat --set light=transfer --set gloss=always --set gaussians=flat
+RUNGS
+    done
 )
 names=$(awk '{ print $1 }' <<<"$entries")
 

@@ -4,8 +4,8 @@
 import package::shared::camera::{camera_from_world, view};
 import package::shared::dispatch::flat_index;
 import package::shared::gaussian::{
-    ANISOTROPIC, ANTIALIAS, COLOR_BASES, FREE_OPACITY, Gaussian, ROW_COLOR, ROW_OPACITY, ROW_ROTATION, ROW_SCALE,
-    UNBOUNDED, axes_of, compensation, footprint, load_gaussian, world_direction
+    ANISOTROPIC, ANTIALIAS, COLOR_BASES, FLAT, FREE_OPACITY, Gaussian, ROW_COLOR, ROW_OPACITY, ROW_ROTATION, ROW_SCALE,
+    UNBOUNDED, axes_of, compensation, flattened, footprint, load_gaussian, world_direction
 };
 import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic, stored_color};
 
@@ -66,6 +66,10 @@ fn quaternion_gradient(g: Gaussian, x_axis: vec3<f32>, y_axis: vec3<f32>, z_axis
                           -2.0 * q.z * (x_axis.x + y_axis.y) + q.x * xz + q.y * yz + q.w * turn.z,
                           dot(q.xyz, turn));
     return (unit - q * dot(q, unit)) / g.length;
+}
+
+fn camera_direction(v: vec3<f32>) -> vec3<f32> {
+    return vec3(dot(view.row_x.xyz, v), dot(view.row_y.xyz, v), dot(view.row_z.xyz, v));
 }
 
 // The contents of one cell of a slot.
@@ -173,12 +177,17 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
                                       sx.z * world_x + sy.z * world_y);
         store(ROW_ROTATION, i, d_q.w);
         store_vector(ROW_ROTATION + 1u, i, d_q.xyz);
-        let d_world_x = axes * sx;
-        let d_world_y = axes * sy;
-        d_jacobian_x =
-            vec3(dot(view.row_x.xyz, d_world_x), dot(view.row_y.xyz, d_world_x), dot(view.row_z.xyz, d_world_x));
-        d_jacobian_y =
-            vec3(dot(view.row_x.xyz, d_world_y), dot(view.row_y.xyz, d_world_y), dot(view.row_z.xyz, d_world_y));
+        d_jacobian_x = camera_direction(axes * sx);
+        d_jacobian_y = camera_direction(axes * sy);
+    } else if FLAT {
+        // The map is its own transpose.
+        let across_x = flattened(d_row_x, g.normal);
+        let across_y = flattened(d_row_y, g.normal);
+        d_jacobian_x = g.scales.x * camera_direction(across_x);
+        d_jacobian_y = g.scales.x * camera_direction(across_y);
+        store_scale(ROW_SCALE, i, g.scales.x, dot(across_x, world_direction(foot.jacobian_x))
+            + dot(across_y, world_direction(foot.jacobian_y)));
+        store_vector(ROW_ROTATION, i, vec3(0.0));
     } else {
         d_jacobian_x = g.scales.x * d_row_x;
         d_jacobian_y = g.scales.x * d_row_y;
@@ -210,8 +219,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         let d_offset = (d_direction - direction * dot(direction, d_direction)) / length(p);
         d_mean += d_offset;
         // A rotation about the camera's centre does not change the viewing direction; a translation does.
-        d_translation +=
-            vec3(dot(view.row_x.xyz, d_offset), dot(view.row_y.xyz, d_offset), dot(view.row_z.xyz, d_offset));
+        d_translation += camera_direction(d_offset);
     }
     store_vector(0u, i, d_mean);
     if FREE_OPACITY {
@@ -224,7 +232,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     }
     // A small rotation w of the camera moves p by w x p and rotates the Jacobian's rows against the Gaussian's axes.
     var turn = cross(p, d_p);
-    if ANISOTROPIC {
+    if ANISOTROPIC || FLAT {
         turn += cross(d_jacobian_x, foot.jacobian_x) + cross(d_jacobian_y, foot.jacobian_y);
     }
     store_camera(i, turn, d_translation);

@@ -23,7 +23,7 @@ override GLOSSY: bool = false;
 @group(0) @binding(8) var<storage, read> vertex_gloss: array<f32>;
 
 // First row of the colours in the splatter's table.
-const ROW_COLOR: u32 = 4u;
+override ROW_COLOR: u32;
 
 // As `ghand_core::light::DISPLAY_EXPONENT`.
 const DISPLAY_EXPONENT: f32 = 1.0 / 2.2;

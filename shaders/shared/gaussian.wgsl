@@ -5,6 +5,8 @@ import package::shared::camera::{BLUR, view};
 
 // The kind of the scene, see `ghand_render::splat::SplatModel`.
 override ANISOTROPIC: bool = false;
+override FLAT: bool = false;
+override FLATNESS: f32 = 1.0;
 override FREE_OPACITY: bool = false;
 // Spherical harmonics: 1, 4, 9 or 16; 0 for a plain colour.
 override COLOR_BASES: u32 = 0u;
@@ -28,6 +30,8 @@ struct Gaussian {
     // Of an anisotropic Gaussian: its unit quaternion (x, y, z, w) and the length of the stored one.
     quaternion: vec4<f32>,
     length: f32,
+    // Of a flat Gaussian.
+    normal: vec3<f32>,
 }
 
 fn is_finite(x: f32) -> bool {
@@ -75,13 +79,16 @@ fn load_gaussian(i: u32) -> Gaussian {
     } else {
         g.scales = vec3(stored_scale(ROW_SCALE, i));
     }
+    if FLAT {
+        g.normal = vec3(stored(ROW_ROTATION, i), stored(ROW_ROTATION + 1u, i), stored(ROW_ROTATION + 2u, i));
+    }
     return g;
 }
 
 // Whether every number of the Gaussian is usable. A quaternion of 0 is not a rotation: its length is NaN.
 fn is_sound(g: Gaussian) -> bool {
     return are_finite(g.mean) && are_finite(g.scales) && is_finite(g.opacity) && is_finite(g.length) && g.length > 0.0
-        && are_finite(g.quaternion.xyz) && is_finite(g.quaternion.w);
+        && are_finite(g.quaternion.xyz) && is_finite(g.quaternion.w) && are_finite(g.normal);
 }
 
 // The axes of the Gaussian: the columns of its rotation.
@@ -101,6 +108,11 @@ fn axes_of(q: vec4<f32>) -> mat3x3<f32> {
                   xz + wy, yz - wx, 1.0 - xx - yy);
 }
 
+// A vector as a flat Gaussian of size 1 takes it: made shorter along the normal.
+fn flattened(v: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    return v - (1.0 - FLATNESS) * dot(v, normal) * normal;
+}
+
 // What both directions of a Gaussian's projection need. The covariance in the image is T T^T + BLUR with the rows of T
 // = J W A S: kept as T to avoid cancellation when a Gaussian is long and thin.
 struct Footprint {
@@ -109,7 +121,7 @@ struct Footprint {
     // Rows of the Jacobian of the projection, in camera axes (pixels per metre).
     jacobian_x: vec3<f32>,
     jacobian_y: vec3<f32>,
-    // Rows of T: one number for each axis of the Gaussian, pixels.
+    // Rows of T, pixels: one number for each axis of the Gaussian (of a flat one: of the world).
     row_x: vec3<f32>,
     row_y: vec3<f32>,
     // Covariance in pixels^2 with the blur: xx, xy, yy.
@@ -134,6 +146,9 @@ fn footprint(g: Gaussian, p: vec3<f32>) -> Footprint {
         let axes = axes_of(g.quaternion);
         foot.row_x = g.scales * (world_direction(foot.jacobian_x) * axes);
         foot.row_y = g.scales * (world_direction(foot.jacobian_y) * axes);
+    } else if FLAT {
+        foot.row_x = g.scales.x * flattened(world_direction(foot.jacobian_x), g.normal);
+        foot.row_y = g.scales.x * flattened(world_direction(foot.jacobian_y), g.normal);
     } else {
         foot.row_x = g.scales.x * foot.jacobian_x;
         foot.row_y = g.scales.x * foot.jacobian_y;

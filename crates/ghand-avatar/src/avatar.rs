@@ -78,7 +78,7 @@ impl Avatar {
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
         let samples = surface::sample_surface(model, config.uv_resolution)?;
-        let template = Template::from_samples(model, &samples);
+        let template = Template::from_samples(model, &samples, config.gaussians);
         let thickness = local_thickness(model, &samples);
         let insets: Vec<f64> = (template.spacings.iter().zip(&thickness))
             .map(|(spacing, thickness)| {

@@ -17,7 +17,7 @@ use crate::avatar::{Avatar, Provenance};
 use crate::light::{AvatarLight, Gloss, Light, LightKind};
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
-use crate::template::{AvatarConfig, Template};
+use crate::template::{AvatarConfig, GaussianShape, Template};
 
 /// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response
 /// depended on the root's rotation; version 2 had no light.
@@ -132,6 +132,9 @@ fn tensors(avatar: &Avatar) -> Tensors {
     out.add("rest", Dtype::F32, &[3, count], &t.rest);
     out.add("weights", Dtype::F32, &[joints, count], &t.weights);
     out.add("spacings", Dtype::F32, &[count], &t.spacings);
+    if let Some(normals) = &t.normals {
+        out.add("normals", Dtype::F32, &[3, count], normals);
+    }
     match &avatar.tables {
         PropertyTables::Direct(tables) => tables.write(t, &avatar.config, &mut out),
     }
@@ -340,6 +343,10 @@ impl<'a> Reader<'a> {
             rest: self.floats("rest", &[Some(3), Some(count)])?,
             weights: self.floats("weights", &[Some(joints), Some(count)])?,
             spacings,
+            normals: match config.gaussians {
+                GaussianShape::Round => None,
+                GaussianShape::Flat => Some(self.floats("normals", &[Some(3), Some(count)])?),
+            },
         };
         let tables = match meta.property_model {
             ModelTag::Direct => PropertyTables::Direct(DirectTables::read(self, &template, config)?),

@@ -19,4 +19,4 @@ pub use posed_avatar::PosedAvatar;
 pub use properties::direct::DirectTables;
 pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};
 pub use scene::Scene;
-pub use template::{AvatarConfig, Template};
+pub use template::{AvatarConfig, GaussianShape, Template};

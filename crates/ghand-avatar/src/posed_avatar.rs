@@ -96,7 +96,7 @@ impl PosedAvatar {
             glossy: light.gloss.is_some(),
         });
         let deform_template = DeformTemplate {
-            normals: None,
+            normals: template.normals.as_deref(),
             rest: &template.rest,
             weights: &template.weights,
             joints: &joints,

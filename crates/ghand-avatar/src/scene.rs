@@ -7,13 +7,14 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
-use ghand_render::splat::{Counters, Image, Purpose, SplatOptions, Splatter, View};
+use ghand_render::splat::{Counters, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
 use crate::avatar::Avatar;
 use crate::ply::SplatScene;
 use crate::posed_avatar::PosedAvatar;
+use crate::template::GaussianShape;
 
 /// Opacity of every Gaussian of an avatar; fixed, as in the paper.
 pub const OPACITY: f32 = 1.0;
@@ -66,13 +67,16 @@ impl Scene {
         max_size: [u32; 2],
     ) -> Result<Scene, RenderError> {
         let columns = avatars.iter().map(|a| a.template.len()).sum();
-        let splatter = Splatter::new(gpu, SplatOptions { purpose, ..Default::default() }, columns, max_size)?;
+        let flat = avatars.iter().any(|avatar| avatar.config.gaussians == GaussianShape::Flat);
+        let shape = if flat { Shape::Flat } else { Shape::Isotropic };
+        let options = SplatOptions { model: SplatModel { shape, ..SplatModel::HAND }, purpose, depth: false };
+        let splatter = Splatter::new(gpu, options, columns, max_size)?;
         let mut first = 0;
         let mut posed = Vec::new();
         for avatar in avatars {
             let count = avatar.template.len();
             let what = format!("an avatar of {count} Gaussians with {frames} poses");
-            let place = TablePlace { columns, first };
+            let place = TablePlace { columns, first, shape };
             posed.push(gpu.scoped(&what, || PosedAvatar::new(gpu, avatar, frames, splatter.gaussians(), place))?);
             first += count;
         }
@@ -223,7 +227,7 @@ impl Scene {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn posed_splats(&mut self, gpu: &Gpu, frame: usize) -> Result<SplatScene, RenderError> {
-        Ok(SplatScene::of_hand(&self.posed_table(gpu, frame)?))
+        Ok(SplatScene::of_hand(&self.posed_table(gpu, frame)?, self.splatter.options().model.shape))
     }
 
     /// The splatter's table of frame `frame` without gloss, `[rows][N]` with the avatars one after the other in each row.

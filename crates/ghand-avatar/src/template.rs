@@ -11,6 +11,17 @@ use serde::{Deserialize, Serialize};
 /// Largest standard deviation of a Gaussian in multiples of the mean spacing.
 const MAX_SCALE: f32 = 4.0;
 
+/// The shape of an avatar's Gaussians.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GaussianShape {
+    /// Balls.
+    #[default]
+    Round,
+    /// Discs that lie along the surface, [`ghand_render::splat::FLATNESS`] times as thick as wide.
+    Flat,
+}
+
 /// Configuration that fixes the shape and interpretation of an avatar's tables.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -28,6 +39,9 @@ pub struct AvatarConfig {
     pub residual_weights: ResidualWeights,
     /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
+    /// The shape of the Gaussians.
+    #[serde(skip_serializing_if = "is_default")]
+    pub gaussians: GaussianShape,
 }
 
 impl Default for AvatarConfig {
@@ -39,6 +53,7 @@ impl Default for AvatarConfig {
             color_components: 4,
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
+            gaussians: GaussianShape::default(),
         }
     }
 }
@@ -79,28 +94,31 @@ pub struct Template {
     pub weights: Vec<f32>,
     /// Size of the surface patch of each Gaussian, N, metres.
     pub spacings: Vec<f32>,
+    /// Rest normals `[3][N]`, unit length, if the Gaussians are flat.
+    pub normals: Option<Vec<f32>>,
 }
 
 impl Template {
-    /// Samples a hand model.
+    /// Samples a hand model, for round Gaussians.
     ///
     /// # Errors
     /// [`HandModelError`] if the model has no usable UV atlas at this resolution.
     pub fn sample(model: &HandModel, uv_resolution: u32) -> Result<Template, HandModelError> {
-        Ok(Template::from_samples(model, &surface::sample_surface(model, uv_resolution)?))
+        Ok(Template::from_samples(model, &surface::sample_surface(model, uv_resolution)?, GaussianShape::Round))
     }
 
-    pub(crate) fn from_samples(model: &HandModel, samples: &SurfaceSamples) -> Template {
-        let rest = (0..3).flat_map(|c| samples.positions.iter().map(move |p| p[c] as f32)).collect();
+    pub(crate) fn from_samples(model: &HandModel, samples: &SurfaceSamples, shape: GaussianShape) -> Template {
+        let rows = |points: &[DVec3]| (0..3).flat_map(|c| points.iter().map(move |p| p[c] as f32)).collect();
         Template {
             name: model.name.clone(),
             side: model.side,
             joint_names: model.joint_names.clone(),
             parents: model.parents.clone(),
             joints: model.joints.clone(),
-            rest,
+            rest: rows(&samples.positions),
             weights: samples.weights.iter().map(|w| *w as f32).collect(),
             spacings: samples.spacings.iter().map(|s| *s as f32).collect(),
+            normals: (shape == GaussianShape::Flat).then(|| rows(&samples.normals)),
         }
     }
 

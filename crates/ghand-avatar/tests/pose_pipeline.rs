@@ -46,7 +46,7 @@ fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     posed.deformation.set_frame(&gpu, 1);
     gpu.queue.write_buffer(on_device, 0, bytemuck::cast_slice(d_gaussians));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    posed.encode(&gpu, &mut encoder).unwrap();
+    posed.encode(&gpu, &mut encoder, None).unwrap();
     backward.encode_point_gradients(&mut encoder);
     offset_penalty.encode(&mut encoder);
     scale_penalty.encode(&mut encoder);

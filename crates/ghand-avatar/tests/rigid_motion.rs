@@ -24,7 +24,7 @@ const ROUNDING: f64 = 5e-7;
 fn posed(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> Vec<f32> {
     scene.set_pose(gpu, 0, 0, pose).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    scene.avatars_mut()[0].encode(gpu, &mut encoder).unwrap();
+    scene.avatars_mut()[0].encode(gpu, &mut encoder, None).unwrap();
     gpu.queue.submit([encoder.finish()]);
     buffers::read(gpu, scene.splatter().gaussians(), 7 * COUNT).unwrap()
 }

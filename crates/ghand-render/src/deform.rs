@@ -21,6 +21,7 @@ pub use joint_sums::{JointSums, SumUniforms};
 pub use properties::{Properties, PropertySizes};
 
 use crate::pipeline::compute_pass;
+use crate::splat::{Shape, SplatModel};
 use crate::{Gpu, RenderError, buffers};
 use blend_shapes::{BlendShapes, BlendShapesBackward};
 use normals::Normals;
@@ -38,9 +39,6 @@ const SKIN_GRADIENT_ROWS: usize = 15;
 /// First row of the moments in that table, as in `shaders/shared/pose.wgsl`, and their number.
 pub const ROW_MOMENT: u32 = 3;
 const MOMENT_ROWS: usize = 12;
-/// First rows of standard deviation and colour in the splatter's table, after the mean.
-const ROW_SCALE: u64 = 3;
-const ROW_COLOR: u64 = 4;
 
 /// See `shaders/shared/pose.wgsl`.
 #[repr(C)]
@@ -71,7 +69,7 @@ pub struct DeformTemplate<'a> {
     pub rest: &'a [f32],
     /// Skinning weights, `[n_b][N]`.
     pub weights: &'a [f32],
-    /// Rest normals, `[3][N]`, unit length, if shading needs posed ones.
+    /// Rest normals, `[3][N]`, unit length, if shading or flat Gaussians need posed ones.
     pub normals: Option<&'a [f32]>,
     /// Rest joints, `[n_b][3]`, metres.
     pub joints: &'a [f32],
@@ -111,12 +109,19 @@ pub struct TablePlace {
     pub columns: usize,
     /// The hand's first column.
     pub first: usize,
+    /// Sizes of the table's Gaussians, isotropic or flat.
+    pub shape: Shape,
 }
 
 impl TablePlace {
     /// The place of the only hand in a scene.
     pub fn alone(gaussians: usize) -> TablePlace {
-        TablePlace { columns: gaussians, first: 0 }
+        TablePlace { columns: gaussians, first: 0, shape: Shape::Isotropic }
+    }
+
+    /// First row of the colours.
+    fn color_row(self) -> u64 {
+        SplatModel { shape: self.shape, ..SplatModel::HAND }.color_row() as u64
     }
 
     /// Byte offset of the hand's first number in a row.
@@ -184,8 +189,8 @@ pub struct Deformation {
 }
 
 impl Deformation {
-    /// A deformation that fills the rows of mean, standard deviation and colour at `place` in `gaussians`, the table of
-    /// a splatter of isotropic Gaussians with plain colours.
+    /// A deformation that fills the rows of mean, standard deviation, normal (if flat) and colour at `place` in
+    /// `gaussians`, the table of a splatter with plain colours. A hand without normals is round among flat Gaussians.
     pub fn new(gpu: &Gpu, template: &DeformTemplate, gaussians: &wgpu::Buffer, place: TablePlace) -> Deformation {
         let joints = template.parents.len();
         let count = template.rest.len() / 3;
@@ -224,7 +229,9 @@ impl Deformation {
             blend_shapes: BlendShapes::new(gpu, &buffers),
             residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
             skin: Skin::new(gpu, &buffers),
-            shade: template.lit_surface.map(|surface| Shade::new(gpu, &buffers, &surface, template.frames)),
+            shade: template
+                .lit_surface
+                .map(|surface| Shade::new(gpu, &buffers, &surface, place.color_row(), template.frames)),
             normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             buffers,
             current,
@@ -323,10 +330,17 @@ impl Deformation {
         }
         drop(pass);
         let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
-        encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, self.place.byte(ROW_SCALE), row);
+        let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
+        encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, scale, row);
+        if let Some(normals) = self.normals().filter(|_| self.place.shape == Shape::Flat) {
+            for c in 0..3 {
+                let to = self.place.byte(SplatModel::SCALE_ROW as u64 + 1 + c);
+                encoder.copy_buffer_to_buffer(normals, c * row, &self.buffers.gaussians, to, row);
+            }
+        }
         if self.shade.is_none() {
             for c in 0..3 {
-                let to = self.place.byte(ROW_COLOR + c);
+                let to = self.place.byte(self.place.color_row() + c);
                 encoder.copy_buffer_to_buffer(&p.color, c * row, &self.buffers.gaussians, to, row);
             }
         }
@@ -442,10 +456,11 @@ impl DeformationBackward {
     /// Encodes the gradients from the table of Gaussians to scale, colour, residual weights and points.
     pub fn encode_point_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
         let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
-        encoder.copy_buffer_to_buffer(&b.d_gaussians, self.place.byte(ROW_SCALE), &g.scale, 0, row);
+        let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
+        encoder.copy_buffer_to_buffer(&b.d_gaussians, scale, &g.scale, 0, row);
         if self.shade.is_none() {
             for c in 0..3 {
-                let from = self.place.byte(ROW_COLOR + c);
+                let from = self.place.byte(self.place.color_row() + c);
                 encoder.copy_buffer_to_buffer(&b.d_gaussians, from, &g.color, c * row, row);
             }
         }

@@ -23,7 +23,7 @@ pub use bands::band_rows;
 pub use counters::Counters;
 use frame::{Frame, Pipelines};
 use frame_buffers::FrameBuffers;
-pub use model::{Color, Opacity, Shape, SplatModel, Stored};
+pub use model::{Color, FLATNESS, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
 /// Edge of a tile in pixels, as in `shaders/shared/camera.wgsl`.

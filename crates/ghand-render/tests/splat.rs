@@ -9,7 +9,9 @@ use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use ghand_render::reference::project::Gaussian;
-use ghand_render::splat::{Color as SplatColor, Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};
+use ghand_render::splat::{
+    Color as SplatColor, FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View,
+};
 use glam::{DVec2, DVec3};
 
 #[test]
@@ -39,6 +41,25 @@ fn every_kind_of_gaussian_agrees_with_the_twin() {
     let mut free = round;
     free.iter_mut().enumerate().for_each(|(i, g)| g.opacity = f64::from((i % 97) as f32 / 100.0 + 0.01));
     check_against_twin(SplatModel { opacity: Opacity::Free, ..SplatModel::HAND }, &free, &camera, 1.0);
+}
+
+#[test]
+fn flat_gaussians_agree_with_the_twin() {
+    let mut scene = general_scene(40, 400, 0.005..0.03, 0);
+    for (i, g) in scene.iter_mut().enumerate() {
+        g.rotation = (g.rotation / g.rotation.length()).as_vec4().as_dvec4();
+        let size = f64::from(g.scales.x.abs().max(0.002) as f32);
+        g.scales = DVec3::new(size, size, size * FLATNESS);
+        // Straight towards the camera, and edge-on.
+        g.rotation = match i % 5 {
+            0 => glam::DVec4::W,
+            1 => glam::DVec4::new(0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()),
+            _ => g.rotation,
+        };
+    }
+    let flat = SplatModel { shape: Shape::Flat, ..SplatModel::HAND };
+    check_against_twin(flat, &scene, &camera(90, 53), 1.0);
+    check_against_twin(SplatModel { antialias: true, ..flat }, &scene, &camera(90, 53), 0.8);
 }
 
 /// Little-endian floats of a tensor.

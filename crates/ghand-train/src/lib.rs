@@ -34,6 +34,6 @@ pub mod views;
 
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use protocol::Protocol;
-pub use settings::{Align, ExposureChoice, FrameGain, GlossChoice, LightChoice, SettingsError, TrainSettings};
+pub use settings::{Align, ExposureChoice, FrameGain, GlossChoice, LightChoice, SettingsError, TrainSettings, Unseen};
 pub use train_error::TrainError;
 pub use trainer::{Progress, Trained, Trainer};

@@ -1,6 +1,6 @@
 //! The settings of a training run.
 
-use ghand_avatar::AvatarConfig;
+use ghand_avatar::{AvatarConfig, GaussianShape};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
@@ -62,6 +62,17 @@ pub enum GlossChoice {
     None,
 }
 
+/// What Gaussians get that training hardly saw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unseen {
+    /// The properties of their neighbours on the surface.
+    #[default]
+    Fill,
+    /// What they have learned.
+    Keep,
+}
+
 /// How frames that are brighter or darker than light and pose explain are treated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -89,6 +100,8 @@ pub struct TrainSettings {
     pub exposure: ExposureChoice,
     /// How light that changes between frames is treated.
     pub frame_gain: FrameGain,
+    /// What Gaussians get that training hardly saw.
+    pub unseen: Unseen,
     /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
     pub pose_stage: f64,
     /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
@@ -105,6 +118,8 @@ pub struct TrainSettings {
     pub shape_bases: usize,
     /// Number of pose-dependent colour components.
     pub color_components: usize,
+    /// Shape of the Gaussians.
+    pub gaussians: GaussianShape,
     /// Initial depth of the Gaussians below the template's surface, in their standard deviations.
     pub start_inset: f64,
     /// Layout of the blend coefficients: one per basis, or one per component of each basis, as in the paper.
@@ -160,6 +175,7 @@ impl Default for TrainSettings {
             gloss: GlossChoice::default(),
             exposure: ExposureChoice::default(),
             frame_gain: FrameGain::default(),
+            unseen: Unseen::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,
             pose_uv_resolution: 96,
@@ -168,6 +184,7 @@ impl Default for TrainSettings {
             uv_resolution: 160,
             shape_bases: 8,
             color_components: 4,
+            gaussians: GaussianShape::default(),
             // Starting slightly too thin is better than slightly too thick: nothing outside the hand must be unlearned.
             start_inset: 3.0,
             coefficients: CoefficientLayout::default(),
@@ -263,6 +280,7 @@ impl TrainSettings {
             color_components: self.color_components,
             residual_weights: self.residual_weights,
             residual_skeleton: self.residual_skeleton,
+            gaussians: self.gaussians,
         }
     }
 
@@ -274,6 +292,8 @@ impl TrainSettings {
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
             color_components: 0,
+            // The normals of flat ones have no gradient.
+            gaussians: GaussianShape::Round,
             color_roughness: 0.0,
             offset_roughness: 0.0,
             rate_residual_weights: 0.0,

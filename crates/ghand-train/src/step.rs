@@ -19,9 +19,6 @@ const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
 
-/// First row of the colours in the splatter's table.
-const ROW_COLOR: usize = 4;
-
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
     scene: Scene,
@@ -217,9 +214,10 @@ impl Step {
         let one = vec![[1.0f32, 0.0, 0.0, 0.0]; view.pixels.len()];
         gpu.queue.write_buffer(self.scene.splatter().d_image(), 0, bytemuck::cast_slice(&one));
         self.scene.run_frame(gpu, |splatter, encoder| splatter.backward(encoder))?;
-        let columns = self.scene.splatter().count();
-        let table: Vec<f32> = buffers::read(gpu, self.scene.splatter().d_gaussians(), (ROW_COLOR + 1) * columns)?;
-        seen.iter_mut().zip(&table[ROW_COLOR * columns..]).for_each(|(sum, weight)| *sum += weight);
+        let splatter = self.scene.splatter();
+        let (columns, row) = (splatter.count(), splatter.options().model.color_row());
+        let table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), (row + 1) * columns)?;
+        seen.iter_mut().zip(&table[row * columns..]).for_each(|(sum, weight)| *sum += weight);
         Ok(())
     }
 

@@ -23,7 +23,7 @@ use crate::light_fit::{LightFit, fit_light_to};
 use crate::memory_check;
 use crate::metrics::moving_joints;
 use crate::pose_prior::shrink;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings};
+use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings, Unseen};
 use crate::step::{Rates, Step};
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
@@ -443,7 +443,9 @@ impl<'a> Trainer<'a> {
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
         if !stage.refine_poses {
             let seen = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
-            tables.fill_unseen(&seen, &neighbors(&avatar.template));
+            if settings.unseen == Unseen::Fill {
+                tables.fill_unseen(&seen, &neighbors(&avatar.template));
+            }
         }
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use ghand_files::atomic_file::write_atomically;
-use ghand_render::splat::SplatModel;
+use ghand_render::splat::{FLATNESS, Shape, SplatModel};
+use glam::{DQuat, DVec3};
 
 use super::{PlyError, SplatScene};
 
@@ -22,21 +23,33 @@ const SH_0: f64 = 0.282_094_791_773_878_14;
 const GREY: f64 = 0.5;
 
 impl SplatScene {
-    /// Converts a table of [`SplatModel::HAND`], `[7][N]`, to a scene that looks the same. The isotropic, opaque
-    /// Gaussians with view-independent colour get three equal sizes, no rotation, the logit of [`EXPORTED_OPACITY`],
-    /// and harmonics of degree 0.
-    pub fn of_hand(table: &[f32]) -> SplatScene {
-        let (hand, model) = (SplatModel::HAND, SplatModel::trained(0));
+    /// Converts a table of [`SplatModel::HAND`] with this shape, `[rows][N]`, to a scene that looks the same. The
+    /// opaque Gaussians with view-independent colour get three sizes, equal unless they are flat, a rotation from the z
+    /// axis to their normal, the logit of [`EXPORTED_OPACITY`], and harmonics of degree 0.
+    pub fn of_hand(table: &[f32], shape: Shape) -> SplatScene {
+        let (hand, model) = (SplatModel { shape, ..SplatModel::HAND }, SplatModel::trained(0));
         let count = table.len() / hand.rows();
         let row = |row: usize| table.iter().skip(row * count).take(count).copied();
         let mut scene = Vec::with_capacity(model.rows() * count);
         (0..SplatModel::SCALE_ROW).for_each(|axis| scene.extend(row(axis)));
-        for _ in 0..model.scale_rows() {
-            scene.extend(row(SplatModel::SCALE_ROW).map(|scale| f64::from(scale).ln() as f32));
+        let normal = |i: usize| match shape {
+            Shape::Flat => {
+                DVec3::from([0, 1, 2].map(|c| f64::from(table[(hand.rotation_row() + c) * count + i]))).try_normalize()
+            }
+            _ => None,
+        };
+        for axis in 0..model.scale_rows() {
+            let factor = |i: usize| if axis == 2 && normal(i).is_some() { FLATNESS } else { 1.0 };
+            let scales = row(SplatModel::SCALE_ROW).enumerate();
+            scene.extend(scales.map(|(i, scale)| (f64::from(scale) * factor(i)).ln() as f32));
         }
-        for component in [1.0, 0.0, 0.0, 0.0, exported_logit()] {
-            scene.extend(std::iter::repeat_n(component, count));
+        let rotations: Vec<DQuat> = (0..count)
+            .map(|i| normal(i).map_or(DQuat::IDENTITY, |normal| DQuat::from_rotation_arc(DVec3::Z, normal)))
+            .collect();
+        for component in [|q: &DQuat| q.w, |q: &DQuat| q.x, |q: &DQuat| q.y, |q: &DQuat| q.z] {
+            scene.extend(rotations.iter().map(|q| component(q) as f32));
         }
+        scene.extend(std::iter::repeat_n(exported_logit(), count));
         for channel in 0..3 {
             scene.extend(row(hand.color_row() + channel).map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
         }
@@ -120,7 +133,7 @@ mod tests {
     fn an_exported_hand_is_a_finite_scene_of_the_same_gaussians() {
         let rows: [[f32; 2]; 7] =
             [[0.1, -0.2], [0.0, 0.3], [0.5, 0.4], [0.001, 0.0025], [0.0, 1.0], [0.25, 0.5], [0.75, 0.1]];
-        let scene = SplatScene::of_hand(rows.as_flattened());
+        let scene = SplatScene::of_hand(rows.as_flattened(), Shape::Isotropic);
         assert_eq!((scene.count, scene.degree, scene.table.len()), (2, 0, 14 * 2));
         assert!(scene.table.iter().all(|v| v.is_finite()));
         (0..2usize).for_each(|i| {
@@ -133,5 +146,19 @@ mod tests {
             near(1.0 / (1.0 + (-at(10)).exp()), EXPORTED_OPACITY as f32);
             (0..3).for_each(|c| near(0.5 + 0.282_094_79 * at(11 + c), row(4 + c)));
         });
+    }
+
+    #[test]
+    fn an_exported_flat_gaussian_is_thin_along_its_normal() {
+        let normal = [0.6f32, 0.0, -0.8];
+        let rows =
+            [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.01, 0.02], [normal[0], 0.0], [normal[1], 0.0], [normal[2], 0.0]];
+        let scene = SplatScene::of_hand([&rows[..], &[[0.5; 2]; 3]].concat().as_flattened(), Shape::Flat);
+        let at = |row: usize, i: usize| f64::from(scene.table[row * 2 + i]);
+        let scales = |i: usize| [3, 4, 5].map(|row| (at(row, i).exp() * 1e4).round());
+        assert_eq!((scales(0), scales(1)), ([100.0, 100.0, 30.0], [200.0; 3]));
+        let turned = DQuat::from_xyzw(at(7, 0), at(8, 0), at(9, 0), at(6, 0)) * DVec3::Z;
+        assert!(turned.distance(DVec3::from(normal.map(f64::from))) < 1e-6, "{turned}");
+        assert_eq!([6, 7, 8, 9].map(|row| at(row, 1)), [1.0, 0.0, 0.0, 0.0], "without a normal it is round");
     }
 }

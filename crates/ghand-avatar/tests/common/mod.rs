@@ -49,6 +49,7 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
         rest: random(3, 3 * COUNT, 0.1),
         weights,
         spacings: vec![0.001; COUNT],
+        normals: None,
     };
     let lengths = table_lengths(COUNT, JOINTS, config);
     let tables = DirectTables {

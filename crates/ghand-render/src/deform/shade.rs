@@ -20,6 +20,7 @@ struct ShadeBuffers {
     /// A single number if nothing is glossy.
     vertex_gloss: wgpu::Buffer,
     glossy: bool,
+    color_row: u64,
 }
 
 impl ShadeBuffers {
@@ -33,14 +34,18 @@ impl ShadeBuffers {
     }
 
     fn bind(&self, gpu: &Gpu, stage: &'static str, others: &[(&str, &wgpu::Buffer)]) -> Bound {
-        let constants = [("VERTEX_COUNT", self.vertex_count as f64), ("GLOSSY", f64::from(u8::from(self.glossy)))];
+        let constants = [
+            ("VERTEX_COUNT", self.vertex_count as f64),
+            ("GLOSSY", f64::from(u8::from(self.glossy))),
+            ("ROW_COLOR", self.color_row as f64),
+        ];
         Module::new(gpu, "shade").stage(gpu, stage, &constants).bind(gpu, &[&self.named()[..], others].concat())
     }
 }
 
 impl Shade {
     /// All shades are 1, and all gloss is 0, until they are set.
-    pub fn new(gpu: &Gpu, b: &ForwardBuffers, surface: &LitSurface<'_>, frames: usize) -> Shade {
+    pub fn new(gpu: &Gpu, b: &ForwardBuffers, surface: &LitSurface<'_>, color_row: u64, frames: usize) -> Shade {
         let columns = |get: &dyn Fn(usize) -> u32| -> Vec<u32> { (0..3 * surface.corners.len()).map(get).collect() };
         let count = surface.corners.len().max(1);
         let corners = columns(&|i| surface.corners[i % count][i / count]);
@@ -56,6 +61,7 @@ impl Shade {
                 if surface.glossy { 3 * surface.vertex_count } else { 1 },
             ),
             glossy: surface.glossy,
+            color_row,
         };
         let others = [&b.named()[..], &[("color", &b.properties.color)]].concat();
         let light_colors = buffers.bind(gpu, "light_colors", &others);

@@ -8,7 +8,13 @@ pub enum Shape {
     Isotropic,
     /// Three standard deviations along the axes of a rotation (a quaternion w, x, y, z of any non-zero norm).
     Anisotropic,
+    /// One standard deviation across a unit normal, and [`FLATNESS`] times that along it; a normal of 0 is isotropic.
+    /// The normals are given: their gradient is 0.
+    Flat,
 }
+
+/// Thickness of a flat Gaussian as a fraction of its size.
+pub const FLATNESS: f64 = 0.3;
 
 /// Source of the opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -85,14 +91,19 @@ impl SplatModel {
         if self.shape == Shape::Anisotropic { 3 } else { 1 }
     }
 
-    /// First row of the quaternion, if the kind has one.
+    /// First row of the quaternion or normal, if the kind has one.
     pub fn rotation_row(&self) -> usize {
         Self::SCALE_ROW + self.scale_rows()
     }
 
     /// Row of the opacity, if it is free.
     pub fn opacity_row(&self) -> usize {
-        self.rotation_row() + if self.shape == Shape::Anisotropic { 4 } else { 0 }
+        self.rotation_row()
+            + match self.shape {
+                Shape::Isotropic => 0,
+                Shape::Anisotropic => 4,
+                Shape::Flat => 3,
+            }
     }
 
     /// First row of the colour: red, green, blue, or the harmonics' coefficients, three rows each.
@@ -118,6 +129,8 @@ impl SplatModel {
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
             ("ANISOTROPIC", flag(self.shape == Shape::Anisotropic)),
+            ("FLAT", flag(self.shape == Shape::Flat)),
+            ("FLATNESS", FLATNESS),
             ("FREE_OPACITY", flag(self.opacity == Opacity::Free)),
             ("COLOR_BASES", self.color_bases() as f64),
             ("UNBOUNDED", flag(self.stored == Stored::Unbounded)),

@@ -8,9 +8,9 @@ pub mod meshes;
 use ghand_core::Camera;
 use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
 use ghand_render::reference::rasterize::{CutOffs, Scene};
-use ghand_render::splat::{Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
+use ghand_render::splat::{FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
 use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier, buffers};
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 
 pub fn gpu() -> Gpu {
@@ -89,6 +89,10 @@ pub fn row_values(g: &Gaussian, model: &SplatModel) -> Vec<f64> {
             values.extend(g.scales.to_array());
             values.extend([g.rotation.w, g.rotation.x, g.rotation.y, g.rotation.z]);
         }
+        Shape::Flat => {
+            values.push(g.scales.x);
+            values.extend((DQuat::from_vec4(g.rotation) * DVec3::Z).to_array());
+        }
     }
     if model.opacity == Opacity::Free {
         values.push(g.opacity);
@@ -118,8 +122,10 @@ pub fn gradient_table(gaussians: &[Gaussian], gradient: &[Gaussian], model: &Spl
     let mut all: Vec<Vec<f64>> = Vec::new();
     for (g, d) in gaussians.iter().zip(gradient) {
         let mut tied = d.clone();
-        if model.shape == Shape::Isotropic {
-            tied.scales.x = d.scales.element_sum();
+        match model.shape {
+            Shape::Isotropic => tied.scales.x = d.scales.element_sum(),
+            Shape::Anisotropic => {}
+            Shape::Flat => tied.scales.x = d.scales.x + d.scales.y + FLATNESS * d.scales.z,
         }
         if model.stored == Stored::Unbounded {
             tied.scales *= g.scales;

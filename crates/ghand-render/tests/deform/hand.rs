@@ -10,13 +10,14 @@ use ghand_render::deform::{
     CHAIN_STRIDE, CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, Properties, ROW_MOMENT,
     TablePlace,
 };
+use ghand_render::splat::Shape;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 
 /// Number of Gaussians of the hand, and position and size of the splatter's table around it.
 pub const COUNT: usize = 333;
-pub const PLACE: TablePlace = TablePlace { columns: 400, first: 50 };
+pub const PLACE: TablePlace = TablePlace { columns: 400, first: 50, shape: Shape::Isotropic };
 pub const JOINTS: usize = 7;
 pub const BASES: usize = 3;
 pub const PARENTS: [Option<usize>; JOINTS] = [None, Some(0), Some(1), Some(2), Some(0), Some(4), Some(0)];
