@@ -7,7 +7,7 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
-use ghand_render::splat::{Counters, Image, Purpose, SplatOptions, Splatter, View};
+use ghand_render::splat::{Counters, Image, Purpose, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::avatar::Avatar;
@@ -44,12 +44,29 @@ fn encode_poses(avatars: &mut [PosedAvatar], gpu: &Gpu, encoder: &mut wgpu::Comm
     avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder))
 }
 
+/// The kind of the avatars' Gaussians. The splatter draws all of them in one way.
+fn splat_model(avatars: &[&Avatar]) -> Result<SplatModel, RenderError> {
+    let is_antialiased = |avatar: &&Avatar| avatar.config.antialias;
+    let antialias = avatars.first().is_some_and(is_antialiased);
+    if let Some(other) = avatars.iter().position(|avatar| is_antialiased(avatar) != antialias) {
+        let with = |antialias: bool| if antialias { "with" } else { "without" };
+        return Err(RenderError::Invalid(format!(
+            "avatar 0 was trained {} antialiasing and avatar {other} {} it, so one scene cannot show both; train one \
+             of them again",
+            with(antialias),
+            with(!antialias)
+        )));
+    }
+    Ok(SplatModel { antialias, ..SplatModel::HAND })
+}
+
 impl Scene {
     /// Puts avatars on the device, each with space for `frames` poses, for images of at most `max_size` pixels.
     /// Rendering without gradients needs far less memory.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has too little memory or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost; [`RenderError::Invalid`] if some avatars are
+    /// antialiased and others are not.
     pub fn new(
         gpu: &Gpu,
         avatars: &[&Avatar],
@@ -58,7 +75,8 @@ impl Scene {
         max_size: [u32; 2],
     ) -> Result<Scene, RenderError> {
         let columns = avatars.iter().map(|a| a.template.len()).sum();
-        let splatter = Splatter::new(gpu, SplatOptions { purpose, ..Default::default() }, columns, max_size)?;
+        let options = SplatOptions { model: splat_model(avatars)?, purpose, depth: false };
+        let splatter = Splatter::new(gpu, options, columns, max_size)?;
         let mut first = 0;
         let mut posed = Vec::new();
         for avatar in avatars {

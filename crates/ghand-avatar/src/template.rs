@@ -28,6 +28,9 @@ pub struct AvatarConfig {
     pub residual_weights: ResidualWeights,
     /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
+    /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
+    #[serde(skip_serializing_if = "is_default")]
+    pub antialias: bool,
 }
 
 impl Default for AvatarConfig {
@@ -39,6 +42,7 @@ impl Default for AvatarConfig {
             color_components: 4,
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
+            antialias: false,
         }
     }
 }
