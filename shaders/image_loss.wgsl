@@ -1,4 +1,5 @@
-// L1, SSIM and squared error between a rendered image and an 8-bit target, value and gradient.
+// L1, SSIM and squared error between a rendered image and an 8-bit target, and a penalty between coverage and mask:
+// value and gradient.
 //
 // SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; both pictures are zero outside the
 // image. Every invocation computes a run of four outputs along the pass's direction, so that a tap is loaded once for
@@ -18,13 +19,17 @@ struct LossUniforms {
     squared_weight: f32,
     // Whether each pixel is weighted by its mask (SSIM: by the mask at the centre of its window).
     masked: u32,
-    padding: u32,
+    // Weight of the mean penalty on coverage, over the pixels.
+    coverage_weight: f32,
 }
 
 const RUN: u32 = 4u;
 const RADIUS: u32 = 5u;
 const C1: f32 = 0.0001;
 const C2: f32 = 0.0009;
+// Up to here an error of the coverage counts by its square, beyond linearly.
+const COVERAGE_WIDTH: f32 = 0.1;
+
 @group(0) @binding(0) var<uniform> loss: LossUniforms;
 // Rendered colour (rgb) and coverage.
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
@@ -33,7 +38,7 @@ const C2: f32 = 0.0009;
 // Four blurred values per pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
 @group(0) @binding(3) var<storage, read_write> rows: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
-// |x - y|, SSIM and (x - y)^2 of each pixel, summed over the channels, times its mask.
+// |x - y|, SSIM and (x - y)^2 of each pixel, summed over the channels, times its mask; and its penalty on coverage.
 @group(0) @binding(5) var<storage, read_write> values: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> d_image: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> strand_sums: array<vec4<f32>>;
@@ -44,6 +49,17 @@ fn target_color(pixel: u32) -> vec3<f32> {
 
 fn mask_weight(pixel: u32) -> f32 {
     return select(1.0, unpack4x8unorm(target_image[pixel]).w, loss.masked != 0u);
+}
+
+// Coverage less mask. A mask that is neither 0 nor 1 says nothing.
+fn coverage_error(pixel: u32) -> f32 {
+    let mask = unpack4x8unorm(target_image[pixel]).w;
+    return select(0.0, image[pixel].w - mask, mask == 0.0 || mask == 1.0);
+}
+
+fn coverage_penalty(error: f32) -> f32 {
+    let size = abs(error);
+    return select(size - 0.5 * COVERAGE_WIDTH, 0.5 * size * size / COVERAGE_WIDTH, size < COVERAGE_WIDTH);
 }
 
 fn spread(value: vec3<f32>, w: vec4<f32>) -> mat4x3<f32> {
@@ -148,7 +164,8 @@ fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3
         partials[3u * pixel + 1u] = vec4(d_ssim * -ssim / d2, 0.0);
         partials[3u * pixel + 2u] = vec4(d_ssim * 2.0 * n1 * inverse, 0.0);
         let error = abs(image[pixel].xyz - target_color(pixel));
-        values[pixel] = weight * vec4(error.x + error.y + error.z, ssim.x + ssim.y + ssim.z, dot(error, error), 0.0);
+        let sums = weight * vec3(error.x + error.y + error.z, ssim.x + ssim.y + ssim.z, dot(error, error));
+        values[pixel] = vec4(sums, coverage_penalty(coverage_error(pixel)));
     }
 }
 
@@ -169,7 +186,10 @@ fn store_gradient(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_produ
         let d_l1 = loss.l1_weight * loss.inverse_count * mask_weight(pixel);
         let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * mask_weight(pixel);
         let d_pixel = d_l1 * sign(x - y) + d_squared * (x - y);
-        d_image[pixel] = vec4(d_pixel + d_mean + 2.0 * x * d_square + y * d_product, 0.0);
+        // The mean is over pixels, which have three values each.
+        let d_coverage = 3.0 * loss.coverage_weight * loss.inverse_count
+            * clamp(coverage_error(pixel) / COVERAGE_WIDTH, -1.0, 1.0);
+        d_image[pixel] = vec4(d_pixel + d_mean + 2.0 * x * d_square + y * d_product, d_coverage);
     }
 }
 

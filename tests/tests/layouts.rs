@@ -77,7 +77,15 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(Splat { mean, depth, opacity, conic, padding, color, padding_2 }),
         host_layout!(ScanUniforms { length, total_index, padding }),
         host_layout!(SortUniforms { shift, mask, strands, counter }),
-        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, squared_weight, masked, padding }),
+        host_layout!(LossUniforms {
+            size,
+            l1_weight,
+            ssim_weight,
+            inverse_count,
+            squared_weight,
+            masked,
+            coverage_weight
+        }),
         host_layout!(PoseUniforms {
             gaussian_count,
             joint_count,

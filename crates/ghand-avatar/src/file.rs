@@ -478,6 +478,18 @@ mod tests {
         assert!(!text(small()).contains("light"));
     }
 
+    #[test]
+    fn a_file_says_only_that_an_avatar_is_antialiased_so_that_older_files_are_not() {
+        let read_back = |avatar: Avatar| {
+            let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+            let says = String::from_utf8_lossy(&bytes).contains("antialias");
+            (says, from_bytes(Path::new("a"), &bytes).unwrap().config.antialias)
+        };
+        let mut antialiased = small();
+        antialiased.config.antialias = true;
+        assert_eq!([read_back(small()), read_back(antialiased)], [(false, false), (true, true)]);
+    }
+
     fn small() -> Avatar {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let config = AvatarConfig { uv_resolution: 16, ..Default::default() };

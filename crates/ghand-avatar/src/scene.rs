@@ -53,12 +53,32 @@ fn encode_poses(
     avatars.iter_mut().try_for_each(|avatar| avatar.encode(gpu, encoder, eye))
 }
 
+/// The kind of the avatars' Gaussians. The splatter draws all of them in one way.
+fn splat_model(avatars: &[&Avatar]) -> Result<SplatModel, RenderError> {
+    let is_antialiased = |avatar: &&Avatar| avatar.config.antialias;
+    let antialias = avatars.first().is_some_and(is_antialiased);
+    if let Some(other) = avatars.iter().position(|avatar| is_antialiased(avatar) != antialias) {
+        let with = |antialias: bool| if antialias { "with" } else { "without" };
+        return Err(RenderError::Invalid(format!(
+            "avatar 0 was trained {} antialiasing and avatar {other} {} it, so one scene cannot show both; train one \
+             of them again",
+            with(antialias),
+            with(!antialias)
+        )));
+    }
+    // Without a normal, a flat Gaussian is round.
+    let flat = avatars.iter().any(|avatar| avatar.config.gaussians == GaussianShape::Flat);
+    let shape = if flat { Shape::Flat } else { Shape::Isotropic };
+    Ok(SplatModel { shape, antialias, ..SplatModel::HAND })
+}
+
 impl Scene {
     /// Puts avatars on the device, each with space for `frames` poses, for images of at most `max_size` pixels.
     /// Rendering without gradients needs far less memory.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has too little memory or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost; [`RenderError::Invalid`] if some avatars are
+    /// antialiased and others are not.
     pub fn new(
         gpu: &Gpu,
         avatars: &[&Avatar],
@@ -67,9 +87,8 @@ impl Scene {
         max_size: [u32; 2],
     ) -> Result<Scene, RenderError> {
         let columns = avatars.iter().map(|a| a.template.len()).sum();
-        let flat = avatars.iter().any(|avatar| avatar.config.gaussians == GaussianShape::Flat);
-        let shape = if flat { Shape::Flat } else { Shape::Isotropic };
-        let options = SplatOptions { model: SplatModel { shape, ..SplatModel::HAND }, purpose, depth: false };
+        let options = SplatOptions { model: splat_model(avatars)?, purpose, depth: false };
+        let shape = options.model.shape;
         let splatter = Splatter::new(gpu, options, columns, max_size)?;
         let mut first = 0;
         let mut posed = Vec::new();

@@ -42,6 +42,9 @@ pub struct AvatarConfig {
     /// The shape of the Gaussians.
     #[serde(skip_serializing_if = "is_default")]
     pub gaussians: GaussianShape,
+    /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
+    #[serde(skip_serializing_if = "is_default")]
+    pub antialias: bool,
 }
 
 impl Default for AvatarConfig {
@@ -54,6 +57,7 @@ impl Default for AvatarConfig {
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
             gaussians: GaussianShape::default(),
+            antialias: false,
         }
     }
 }

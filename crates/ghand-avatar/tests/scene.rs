@@ -60,3 +60,18 @@ fn poses_without_a_matching_avatar_or_frame_are_rejected_with_one_sentence() {
     }
     assert!(scene.set_pose(&gpu, 0, 1, &pose(1)).is_ok());
 }
+
+#[test]
+fn a_scene_is_antialiased_if_its_avatars_are_and_refuses_to_mix_them() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let [off, on] = [false, true].map(|antialias| {
+        let config = AvatarConfig { shape_bases: 1, color_components: 0, antialias, ..Default::default() };
+        random_avatar(1, &config)
+    });
+    let made = |avatars: &[&Avatar]| Scene::new(&gpu, avatars, Purpose::Images, 1, [16, 16]);
+    for (avatars, expected) in [(vec![], false), (vec![&off, &off], false), (vec![&on, &on], true)] {
+        assert_eq!(made(&avatars).unwrap().splatter().options().model.antialias, expected);
+    }
+    let Err(RenderError::Invalid(message)) = made(&[&off, &off, &on]) else { panic!("both kinds in one scene") };
+    assert!(message.contains("avatar 2 with it") && !message.contains('\n'), "{message}");
+}

@@ -17,6 +17,7 @@ pub mod hand_box;
 pub mod light_fit;
 mod memory_check;
 pub mod metrics;
+mod outline_band;
 pub mod pose_offsets;
 pub mod pose_prior;
 pub mod protocol;

@@ -48,8 +48,9 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "coefficients" => Rule::Word(&["per_basis", "per_component"]),
         "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
-        "start_inset" | "l1_weight" | "ssim_weight" | "offset_weight" | "scale_weight" | "color_roughness"
-        | "offset_roughness" => Rule::Number(0.0, LARGEST),
+        "antialias" => Rule::Word(&["on", "off"]),
+        "start_inset" | "l1_weight" | "ssim_weight" | "coverage_weight" | "offset_weight" | "scale_weight"
+        | "color_roughness" | "offset_roughness" => Rule::Number(0.0, LARGEST),
         name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })

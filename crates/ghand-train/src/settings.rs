@@ -84,6 +84,17 @@ pub enum FrameGain {
     PerFrame,
 }
 
+/// Whether the projection is antialiased: a Gaussian smaller than a pixel becomes fainter instead of larger.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Antialias {
+    /// It is, in training and wherever the avatar is shown.
+    On,
+    /// It is not.
+    #[default]
+    Off,
+}
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -128,10 +139,14 @@ pub struct TrainSettings {
     pub residual_weights: ResidualWeights,
     /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
+    /// Whether the projection is antialiased.
+    pub antialias: Antialias,
     /// Weight of the mean absolute colour difference.
     pub l1_weight: f64,
     /// Weight of 1 - SSIM.
     pub ssim_weight: f64,
+    /// Weight of the mean penalty between coverage and mask in stage 2, away from the masks' outlines.
+    pub coverage_weight: f64,
     /// Weight of the mean squared offset (metres^2).
     pub offset_weight: f64,
     /// Weight of the mean squared scale (metres^2) in stage 1; 0 in stage 2.
@@ -190,8 +205,10 @@ impl Default for TrainSettings {
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
+            antialias: Antialias::default(),
             l1_weight: 0.8,
             ssim_weight: 0.2,
+            coverage_weight: 0.0,
             offset_weight: 10.0,
             scale_weight: 1.0,
             color_roughness: 0.1,
@@ -281,6 +298,7 @@ impl TrainSettings {
             residual_weights: self.residual_weights,
             residual_skeleton: self.residual_skeleton,
             gaussians: self.gaussians,
+            antialias: self.antialias == Antialias::On,
         }
     }
 
@@ -294,6 +312,7 @@ impl TrainSettings {
             color_components: 0,
             // The normals of flat ones have no gradient.
             gaussians: GaussianShape::Round,
+            coverage_weight: 0.0,
             color_roughness: 0.0,
             offset_roughness: 0.0,
             rate_residual_weights: 0.0,
@@ -378,6 +397,7 @@ mod tests {
             ("rate_color=fast", "must be a number"),
             ("residual_weights=papers", "must be `paper` or `zero_sum`"),
             ("residual_skeleton=1", "must be `paper` or `anchored`"),
+            ("antialias=true", "must be `on` or `off`, as in antialias=off"),
             ("residual_skeleton=1", "as in residual_skeleton=anchored"),
             ("uv_resolutoin=64", "did you mean `uv_resolution`?"),
             ("Iterations=3", "did you mean `iterations`?"),
