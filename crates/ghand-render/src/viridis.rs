@@ -18,8 +18,8 @@ const VIRIDIS: [[u8; 3]; 9] = [
 
 /// The colour of a value from 0, dark violet, to 1, yellow; display values. Values beyond are clamped, NaN is as 0.
 pub fn viridis(value: f64) -> DVec3 {
-    // `max` ignores NaN.
-    let at = value.max(0.0).min(1.0) * (VIRIDIS.len() - 1) as f64;
+    let value = if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
+    let at = value * (VIRIDIS.len() - 1) as f64;
     let low = (at as usize).min(VIRIDIS.len() - 2);
     let [a, b] = [low, low + 1].map(|i| DVec3::from(VIRIDIS[i].map(|v| f64::from(v) / 255.0)));
     a.lerp(b, at - low as f64)
