@@ -42,7 +42,7 @@ mod tests {
     #[test]
     fn colors_go_by_the_logarithm_relative_to_the_median() {
         let colors = colors(&[0.0, 1e-9, 0.002, 2.0, 2.0, 2.0, 20.0, 500.0]);
-        let expected = [0.0, 0.0, 0.0, 0.75, 0.75, 0.75, 1.0, 1.0].map(|value| viridis(value));
+        let expected = [0.0, 0.0, 0.0, 0.75, 0.75, 0.75, 1.0, 1.0].map(viridis);
         for (color, expected) in colors.iter().zip(expected) {
             assert!(expected.distance((*color).into()) < 1e-6, "{color:?} instead of {expected}");
         }
