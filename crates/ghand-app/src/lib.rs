@@ -15,5 +15,6 @@ pub mod pictures;
 pub mod pose_choice;
 pub mod runtime_dir;
 pub mod scene_framing;
+pub mod shown;
 pub mod train_run;
 pub mod viewer;

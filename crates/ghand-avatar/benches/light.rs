@@ -1,5 +1,5 @@
 //! The shades of a pose: what light apart from skin costs whenever a hand moves.
-//! `cargo bench -p ghand-avatar --profile dev --bench light`
+//! `cargo bench --workspace --profile dev --bench light`
 #![allow(
     clippy::unwrap_used,
     missing_docs,

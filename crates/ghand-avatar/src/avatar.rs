@@ -38,6 +38,10 @@ pub struct Avatar {
     pub tables: PropertyTables,
     /// The light of the capture, if it is apart from the colours in the tables.
     pub light: Option<AvatarLight>,
+    /// How much training saw each Gaussian: the sum of its blend weights over the pixels of a view, as a mean over an even
+    /// selection of the training views; N numbers of at least 0. Unknown for untrained avatars and for those from
+    /// elsewhere.
+    pub seen: Option<Vec<f32>>,
     /// Its origin.
     pub provenance: Provenance,
 }
@@ -93,6 +97,7 @@ impl Avatar {
             config: config.clone(),
             tables,
             light: None,
+            seen: None,
             provenance: Provenance::default(),
         })
     }

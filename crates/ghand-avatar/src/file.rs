@@ -149,6 +149,9 @@ fn tensors(avatar: &Avatar) -> Tensors {
             out.add("light.gloss", Dtype::F32, &[gloss.strengths.len(), 3], gloss.strengths.as_flattened());
         }
     }
+    if let Some(seen) = &avatar.seen {
+        out.add("seen", Dtype::F32, &[seen.len()], seen);
+    }
     out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
     out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
@@ -298,6 +301,10 @@ impl<'a> Reader<'a> {
         Ok((view.shape().to_vec(), values))
     }
 
+    fn has(&self, name: &str) -> bool {
+        self.tensors.tensor(name).is_ok()
+    }
+
     /// An f32 tensor; `shape` has `None` for dimensions of any size.
     pub(crate) fn floats(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f32>, AvatarFileError> {
         let (_, values) = self.tensor::<f32>(name, Dtype::F32, shape)?;
@@ -374,7 +381,18 @@ impl<'a> Reader<'a> {
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
         let light = meta.light.map(|kind| self.light(kind, count, model.faces.len(), joints)).transpose()?;
-        Ok(Avatar { template, model, config: config.clone(), tables, light, provenance: meta.provenance.clone() })
+        let seen = self.has("seen").then(|| self.seen(count)).transpose()?;
+        let (config, provenance) = (config.clone(), meta.provenance.clone());
+        Ok(Avatar { template, model, config, tables, light, seen, provenance })
+    }
+
+    /// How much training saw each of `count` Gaussians.
+    fn seen(&self, count: usize) -> Result<Vec<f32>, AvatarFileError> {
+        let seen = self.floats("seen", &[Some(count)])?;
+        match seen.iter().position(|weight| *weight < 0.0) {
+            Some(i) => Err(self.invalid("seen", format!("value {i} is negative; train the avatar again"))),
+            None => Ok(seen),
+        }
     }
 
     /// A light on `count` Gaussians on a mesh of `faces` faces, of a hand of `joints` joints.
@@ -390,7 +408,11 @@ impl<'a> Reader<'a> {
         if kind == LightKind::Transfer && coefficients.iter().flatten().any(|radiance| *radiance < 0.0) {
             return Err(self.invalid("light.coefficients", "a radiance is negative; train the avatar again"));
         }
-        let turn = DQuat::from_slice(&self.doubles("light.turn", &[Some(4)])?);
+        // The first files of version 3 had no turn.
+        let turn = match self.has("light.turn") {
+            true => DQuat::from_slice(&self.doubles("light.turn", &[Some(4)])?),
+            false => DQuat::IDENTITY,
+        };
         if !turn.is_normalized() {
             return Err(self.invalid("light.turn", "is no unit quaternion; train the avatar again"));
         }
@@ -468,6 +490,46 @@ mod tests {
             spoil(avatar.light.as_mut().unwrap());
             let error = avatar.save(&path).unwrap_err();
             assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+        }
+    }
+
+    /// The bytes of an avatar's file without one of its tensors.
+    fn without_tensor(avatar: &Avatar, name: &str) -> Vec<u8> {
+        let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        let all = SafeTensors::deserialize(&bytes).unwrap();
+        assert!(all.tensor(name).is_ok(), "{name}");
+        let others = all.tensors().into_iter().filter(|(other, _)| other != name);
+        serialize(others, header.metadata().clone()).unwrap()
+    }
+
+    #[test]
+    fn files_from_before_a_light_could_be_turned_have_an_unturned_one() {
+        let read = from_bytes(Path::new("a"), &without_tensor(&lit(), "light.turn")).unwrap().light.unwrap();
+        let mut expected = lit().light.unwrap();
+        expected.light.turn = DQuat::IDENTITY;
+        assert_eq!(read, expected);
+    }
+
+    #[test]
+    fn what_training_saw_is_optional_and_not_negative() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.ghand");
+        let mut avatar = small();
+        assert_eq!(avatar.seen, None);
+        let seen: Vec<f32> = (0..avatar.template.len()).map(|p| p as f32 / 7.0).collect();
+        avatar.seen = Some(seen.clone());
+        avatar.save(&path).unwrap();
+        assert_eq!(Avatar::load(&path).unwrap().seen, Some(seen));
+        let without = without_tensor(&avatar, "seen");
+        assert_eq!(from_bytes(Path::new("a"), &without).unwrap(), small());
+        type Damage = fn(&mut Vec<f32>);
+        let spoil: [Damage; 3] = [|seen| seen[2] = -0.5, |seen| seen[2] = f32::NAN, |seen| seen.truncate(3)];
+        for spoil in spoil {
+            spoil(avatar.seen.as_mut().unwrap());
+            let error = avatar.save(&path).unwrap_err();
+            assert!(matches!(&error, AvatarFileError::Unreadable { field, .. } if field == "seen"), "{error}");
+            avatar.seen = Some(vec![1.0; avatar.template.len()]);
         }
     }
 

@@ -10,6 +10,7 @@ pub mod ply;
 pub mod posed_avatar;
 pub mod properties;
 pub mod scene;
+mod seen;
 pub mod template;
 
 pub use avatar::{Avatar, Provenance};

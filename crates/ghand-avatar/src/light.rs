@@ -5,18 +5,23 @@
 //! (`ghand_core::light`). What training learns as colour is then skin, and what a pose changes about the light follows
 //! from the pose.
 
+mod depth_maps;
 pub mod environment;
 pub mod gloss;
 pub mod visibility;
 
-use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade};
+use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, directions, harmonics, shade};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
 use glam::{DQuat, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use gloss::Gloss;
+
+/// Vertices whose shades are summed at once.
+const CHUNK: usize = 256;
 
 /// How light reaches the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -145,15 +150,20 @@ impl Light {
 
     /// The shade of each vertex, RGB, from its parts of this light.
     pub fn shades(&self, parts: &Parts) -> Vec<[f32; 3]> {
-        let mut sums = vec![[0.0f64; 3]; parts.vertices.len()];
-        for (column, coefficient) in parts.columns.iter().zip(&self.coefficients) {
-            for (sum, part) in sums.iter_mut().zip(column) {
-                for (s, c) in sum.iter_mut().zip(coefficient) {
-                    *s += f64::from(*part) * f64::from(*c);
+        let mut shades = vec![[0.0; 3]; parts.vertices.len()];
+        shades.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, shades)| {
+            let mut sums = [[0.0f64; CHUNK]; 3];
+            for (column, coefficient) in parts.columns.iter().zip(&self.coefficients) {
+                let parts = column.get(chunk * CHUNK..).unwrap_or_default();
+                for (sums, c) in sums.iter_mut().zip(coefficient.map(f64::from)) {
+                    sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += f64::from(*part) * c);
                 }
             }
-        }
-        sums.into_iter().map(|sum| sum.map(|irradiance| shade(irradiance) as f32)).collect()
+            for (v, shades) in shades.iter_mut().enumerate() {
+                *shades = [0, 1, 2].map(|channel| shade(sums[channel][v]) as f32);
+            }
+        });
+        shades
     }
 }
 
@@ -189,12 +199,7 @@ impl Parts {
             }
             LightKind::Transfer => {
                 let towards = directions().map(|d| turn * d);
-                let part = |d: DVec3, seen: &f32, n: &DVec3| seen * cosine_transfer(*n, d) as f32;
-                visibility::of_vertices(&model.faces, &vertices, &normals, &towards, wanted)
-                    .iter()
-                    .zip(towards)
-                    .map(|(seen, d)| seen.iter().zip(&normals).map(|(seen, n)| part(d, seen, n)).collect())
-                    .collect()
+                visibility::vertex_transfers(&model.faces, &vertices, &normals, &towards, wanted)
             }
         };
         Ok(Parts { columns, vertices, normals })

@@ -142,6 +142,13 @@ impl PropertyTables {
         }
     }
 
+    /// As [`PropertyTables::set_base_colors`], and no pose changes the colours.
+    pub fn set_constant_colors(&mut self, colors: &[[f64; 3]]) {
+        match self {
+            PropertyTables::Direct(tables) => tables.set_constant_colors(colors),
+        }
+    }
+
     /// Lets Gaussians that training hardly saw take their values from their neighbours. `seen` is how much it saw each
     /// of them, N; `neighbors` is [`crate::neighbors::neighbors`].
     pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {

@@ -208,8 +208,14 @@ fn skinning<'a>(corrected: &'a [DVec3], weights: &'a [f64], chain: &'a Chain, po
 
 /// The model's weights in the layout of skinning, `[n_b][V]`.
 fn joint_major_weights(model: &HandModel) -> Vec<f64> {
-    let joints = model.joint_count();
-    (0..joints).flat_map(|k| model.weights.iter().skip(k).step_by(joints).copied()).collect()
+    let (joints, vertices) = (model.joint_count(), model.vertices.len());
+    let mut weights = vec![0.0; joints * vertices];
+    for (v, row) in model.weights.chunks_exact(joints.max(1)).enumerate() {
+        for (k, weight) in row.iter().enumerate() {
+            weights[k * vertices + v] = *weight;
+        }
+    }
+    weights
 }
 
 fn invalid(model: &HandModel, field: &str, problem: String) -> InvalidHandModel {

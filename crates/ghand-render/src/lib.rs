@@ -18,6 +18,7 @@ pub mod shader_sources;
 pub mod splat;
 pub mod tier;
 pub mod timing;
+pub mod viridis;
 
 pub use device::{AdapterChoice, DeviceError, Gpu, RenderError, address_space_limit_mib};
 pub use tier::Tier;

@@ -199,7 +199,7 @@ impl Default for TrainSettings {
             uv_resolution: 160,
             shape_bases: 8,
             color_components: 4,
-            gaussians: GaussianShape::default(),
+            gaussians: GaussianShape::Flat,
             // Starting slightly too thin is better than slightly too thick: nothing outside the hand must be unlearned.
             start_inset: 3.0,
             coefficients: CoefficientLayout::default(),

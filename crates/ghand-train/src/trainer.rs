@@ -441,17 +441,19 @@ impl<'a> Trainer<'a> {
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
+        let mut seen = None;
         if !stage.refine_poses {
-            let seen = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
+            let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
             if settings.unseen == Unseen::Fill {
-                tables.fill_unseen(&seen, &neighbors(&avatar.template));
+                tables.fill_unseen(&weights, &neighbors(&avatar.template));
             }
+            seen = Some(weights);
         }
         check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        Ok(StageResult { avatar: Avatar { tables, provenance, ..avatar }, poses, iterations: done })
+        Ok(StageResult { avatar: Avatar { tables, seen, provenance, ..avatar }, poses, iterations: done })
     }
 
     /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.
@@ -461,7 +463,7 @@ impl<'a> Trainer<'a> {
         Ok((numbers.response, numbers.joints, poses))
     }
 
-    /// How much each Gaussian contributes to an evenly spaced selection of the views.
+    /// How much each Gaussian contributes to a view: the mean over an evenly spaced selection of the views.
     fn seen_weights(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, count: usize) -> Result<Vec<f32>, TrainError> {
         let views = self.views.len().min(SEEN_VIEWS);
         let mut seen = vec![0.0; count];
@@ -469,6 +471,8 @@ impl<'a> Trainer<'a> {
             let view = self.views.get(k * self.views.len() / views, stage.reduction)?;
             step.add_seen(gpu, &view, &mut seen)?;
         }
+        // A sum of blend weights is not negative, but rounding in its derivative could be.
+        seen.iter_mut().for_each(|sum| *sum = (*sum / views.max(1) as f32).max(0.0));
         Ok(seen)
     }
 

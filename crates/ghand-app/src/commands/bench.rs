@@ -1,4 +1,6 @@
-//! `ghand bench splat`: times a frame and its gradient.
+//! `ghand bench`: `splat` times a frame and its gradient, `play` a motion with light and without.
+
+mod play;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -30,6 +32,8 @@ pub struct BenchArgs {
 enum What {
     /// The splatter, forward and backward, on a hand that fills the image or on a scene
     Splat(SplatArgs),
+    /// Playing a motion of an avatar, in its light and without light in turns
+    Play(play::PlayArgs),
 }
 
 #[derive(Debug, Args)]
@@ -64,8 +68,10 @@ const DEFAULT_SIZE: [u32; 2] = [334, 512];
 /// # Errors
 /// One sentence that says what failed.
 pub fn run(args: &BenchArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let What::Splat(args) = &args.what;
-    splat(args, &adapter.open()?)
+    match &args.what {
+        What::Splat(args) => splat(args, &adapter.open()?),
+        What::Play(args) => play::run(args, adapter),
+    }
 }
 
 /// The UV resolution whose number of texels is nearest to `count`; texels grow with the square of the resolution.

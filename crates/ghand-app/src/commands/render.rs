@@ -18,6 +18,7 @@ pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
+use crate::shown::Shown;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -55,6 +56,9 @@ pub struct RenderArgs {
     /// (.png, .exr) or film (.gif, .webm, .mp4). Missing folders are created
     #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
+    /// What the colours show: skin, or how much the training views saw of each place
+    #[arg(long, value_enum, default_value_t)]
+    show: Shown,
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
@@ -76,8 +80,7 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
-    let mut avatar = Avatar::load(&args.avatar)?;
-    args.light.apply_to(&mut avatar)?;
+    let avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
     let sequence = args.reading.load(&args.pose, &avatar.model)?;
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;

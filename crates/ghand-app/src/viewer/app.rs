@@ -8,6 +8,7 @@ use egui::{Align, CentralPanel, Color32, Event, Frame, Layout, Panel, Rect, Rich
 use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 
+use crate::shown::Shown;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::navigation::{Drag, Drags};
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
@@ -36,6 +37,8 @@ pub struct Viewer {
     subject: Subject,
     source: String,
     picture: Picture,
+    /// What the colours on the device show.
+    uploaded: Shown,
     camera: OrbitCamera,
     drags: Drags,
     background: [u8; 3],
@@ -61,12 +64,13 @@ impl Viewer {
     pub fn new(gpu: &Gpu, subject: Subject, source: String) -> Result<Viewer, RenderError> {
         let largest_edge = if gpu.is_cpu() { LARGEST_PICTURE_CPU } else { LARGEST_PICTURE };
         let picture = Picture::new(gpu, &subject, [largest_edge; 2])?;
-        let camera = subject.first_view();
+        let (camera, uploaded) = (subject.first_view(), subject.shown());
         Ok(Viewer {
             gpu: gpu.clone(),
             subject,
             source,
             picture,
+            uploaded,
             camera,
             drags: Drags::default(),
             background: BACKGROUND,
@@ -211,6 +215,12 @@ impl Viewer {
     fn view(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer, mut progress: Progress) {
         let rect = ui.max_rect();
         self.navigate(ui, rect);
+        if self.uploaded != self.subject.shown() {
+            match self.upload() {
+                Ok(()) => progress = Progress::Complete,
+                Err(e) => self.failure = Some(e),
+            }
+        }
         let size = self.picture_size(rect, ui.ctx().pixels_per_point());
         let shot = PictureInputs {
             pose: self.subject.pose().cloned(),
@@ -253,6 +263,14 @@ impl Viewer {
                 ui.visuals().error_fg_color,
             );
         }
+    }
+
+    /// Puts the subject on the device in the colours that are shown now.
+    fn upload(&mut self) -> Result<(), RenderError> {
+        self.uploaded = self.subject.shown();
+        self.shown = None;
+        self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
+        Ok(())
     }
 
     fn render(&mut self, shot: PictureInputs, renderer: &mut egui_wgpu::Renderer) {

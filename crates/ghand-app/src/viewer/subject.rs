@@ -15,6 +15,7 @@ use ghand_render::{Gpu, RenderError};
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::light_args::LightArgs;
+use crate::shown::Shown;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::Drawing;
 use crate::viewer::hand::{Hand, Look};
@@ -121,6 +122,14 @@ impl Subject {
         match self {
             Subject::Hand(hand) => hand.light(),
             Subject::Scene { .. } => None,
+        }
+    }
+
+    /// What its colours show.
+    pub fn shown(&self) -> Shown {
+        match self {
+            Subject::Hand(hand) => hand.shown(),
+            Subject::Scene { .. } => Shown::default(),
         }
     }
 

@@ -67,6 +67,7 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
         config: config.clone(),
         tables: PropertyTables::Direct(tables),
         light: None,
+        seen: None,
         provenance: Default::default(),
     }
 }

@@ -6,6 +6,7 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 
 use super::MeshError;
+use crate::viridis::viridis;
 
 /// The colour of [`weight_color`] at weight 0: a grey that does not occur in the ramp.
 pub const NO_WEIGHT: DVec3 = DVec3::splat(0.72);
@@ -15,20 +16,6 @@ pub const FADED_WEIGHT: f64 = 0.1;
 /// Number of texels of [`heat_texture`]: two neighbours differ by less than one 8-bit step.
 const HEAT_TEXELS: u32 = 1024;
 
-/// Viridis at 0, 1/8, ..., 1 (Smith and van der Walt, CC0): lightness increases evenly with the weight, also for
-/// viewers with red-green colour blindness.
-const VIRIDIS: [[u8; 3]; 9] = [
-    [0x44, 0x01, 0x54],
-    [0x47, 0x2c, 0x7a],
-    [0x3b, 0x51, 0x8b],
-    [0x2c, 0x71, 0x8e],
-    [0x21, 0x90, 0x8d],
-    [0x27, 0xad, 0x81],
-    [0x5c, 0xc8, 0x63],
-    [0xaa, 0xdc, 0x32],
-    [0xfd, 0xe7, 0x25],
-];
-
 /// The colour of a weight, display values: [`NO_WEIGHT`] at 0, fading until [`FADED_WEIGHT`] into the ramp from dark
 /// violet to yellow, which is for 1 and above. NaN is black.
 pub fn weight_color(weight: f64) -> DVec3 {
@@ -36,13 +23,9 @@ pub fn weight_color(weight: f64) -> DVec3 {
         return DVec3::ZERO;
     }
     let weight = weight.clamp(0.0, 1.0);
-    let at = weight * (VIRIDIS.len() - 1) as f64;
-    let low = (at as usize).min(VIRIDIS.len() - 2);
-    let [a, b] = [low, low + 1].map(|i| DVec3::from(VIRIDIS[i].map(|v| f64::from(v) / 255.0)));
-    let ramp = a.lerp(b, at - low as f64);
     // A smooth step, without a kink at either end.
     let t = (weight / FADED_WEIGHT).min(1.0);
-    NO_WEIGHT.lerp(ramp, t * t * (3.0 - 2.0 * t))
+    NO_WEIGHT.lerp(viridis(weight), t * t * (3.0 - 2.0 * t))
 }
 
 /// [`weight_color`] as a texture one texel high, for [`joint_heat_uvs`]. With it, every pixel has the colour of its

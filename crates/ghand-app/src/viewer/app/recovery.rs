@@ -1,7 +1,7 @@
 //! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
 use crate::viewer::app::Viewer;
-use crate::viewer::picture::{Median, Picture};
+use crate::viewer::picture::Median;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
@@ -39,10 +39,9 @@ impl Viewer {
 
     fn renew(&mut self) -> anyhow::Result<()> {
         self.gpu = self.gpu.reopen()?;
-        self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
+        self.upload()?;
         self.detail = 1.0;
         self.too_many = u32::MAX;
-        self.shown = None;
         self.texture = None;
         self.failure = None;
         self.last_frame = None;

@@ -114,4 +114,10 @@ impl DirectTables {
             row.zip(colors).for_each(|(slot, color)| *slot = logit((color[channel] as f32).clamp(0.01, 0.99)));
         }
     }
+
+    /// As [`DirectTables::set_base_colors`], and no pose changes the colours.
+    pub fn set_constant_colors(&mut self, colors: &[[f64; 3]]) {
+        self.set_base_colors(colors);
+        self.appearance.iter_mut().skip(APPEARANCE_ROWS * colors.len()).for_each(|component| *component = 0.0);
+    }
 }

@@ -1,0 +1,38 @@
+//! What the colours of an avatar show: `--show`.
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use ghand_avatar::Avatar;
+
+use crate::light_args::LightArgs;
+
+/// What the colours of an avatar show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Shown {
+    /// The hand as it was trained.
+    #[default]
+    Skin,
+    /// How much the training views saw of each place, on a logarithmic scale: dark violet for nothing, green for as much
+    /// as of most, yellow for ten times as much.
+    Views,
+}
+
+impl Shown {
+    /// The avatar in these colours; skin in a light.
+    ///
+    /// # Errors
+    /// One sentence if the avatar does not know what training saw, or has no light of its own.
+    pub fn apply_to(self, avatar: Avatar, light: &LightArgs) -> anyhow::Result<Avatar> {
+        match self {
+            Shown::Skin => {
+                let mut avatar = avatar;
+                light.apply_to(&mut avatar)?;
+                Ok(avatar)
+            }
+            Shown::Views if !light.is_default() => bail!("--light: --show views has no light"),
+            Shown::Views => avatar
+                .colored_by_seen()
+                .context("--show views: the avatar's file does not say what training saw; train the avatar again"),
+        }
+    }
+}
