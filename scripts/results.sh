@@ -18,7 +18,7 @@ results=out/results
 say() { echo "results: $*" >&2; }
 
 # Entry, capture (`-` for the demo's own), options of `train`. All entries of a capture share its settings.
-blender="--set uv_resolution=192 --set iterations=1500 --set start_inset=1"
+blender="--set uv_resolution=192 --set iterations=1500"
 entries=$(
     cat <<ENTRIES
 demo - --set iterations=660
@@ -35,8 +35,9 @@ ENTRIES
     # What light and surface bring, one after the other, with true poses.
     for capture in demo blender-a blender-d; do
         from=$([ $capture = demo ] && echo - || echo $capture)
-        settings="$blender --set iterations=300 --poses truth"
-        plain="--set color_roughness=0 --set unseen=keep"
+        settings="--set iterations=300 --poses truth"
+        [ $capture = demo ] || settings="$settings --set uv_resolution=192"
+        plain="--set gaussians=round --set color_roughness=0 --set unseen=keep"
         while read -r rung options; do
             echo "ladder-$rung-$capture $from $settings $options"
         done <<RUNGS
@@ -46,7 +47,6 @@ transfer $plain --set light=transfer --set gloss=none
 gloss $plain --set light=transfer --set gloss=always
 surface --set unseen=keep --set light=transfer --set gloss=always
 unseen --set light=transfer --set gloss=always
-flat --set light=transfer --set gloss=always --set gaussians=flat
 RUNGS
     done
 )

@@ -201,7 +201,7 @@ impl Default for TrainSettings {
             color_components: 4,
             gaussians: GaussianShape::Flat,
             // Starting slightly too thin is better than slightly too thick: nothing outside the hand must be unlearned.
-            start_inset: 3.0,
+            start_inset: 1.0,
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),

@@ -14,7 +14,7 @@ pub enum Shape {
 }
 
 /// Thickness of a flat Gaussian as a fraction of its size.
-pub const FLATNESS: f64 = 0.3;
+pub const FLATNESS: f64 = 0.2;
 
 /// Source of the opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
