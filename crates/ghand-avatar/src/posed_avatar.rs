@@ -1,5 +1,7 @@
 //! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
+use std::collections::BTreeMap;
+
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose};
@@ -32,12 +34,17 @@ struct LitHand {
     gloss: Option<VertexGloss>,
 }
 
+/// Frames whose parts of the light are kept: half a megabyte each.
+const MOST_KEPT: usize = 512;
+
 /// What the mesh mirrors.
 struct VertexGloss {
     roughness: f64,
     strengths: Vec<[f32; 3]>,
-    /// Each frame's parts of its light.
-    parts: Vec<Option<(Light, Parts)>>,
+    /// The light and pose of each frame.
+    poses: Vec<Option<(Light, Pose)>>,
+    /// Frames' parts of their light.
+    parts: BTreeMap<usize, Parts>,
     /// The frame and eye whose gloss the device has.
     current: Option<(usize, DVec3)>,
 }
@@ -47,7 +54,8 @@ impl LitHand {
         let gloss = lit.gloss.as_ref().map(|gloss| VertexGloss {
             roughness: gloss.roughness,
             strengths: gloss.of_vertices(model),
-            parts: vec![None; frames],
+            poses: vec![None; frames],
+            parts: BTreeMap::new(),
             current: None,
         });
         LitHand { light: lit.light.clone(), model: model.clone(), gloss }
@@ -55,8 +63,21 @@ impl LitHand {
 }
 
 impl VertexGloss {
+    fn set_pose(&mut self, frame: usize, light: &Light, pose: &Pose, parts: Parts) {
+        self.poses[frame] = Some((light.clone(), pose.clone()));
+        self.keep(frame, parts);
+        self.current = None;
+    }
+
+    fn keep(&mut self, frame: usize, parts: Parts) {
+        if self.parts.len() >= MOST_KEPT {
+            self.parts.pop_first();
+        }
+        self.parts.insert(frame, parts);
+    }
+
     /// The gloss that the device should have and has not, for an eye; none from nowhere.
-    fn update(&mut self, frame: usize, eye: Option<DVec3>) -> Option<Vec<[f32; 3]>> {
+    fn update(&mut self, model: &HandModel, frame: usize, eye: Option<DVec3>) -> Option<Vec<[f32; 3]>> {
         // A NaN is never equal: then it is computed each time.
         let eye = eye.unwrap_or(DVec3::NAN);
         if self.current == Some((frame, eye)) {
@@ -64,8 +85,15 @@ impl VertexGloss {
         }
         self.current = Some((frame, eye));
         let none = || vec![[0.0; 3]; self.strengths.len()];
-        let usable = |(light, _): &&(Light, Parts)| eye.is_finite() && light.kind == LightKind::Transfer;
-        let Some((light, parts)) = self.parts[frame].as_ref().filter(usable) else { return Some(none()) };
+        let usable = |(light, _): &&(Light, Pose)| eye.is_finite() && light.kind == LightKind::Transfer;
+        let Some((light, pose)) = self.poses[frame].as_ref().filter(usable) else { return Some(none()) };
+        let light = light.clone();
+        if !self.parts.contains_key(&frame) {
+            // The pose fitted the hand when it was set.
+            let parts = light.parts(model, pose).ok()?;
+            self.keep(frame, parts);
+        }
+        let (light, parts) = (&light, self.parts.get(&frame)?);
         let mut values = gloss::of_vertices(light, parts, self.roughness, eye);
         for (value, strength) in values.iter_mut().zip(&self.strengths) {
             value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
@@ -150,8 +178,7 @@ impl PosedAvatar {
             let parts = lit.light.parts(&lit.model, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
             self.deformation.set_shades(gpu, frame, &lit.light.shades(&parts))?;
             if let Some(gloss) = &mut lit.gloss {
-                gloss.parts[frame] = Some((lit.light.clone(), parts));
-                gloss.current = None;
+                gloss.set_pose(frame, &lit.light, pose, parts);
             }
         }
         Ok(())
@@ -168,8 +195,8 @@ impl PosedAvatar {
         encoder: &mut wgpu::CommandEncoder,
         eye: Option<DVec3>,
     ) -> Result<(), RenderError> {
-        let gloss = self.lit.as_mut().and_then(|lit| lit.gloss.as_mut());
-        if let Some(gloss) = gloss.and_then(|gloss| gloss.update(self.frame, eye)) {
+        let lit = self.lit.as_mut().and_then(|lit| Some((&lit.model, lit.gloss.as_mut()?)));
+        if let Some(gloss) = lit.and_then(|(model, gloss)| gloss.update(model, self.frame, eye)) {
             self.deformation.set_gloss(gpu, &gloss)?;
         }
         self.deformation.encode_skeleton(encoder);
