@@ -97,9 +97,7 @@ impl AvatarLight {
         let parts = self.light.parts(model, pose)?;
         let gloss = self.gloss.as_ref().map(|gloss| {
             let mut vertices = gloss::of_vertices(&self.light, &parts, gloss.roughness, eye);
-            for (value, strength) in vertices.iter_mut().zip(gloss.of_vertices(model)) {
-                *value = [0, 1, 2].map(|c| value[c] * strength[c]);
-            }
+            gloss::scale(&mut vertices, &gloss.vertex_strengths(model));
             self.at_gaussians(model, &vertices)
         });
         let shades = self.at_gaussians(model, &self.light.shades(&parts));

@@ -53,7 +53,7 @@ impl LitHand {
     fn new(lit: &AvatarLight, model: &HandModel, frames: usize) -> LitHand {
         let gloss = lit.gloss.as_ref().map(|gloss| VertexGloss {
             roughness: gloss.roughness,
-            strengths: gloss.of_vertices(model),
+            strengths: gloss.vertex_strengths(model),
             poses: vec![None; frames],
             parts: BTreeMap::new(),
             current: None,
@@ -95,9 +95,7 @@ impl VertexGloss {
         }
         let (light, parts) = (&light, self.parts.get(&frame)?);
         let mut values = gloss::of_vertices(light, parts, self.roughness, eye);
-        for (value, strength) in values.iter_mut().zip(&self.strengths) {
-            value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
-        }
+        gloss::scale(&mut values, &self.strengths);
         Some(values)
     }
 }

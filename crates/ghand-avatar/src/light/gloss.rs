@@ -19,12 +19,19 @@ pub struct Gloss {
 
 impl Gloss {
     /// How strong it is at each vertex.
-    pub fn of_vertices(&self, model: &HandModel) -> Vec<[f32; 3]> {
+    pub fn vertex_strengths(&self, model: &HandModel) -> Vec<[f32; 3]> {
         let strength = |vertex: usize| {
             let joints = model.vertex_weights(vertex).iter().zip(&self.strengths);
             joints.fold([0.0; 3], |sum, (weight, strength)| [0, 1, 2].map(|c| sum[c] + *weight as f32 * strength[c]))
         };
         (0..model.vertices.len()).map(strength).collect()
+    }
+}
+
+/// What vertices with these strengths mirror, from what they would with a strength of 1.
+pub(crate) fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
+    for (value, strength) in values.iter_mut().zip(strengths) {
+        value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
     }
 }
 
@@ -82,7 +89,7 @@ mod tests {
     fn the_strength_of_a_vertex_is_that_of_its_joints() {
         let model = builtin_hand(Side::Left).unwrap();
         let strengths = (0..model.joint_count()).map(|k| [k as f32, 1.0, 0.0]).collect();
-        let gloss = Gloss { roughness: 0.5, strengths }.of_vertices(&model);
+        let gloss = Gloss { roughness: 0.5, strengths }.vertex_strengths(&model);
         for (v, strength) in gloss.iter().enumerate() {
             let expected: f64 = model.vertex_weights(v).iter().enumerate().map(|(k, w)| k as f64 * w).sum();
             assert!((f64::from(strength[0]) - expected).abs() < 1e-4 && (strength[1] - 1.0).abs() < 1e-5);

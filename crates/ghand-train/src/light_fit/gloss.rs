@@ -274,7 +274,7 @@ mod tests {
         let found = find(&seen, &model, &poses, &light, &ROUGHNESSES, false).unwrap().unwrap();
         assert_eq!(found.gloss.roughness, 0.45);
         assert!(found.left < 0.8, "{}", found.left);
-        let [found, planted] = [&found.gloss, &planted_gloss].map(|gloss| gloss.of_vertices(&model));
+        let [found, planted] = [&found.gloss, &planted_gloss].map(|gloss| gloss.vertex_strengths(&model));
         let mut errors: Vec<f32> = found.iter().zip(&planted).map(|(f, p)| (f[1] / p[1] - 1.0).abs()).collect();
         errors.sort_by(f32::total_cmp);
         assert!(errors[errors.len() / 2] < 0.1, "{}", errors[errors.len() / 2]);
