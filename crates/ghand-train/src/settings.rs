@@ -229,6 +229,9 @@ impl Default for TrainSettings {
     }
 }
 
+/// `start_inset` of stage 1.
+const POSE_STAGE_INSET: f64 = 3.0;
+
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("setting `{setting}`: {problem}")]
@@ -310,8 +313,9 @@ impl TrainSettings {
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
             color_components: 0,
-            // The normals of flat ones have no gradient.
+            // The normals of flat ones have no gradient; round ones stand out from the surface.
             gaussians: GaussianShape::Round,
+            start_inset: POSE_STAGE_INSET,
             coverage_weight: 0.0,
             color_roughness: 0.0,
             offset_roughness: 0.0,
