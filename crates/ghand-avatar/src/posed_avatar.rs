@@ -1,17 +1,15 @@
 //! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
-use std::collections::BTreeMap;
-
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_core::{HandModel, Pose};
+use ghand_core::{InvalidHandModel, Pose};
 use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::avatar::Avatar;
-use crate::light::gloss;
-use crate::light::{AvatarLight, Light, LightKind, Parts};
+use crate::light::lit_hand::LitHand;
+use crate::light::{AvatarLight, Light, LightGradient};
 use crate::properties::PropertyModel;
 
 /// An avatar on the device.
@@ -25,79 +23,6 @@ pub struct PosedAvatar {
     frames: usize,
     /// The frame whose pose later submissions use.
     frame: usize,
-}
-
-/// The light, and the mesh on which it falls.
-struct LitHand {
-    light: Light,
-    model: HandModel,
-    gloss: Option<VertexGloss>,
-}
-
-/// Frames whose parts of the light are kept: half a megabyte each.
-const MOST_KEPT: usize = 512;
-
-/// What the mesh mirrors.
-struct VertexGloss {
-    roughness: f64,
-    strengths: Vec<[f32; 3]>,
-    /// The light and pose of each frame.
-    poses: Vec<Option<(Light, Pose)>>,
-    /// Frames' parts of their light.
-    parts: BTreeMap<usize, Parts>,
-    /// The frame and eye whose gloss the device has.
-    current: Option<(usize, DVec3)>,
-}
-
-impl LitHand {
-    fn new(lit: &AvatarLight, model: &HandModel, frames: usize) -> LitHand {
-        let gloss = lit.gloss.as_ref().map(|gloss| VertexGloss {
-            roughness: gloss.roughness,
-            strengths: gloss.vertex_strengths(model),
-            poses: vec![None; frames],
-            parts: BTreeMap::new(),
-            current: None,
-        });
-        LitHand { light: lit.light.clone(), model: model.clone(), gloss }
-    }
-}
-
-impl VertexGloss {
-    fn set_pose(&mut self, frame: usize, light: &Light, pose: &Pose, parts: Parts) {
-        self.poses[frame] = Some((light.clone(), pose.clone()));
-        self.keep(frame, parts);
-        self.current = None;
-    }
-
-    fn keep(&mut self, frame: usize, parts: Parts) {
-        if self.parts.len() >= MOST_KEPT {
-            self.parts.pop_first();
-        }
-        self.parts.insert(frame, parts);
-    }
-
-    /// The gloss that the device should have and has not, for an eye; none from nowhere.
-    fn update(&mut self, model: &HandModel, frame: usize, eye: Option<DVec3>) -> Option<Vec<[f32; 3]>> {
-        // A NaN is never equal: then it is computed each time.
-        let eye = eye.unwrap_or(DVec3::NAN);
-        if self.current == Some((frame, eye)) {
-            return None;
-        }
-        self.current = Some((frame, eye));
-        let none = || vec![[0.0; 3]; self.strengths.len()];
-        let usable = |(light, _): &&(Light, Pose)| eye.is_finite() && light.kind == LightKind::Transfer;
-        let Some((light, pose)) = self.poses[frame].as_ref().filter(usable) else { return Some(none()) };
-        let light = light.clone();
-        if !self.parts.contains_key(&frame) {
-            // The pose fitted the hand when it was set.
-            let parts = light.parts(model, pose).ok()?;
-            self.keep(frame, parts);
-        }
-        let (light, parts) = (&light, self.parts.get(&frame)?);
-        let mut values = gloss::of_vertices(light, parts, self.roughness, eye);
-        gloss::scale(&mut values, &self.strengths);
-        Some(values)
-    }
 }
 
 impl PosedAvatar {
@@ -143,8 +68,38 @@ impl PosedAvatar {
     /// Puts the avatar into another light, for poses set later; nothing changes if light is part of its colours.
     pub fn set_light(&mut self, light: &Light) {
         if let Some(lit) = &mut self.lit {
-            lit.light.clone_from(light);
+            lit.set_light(light);
         }
+    }
+
+    /// Lets the light be learned, from poses that are set later: see [`PosedAvatar::light_gradient`].
+    pub fn learn_light(&mut self) {
+        self.lit.iter_mut().for_each(LitHand::learn);
+    }
+
+    /// The light and the gloss of the skin, if light is apart from the colours.
+    pub fn light(&self) -> Option<&AvatarLight> {
+        self.lit.as_ref().map(LitHand::lit)
+    }
+
+    /// Replaces light and strengths of the gloss in all frames.
+    pub fn set_learned_light(&mut self, light: &Light, strengths: &[[f32; 3]]) {
+        self.lit.iter_mut().for_each(|lit| lit.set_learned(light, strengths));
+    }
+
+    /// The gradient of the light from that of the lit colours of the present frame, as an eye (metres, world axes) sees
+    /// it; unlit colours, both `[3][N]`. `None` if light is part of the colours or the frame has no pose yet.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the frame's pose does not fit the hand.
+    pub fn light_gradient(
+        &mut self,
+        eye: DVec3,
+        colors: &[f64],
+        d_lit: &[f64],
+    ) -> Result<Option<LightGradient>, RenderError> {
+        let gradient = self.lit.as_mut().map(|lit| lit.gradient(self.frame, eye, colors, d_lit));
+        Ok(gradient.transpose().map_err(invalid)?.flatten())
     }
 
     /// Sets the frame whose pose later submissions use.
@@ -173,11 +128,8 @@ impl PosedAvatar {
         let offset = frame * pose_stride(self.joint_count) * size_of::<f32>();
         gpu.queue.write_buffer(self.deformation.poses(), offset as u64, bytemuck::cast_slice(&values));
         if let Some(lit) = &mut self.lit {
-            let parts = lit.light.parts(&lit.model, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
-            self.deformation.set_shades(gpu, frame, &lit.light.shades(&parts))?;
-            if let Some(gloss) = &mut lit.gloss {
-                gloss.set_pose(frame, &lit.light, pose, parts);
-            }
+            let shades = lit.set_pose(frame, pose).map_err(invalid)?;
+            self.deformation.set_shades(gpu, frame, &shades)?;
         }
         Ok(())
     }
@@ -193,9 +145,10 @@ impl PosedAvatar {
         encoder: &mut wgpu::CommandEncoder,
         eye: Option<DVec3>,
     ) -> Result<(), RenderError> {
-        let lit = self.lit.as_mut().and_then(|lit| Some((&lit.model, lit.gloss.as_mut()?)));
-        if let Some(gloss) = lit.and_then(|(model, gloss)| gloss.update(model, self.frame, eye)) {
-            self.deformation.set_gloss(gpu, &gloss)?;
+        if let Some(lit) = &mut self.lit {
+            let missing = lit.missing(self.frame, eye.unwrap_or(DVec3::NAN)).map_err(invalid)?;
+            missing.shades.map_or(Ok(()), |shades| self.deformation.set_shades(gpu, self.frame, &shades))?;
+            missing.gloss.map_or(Ok(()), |gloss| self.deformation.set_gloss(gpu, &gloss))?;
         }
         self.deformation.encode_skeleton(encoder);
         self.model.forward(gpu, encoder)?;
@@ -220,4 +173,8 @@ impl PosedAvatar {
         self.model.prepare_training(gpu, &self.deformation, &backward)?;
         Ok(backward)
     }
+}
+
+fn invalid(error: InvalidHandModel) -> RenderError {
+    RenderError::Invalid(error.to_string())
 }

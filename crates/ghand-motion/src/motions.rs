@@ -22,6 +22,11 @@ const THUMB_ON_FINGERS: [&str; 4] = ["fist", "point", "victory", "three"];
 /// The part of a transition in which the fingers move while the thumb leaves them in its first half and comes back in
 /// its second.
 const FINGERS_MOVE: [f64; 2] = [0.25, 0.75];
+/// The part of its way in which the thumb's base rests on the fingers' side while the joints beyond it move: they lift
+/// off the fingers first and close last, instead of being dragged through them.
+const BASE_STAYS: f64 = 0.3;
+/// How far the fingers of a ripple close, as a part of the way from open to a fist: there they rub along one another.
+const RIPPLE_CLOSES: f64 = 0.94;
 
 /// A pose that is reached and then held.
 struct Key {
@@ -95,7 +100,10 @@ fn keys(name: &str, model: &HandModel) -> Result<Vec<Key>, PoseError> {
             turned("open", back, -20.0, 0.4, 0.0),
             key("open", 0.3, 0.1),
         ],
-        "ripple" => ripple(&rig, &pose("open"), &pose("fist")),
+        "ripple" => {
+            let open = pose("open");
+            ripple(&rig, &open, &between(&open, &pose("fist"), RIPPLE_CLOSES))
+        }
         _ => vec![
             key("rest", 0.0, 0.2),
             key("open", 0.5, 0.3),
@@ -153,12 +161,17 @@ impl Thumb {
         }
         let [start, end] = FINGERS_MOVE;
         let mut pose = between(&from.pose, &to.pose, eased((part - start) / (end - start)));
-        let thumb = if part < 0.5 {
-            between(&from.pose, &self.lifted, eased(2.0 * part))
-        } else {
-            between(&self.lifted, &to.pose, eased(2.0 * part - 1.0))
+        let thumb = |base: bool| {
+            let stays = if base { BASE_STAYS } else { 0.0 };
+            if part < 0.5 {
+                between(&from.pose, &self.lifted, eased((2.0 * part - stays) / (1.0 - stays)))
+            } else {
+                between(&self.lifted, &to.pose, eased((2.0 * part - 1.0) / (1.0 - stays)))
+            }
         };
-        for k in &self.joints {
+        let (base, others) = (thumb(true), thumb(false));
+        for (nth, k) in self.joints.iter().enumerate() {
+            let thumb = if nth == 0 { &base } else { &others };
             if let (Some(rotation), Some(own)) = (pose.rotations.get_mut(*k), thumb.rotations.get(*k)) {
                 *rotation = *own;
             }

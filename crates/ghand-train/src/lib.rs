@@ -15,6 +15,7 @@ pub mod flip;
 pub mod floor;
 pub mod hand_box;
 pub mod light_fit;
+mod light_training;
 mod memory_check;
 pub mod metrics;
 mod outline_band;

@@ -11,7 +11,7 @@ mod observations;
 use std::time::Instant;
 
 use ghand_avatar::light::{Gloss, Parts};
-use ghand_avatar::{Light, LightKind};
+use ghand_avatar::{AvatarLight, Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::directions;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
@@ -110,6 +110,14 @@ pub struct GlossReport {
 }
 
 impl LightFit {
+    /// Replaces the light by what training made of it.
+    pub(crate) fn set_trained(&mut self, trained: &AvatarLight) {
+        self.light = Some(trained.light.clone());
+        if let Some((fit, gloss)) = self.gloss.as_mut().zip(trained.gloss.as_ref()) {
+            fit.gloss = gloss.clone();
+        }
+    }
+
     /// The fit as it is reported.
     pub fn report(&self) -> LightReport {
         LightReport {

@@ -173,6 +173,8 @@ pub struct TrainSettings {
     pub rate_components: f64,
     /// Rate of the pose response.
     pub rate_response: f64,
+    /// Rate of the light's radiances and of the gloss, as logarithms; 0 keeps the light that was found first.
+    pub rate_light: f64,
     /// Rate of the rest joints, metres; 0 keeps the template's skeleton, as in the paper.
     pub rate_joints: f64,
     /// Rate of the joint rotations in stage 1, radians.
@@ -222,6 +224,7 @@ impl Default for TrainSettings {
             rate_color: 2e-2,
             rate_components: 5e-3,
             rate_response: 5e-3,
+            rate_light: 1e-2,
             rate_joints: 1e-4,
             rate_pose: 1e-2,
             rate_translation: 1e-3,
@@ -322,6 +325,7 @@ impl TrainSettings {
             rate_residual_weights: 0.0,
             rate_regressor: 0.0,
             rate_response: 0.0,
+            rate_light: 0.0,
             ..self.clone()
         }
     }

@@ -1,7 +1,7 @@
 //! One training step on the device: pose, splat, loss, the backward pass and the update. Only counters are read back.
 
 use ghand_avatar::neighbors::neighbors;
-use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
+use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
@@ -11,6 +11,7 @@ use ghand_render::roughness::Roughness;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 
+use crate::light_training::LightTraining;
 use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
 use crate::views::TrainView;
@@ -19,6 +20,9 @@ use crate::views::TrainView;
 const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
+
+/// Steps between two of the light, whose gradient is read back and computed on the host.
+const LIGHT_EVERY: u64 = 4;
 
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
@@ -31,6 +35,7 @@ pub struct Step {
     offset_roughness: Roughness,
     poses: AdamTable,
     joints: AdamTable,
+    light: Option<LightTraining>,
     count: usize,
     joint_count: usize,
 }
@@ -116,9 +121,23 @@ impl Step {
             offset_roughness,
             poses,
             joints,
+            light: None,
             count,
             joint_count,
         })
+    }
+
+    /// Lets the avatar's light be learned, if it has one with directions. Poses must be set after it.
+    ///
+    /// # Errors
+    /// Never: a step always has an avatar.
+    pub fn learn_light(&mut self) -> Result<(), RenderError> {
+        let posed = first(self.scene.avatars_mut())?;
+        self.light = posed.light().and_then(LightTraining::new);
+        if self.light.is_some() {
+            posed.learn_light();
+        }
+        Ok(())
     }
 
     /// Sets the pose of frame number `frame`.
@@ -189,7 +208,34 @@ impl Step {
             offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
         })?;
+        if rates.step.is_multiple_of(LIGHT_EVERY) {
+            self.update_light(gpu, view, settings.rate_light * rates.tables)?;
+        }
         self.learn(gpu, view.frame, settings, rates)
+    }
+
+    /// Updates the light from a complete frame.
+    fn update_light(&mut self, gpu: &Gpu, view: &TrainView, rate: f64) -> Result<(), RenderError> {
+        let (splatter, avatars) = self.scene.splatter_and_avatars_mut();
+        let (Some(light), posed) = (&mut self.light, first(avatars)?) else { return Ok(()) };
+        let (columns, row) = (splatter.count(), splatter.options().model.color_row());
+        let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
+        let colors: Vec<f32> = buffers::read(gpu, &posed.deformation.properties().color, 3 * columns)?;
+        let d_table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), (row + 3) * columns)?;
+        let d_lit = wide(&d_table[row * columns..]);
+        if let Some(gradient) = posed.light_gradient(view.camera.center(), &wide(&colors), &d_lit)? {
+            light.step(&gradient, rate);
+            posed.set_learned_light(light.light(), light.strengths());
+        }
+        Ok(())
+    }
+
+    /// The light at present; `None` if it is part of the colours.
+    ///
+    /// # Errors
+    /// Never: a step always has an avatar.
+    pub fn light(&self) -> Result<Option<&AvatarLight>, RenderError> {
+        Ok(self.avatar()?.light())
     }
 
     /// The part after a complete frame: the gradients of the property model and the pose, and all updates.

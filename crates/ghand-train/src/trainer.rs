@@ -230,6 +230,9 @@ impl<'a> Trainer<'a> {
         let iterations = stage.done + done.iterations;
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
+        if let Some((fit, trained)) = self.light.as_mut().zip(avatar.light.as_ref()) {
+            fit.set_trained(trained);
+        }
         let (poses, alignment, light, exposure) = (self.poses, self.alignment, self.light, self.exposure);
         let seconds = start.elapsed().as_secs_f64();
         Ok(Trained { avatar, poses, alignment, light, exposure, iterations, seconds })
@@ -359,7 +362,11 @@ impl<'a> Trainer<'a> {
         let settings = &stage.settings;
         let avatar = self.start(gpu, settings)?;
         let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
-        let mut step = Step::new(gpu, &avatar, self.poses.len(), self.views.largest(stage.reduction), &mobility)?;
+        let largest = self.views.largest(stage.reduction);
+        let mut step = Step::new(gpu, &avatar, self.poses.len(), largest, &mobility)?;
+        if settings.rate_light > 0.0 {
+            step.learn_light()?;
+        }
         for (frame, pose) in self.poses.iter().enumerate() {
             step.set_pose(gpu, frame, pose)?;
         }
@@ -453,7 +460,8 @@ impl<'a> Trainer<'a> {
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        Ok(StageResult { avatar: Avatar { tables, seen, provenance, ..avatar }, poses, iterations: done })
+        let light = step.light()?.cloned();
+        Ok(StageResult { avatar: Avatar { tables, seen, light, provenance, ..avatar }, poses, iterations: done })
     }
 
     /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.

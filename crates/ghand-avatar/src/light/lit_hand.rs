@@ -1,0 +1,188 @@
+//! The light on a hand that is drawn: the shades of each frame's mesh, and what it mirrors to the eye.
+
+use std::collections::BTreeMap;
+
+use ghand_core::light::{LitSurface, lit_surface_vjp};
+use ghand_core::{HandModel, InvalidHandModel, Pose};
+use glam::DVec3;
+
+use super::{AvatarLight, Light, LightKind, Parts, gloss};
+
+/// Frames whose parts of the light are kept: half a megabyte each.
+const MOST_KEPT: usize = 512;
+
+/// An avatar's light, the mesh on which it falls, and its frames.
+pub(crate) struct LitHand {
+    lit: AvatarLight,
+    model: HandModel,
+    corners: Vec<[u32; 3]>,
+    /// Of the vertices; empty without gloss.
+    strengths: Vec<[f32; 3]>,
+    learns: bool,
+    frames: Vec<Option<LitFrame>>,
+    /// Frames' parts of their light, if something asks for them again.
+    parts: BTreeMap<usize, Parts>,
+    /// The frame and eye whose gloss the device has.
+    mirrored: Option<(usize, DVec3)>,
+}
+
+struct LitFrame {
+    light: Light,
+    pose: Pose,
+    /// Whether the device has its shades.
+    drawn: bool,
+}
+
+/// What the device lacks of a frame: one RGB per vertex each.
+#[derive(Default)]
+pub(crate) struct Missing {
+    pub shades: Option<Vec<[f32; 3]>>,
+    pub gloss: Option<Vec<[f32; 3]>>,
+}
+
+/// Gradients of an avatar's light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightGradient {
+    /// Of [`Light::coefficients`].
+    pub coefficients: Vec<[f64; 3]>,
+    /// Of the gloss's strengths; empty without gloss.
+    pub strengths: Vec<[f64; 3]>,
+}
+
+impl LitHand {
+    pub fn new(lit: &AvatarLight, model: &HandModel, frames: usize) -> LitHand {
+        LitHand {
+            lit: lit.clone(),
+            model: model.clone(),
+            corners: lit.corners(model),
+            strengths: lit.gloss.as_ref().map_or(vec![], |gloss| gloss.vertex_strengths(model)),
+            learns: false,
+            frames: (0..frames).map(|_| None).collect(),
+            parts: BTreeMap::new(),
+            mirrored: None,
+        }
+    }
+
+    /// Lets the light be learned, from poses that are set later.
+    pub fn learn(&mut self) {
+        self.learns = true;
+    }
+
+    /// The light and its gloss.
+    pub fn lit(&self) -> &AvatarLight {
+        &self.lit
+    }
+
+    /// Replaces the light for poses that are set later.
+    pub fn set_light(&mut self, light: &Light) {
+        self.lit.light.clone_from(light);
+    }
+
+    /// Replaces light and strengths of the gloss in all frames.
+    pub fn set_learned(&mut self, light: &Light, strengths: &[[f32; 3]]) {
+        self.lit.light.clone_from(light);
+        if let Some(gloss) = &mut self.lit.gloss {
+            gloss.strengths = strengths.to_vec();
+            self.strengths = gloss.vertex_strengths(&self.model);
+        }
+        for frame in self.frames.iter_mut().flatten() {
+            frame.light.clone_from(light);
+            frame.drawn = false;
+        }
+        self.mirrored = None;
+    }
+
+    /// Sets the pose of a frame and returns its shades.
+    pub fn set_pose(&mut self, frame: usize, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
+        let light = self.lit.light.clone();
+        let parts = light.parts(&self.model, pose)?;
+        let shades = light.shades(&parts);
+        if self.lit.gloss.is_some() || self.learns {
+            self.keep(frame, parts);
+        }
+        self.frames[frame] = Some(LitFrame { light, pose: pose.clone(), drawn: true });
+        self.mirrored = None;
+        Ok(shades)
+    }
+
+    fn keep(&mut self, frame: usize, parts: Parts) {
+        if self.parts.len() >= MOST_KEPT {
+            self.parts.pop_first();
+        }
+        self.parts.insert(frame, parts);
+    }
+
+    /// Makes sure that a frame's parts are kept.
+    fn need_parts(&mut self, frame: usize) -> Result<(), InvalidHandModel> {
+        if let Some(Some(LitFrame { light, pose, .. })) = self.frames.get(frame)
+            && !self.parts.contains_key(&frame)
+        {
+            let parts = light.parts(&self.model, pose)?;
+            self.keep(frame, parts);
+        }
+        Ok(())
+    }
+
+    /// What the device should have and has not for a frame and an eye, which is not finite if there is none: then
+    /// nothing is mirrored.
+    pub fn missing(&mut self, frame: usize, eye: DVec3) -> Result<Missing, InvalidHandModel> {
+        let outdated = self.frames.get(frame).and_then(Option::as_ref).is_some_and(|frame| !frame.drawn);
+        // A NaN is never equal: then it is computed each time.
+        let mirrors = self.lit.gloss.is_some() && self.mirrored != Some((frame, eye));
+        if !outdated && !mirrors {
+            return Ok(Missing::default());
+        }
+        self.need_parts(frame)?;
+        self.mirrored = Some((frame, eye));
+        let roughness = self.lit.gloss.as_ref().map_or(1.0, |gloss| gloss.roughness);
+        let (Some(Some(lit)), Some(parts)) = (self.frames.get_mut(frame), self.parts.get(&frame)) else {
+            return Ok(Missing { shades: None, gloss: mirrors.then(|| vec![[0.0; 3]; self.strengths.len()]) });
+        };
+        lit.drawn = true;
+        let mirrored = || {
+            let visible = eye.is_finite() && lit.light.kind == LightKind::Transfer;
+            let none = || vec![[0.0; 3]; self.strengths.len()];
+            let mut values = if visible { gloss::of_vertices(&lit.light, parts, roughness, eye) } else { none() };
+            gloss::scale(&mut values, &self.strengths);
+            values
+        };
+        Ok(Missing { shades: outdated.then(|| lit.light.shades(parts)), gloss: mirrors.then(mirrored) })
+    }
+
+    /// The gradient of the light from those of the lit colours of a frame that an eye saw; colours are `[3][N]`, unlit.
+    pub fn gradient(
+        &mut self,
+        frame: usize,
+        eye: DVec3,
+        colors: &[f64],
+        d_lit: &[f64],
+    ) -> Result<Option<LightGradient>, InvalidHandModel> {
+        self.need_parts(frame)?;
+        let Some(parts) = self.parts.get(&frame) else { return Ok(None) };
+        let light = &self.lit.light;
+        let wide = |values: Vec<[f32; 3]>| values.into_iter().map(|rgb| rgb.map(f64::from)).collect::<Vec<_>>();
+        let gloss = self.lit.gloss.as_ref().map(|gloss| {
+            let mut values = gloss::of_vertices(light, parts, gloss.roughness, eye);
+            gloss::scale(&mut values, &self.strengths);
+            wide(values)
+        });
+        let barycentric: Vec<[f64; 3]> = wide(self.lit.barycentric.clone());
+        let surface = LitSurface {
+            corners: &self.corners,
+            barycentric: &barycentric,
+            shades: &wide(light.shades(parts)),
+            gloss: gloss.as_deref().unwrap_or_default(),
+        };
+        let d = lit_surface_vjp(colors, &surface, d_lit);
+        let mut coefficients = light.shades_vjp(parts, &d.shades);
+        let mut strengths = vec![];
+        if let Some(gloss) = &self.lit.gloss {
+            let of_gloss = gloss::vjp((light, gloss), &self.model, parts, eye, &d.gloss);
+            for (sum, more) in coefficients.iter_mut().zip(&of_gloss.coefficients) {
+                (0..3).for_each(|c| sum[c] += more[c]);
+            }
+            strengths = of_gloss.strengths;
+        }
+        Ok(Some(LightGradient { coefficients, strengths }))
+    }
+}
