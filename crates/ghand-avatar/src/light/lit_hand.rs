@@ -186,3 +186,78 @@ impl LitHand {
         Ok(Some(LightGradient { coefficients, strengths }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::Side;
+    use ghand_core::light::with_gloss;
+    use ghand_hand_model::builtin::builtin_hand;
+    use ghand_hand_model::surface::sample_surface;
+
+    use super::*;
+    use crate::light::Gloss;
+
+    #[test]
+    fn the_gradient_of_a_light_is_that_of_finite_differences() {
+        let model = builtin_hand(Side::Right).unwrap();
+        let samples = sample_surface(&model, 24).unwrap();
+        let strengths = (0..model.joint_count()).map(|k| [0.2, 0.1 * k as f32, 1.0]).collect();
+        let gloss = Some(Gloss { roughness: 0.5, strengths });
+        let lit = AvatarLight::new(Light::studio(), gloss, &samples);
+        let pose = Pose::rest(model.joint_count());
+        let count = samples.faces.len();
+        let eye = DVec3::new(0.2, -0.5, 0.3);
+        let colors: Vec<f64> = (0..3 * count).map(|i| 0.3 + 0.2 * (i as f64).sin()).collect();
+        let d_lit: Vec<f64> = (0..3 * count).map(|i| 0.4 + (0.7 * i as f64).cos()).collect();
+        let loss = |lit: &AvatarLight| -> f64 {
+            let seen = lit.of_gaussians(&model, &pose, eye).unwrap();
+            let of = |i: usize| {
+                let (channel, p) = (i / count, i % count);
+                let shaded = colors[i] * f64::from(seen.shades[p][channel]);
+                d_lit[i] * with_gloss(shaded, f64::from(seen.gloss[p][channel]))
+            };
+            (0..3 * count).map(of).sum()
+        };
+        let mut hand = LitHand::new(&lit, &model, 1);
+        assert_eq!(hand.gradient(0, eye, &colors, &d_lit).unwrap(), None, "no pose yet");
+        hand.learn();
+        hand.set_pose(0, &pose).unwrap();
+        let gradient = hand.gradient(0, eye, &colors, &d_lit).unwrap().unwrap();
+        let check = |what: &str, d: f64, change: &dyn Fn(&mut AvatarLight, f32)| {
+            let moved = |by: f32| {
+                let mut moved = lit.clone();
+                change(&mut moved, by);
+                loss(&moved)
+            };
+            let difference = (moved(0.02) - moved(-0.02)) / 0.04;
+            assert!((d - difference).abs() < 0.01 * (1.0 + d.abs()), "{what}: {d}, {difference}");
+        };
+        for (k, c) in [(0, 0), (5, 1), (17, 2), (40, 0), (63, 1)] {
+            if lit.light.coefficients[k][c] > 0.05 {
+                let change = |lit: &mut AvatarLight, by: f32| lit.light.coefficients[k][c] += by;
+                check("direction", gradient.coefficients[k][c], &change);
+            }
+            let change = |lit: &mut AvatarLight, by: f32| lit.gloss.as_mut().unwrap().strengths[k % 8 + 1][c] += by;
+            check("strength", gradient.strengths[k % 8 + 1][c], &change);
+        }
+    }
+
+    #[test]
+    fn a_learned_light_reaches_frames_whose_pose_is_set_already() {
+        let model = builtin_hand(Side::Left).unwrap();
+        let samples = sample_surface(&model, 16).unwrap();
+        let lit = AvatarLight::new(Light::studio(), None, &samples);
+        let mut hand = LitHand::new(&lit, &model, 2);
+        hand.learn();
+        let pose = Pose::rest(model.joint_count());
+        let first = hand.set_pose(0, &pose).unwrap();
+        assert!(hand.missing(0, DVec3::NAN).unwrap().shades.is_none());
+        let mut brighter = Light::studio();
+        brighter.coefficients.iter_mut().flatten().for_each(|c| *c *= 2.0);
+        hand.set_learned(&brighter, &[]);
+        let shades = hand.missing(0, DVec3::NAN).unwrap().shades.unwrap();
+        assert_eq!(shades, brighter.vertex_shades(&model, &pose).unwrap());
+        assert!(shades != first && hand.missing(0, DVec3::NAN).unwrap().shades.is_none());
+        assert!(hand.missing(1, DVec3::NAN).unwrap().shades.is_none(), "a frame without a pose");
+    }
+}
