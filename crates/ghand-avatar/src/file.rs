@@ -485,7 +485,7 @@ mod tests {
     /// A small avatar in a light from directions.
     fn lit() -> Avatar {
         let mut avatar = small();
-        let samples = ghand_hand_model::surface::sample_surface(&avatar.model, 16).unwrap();
+        let samples = sample_surface(&avatar.model, 16).unwrap();
         let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
         avatar.light = Some(AvatarLight::new(
             Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
