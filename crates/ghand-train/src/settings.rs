@@ -255,7 +255,7 @@ impl Default for TrainSettings {
             rate_components: 5e-3,
             rate_response: 5e-3,
             rate_networks: 3e-3,
-            rate_feature_tensor: 5e-4,
+            rate_feature_tensor: 1e-2,
             rate_joints: 1e-4,
             rate_pose: 1e-2,
             rate_translation: 1e-3,

@@ -1,7 +1,11 @@
 //! Layers of the networks. Maps are `[1][channels][side][side]`, tables of points `[points][channels]`.
+//!
+//! Convolutions are matrix products here, of the weights and a table with a row for each weight of an output channel.
+//! Burn's own are slower by a factor of several on a processor: for the gradient of the weights, flex 0.22.1 takes a batch
+//! of one for a map of one channel, and a path that is meant for edge filters.
 
-use burn_tensor::module::{batch_norm, batch_norm_train, conv_transpose2d, conv2d, linear};
-use burn_tensor::ops::{ConvOptions, ConvTransposeOptions};
+use burn_tensor::module::{batch_norm, batch_norm_train, linear};
+use burn_tensor::ops::PadMode;
 use burn_tensor::{Tensor, activation};
 
 use super::parameters::{ParameterList, Part, Slot, Start};
@@ -120,10 +124,52 @@ impl Conv {
     /// The map's side, or half of it with a stride of 2.
     pub fn forward(&self, pass: &Pass, x: Tensor<4>) -> Tensor<4> {
         let weight = self.weight.of(pass.parameters);
-        let [.., kernel] = weight.dims();
+        let [outputs, inputs, kernel, _] = weight.dims();
         let padding = (kernel - 1) / 2;
-        conv2d(x, weight, None, ConvOptions::new([self.stride; 2], [padding; 2], [1; 2], 1))
+        let x = padded(x, [padding; 4]);
+        if self.stride == 1 {
+            let weight = weight.permute([0, 2, 3, 1]).reshape([outputs, kernel * kernel * inputs]);
+            return product(weight, shifted(x, kernel));
+        }
+        // With every 2 x 2 texels as channels of one, it is a 2 x 2 convolution with a stride of 1.
+        let weight = weight.reshape([outputs, inputs, 2, 2, 2, 2]).permute([0, 2, 4, 3, 5, 1]);
+        product(weight.reshape([outputs, 16 * inputs]), shifted(space_to_channels(x), 2))
     }
+}
+
+/// Zeros around a map: left, right, top, bottom.
+fn padded(x: Tensor<4>, [left, right, top, bottom]: [usize; 4]) -> Tensor<4> {
+    x.pad((left, right, top, bottom), PadMode::Constant(0.0))
+}
+
+/// `[1][c][2 h][2 w]` to `[1][4 c][h][w]`; channels by row, column, channel.
+fn space_to_channels(x: Tensor<4>) -> Tensor<4> {
+    let [_, channels, rows, columns] = x.dims();
+    let [rows, columns] = [rows / 2, columns / 2];
+    let x = x.reshape([channels, rows, 2, columns, 2]).permute([2, 4, 0, 1, 3]);
+    x.reshape([1, 4 * channels, rows, columns])
+}
+
+/// The opposite of [`space_to_channels`].
+fn channels_to_space(x: Tensor<4>) -> Tensor<4> {
+    let [_, channels, rows, columns] = x.dims();
+    let x = x.reshape([2, 2, channels / 4, rows, columns]).permute([2, 3, 0, 4, 1]);
+    x.reshape([1, channels / 4, 2 * rows, 2 * columns])
+}
+
+/// The map as each weight of a `kernel` x `kernel` convolution sees it, `[1][kernel * kernel * c][..][..]`.
+fn shifted(x: Tensor<4>, kernel: usize) -> Tensor<4> {
+    let [_, _, rows, columns] = x.dims();
+    let [rows, columns] = [rows + 1 - kernel, columns + 1 - kernel];
+    let shifts = (0..kernel).flat_map(|y| (0..kernel).map(move |z| (y, z)));
+    Tensor::cat(shifts.map(|(y, z)| x.clone().narrow(2, y, rows).narrow(3, z, columns)).collect(), 1)
+}
+
+/// `[outputs][inputs]` times a map of that many channels.
+fn product(weight: Tensor<2>, x: Tensor<4>) -> Tensor<4> {
+    let [_, channels, rows, columns] = x.dims();
+    let outputs = weight.dims()[0];
+    weight.matmul(x.reshape([channels, rows * columns])).reshape([1, outputs, rows, columns])
 }
 
 /// A transposed 4 x 4 convolution, which doubles the side of its map.
@@ -151,9 +197,22 @@ impl ConvTransposed {
 
     /// Twice the side.
     pub fn forward(&self, pass: &Pass, x: Tensor<4>) -> Tensor<4> {
-        let bias = self.bias.map(|bias| bias.of(pass.parameters));
-        let options = ConvTransposeOptions::new([2; 2], [1; 2], [0; 2], [1; 2], 1);
-        conv_transpose2d(x, self.weight.of(pass.parameters), bias, options)
+        let weight = self.weight.of(pass.parameters);
+        let [inputs, outputs, ..] = weight.dims();
+        let [_, _, rows, columns] = x.dims();
+        // What each texel gives to the 2 x 2 blocks of 2 x 2 texels that it reaches.
+        let weight = weight.reshape([inputs, outputs, 2, 2, 2, 2]).permute([2, 4, 3, 5, 1, 0]);
+        let given = product(weight.reshape([16 * outputs, inputs]), x);
+        let block = |y: usize, z: usize| {
+            let part = given.clone().narrow(1, (2 * y + z) * 4 * outputs, 4 * outputs);
+            padded(part, [z, 1 - z, y, 1 - y])
+        };
+        let sum = block(0, 0) + block(0, 1) + block(1, 0) + block(1, 1);
+        let x = channels_to_space(sum).narrow(2, 1, 2 * rows).narrow(3, 1, 2 * columns);
+        match self.bias {
+            Some(bias) => x + bias.of(pass.parameters).reshape([1, outputs, 1, 1]),
+            None => x,
+        }
     }
 }
 
