@@ -25,7 +25,7 @@ struct Wave {
 }
 
 impl PropertyModel for Wave {
-    fn forward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+    fn forward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
         let shift = self.frame as f32 * 0.01;
         self.frame += 1;
         let stripe = |phase: f32| self.heights.iter().map(move |y| ((y - shift) * 300.0 + phase).sin() * 0.5 + 0.5);
@@ -55,7 +55,7 @@ impl PropertyModel for Wave {
         Ok(Vec::new())
     }
 
-    fn parameter_gradients(&self, _: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError> {
+    fn parameter_gradients(&mut self, _: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {
         Err(not_trained())
     }
 }

@@ -204,7 +204,7 @@ fn start_poses_that_cannot_be_used_are_one_sentence() {
 /// The avatar with all its colours replaced by bright green.
 fn paint_green(folder: &Path) {
     let mut avatar = Avatar::load(&folder.join("run/avatar.ghand")).unwrap();
-    let PropertyTables::Direct(tables) = &mut avatar.tables;
+    let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
     tables.set_base_colors(&vec![[0.01, 0.99, 0.01]; avatar.template.len()]);
     avatar.light = None;
     std::fs::create_dir(folder.join("green")).unwrap();

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::light::AvatarLight;
 use crate::local_thickness::local_thickness;
+use crate::properties::network::NetworkSizes;
 use crate::properties::{PropertyStart, PropertyTables};
 use crate::template::{AvatarConfig, Template};
 
@@ -73,7 +74,7 @@ impl Avatar {
     /// the hand's thickness.
     ///
     /// # Errors
-    /// [`HandModelError`] if the model cannot be sampled.
+    /// [`HandModelError`] if the model cannot be sampled, or networks cannot be made in the sizes of the configuration.
     pub fn untrained_inset(
         model: &HandModel,
         config: &AvatarConfig,
@@ -81,6 +82,8 @@ impl Avatar {
         inset: f64,
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
+        let invalid = |problem| HandModelError::invalid(model.name.clone(), "network", problem);
+        config.network.as_ref().map_or(Ok(()), NetworkSizes::check).map_err(invalid)?;
         let samples = surface::sample_surface(model, config.uv_resolution)?;
         let template = Template::from_samples(model, &samples, config.gaussians);
         let thickness = local_thickness(model, &samples);
@@ -124,7 +127,7 @@ mod tests {
 
     /// Depth of each Gaussian of an untrained avatar, metres.
     fn depths(avatar: &Avatar) -> Vec<f64> {
-        let PropertyTables::Direct(tables) = &avatar.tables;
+        let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
         let n = avatar.template.len();
         let at = |c: usize, p: usize| f64::from(tables.shape_basis[c * n + p]);
         (0..n).map(|p| DVec3::new(at(0, p), at(1, p), at(2, p)).length()).collect()

@@ -8,6 +8,7 @@ use ghand_core::{HandModel, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use ghand_files::json_error::plain_json_error;
+use ghand_hand_model::surface::sample_surface;
 use glam::{DQuat, DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
@@ -17,6 +18,7 @@ use crate::avatar::{Avatar, Provenance};
 use crate::light::{AvatarLight, Gloss, Light, LightKind};
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
+use crate::properties::network::NetworkTables;
 use crate::template::{AvatarConfig, GaussianShape, Template};
 
 /// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response
@@ -26,6 +28,8 @@ const VERSION: u32 = 3;
 const UNLIT_VERSION: u32 = 2;
 /// Maximum file size, bytes; the largest avatars have a few hundred million.
 const LARGEST_FILE: u64 = 1 << 32;
+/// Largest UV resolution of a network avatar: its atlas is sampled when the file is read.
+const MAX_NETWORK_RESOLUTION: u32 = 2048;
 /// Key of the JSON block in the file's metadata.
 const METADATA_KEY: &str = "ghand";
 
@@ -86,12 +90,14 @@ struct Metadata {
 enum ModelTag {
     #[default]
     Direct,
+    Network,
 }
 
 impl ModelTag {
     fn of(tables: &PropertyTables) -> ModelTag {
         match tables {
             PropertyTables::Direct(_) => ModelTag::Direct,
+            PropertyTables::Network(_) => ModelTag::Network,
         }
     }
 
@@ -137,6 +143,7 @@ fn tensors(avatar: &Avatar) -> Tensors {
     }
     match &avatar.tables {
         PropertyTables::Direct(tables) => tables.write(t, &avatar.config, &mut out),
+        PropertyTables::Network(tables) => tables.write(&mut out),
     }
     if let Some(lit) = &avatar.light {
         let light = &lit.light;
@@ -355,8 +362,17 @@ impl<'a> Reader<'a> {
                 GaussianShape::Flat => Some(self.floats("normals", &[Some(3), Some(count)])?),
             },
         };
-        let tables = match meta.property_model {
-            ModelTag::Direct => PropertyTables::Direct(DirectTables::read(self, &template, config)?),
+        let tables = match (meta.property_model, &config.network) {
+            (ModelTag::Direct, None) => PropertyTables::Direct(DirectTables::read(self, &template, config)?),
+            (ModelTag::Network, Some(sizes)) => {
+                PropertyTables::Network(NetworkTables::read(self, &template, config, sizes)?)
+            }
+            (ModelTag::Direct, Some(_)) => {
+                return Err(self.invalid("config", "has sizes of networks, but the avatar has none"));
+            }
+            (ModelTag::Network, None) => {
+                return Err(self.invalid("config", "has no sizes of the avatar's networks; train it again"));
+            }
         };
         let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
         let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();
@@ -380,10 +396,27 @@ impl<'a> Reader<'a> {
             source_vertices: vec![],
         };
         model.validate().map_err(|e| self.invalid("mesh", e.to_string()))?;
+        if config.network.is_some() {
+            self.check_atlas(&model, config.uv_resolution, count)?;
+        }
         let light = meta.light.map(|kind| self.light(kind, count, model.faces.len(), joints)).transpose()?;
         let seen = self.has("seen").then(|| self.seen(count)).transpose()?;
         let (config, provenance) = (config.clone(), meta.provenance.clone());
         Ok(Avatar { template, model, config, tables, light, seen, provenance })
+    }
+
+    /// Fails unless the atlas of a mesh has a texel for each of `count` Gaussians, where networks find their features.
+    fn check_atlas(&self, model: &HandModel, resolution: u32, count: usize) -> Result<(), AvatarFileError> {
+        if resolution > MAX_NETWORK_RESOLUTION {
+            let problem = format!("uv_resolution is {resolution}, the limit for networks is {MAX_NETWORK_RESOLUTION}");
+            return Err(self.invalid("config", problem));
+        }
+        let texels = sample_surface(model, resolution).map_err(|e| self.invalid("mesh", e.to_string()))?.len();
+        if texels == count {
+            return Ok(());
+        }
+        let problem = format!("has {texels} texels on the hand at uv_resolution {resolution}, but {count} Gaussians");
+        Err(self.invalid("mesh", format!("{problem}; train the avatar again")))
     }
 
     /// How much training saw each of `count` Gaussians.
@@ -452,7 +485,7 @@ mod tests {
     /// A small avatar in a light from directions.
     fn lit() -> Avatar {
         let mut avatar = small();
-        let samples = ghand_hand_model::surface::sample_surface(&avatar.model, 16).unwrap();
+        let samples = sample_surface(&avatar.model, 16).unwrap();
         let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
         avatar.light = Some(AvatarLight::new(
             Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
@@ -565,7 +598,7 @@ mod tests {
         small().save(&path).unwrap();
         let before = std::fs::read(&path).unwrap();
         fn tables(avatar: &mut Avatar) -> &mut DirectTables {
-            let PropertyTables::Direct(tables) = &mut avatar.tables;
+            let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
             tables
         }
         type Damage = (&'static str, fn(&mut Avatar));

@@ -18,6 +18,7 @@ pub use file::AvatarFileError;
 pub use light::{AvatarLight, Light, LightKind};
 pub use posed_avatar::PosedAvatar;
 pub use properties::direct::DirectTables;
+pub use properties::network::NetworkSizes;
 pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};
 pub use scene::Scene;
 pub use template::{AvatarConfig, GaussianShape, Template};

@@ -28,13 +28,16 @@ pub struct PosedAvatar {
 impl PosedAvatar {
     /// Puts an avatar on the device, with space for `frames` poses (at least one). Its Gaussians go to `place` in the
     /// table `gaussians`.
+    ///
+    /// # Errors
+    /// As [`crate::PropertyTables::on_device`].
     pub(crate) fn new(
         gpu: &Gpu,
         avatar: &Avatar,
         frames: usize,
         gaussians: &wgpu::Buffer,
         place: TablePlace,
-    ) -> PosedAvatar {
+    ) -> Result<PosedAvatar, RenderError> {
         let (template, config) = (&avatar.template, &avatar.config);
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
@@ -60,9 +63,9 @@ impl PosedAvatar {
             lit_surface,
         };
         let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
-        let model = avatar.tables.on_device(gpu, template, config, &deformation);
+        let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
         let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
-        PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames, frame: 0 }
+        Ok(PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames, frame: 0 })
     }
 
     /// Puts the avatar into another light, for poses set later; nothing changes if light is part of its colours.
@@ -151,7 +154,7 @@ impl PosedAvatar {
             missing.gloss.map_or(Ok(()), |gloss| self.deformation.set_gloss(gpu, &gloss))?;
         }
         self.deformation.encode_skeleton(encoder);
-        self.model.forward(gpu, encoder)?;
+        self.model.forward(gpu, encoder, &self.deformation)?;
         self.deformation.encode_skin(encoder);
         Ok(())
     }

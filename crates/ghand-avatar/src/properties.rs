@@ -9,19 +9,24 @@
 //! [`Properties`]: ghand_render::deform::Properties
 
 pub mod direct;
+pub mod network;
 
+use ghand_core::HandModel;
 use ghand_render::deform::{Deformation, DeformationBackward};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::template::{AvatarConfig, Template};
 use direct::{DirectModel, DirectTables};
+use network::{NetworkModel, NetworkTables};
 
 /// The learned tables of a property model.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PropertyTables {
     /// Free tables with a local, linear dependence on the pose.
     Direct(DirectTables),
+    /// The paper's networks.
+    Network(NetworkTables),
 }
 
 /// Learning rates of a step, after the schedule. A rate of 0 leaves its parameters unchanged.
@@ -43,6 +48,10 @@ pub struct PropertyRates {
     pub color_components: f64,
     /// Of the pose response of coefficients and colours.
     pub response: f64,
+    /// Of the weights of networks. Where a property's own rate is 0, the part that gives it does not learn.
+    pub networks: f64,
+    /// Of the networks' feature tensor.
+    pub feature_tensor: f64,
 }
 
 /// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters
@@ -64,14 +73,22 @@ pub trait PropertyModel {
         backward: &DeformationBackward,
     ) -> Result<(), RenderError>;
 
-    /// Fills the properties for the pose of the deformation's frame. The posed joint chain has been computed before.
+    /// Fills the properties for the pose of the deformation's frame. The commands that compute the posed joint chain come
+    /// before this in the encoder. A model that works on the host reads the pose back with [`Deformation::read_pose`]:
+    /// training may have changed it on the device.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    fn forward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
+    fn forward(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        deformation: &Deformation,
+    ) -> Result<(), RenderError>;
 
     /// Propagates the gradients of the properties to the parameters, and adds the pose's gradient through the model to
-    /// [`DeformationBackward::d_local`]. Called only after a complete frame.
+    /// [`DeformationBackward::d_local`]. Called only after a complete frame. Before an update it may be called for several
+    /// frames, each after its forward pass, if the model adds their gradients up; `network` does.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the model is not prepared for training.
@@ -105,7 +122,7 @@ pub trait PropertyModel {
     ///
     /// # Errors
     /// As [`PropertyModel::backward`].
-    fn parameter_gradients(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError>;
+    fn parameter_gradients(&mut self, gpu: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError>;
 }
 
 /// Where an untrained avatar starts.
@@ -127,18 +144,25 @@ impl PropertyTables {
 
     /// Tables under which the avatar is the template's plain surface in one colour.
     pub fn untrained(template: &Template, config: &AvatarConfig, start: &PropertyStart<'_>) -> PropertyTables {
-        PropertyTables::Direct(DirectTables::untrained(template, config, start))
+        match &config.network {
+            None => PropertyTables::Direct(DirectTables::untrained(template, config, start)),
+            Some(sizes) => PropertyTables::Network(NetworkTables::untrained(template, config, sizes, start)),
+        }
     }
 
-    /// Bytes of the learned tables per Gaussian.
+    /// Bytes of host memory per Gaussian that the model needs: of its tables, and of what it keeps in a training step.
     pub fn bytes_per_gaussian(joints: usize, config: &AvatarConfig) -> usize {
-        direct::bytes_per_gaussian(joints, config)
+        match &config.network {
+            None => direct::bytes_per_gaussian(joints, config),
+            Some(sizes) => network::bytes_per_gaussian(config, sizes),
+        }
     }
 
     /// Sets the pose-independent base colours (display values 0..1), one per Gaussian.
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         match self {
             PropertyTables::Direct(tables) => tables.set_base_colors(colors),
+            PropertyTables::Network(tables) => tables.set_base_colors(colors),
         }
     }
 
@@ -146,14 +170,17 @@ impl PropertyTables {
     pub fn set_constant_colors(&mut self, colors: &[[f64; 3]]) {
         match self {
             PropertyTables::Direct(tables) => tables.set_constant_colors(colors),
+            PropertyTables::Network(tables) => tables.set_constant_colors(colors),
         }
     }
 
     /// Lets Gaussians that training hardly saw take their values from their neighbours. `seen` is how much it saw each
-    /// of them, N; `neighbors` is [`crate::neighbors::neighbors`].
+    /// of them, N; `neighbors` is [`crate::neighbors::neighbors`]. Those of networks do already: their weights are the same
+    /// for all Gaussians, and what differs, the features, is smooth over the surface.
     pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
         match self {
             PropertyTables::Direct(tables) => tables.fill_unseen(seen, neighbors),
+            PropertyTables::Network(_) => {}
         }
     }
 
@@ -167,19 +194,31 @@ impl PropertyTables {
                 ("colours or scales", &tables.appearance),
                 ("the pose response", &tables.response),
             ],
+            PropertyTables::Network(tables) => {
+                let parameters = tables.parameters.iter().map(|p| ("a weight of the networks", p.as_slice()));
+                let norms = tables.running_norms.iter().flatten().map(|n| ("a mean of the networks", n.as_slice()));
+                parameters.chain(norms).collect()
+            }
         }
     }
 
-    /// Puts the model on the device; it fills the properties of `deformation`.
+    /// Puts the model on the device; it fills the properties of `deformation`. `model` is the hand model of `template`.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if networks need Gaussians on the hand model's UV atlas, and they are elsewhere.
     pub fn on_device(
         &self,
         gpu: &Gpu,
+        model: &HandModel,
         template: &Template,
         config: &AvatarConfig,
         deformation: &Deformation,
-    ) -> Box<dyn PropertyModel> {
-        match self {
+    ) -> Result<Box<dyn PropertyModel>, RenderError> {
+        Ok(match self {
             PropertyTables::Direct(tables) => Box::new(DirectModel::new(gpu, template, config, tables, deformation)),
-        }
+            PropertyTables::Network(tables) => {
+                Box::new(NetworkModel::new(model, template, config, tables, deformation)?)
+            }
+        })
     }
 }

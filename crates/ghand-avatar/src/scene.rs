@@ -96,7 +96,7 @@ impl Scene {
             let count = avatar.template.len();
             let what = format!("an avatar of {count} Gaussians with {frames} poses");
             let place = TablePlace { columns, first, shape };
-            posed.push(gpu.scoped(&what, || PosedAvatar::new(gpu, avatar, frames, splatter.gaussians(), place))?);
+            posed.push(gpu.scoped(&what, || PosedAvatar::new(gpu, avatar, frames, splatter.gaussians(), place))??);
             first += count;
         }
         Ok(Scene { splatter, avatars: posed, eye: None })

@@ -61,7 +61,9 @@ mod tests {
         avatar.seen = Some((0..count).map(|p| p as f32).collect());
         let shown = avatar.colored_by_seen().unwrap();
         assert_eq!(shown.light, None);
-        let (PropertyTables::Direct(tables), PropertyTables::Direct(before)) = (&shown.tables, &avatar.tables);
+        let (PropertyTables::Direct(tables), PropertyTables::Direct(before)) = (&shown.tables, &avatar.tables) else {
+            unreachable!()
+        };
         let (colors, components) = tables.appearance[count..].split_at(3 * count);
         assert!(components.len() == 6 * count && components.iter().all(|c| *c == 0.0));
         assert!(colors[2 * count] > colors[3 * count - 1] && colors[count] < colors[2 * count - 1], "violet to yellow");

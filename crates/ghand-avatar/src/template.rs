@@ -8,6 +8,8 @@ use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::properties::network::NetworkSizes;
+
 /// Largest standard deviation of a Gaussian in multiples of the mean spacing.
 const MAX_SCALE: f32 = 4.0;
 
@@ -45,6 +47,9 @@ pub struct AvatarConfig {
     /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
     #[serde(skip_serializing_if = "is_default")]
     pub antialias: bool,
+    /// Sizes of the networks that give the Gaussians their properties; without, the avatar is a `direct` one.
+    #[serde(skip_serializing_if = "is_default")]
+    pub network: Option<NetworkSizes>,
 }
 
 impl Default for AvatarConfig {
@@ -58,6 +63,7 @@ impl Default for AvatarConfig {
             residual_skeleton: ResidualSkeleton::default(),
             gaussians: GaussianShape::default(),
             antialias: false,
+            network: None,
         }
     }
 }

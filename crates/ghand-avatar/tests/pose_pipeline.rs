@@ -232,7 +232,7 @@ fn an_avatar_file_is_read_back_bit_for_bit_and_damage_is_rejected() {
     let mut avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
     avatar.save(&path).unwrap();
     assert_eq!(Avatar::load(&path).unwrap(), avatar, "without limits");
-    let PropertyTables::Direct(tables) = &mut avatar.tables;
+    let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
     tables.response_limits.iter_mut().zip(-50..).for_each(|(limit, i)| *limit = 0.01 * i as f32);
     avatar.save(&path).unwrap();
     assert_eq!(Avatar::load(&path).unwrap(), avatar);

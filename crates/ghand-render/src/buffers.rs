@@ -65,6 +65,15 @@ fn write(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: &[u8]) {
 /// # Errors
 /// [`RenderError`] if the device failed or was lost, or has too little memory to read that much at once.
 pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, RenderError> {
+    read_from(gpu, buffer, 0, count)
+}
+
+/// As [`read`], from value number `first` on. `T` consists of whole words, or `first` is 0.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, first: usize, count: usize) -> Result<Vec<T>, RenderError> {
+    let offset = (first * size_of::<T>()) as u64;
     let size = (count * size_of::<T>()) as u64;
     if size == 0 {
         return Ok(Vec::new());
@@ -80,7 +89,7 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
     // Training reads a few words in every step, without the cost of a scope.
     let staging = if size <= LARGE { make() } else { gpu.scoped(&format!("reading {size} bytes back"), make)? };
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size.next_multiple_of(4));
+    encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, size.next_multiple_of(4));
     gpu.queue.submit([encoder.finish()]);
     map(gpu, &staging)?;
     let fail = |e: &dyn std::fmt::Display| RenderError::Device(format!("a buffer could not be read: {e}"));

@@ -285,6 +285,15 @@ impl Deformation {
         &self.buffers.poses
     }
 
+    /// Reads back the pose of the frame, `[n_b * 3 + 3]`; waits for the device.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn read_pose(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
+        let stride = pose_stride(self.current.joint_count as usize);
+        buffers::read_from(gpu, &self.buffers.poses, self.current.pose_offset as usize, stride)
+    }
+
     /// Sets the shades of a frame, one RGB per vertex of the mesh: factors on the colours. They are 1 before.
     ///
     /// # Errors

@@ -28,6 +28,8 @@ const LARGEST_EXACT: f64 = 9_007_199_254_740_992.0;
 pub(crate) fn rule(name: &str) -> Option<Rule> {
     Some(match name {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
+        "model" => Rule::Word(&["direct", "network"]),
+        "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "none"]),
         "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),
         "gaussians" => Rule::Word(&["round", "flat"]),

@@ -1,6 +1,6 @@
 //! The settings of a training run.
 
-use ghand_avatar::{AvatarConfig, GaussianShape};
+use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
@@ -95,12 +95,38 @@ pub enum Antialias {
     Off,
 }
 
+/// The property model of the avatar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// Free tables.
+    #[default]
+    Direct,
+    /// The paper's networks.
+    Network,
+}
+
+/// Sizes of the networks, with `model=network`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Network {
+    /// [`NetworkSizes::quick`].
+    #[default]
+    Quick,
+    /// [`NetworkSizes::paper`].
+    Paper,
+}
+
 /// Settings of a training run. Every field can be set as `--set field=value`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
     /// Iterations of both stages together; each trains on one view.
     pub iterations: u64,
+    /// What gives the Gaussians their properties.
+    pub model: Model,
+    /// Sizes of the networks, with `model=network`.
+    pub network: Network,
     /// How the poses are refined before the avatar is trained.
     pub align: Align,
     /// How light is taken apart from skin.
@@ -175,6 +201,10 @@ pub struct TrainSettings {
     pub rate_response: f64,
     /// Rate of the light's radiances and of the gloss, as logarithms; 0 keeps the light that was found first.
     pub rate_light: f64,
+    /// Rate of the networks' weights.
+    pub rate_networks: f64,
+    /// Rate of the networks' feature tensor.
+    pub rate_feature_tensor: f64,
     /// Rate of the rest joints, metres; 0 keeps the template's skeleton, as in the paper.
     pub rate_joints: f64,
     /// Rate of the joint rotations in stage 1, radians.
@@ -187,6 +217,8 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             iterations: 2000,
+            model: Model::default(),
+            network: Network::default(),
             align: Align::default(),
             light: LightChoice::default(),
             gloss: GlossChoice::default(),
@@ -225,6 +257,8 @@ impl Default for TrainSettings {
             rate_components: 5e-3,
             rate_response: 5e-3,
             rate_light: 1e-2,
+            rate_networks: 3e-3,
+            rate_feature_tensor: 1e-2,
             rate_joints: 1e-4,
             rate_pose: 1e-2,
             rate_translation: 1e-3,
@@ -305,6 +339,10 @@ impl TrainSettings {
             residual_skeleton: self.residual_skeleton,
             gaussians: self.gaussians,
             antialias: self.antialias == Antialias::On,
+            network: (self.model == Model::Network).then(|| match self.network {
+                Network::Quick => NetworkSizes::quick(),
+                Network::Paper => NetworkSizes::paper(),
+            }),
         }
     }
 
@@ -312,6 +350,7 @@ impl TrainSettings {
     /// the poses can explain the differences between frames.
     pub fn pose_stage_settings(&self) -> TrainSettings {
         TrainSettings {
+            model: Model::Direct,
             uv_resolution: self.pose_uv_resolution,
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,

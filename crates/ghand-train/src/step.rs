@@ -67,6 +67,8 @@ impl Rates {
             color: settings.rate_color * self.tables,
             color_components: settings.rate_components * self.tables,
             response: settings.rate_response * self.tables,
+            networks: settings.rate_networks * self.tables,
+            feature_tensor: settings.rate_feature_tensor * self.tables,
         }
     }
 }

@@ -17,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 /// Lengths of all Gaussians' offsets in a pose, metres, and the logits of their colours.
 fn offsets_and_logits(avatar: &Avatar, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
     let (count, config) = (avatar.template.len(), &avatar.config);
-    let PropertyTables::Direct(tables) = &avatar.tables;
+    let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
     let weights: Vec<f64> = avatar.template.weights.iter().map(|w| f64::from(*w)).collect();
     let response = tables.pose_response(config.channels());
     let values = response.evaluate(&weights, &pose_features(pose), count);
@@ -66,7 +66,7 @@ fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
     };
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
     let mut free = trained.avatar.clone();
-    let PropertyTables::Direct(tables) = &mut free.tables;
+    let PropertyTables::Direct(tables) = &mut free.tables else { unreachable!() };
     tables.response_limits = no_limits(tables.response_limits.len() / 2);
 
     // The limits do not change training poses.

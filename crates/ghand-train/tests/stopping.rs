@@ -154,7 +154,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
         let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
         let mut avatar = Avatar::untrained(&capture.template, &settings().avatar(), [0.8, 0.6, 0.5], 1).unwrap();
         // Gaussians of the largest possible size cover more tiles than the initial capacity.
-        let PropertyTables::Direct(tables) = &mut avatar.tables;
+        let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
         tables.appearance[..avatar.template.len()].fill(5.0);
         let joints = avatar.template.joint_count();
         let learn = |grow_first: bool| {

@@ -74,6 +74,6 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
 
 /// The tables of a direct avatar.
 pub fn tables_of(avatar: &Avatar) -> &DirectTables {
-    let PropertyTables::Direct(tables) = &avatar.tables;
+    let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
     tables
 }

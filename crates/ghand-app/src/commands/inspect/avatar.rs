@@ -21,7 +21,12 @@ pub fn describe(path: &Path, avatar: &Avatar) -> String {
     let [low, high] = extent(&template.rest, template.len());
     row("extents", format!("{} to {} m at rest, {} m", vector(low), vector(high), vector(high - low)));
     row("shape bases", config.shape_bases.to_string());
-    row("colours", format!("a base colour and {} components that follow the pose", config.color_components));
+    match config.network {
+        None => {
+            row("colours", format!("a base colour and {} components that follow the pose", config.color_components))
+        }
+        Some(_) => row("networks", "give all properties, from the pose and the place on the hand".into()),
+    }
     row("joints", template.joint_count().to_string());
     for line in joint_tree(model) {
         row("", line);

@@ -185,7 +185,7 @@ impl PropertyModel for DirectModel {
         Ok(())
     }
 
-    fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+    fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
         let mut pass = compute_pass(encoder, "pose response");
         self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
         // Four points per invocation.
@@ -248,10 +248,10 @@ impl PropertyModel for DirectModel {
         buffers::read(gpu, &self.tables[4], self.lengths()[4])
     }
 
-    fn parameter_gradients(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<f32>)>, RenderError> {
+    fn parameter_gradients(&mut self, gpu: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
         let names = ["shape_basis", "residual_weights", "skeleton_regressor", "appearance", "response"];
-        let read = |i: usize| Ok((names[i], buffers::read(gpu, &training.gradients[i], self.lengths()[i])?));
+        let read = |i: usize| Ok((names[i].to_owned(), buffers::read(gpu, &training.gradients[i], self.lengths()[i])?));
         (0..names.len()).map(read).collect()
     }
 }

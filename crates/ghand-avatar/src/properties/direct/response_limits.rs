@@ -25,11 +25,12 @@ impl Avatar {
     /// the response would be an extrapolation that grows with the angle.
     ///
     /// Each joint's term in each channel is limited separately, since Gaussians depend on single joints: a new
-    /// combination of joint rotations from training is not limited. Without poses there are no limits.
+    /// combination of joint rotations from training is not limited. Without poses there are no limits. Networks have none
+    /// either: their activations level off beyond what they saw instead of growing with the angle.
     pub fn limit_response(&mut self, poses: &[Pose]) {
         let channels = self.config.channels();
         let features: Vec<_> = poses.iter().map(pose_features).collect();
-        let PropertyTables::Direct(tables) = &mut self.tables;
+        let PropertyTables::Direct(tables) = &mut self.tables else { return };
         let limits = tables.pose_response(channels).limits_over(&features, RESPONSE_MARGIN);
         let finite = |limit: &f64| (*limit as f32).clamp(f32::MIN, f32::MAX);
         tables.response_limits = limits.as_flattened().iter().map(finite).collect();

@@ -105,14 +105,19 @@ impl DirectTables {
     }
 }
 
+/// Sets rows 1 to 3 of a table `[rows][N]` to the logits of these colours (display values 0..1).
+pub(in crate::properties) fn set_color_logits(table: &mut [f32], colors: &[[f64; 3]]) {
+    let count = colors.len();
+    for channel in 0..3 {
+        let row = table.iter_mut().skip((1 + channel) * count);
+        row.zip(colors).for_each(|(slot, color)| *slot = logit((color[channel] as f32).clamp(0.01, 0.99)));
+    }
+}
+
 impl DirectTables {
     /// Sets the base colour of each Gaussian (display values 0..1).
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
-        let count = colors.len();
-        for channel in 0..3 {
-            let row = self.appearance.iter_mut().skip((1 + channel) * count);
-            row.zip(colors).for_each(|(slot, color)| *slot = logit((color[channel] as f32).clamp(0.01, 0.99)));
-        }
+        set_color_logits(&mut self.appearance, colors);
     }
 
     /// As [`DirectTables::set_base_colors`], and no pose changes the colours.

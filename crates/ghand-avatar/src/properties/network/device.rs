@@ -1,0 +1,351 @@
+//! The `network` model on the device: the networks run in Burn, their outputs and gradients pass through the host.
+
+use burn_tensor::{Device, Tensor, TensorData};
+use ghand_core::HandModel;
+use ghand_render::deform::{Deformation, DeformationBackward, Properties};
+use ghand_render::{Gpu, RenderError, buffers};
+use glam::DVec3;
+
+use super::adam::NetworkAdam;
+use super::layers::Pass;
+use super::networks::{Base, Canonical, Networks, Posed};
+use super::parameters::{Parameter, Part};
+use super::position_map::{FeatureSampler, PositionMap, gaussian_uvs};
+use super::sizes::Normalization;
+use super::tables::{LOGIT_ROWS, NetworkTables};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables};
+use crate::template::{AvatarConfig, Template};
+
+/// How fast the running means of batch normalisation follow the poses.
+const NORM_MOMENTUM: f64 = 0.1;
+
+/// A `network` model. What depends on no pose is computed once, and what depends on the pose only when it has changed;
+/// while it is trained both are computed again after each update.
+pub struct NetworkModel {
+    networks: Networks,
+    list: Vec<Parameter>,
+    tables: NetworkTables,
+    device: Device,
+    parameters: Vec<Tensor<1>>,
+    running_norms: Vec<[Tensor<1>; 2]>,
+    map: PositionMap,
+    sampler: FeatureSampler,
+    base: Base,
+    properties: Properties,
+    joint_count: usize,
+    /// What depends on no pose, with the present parameters; without gradients.
+    canonical: Option<Canonical>,
+    /// The pose and joints whose properties the device has, with the present parameters.
+    current: Option<[Vec<f32>; 2]>,
+    training: Option<Training>,
+}
+
+/// What only training needs.
+struct Training {
+    gradients: Properties,
+    /// The last forward pass, whose backward pass is still to come.
+    tape: Option<Tape>,
+    /// Gradients of the properties in the tape's pose, added up over the views of it.
+    property_gradients: Option<[Vec<f32>; PROPERTIES]>,
+    /// Gradients of the parameters, added up over poses.
+    parameter_gradients: Vec<Option<Tensor<1>>>,
+    adam: NetworkAdam,
+}
+
+/// Number of properties.
+const PROPERTIES: usize = 6;
+
+/// A forward pass with its graph.
+struct Tape {
+    parameters: Vec<Tensor<1>>,
+    outputs: [Tensor<2>; PROPERTIES],
+    /// Mean and variance of the maps that were normalised, by normalisation.
+    seen_norms: Vec<(usize, [Tensor<1>; 2])>,
+}
+
+/// The buffers of the properties, in the order of a tape's outputs.
+fn property_buffers(p: &Properties) -> [&wgpu::Buffer; PROPERTIES] {
+    [&p.shape_basis, &p.residual_weights, &p.coefficients, &p.regressor, &p.scale, &p.color]
+}
+
+/// Properties in the order of a tape's outputs.
+fn outputs_of(canonical: Canonical, posed: Posed) -> [Tensor<2>; PROPERTIES] {
+    let Canonical { shape_basis, residual_weights, .. } = canonical;
+    [shape_basis, residual_weights, posed.coefficients, posed.regressor, posed.scale, posed.color]
+}
+
+/// A tensor's values.
+fn values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, RenderError> {
+    tensor.try_into_vec_as::<f32>().map_err(|e| RenderError::Device(format!("a tensor could not be read: {e:?}")))
+}
+
+fn flat(values: &[f32], device: &Device) -> Tensor<1> {
+    Tensor::from_data(TensorData::new(values.to_vec(), [values.len()]), device)
+}
+
+fn table(values: &[f32], rows: usize, device: &Device) -> Tensor<2> {
+    Tensor::from_data(TensorData::new(values.to_vec(), [rows, values.len() / rows.max(1)]), device)
+}
+
+impl NetworkModel {
+    /// Puts tables on the device; they fill the properties of `deformation`. `model` is the hand model that was sampled.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the hand model's UV atlas does not give the template's Gaussians.
+    pub fn new(
+        model: &HandModel,
+        template: &Template,
+        config: &AvatarConfig,
+        tables: &NetworkTables,
+        deformation: &Deformation,
+    ) -> Result<NetworkModel, RenderError> {
+        let invalid = |e: &dyn std::fmt::Display| RenderError::Invalid(e.to_string());
+        // The networks run on the host, whatever draws the hand.
+        let device = Device::flex();
+        let (networks, list) = Networks::new(&tables.sizes, tables.properties);
+        let map = PositionMap::new(model, tables.sizes.map_side).map_err(|e| invalid(&e))?;
+        let uvs = gaussian_uvs(model, config.uv_resolution).map_err(|e| invalid(&e))?;
+        if uvs.len() != template.len() {
+            let [expected, found] = [template.len(), uvs.len()];
+            return Err(invalid(&format!("the UV atlas has {found} texels for {expected} Gaussians")));
+        }
+        let base = Base {
+            shape_basis: table(&tables.base_shape_basis, 3 * tables.properties.bases, &device),
+            logits: table(&tables.base_logits, LOGIT_ROWS, &device),
+            max_scale: template.max_scale(),
+        };
+        Ok(NetworkModel {
+            networks,
+            list: list.parameters,
+            parameters: tables.parameters.iter().map(|values| flat(values, &device)).collect(),
+            running_norms: tables.running_norms.iter().map(|of| of.each_ref().map(|v| flat(v, &device))).collect(),
+            sampler: FeatureSampler::new(&uvs, map.side(), &device),
+            map,
+            base,
+            properties: deformation.properties().clone(),
+            joint_count: template.joint_count(),
+            canonical: None,
+            current: None,
+            training: None,
+            tables: tables.clone(),
+            device,
+        })
+    }
+
+    /// A position map as a tensor.
+    fn map_tensor(&self, image: Vec<f32>) -> Tensor<4> {
+        let side = self.map.side();
+        Tensor::from_data(TensorData::new(image, [1, 3, side, side]), &self.device)
+    }
+
+    /// Fills the properties for the pose of a map, without a graph.
+    fn play(&mut self, gpu: &Gpu, map: Tensor<4>) -> Result<(), RenderError> {
+        let fixed = (!self.running_norms.is_empty()).then_some(self.running_norms.as_slice());
+        let mut pass = Pass::new(&self.parameters, fixed);
+        let (canonical, first) = match self.canonical.take() {
+            // The first two properties are on the device already.
+            Some(canonical) => (canonical, 2),
+            None => {
+                let rest = self.map_tensor(self.map.rest());
+                (self.networks.canonical(&mut pass, rest, &self.sampler, &self.base), 0)
+            }
+        };
+        let posed = self.networks.posed(&mut pass, map, &self.sampler, &canonical, &self.base);
+        for (k, output) in outputs_of(canonical.clone(), posed).into_iter().enumerate().skip(first) {
+            self.write(gpu, k, output)?;
+        }
+        self.canonical = Some(canonical);
+        Ok(())
+    }
+
+    /// Fills the properties for the pose of a map, and keeps the graph for the backward pass.
+    fn record(&self, gpu: &Gpu, map: Tensor<4>) -> Result<Tape, RenderError> {
+        let parameters: Vec<_> = self.parameters.iter().map(|p| p.clone().autodiff().require_grad()).collect();
+        let mut pass = Pass::new(&parameters, None);
+        let rest = self.map_tensor(self.map.rest());
+        let canonical = self.networks.canonical(&mut pass, rest, &self.sampler, &self.base);
+        let posed = self.networks.posed(&mut pass, map, &self.sampler, &canonical, &self.base);
+        let seen_norms = std::mem::take(&mut pass.seen_norms);
+        let outputs = outputs_of(canonical, posed);
+        for (k, output) in outputs.iter().enumerate() {
+            self.write(gpu, k, output.clone().inner())?;
+        }
+        Ok(Tape { parameters, outputs, seen_norms })
+    }
+
+    /// Writes a property to its buffer.
+    fn write(&self, gpu: &Gpu, property: usize, output: Tensor<2>) -> Result<(), RenderError> {
+        let buffer = property_buffers(&self.properties)[property];
+        gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values(output)?));
+        Ok(())
+    }
+}
+
+impl Training {
+    /// Takes the gradients of the properties, if there are any, through the networks to the parameters.
+    fn propagate(&mut self) {
+        let Some(gradients) = self.property_gradients.take() else { return };
+        let Some(tape) = self.tape.take() else { return };
+        let products = tape.outputs.into_iter().zip(&gradients).map(|(output, gradient)| {
+            let rows = output.dims()[0];
+            let gradient = table(gradient, rows, &output.device().inner());
+            (output * gradient).sum()
+        });
+        let Some(sum) = products.reduce(|a, b| a + b) else { return };
+        let mut all = sum.backward();
+        for (parameter, so_far) in tape.parameters.iter().zip(&mut self.parameter_gradients) {
+            let Some(gradient) = parameter.grad_remove(&mut all) else { continue };
+            *so_far = Some(match so_far.take() {
+                Some(sum) => sum + gradient,
+                None => gradient,
+            });
+        }
+    }
+}
+
+impl PropertyModel for NetworkModel {
+    fn prepare_training(
+        &mut self,
+        _: &Gpu,
+        _: &Deformation,
+        backward: &DeformationBackward,
+    ) -> Result<(), RenderError> {
+        let count = self.parameters.len();
+        self.training = Some(Training {
+            gradients: backward.gradients().clone(),
+            tape: None,
+            property_gradients: None,
+            parameter_gradients: vec![None; count],
+            adam: NetworkAdam::new(count),
+        });
+        self.current = None;
+        Ok(())
+    }
+
+    fn forward(
+        &mut self,
+        gpu: &Gpu,
+        _: &mut wgpu::CommandEncoder,
+        deformation: &Deformation,
+    ) -> Result<(), RenderError> {
+        let pose = deformation.read_pose(gpu)?;
+        let joints: Vec<f32> = buffers::read(gpu, deformation.joints(), 3 * self.joint_count)?;
+        let now = [pose, joints];
+        let is_recorded = self.training.as_ref().is_none_or(|training| training.tape.is_some());
+        if is_recorded && self.current.as_ref() == Some(&now) {
+            return Ok(());
+        }
+        let vectors = |values: &[f32]| -> Vec<DVec3> {
+            values.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect()
+        };
+        let [pose, joints] = now.each_ref().map(|values| vectors(values));
+        let map = self.map_tensor(self.map.posed(&joints, &pose[..self.joint_count]));
+        if self.training.is_some() {
+            self.current = None;
+            // The gradients of another pose's views need that pose's graph.
+            if let Some(training) = &mut self.training {
+                training.propagate();
+                training.tape = None;
+            }
+            let tape = self.record(gpu, map)?;
+            if let Some(training) = &mut self.training {
+                training.tape = Some(tape);
+            }
+        } else {
+            self.play(gpu, map)?;
+        }
+        self.current = Some(now);
+        Ok(())
+    }
+
+    fn backward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        let Some(training) = &mut self.training else { return Err(not_prepared()) };
+        let Some(tape) = &training.tape else { return Err(not_prepared()) };
+        let mut sums = training.property_gradients.take();
+        let new = |k: usize| -> Result<Vec<f32>, RenderError> {
+            buffers::read(gpu, property_buffers(&training.gradients)[k], tape.outputs[k].dims().iter().product())
+        };
+        let new = [new(0)?, new(1)?, new(2)?, new(3)?, new(4)?, new(5)?];
+        match &mut sums {
+            Some(sums) => {
+                let pairs = sums.iter_mut().flatten().zip(new.iter().flatten());
+                pairs.for_each(|(sum, new)| *sum += new);
+            }
+            None => sums = Some(new),
+        }
+        training.property_gradients = sums;
+        Ok(())
+    }
+
+    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, rates: &PropertyRates) -> Result<(), RenderError> {
+        let Some(training) = &mut self.training else { return Err(not_prepared()) };
+        // Each norm's last map is that of the last pose.
+        let seen_norms = training.tape.as_mut().map(|tape| std::mem::take(&mut tape.seen_norms)).unwrap_or_default();
+        training.propagate();
+        for (index, parameter) in self.parameters.iter_mut().enumerate() {
+            let rate = rate_of(self.list[index].part, rates);
+            if let Some(gradient) = training.parameter_gradients[index].take().filter(|_| rate > 0.0) {
+                *parameter = training.adam.updated(index, parameter.clone(), gradient, rate, rates.step);
+            }
+        }
+        if self.tables.sizes.normalization == Normalization::Batch {
+            for (index, seen) in seen_norms {
+                for (running, seen) in self.running_norms[index].iter_mut().zip(seen) {
+                    *running = running.clone() * (1.0 - NORM_MOMENTUM) + seen.inner() * NORM_MOMENTUM;
+                }
+            }
+        }
+        training.tape = None;
+        self.canonical = None;
+        self.current = None;
+        Ok(())
+    }
+
+    fn tables(&self, _: &Gpu) -> Result<PropertyTables, RenderError> {
+        let read = |tensor: &Tensor<1>| values(tensor.clone());
+        let norms = |of: &[Tensor<1>; 2]| Ok::<_, RenderError>([read(&of[0])?, read(&of[1])?]);
+        Ok(PropertyTables::Network(NetworkTables {
+            parameters: self.parameters.iter().map(read).collect::<Result<_, _>>()?,
+            running_norms: self.running_norms.iter().map(norms).collect::<Result<_, _>>()?,
+            ..self.tables.clone()
+        }))
+    }
+
+    fn pose_parameters(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
+        // A parameter that is not finite makes all of these so, one step later: they have gradients from every point.
+        let biases = self.list.iter().zip(&self.parameters).filter(|(p, _)| p.name.ends_with(".bias"));
+        let read: Result<Vec<_>, _> = biases.map(|(_, tensor)| values(tensor.clone())).collect();
+        Ok(read?.concat())
+    }
+
+    fn parameter_gradients(&mut self, _: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {
+        let Some(training) = &mut self.training else { return Err(not_prepared()) };
+        training.propagate();
+        let gradients = self.list.iter().zip(&training.parameter_gradients);
+        gradients
+            .map(|(parameter, gradient)| {
+                let read = gradient.clone().map_or_else(|| Ok(vec![0.0; parameter.len()]), values)?;
+                Ok((parameter.name.clone(), read))
+            })
+            .collect()
+    }
+}
+
+/// The rate of a part; 0 keeps it as it is. A property whose own rate is 0 stays as it is, too.
+fn rate_of(part: Part, rates: &PropertyRates) -> f64 {
+    let unless_fixed = |rate: f64| if rate > 0.0 { rates.networks } else { 0.0 };
+    match part {
+        Part::FeatureTensor => rates.feature_tensor,
+        Part::CanonicalEncoder | Part::PoseEncoder | Part::Smoothing | Part::Trunk => rates.networks,
+        Part::ShapeBasis => unless_fixed(rates.shape_basis),
+        Part::ResidualWeights => unless_fixed(rates.residual_weights),
+        Part::Coefficients => unless_fixed(rates.response),
+        Part::Regressor => unless_fixed(rates.regressor),
+        Part::Scale => unless_fixed(rates.scale),
+        Part::Color => unless_fixed(rates.color),
+    }
+}
+
+fn not_prepared() -> RenderError {
+    RenderError::Invalid("the property model was not prepared for training".into())
+}
