@@ -53,7 +53,7 @@ fn benchmark(c: &mut Criterion) {
         let mut playing = scene(&gpu, uv_resolution, Purpose::Images);
         let count = playing.splatter().count();
         let turn = Cell::new(0);
-        let mut forward = |scene: &mut Scene| {
+        let forward = |scene: &mut Scene| {
             turn.set(turn.get() + 1);
             scene.set_frame(&gpu, turn.get() % POSES);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());

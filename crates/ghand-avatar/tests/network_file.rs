@@ -25,8 +25,11 @@ fn avatar() -> Avatar {
     Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 3).unwrap()
 }
 
+/// Type, shape and bytes of a tensor.
+type Contents = (Dtype, Vec<usize>, Vec<u8>);
+
 /// The avatar's file with its metadata and tensors changed.
-fn damaged(path: &Path, metadata: &dyn Fn(String) -> String, tensor: (&str, Option<(Dtype, Vec<usize>, Vec<u8>)>)) {
+fn damaged(path: &Path, metadata: &dyn Fn(String) -> String, tensor: (&str, Option<Contents>)) {
     avatar().save(path).unwrap();
     let bytes = std::fs::read(path).unwrap();
     let block = SafeTensors::read_metadata(&bytes).unwrap().1.metadata().clone().unwrap();

@@ -23,7 +23,7 @@ const SCALE_WEIGHT: f32 = 0.3;
 
 /// Results of either side, flattened: the posed table, then the gradients of the five tables and of the pose.
 struct Outcome {
-    parts: Vec<(&'static str, Vec<f64>)>,
+    parts: Vec<(String, Vec<f64>)>,
 }
 
 fn widen(values: &[f32]) -> Vec<f64> {
@@ -56,9 +56,9 @@ fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     gpu.queue.submit([encoder.finish()]);
     let table: Vec<f32> = buffers::read(&gpu, gaussians, 7 * COUNT).unwrap();
     let d_pose: Vec<f32> = buffers::read(&gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();
-    let mut parts = vec![("posed", widen(&table))];
-    parts.extend(posed.model.parameter_gradients(&gpu).unwrap().iter().map(|(name, d)| (*name, widen(d))));
-    parts.push(("pose", widen(&d_pose)));
+    let mut parts = vec![("posed".to_owned(), widen(&table))];
+    parts.extend(posed.model.parameter_gradients(&gpu).unwrap().iter().map(|(name, d)| (name.clone(), widen(d))));
+    parts.push(("pose".to_owned(), widen(&d_pose)));
     Outcome { parts }
 }
 
@@ -145,13 +145,13 @@ fn in_f64(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     d_pose.extend(d.translation.to_array());
     Outcome {
         parts: vec![
-            ("posed", [flat(posed), scales, flat(&colors)].concat()),
-            ("shape basis", d.shape_basis.chunks_exact(COUNT).flat_map(flat).collect()),
-            ("residual weights", d.residual_weights),
-            ("regressor", d.skeleton_regressor),
-            ("appearance", d_appearance),
-            ("response", [d_response.bias, d_response.gain].concat()),
-            ("pose", d_pose),
+            ("posed".to_owned(), [flat(posed), scales, flat(&colors)].concat()),
+            ("shape basis".to_owned(), d.shape_basis.chunks_exact(COUNT).flat_map(flat).collect()),
+            ("residual weights".to_owned(), d.residual_weights),
+            ("regressor".to_owned(), d.skeleton_regressor),
+            ("appearance".to_owned(), d_appearance),
+            ("response".to_owned(), [d_response.bias, d_response.gain].concat()),
+            ("pose".to_owned(), d_pose),
         ],
     }
 }
