@@ -86,6 +86,10 @@ pub trait PropertyModel {
         deformation: &Deformation,
     ) -> Result<(), RenderError>;
 
+    /// Says whether forward passes from now on have a backward pass, as they have once training is prepared. Others can
+    /// leave out what only that needs.
+    fn expect_backward(&mut self, _expected: bool) {}
+
     /// Propagates the gradients of the properties to the parameters, and adds the pose's gradient through the model to
     /// [`DeformationBackward::d_local`]. Called only after a complete frame. Before an update it may be called for several
     /// frames, each after its forward pass, if the model adds their gradients up; `network` does.

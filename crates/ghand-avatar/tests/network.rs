@@ -123,6 +123,9 @@ fn playing_and_training_give_the_same_properties_and_follow_the_pose() {
     }
     assert_eq!(properties(&gpu, &mut trained, 0), first);
     assert_eq!(properties(&gpu, &mut trained, 1), second);
+    trained.avatars_mut()[0].model.expect_backward(false);
+    assert_eq!(properties(&gpu, &mut trained, 0), first);
+    assert_eq!(properties(&gpu, &mut trained, 1), second);
     // The cached part is still right after another pose, and where the hand is does not matter.
     assert_eq!(properties(&gpu, &mut played, 0), first);
     assert_eq!(properties(&gpu, &mut played, 2), first);
@@ -151,18 +154,22 @@ fn gradients_of_several_views_and_poses_add_up() {
     let avatar = random_avatar(&small());
     let joints = avatar.template.joint_count();
     let poses = [bent(0.5, joints), bent(0.9, joints)];
-    // Which frame each view is of, and the size of its gradients.
+    // Which frame each view is of, and the size of its gradients; 0 if the frame is only measured.
     let gradients = |views: &[(usize, f32)]| {
         let mut scene = scene_of(&gpu, &avatar, &poses, Purpose::Gradients);
         let d = prepared(&gpu, &mut scene);
         for (frame, size) in views {
+            scene.avatars_mut()[0].model.expect_backward(*size > 0.0);
             pose(&gpu, &mut scene, *frame);
-            backward(&gpu, &mut scene, &d, *size);
+            if *size > 0.0 {
+                backward(&gpu, &mut scene, &d, *size);
+            }
         }
         scene.avatars_mut()[0].model.parameter_gradients(&gpu).unwrap()
     };
     let (first, second) = (gradients(&[(0, 1.0)]), gradients(&[(1, 1.0)]));
-    let twice = gradients(&[(0, 1.0), (0, 2.0)]);
+    // What is measured between them does not count.
+    let twice = gradients(&[(1, 0.0), (0, 1.0), (1, 0.0), (0, 2.0), (0, 0.0)]);
     let both = gradients(&[(0, 1.0), (1, 1.0)]);
     for (((first, second), twice), both) in first.iter().zip(&second).zip(&twice).zip(&both) {
         let size = first.1.iter().chain(&second.1).fold(0.0f32, |m, g| m.max(g.abs()));

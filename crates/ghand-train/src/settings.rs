@@ -89,9 +89,9 @@ pub enum FrameGain {
 #[serde(rename_all = "lowercase")]
 pub enum Antialias {
     /// It is, in training and wherever the avatar is shown.
+    #[default]
     On,
     /// It is not.
-    #[default]
     Off,
 }
 
@@ -358,6 +358,7 @@ impl TrainSettings {
             // The normals of flat ones have no gradient; round ones stand out from the surface.
             gaussians: GaussianShape::Round,
             start_inset: POSE_STAGE_INSET,
+            antialias: Antialias::Off,
             coverage_weight: 0.0,
             color_roughness: 0.0,
             offset_roughness: 0.0,
@@ -444,7 +445,7 @@ mod tests {
             ("rate_color=fast", "must be a number"),
             ("residual_weights=papers", "must be `paper` or `zero_sum`"),
             ("residual_skeleton=1", "must be `paper` or `anchored`"),
-            ("antialias=true", "must be `on` or `off`, as in antialias=off"),
+            ("antialias=true", "must be `on` or `off`, as in antialias=on"),
             ("residual_skeleton=1", "as in residual_skeleton=anchored"),
             ("uv_resolutoin=64", "did you mean `uv_resolution`?"),
             ("Iterations=3", "did you mean `iterations`?"),

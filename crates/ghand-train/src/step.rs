@@ -8,7 +8,7 @@ use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::penalty::Penalty;
 use ghand_render::pipeline::compute_pass;
 use ghand_render::roughness::Roughness;
-use ghand_render::splat::Purpose;
+use ghand_render::splat::{Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::light_training::LightTraining;
@@ -262,7 +262,7 @@ impl Step {
         // The derivative of the sum of all pixels' red.
         let one = vec![[1.0f32, 0.0, 0.0, 0.0]; view.pixels.len()];
         gpu.queue.write_buffer(self.scene.splatter().d_image(), 0, bytemuck::cast_slice(&one));
-        self.scene.run_frame(gpu, |splatter, encoder| splatter.backward(encoder))?;
+        run_alone(&mut self.scene, gpu, |splatter, encoder| splatter.backward(encoder))?;
         let splatter = self.scene.splatter();
         let (columns, row) = (splatter.count(), splatter.options().model.color_row());
         let table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), (row + 1) * columns)?;
@@ -283,7 +283,7 @@ impl Step {
     ) -> Result<f64, RenderError> {
         self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
         let loss = &self.loss;
-        self.scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
+        run_alone(&mut self.scene, gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
         Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim)
     }
@@ -366,6 +366,21 @@ pub struct HandParameters {
     pub joints: Vec<[f32; 3]>,
     /// Poses, `[frames][n_b * 3 + 3]`.
     pub poses: Vec<f32>,
+}
+
+/// Runs a frame that the property model's backward pass does not follow.
+fn run_alone(
+    scene: &mut Scene,
+    gpu: &Gpu,
+    behind: impl Fn(&Splatter, &mut wgpu::CommandEncoder),
+) -> Result<(), RenderError> {
+    let expect = |scene: &mut Scene, expected| {
+        scene.avatars_mut().iter_mut().for_each(|avatar| avatar.model.expect_backward(expected));
+    };
+    expect(scene, false);
+    let result = scene.run_frame(gpu, behind);
+    expect(scene, true);
+    result.map(|_| ())
 }
 
 fn no_avatar() -> RenderError {

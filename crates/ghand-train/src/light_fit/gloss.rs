@@ -15,7 +15,7 @@ use crate::texel_frames::TexelFrames;
 /// The roughnesses compared. A smoother surface would show each of the light's directions as a lamp of its own.
 pub(super) const ROUGHNESSES: [f64; 3] = [0.45, 0.55, 0.7];
 /// Gloss must reduce the squared differences between images left out to less than this fraction.
-const WORTHWHILE: f64 = 0.95;
+const WORTHWHILE: f64 = 0.98;
 /// Ridge on the joints' strengths, towards the hand's, as a fraction of the mean diagonal.
 const RIDGE: f64 = 0.1;
 /// Display values; differences of this size count half.

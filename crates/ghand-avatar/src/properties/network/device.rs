@@ -42,6 +42,8 @@ pub struct NetworkModel {
 
 /// What only training needs.
 struct Training {
+    /// Whether a backward pass follows the next forward pass.
+    records: bool,
     gradients: Properties,
     /// The last forward pass, whose backward pass is still to come.
     tape: Option<Tape>,
@@ -212,6 +214,7 @@ impl PropertyModel for NetworkModel {
     ) -> Result<(), RenderError> {
         let count = self.parameters.len();
         self.training = Some(Training {
+            records: true,
             gradients: backward.gradients().clone(),
             tape: None,
             property_gradients: None,
@@ -220,6 +223,10 @@ impl PropertyModel for NetworkModel {
         });
         self.current = None;
         Ok(())
+    }
+
+    fn expect_backward(&mut self, expected: bool) {
+        self.training.iter_mut().for_each(|training| training.records = expected);
     }
 
     fn forward(
@@ -231,8 +238,9 @@ impl PropertyModel for NetworkModel {
         let pose = deformation.read_pose(gpu)?;
         let joints: Vec<f32> = buffers::read(gpu, deformation.joints(), 3 * self.joint_count)?;
         let now = [pose, joints];
-        let is_recorded = self.training.as_ref().is_none_or(|training| training.tape.is_some());
-        if is_recorded && self.current.as_ref() == Some(&now) {
+        let records = self.training.as_ref().is_some_and(|training| training.records);
+        let is_recorded = self.training.as_ref().is_some_and(|training| training.tape.is_some());
+        if is_recorded == records && self.current.as_ref() == Some(&now) {
             return Ok(());
         }
         let vectors = |values: &[f32]| -> Vec<DVec3> {
@@ -240,7 +248,7 @@ impl PropertyModel for NetworkModel {
         };
         let [pose, joints] = now.each_ref().map(|values| vectors(values));
         let map = self.map_tensor(self.map.posed(&joints, &pose[..self.joint_count]));
-        if self.training.is_some() {
+        if records {
             self.current = None;
             // The gradients of another pose's views need that pose's graph.
             if let Some(training) = &mut self.training {
@@ -254,7 +262,8 @@ impl PropertyModel for NetworkModel {
         } else {
             self.play(gpu, map)?;
         }
-        self.current = Some(now);
+        // While training, what the device has must be that of the tape.
+        self.current = (records || self.training.is_none()).then_some(now);
         Ok(())
     }
 
