@@ -35,7 +35,7 @@ ENTRIES
     # What light and surface bring, one after the other, with true poses.
     for capture in demo blender-a blender-d; do
         from=$([ $capture = demo ] && echo - || echo $capture)
-        settings="--set iterations=300 --poses truth"
+        settings="--set iterations=300 --poses truth --set antialias=off"
         [ $capture = demo ] || settings="$settings --set uv_resolution=192"
         plain="--set gaussians=round --set color_roughness=0 --set unseen=keep --set rate_light=0"
         while read -r rung options; do

@@ -165,9 +165,7 @@ impl Light {
         });
         shades
     }
-}
 
-impl Light {
     /// The gradient of the coefficients from that of the vertices' shades, one RGB each, in the light's `parts`.
     pub fn shades_vjp(&self, parts: &Parts, d_shades: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let irradiance = |v: usize, channel: usize| -> f64 {

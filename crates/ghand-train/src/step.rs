@@ -1,4 +1,5 @@
-//! One training step on the device: pose, splat, loss, the backward pass and the update. Only counters are read back.
+//! One training step on the device: pose, splat, loss, the backward pass and the update. Of most
+//! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
 
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
@@ -223,9 +224,8 @@ impl Step {
         let (columns, row) = (splatter.count(), splatter.options().model.color_row());
         let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
         let colors: Vec<f32> = buffers::read(gpu, &posed.deformation.properties().color, 3 * columns)?;
-        let d_table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), (row + 3) * columns)?;
-        let d_lit = wide(&d_table[row * columns..]);
-        if let Some(gradient) = posed.light_gradient(view.camera.center(), &wide(&colors), &d_lit)? {
+        let d_lit: Vec<f32> = buffers::read_from(gpu, splatter.d_gaussians(), row * columns, 3 * columns)?;
+        if let Some(gradient) = posed.light_gradient(view.camera.center(), &wide(&colors), &wide(&d_lit))? {
             light.step(&gradient, rate);
             posed.set_learned_light(light.light(), light.strengths());
         }
@@ -265,8 +265,8 @@ impl Step {
         run_alone(&mut self.scene, gpu, |splatter, encoder| splatter.backward(encoder))?;
         let splatter = self.scene.splatter();
         let (columns, row) = (splatter.count(), splatter.options().model.color_row());
-        let table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), (row + 1) * columns)?;
-        seen.iter_mut().zip(&table[row * columns..]).for_each(|(sum, weight)| *sum += weight);
+        let weights: Vec<f32> = buffers::read_from(gpu, splatter.d_gaussians(), row * columns, columns)?;
+        seen.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight);
         Ok(())
     }
 

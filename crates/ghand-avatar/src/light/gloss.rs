@@ -57,26 +57,25 @@ pub fn of_vertices(light: &Light, parts: &Parts, roughness: f64, eye: DVec3) -> 
 }
 
 /// The gradients of what a hand mirrors.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GlossGradient {
+pub(crate) struct GlossGradient {
     /// Of the light's coefficients.
     pub coefficients: Vec<[f64; 3]>,
     /// Of [`Gloss::strengths`].
     pub strengths: Vec<[f64; 3]>,
 }
 
-/// The gradients of light and strengths from that of the vertices' gloss, one RGB each, towards an eye.
-pub fn vjp(
+/// The gradients of light and strengths from that of the vertices' gloss, one RGB each, towards an eye. `unscaled` is
+/// [`of_vertices`] there, `strengths` are those of the vertices.
+pub(crate) fn vjp(
     (light, gloss): (&Light, &Gloss),
     model: &HandModel,
     parts: &Parts,
     eye: DVec3,
+    (unscaled, strengths): (&[[f32; 3]], &[[f32; 3]]),
     d_gloss: &[[f64; 3]],
 ) -> GlossGradient {
-    let unscaled = of_vertices(light, parts, gloss.roughness, eye);
-    let strengths = gloss.vertex_strengths(model);
     let mut d_strengths = vec![[0.0; 3]; gloss.strengths.len()];
-    for (v, (d, unscaled)) in d_gloss.iter().zip(&unscaled).enumerate() {
+    for (v, (d, unscaled)) in d_gloss.iter().zip(unscaled).enumerate() {
         for (sum, weight) in d_strengths.iter_mut().zip(model.vertex_weights(v)) {
             (0..3).for_each(|c| sum[c] += weight * d[c] * f64::from(unscaled[c]));
         }

@@ -6,7 +6,7 @@ use ghand_core::light::{LitSurface, lit_surface_vjp};
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::DVec3;
 
-use super::{AvatarLight, Light, LightKind, Parts, gloss};
+use super::{AvatarLight, Gloss, Light, LightKind, Parts, gloss};
 
 /// Frames whose parts of the light are kept: half a megabyte each.
 const MOST_KEPT: usize = 512;
@@ -160,24 +160,22 @@ impl LitHand {
         self.need_parts(frame)?;
         let Some(parts) = self.parts.get(&frame) else { return Ok(None) };
         let light = &self.lit.light;
-        let wide = |values: Vec<[f32; 3]>| values.into_iter().map(|rgb| rgb.map(f64::from)).collect::<Vec<_>>();
-        let gloss = self.lit.gloss.as_ref().map(|gloss| {
-            let mut values = gloss::of_vertices(light, parts, gloss.roughness, eye);
-            gloss::scale(&mut values, &self.strengths);
-            wide(values)
-        });
-        let barycentric: Vec<[f64; 3]> = wide(self.lit.barycentric.clone());
+        let wide = |values: &[[f32; 3]]| values.iter().map(|rgb| rgb.map(f64::from)).collect::<Vec<_>>();
+        let of_gloss = |gloss: &Gloss| gloss::of_vertices(light, parts, gloss.roughness, eye);
+        let unscaled = self.lit.gloss.as_ref().map(of_gloss).unwrap_or_default();
+        let mut mirrored = unscaled.clone();
+        gloss::scale(&mut mirrored, &self.strengths);
         let surface = LitSurface {
             corners: &self.corners,
-            barycentric: &barycentric,
-            shades: &wide(light.shades(parts)),
-            gloss: gloss.as_deref().unwrap_or_default(),
+            barycentric: &wide(&self.lit.barycentric),
+            shades: &wide(&light.shades(parts)),
+            gloss: &wide(&mirrored),
         };
         let d = lit_surface_vjp(colors, &surface, d_lit);
         let mut coefficients = light.shades_vjp(parts, &d.shades);
         let mut strengths = vec![];
         if let Some(gloss) = &self.lit.gloss {
-            let of_gloss = gloss::vjp((light, gloss), &self.model, parts, eye, &d.gloss);
+            let of_gloss = gloss::vjp((light, gloss), &self.model, parts, eye, (&unscaled, &self.strengths), &d.gloss);
             for (sum, more) in coefficients.iter_mut().zip(&of_gloss.coefficients) {
                 (0..3).for_each(|c| sum[c] += more[c]);
             }
@@ -195,7 +193,6 @@ mod tests {
     use ghand_hand_model::surface::sample_surface;
 
     use super::*;
-    use crate::light::Gloss;
 
     #[test]
     fn the_gradient_of_a_light_is_that_of_finite_differences() {

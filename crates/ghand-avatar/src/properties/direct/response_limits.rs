@@ -26,7 +26,7 @@ impl Avatar {
     ///
     /// Each joint's term in each channel is limited separately, since Gaussians depend on single joints: a new
     /// combination of joint rotations from training is not limited. Without poses there are no limits. Networks have none
-    /// either: their activations level off beyond what they saw instead of growing with the angle.
+    /// either: they see posed points, which stay within the hand's reach. How they do beyond training is not measured.
     pub fn limit_response(&mut self, poses: &[Pose]) {
         let channels = self.config.channels();
         let features: Vec<_> = poses.iter().map(pose_features).collect();
