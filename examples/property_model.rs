@@ -7,7 +7,7 @@
 
 use anyhow::Context;
 use ghand_app::framing::turntable;
-use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables};
+use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
@@ -53,6 +53,14 @@ impl PropertyModel for Wave {
 
     fn pose_parameters(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
         Ok(Vec::new())
+    }
+
+    fn training_state(&self, _: &Gpu) -> Result<TrainingState, RenderError> {
+        Err(not_trained())
+    }
+
+    fn set_training_state(&mut self, _: &Gpu, _: &TrainingState) -> Result<(), RenderError> {
+        Err(not_trained())
     }
 
     fn parameter_gradients(&mut self, _: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {

@@ -6,12 +6,13 @@ use anyhow::anyhow;
 use clap::Args;
 use ghand_capture::{Capture, OpenOptions, Opened};
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 use crate::hand_model_file::HandModelArgs;
 use crate::say;
 
 /// A capture and what its own files do not say.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 pub struct CaptureArgs {
     /// Folder of a capture or its capture.json; InterHand2.6M or one of its folders, such as images/test/Capture0; or a
     /// subject of the Hand Appearance dataset.
@@ -22,7 +23,7 @@ pub struct CaptureArgs {
 }
 
 /// What a capture's own files do not say. Commands that take it call the capture's argument `capture`.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 pub struct CaptureOptions {
     /// MANO model for captures whose poses are MANO's: MANO_RIGHT.pkl, or MANO_LEFT.pkl for the left hand.
     #[arg(long, value_name = "FILE", requires = "capture")]
@@ -42,6 +43,18 @@ pub struct CaptureOptions {
 }
 
 impl CaptureArgs {
+    /// The same files from any folder.
+    ///
+    /// # Errors
+    /// If the present folder does not exist any more.
+    pub fn absolute(&self) -> std::io::Result<CaptureArgs> {
+        let absolute = |path: &Option<PathBuf>| path.as_ref().map(std::path::absolute).transpose();
+        let hand_model_args = self.options.hand_model_args.absolute()?;
+        let hand_model = absolute(&self.options.hand_model)?;
+        let options = CaptureOptions { hand_model, hand_model_args, ..self.options.clone() };
+        Ok(CaptureArgs { capture: absolute(&self.capture)?, options })
+    }
+
     /// Opens the capture at `path` and removes unusable images from the `needed` splits, and from the `optional` ones
     /// if they have images. One warning reports the skipped images.
     ///

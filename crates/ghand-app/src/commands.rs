@@ -1,5 +1,6 @@
 //! The commands, one per module.
 
+pub mod ablate;
 pub mod bench;
 pub mod capture;
 pub mod evaluate;

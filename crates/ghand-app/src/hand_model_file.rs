@@ -9,6 +9,7 @@ use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
 use ghand_hand_model::mano::LeftShapes;
 use ghand_hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
+use serde::{Deserialize, Serialize};
 
 use crate::file_kind::{FileKind, file_kind};
 
@@ -16,7 +17,7 @@ use crate::file_kind::{FileKind, file_kind};
 const HAND_OF_GHAND: &str = "hand of ghand";
 
 /// How to read a hand model.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 pub struct HandModelArgs {
     /// OBJ file with UVs for a MANO model, which has none [default: generated]
     #[arg(long, value_name = "FILE")]
@@ -27,6 +28,14 @@ pub struct HandModelArgs {
 }
 
 impl HandModelArgs {
+    /// The same files from any folder.
+    ///
+    /// # Errors
+    /// If the present folder does not exist any more.
+    pub fn absolute(&self) -> std::io::Result<HandModelArgs> {
+        Ok(HandModelArgs { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
+    }
+
     /// Reads the hand model, or the template mesh of an avatar; the built-in hand if there is no path.
     ///
     /// # Errors

@@ -9,11 +9,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
-use common::{assert_one_sentence, listing, run, small_capture};
+use common::{RESULTS, assert_one_sentence, listing, run, small_capture};
 use ghand_avatar::Avatar;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
-const RESULTS: [&str; 5] = ["align.png", "avatar.ghand", "metrics.json", "poses.json", "report.png"];
 /// Longer than any test needs to wait.
 const ENDLESS: &str = "iterations=1000000";
 
@@ -94,7 +93,7 @@ fn results_in_a_named_folder_are_replaced_only_with_force() {
     std::fs::write(out.join("notes.txt"), "of the user").unwrap();
     let named = ["--out", "run", "--set", "iterations=4"];
     train(folder.path(), &named);
-    let with_notes = ["align.png", "avatar.ghand", "metrics.json", "notes.txt", "poses.json", "report.png"];
+    let with_notes = [&RESULTS[..6], &["notes.txt"], &RESULTS[6..]].concat();
     assert_eq!(listing(&out), with_notes);
     let avatar = || std::fs::read(out.join("avatar.ghand")).unwrap();
     let first = avatar();
@@ -104,6 +103,9 @@ fn results_in_a_named_folder_are_replaced_only_with_force() {
     assert!(!text(&refused.stdout).contains("training:"), "{}", text(&refused.stdout));
     // A metrics file alone is also a result.
     std::fs::remove_file(out.join("avatar.ghand")).unwrap();
+    for name in &RESULTS[2..5] {
+        std::fs::remove_file(out.join(name)).unwrap();
+    }
     assert_one_sentence(&train(folder.path(), &named), &["run/poses.json", "--force"]);
     std::fs::write(out.join("avatar.ghand"), &first).unwrap();
 
@@ -142,7 +144,9 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
         assert!(warned.contains("stopping after this iteration"), "{warned}");
         assert!(warned.contains("stopped early, after") && !warned.contains("error: "), "{warned}");
         let run = folder.path().join("run");
-        assert_eq!(listing(&run), RESULTS[1..], "all but align.png, which only align=contours makes");
+        assert!(warned.contains("go on with `train --resume --out run`"), "{warned}");
+        // All but align.png, which only align=contours makes.
+        assert_eq!(listing(&run), [&RESULTS[1..2], &["checkpoints"], &RESULTS[2..]].concat());
         let (metrics, avatar) = (metrics(&run), Avatar::load(&run.join("avatar.ghand")).unwrap());
         let iterations = metrics["iterations"].as_u64().unwrap();
         assert_eq!(metrics["stopped_early"], true);
@@ -153,7 +157,7 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
 }
 
 #[test]
-fn a_run_stopped_in_stage_1_says_so_and_leaves_no_files() {
+fn a_run_stopped_in_stage_1_says_so_and_leaves_only_what_it_needs_to_go_on() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let child = start(folder.path(), &["--out", "runs/a", "--set", ENDLESS, "--set", "align=paper"], "stage 1");
@@ -163,7 +167,23 @@ fn a_run_stopped_in_stage_1_says_so_and_leaves_no_files() {
     assert_eq!(output.status.code(), Some(130), "{warned}");
     assert!(warned.contains("of 1000000 iterations") && warned.contains("no avatar to save yet"), "{warned}");
     assert!(!warned.contains("error: "), "{warned}");
-    assert!(!listing(folder.path()).contains(&"runs".to_owned()));
+    assert!(warned.contains("go on with `train --resume --out runs/a`"), "{warned}");
+    assert_eq!(listing(&folder.path().join("runs/a")), ["checkpoints"]);
+}
+
+#[test]
+fn a_run_stopped_before_its_first_checkpoint_leaves_no_files() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture(&folder.path().join("capture"));
+    let child = start(folder.path(), &["--out", "runs/a"], "aligning");
+    send("-INT", &child);
+    let output = child.wait_with_output().unwrap();
+    let warned = text(&output.stderr);
+    // The alignment may have been quicker than the signal.
+    if warned.contains("after 0 of") && !warned.contains("go on") {
+        assert_eq!(output.status.code(), Some(130), "{warned}");
+        assert!(!listing(folder.path()).contains(&"runs".to_owned()), "{warned}");
+    }
 }
 
 #[test]
@@ -180,12 +200,13 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
     assert!(rest.iter().any(|line| line.contains("at once") || line.contains("stopped before evaluation")), "{rest:?}");
-    let run = folder.path().join("run");
-    if run.exists() {
+    let avatar = folder.path().join("run/avatar.ghand");
+    if avatar.exists() {
         // The signal came after the avatar was saved.
-        assert_eq!(listing(&run), ["avatar.ghand", "poses.json"]);
-        Avatar::load(&run.join("avatar.ghand")).unwrap();
+        Avatar::load(&avatar).unwrap();
     }
+    let hidden = |name: &String| name.starts_with('.');
+    assert!(!folder.path().join("run").exists() || !listing(&folder.path().join("run")).iter().any(hidden));
 }
 
 #[test]

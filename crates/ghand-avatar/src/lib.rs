@@ -21,4 +21,4 @@ pub use properties::direct::DirectTables;
 pub use properties::network::NetworkSizes;
 pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};
 pub use scene::Scene;
-pub use template::{AvatarConfig, GaussianShape, Template};
+pub use template::{AvatarConfig, GaussianShape, Offsets, Template};

@@ -51,7 +51,7 @@ impl LightKind {
 }
 
 /// A light, fixed in the world.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// How it reaches the skin.
     pub kind: LightKind,

@@ -122,11 +122,40 @@ pub trait PropertyModel {
     /// As [`PropertyModel::tables`].
     fn pose_parameters(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
 
+    /// Reads back all that training changes, parameters and moments, by names of the model's own.
+    ///
+    /// # Errors
+    /// As [`PropertyModel::backward`].
+    fn training_state(&self, gpu: &Gpu) -> Result<TrainingState, RenderError>;
+
+    /// Goes on from a state that [`PropertyModel::training_state`] gave: the following steps are the same, bit for bit.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the state is that of another model.
+    fn set_training_state(&mut self, gpu: &Gpu, state: &TrainingState) -> Result<(), RenderError>;
+
     /// Reads back the gradients of the parameters by their names in the avatar file, for tests and plots.
     ///
     /// # Errors
     /// As [`PropertyModel::backward`].
     fn parameter_gradients(&mut self, gpu: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError>;
+}
+
+/// Numbers by name.
+pub type TrainingState = Vec<(String, Vec<f32>)>;
+
+/// The `length` numbers of that name in a state.
+///
+/// # Errors
+/// [`RenderError::Invalid`] if they are missing, or are more or fewer.
+pub fn state_part<'a>(state: &'a TrainingState, name: &str, length: usize) -> Result<&'a [f32], RenderError> {
+    let part = state.iter().find(|(other, _)| other == name).map(|(_, values)| values.as_slice());
+    let invalid = |problem: String| RenderError::Invalid(format!("the state of the training: {name} {problem}"));
+    match part {
+        Some(values) if values.len() == length => Ok(values),
+        Some(values) => Err(invalid(format!("has {} numbers, not {length}", values.len()))),
+        None => Err(invalid("is missing".into())),
+    }
 }
 
 /// Where an untrained avatar starts.

@@ -2,7 +2,7 @@
 
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::ResidualWeights;
+use ghand_core::skinning::{ResidualSupport, ResidualWeights};
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use glam::DVec3;
@@ -23,6 +23,29 @@ pub enum GaussianShape {
     /// Discs that lie along the surface, [`ghand_render::splat::FLATNESS`] times as thick as wide.
     Flat,
 }
+
+/// What gives the Gaussians their offsets in a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Offsets {
+    /// Learned shape bases, with coefficients that depend on the pose.
+    #[default]
+    Bases,
+    /// The pose alone: without learned bases, each Gaussian has its own offset. The first basis is the start. Of networks
+    /// the second is constant, so that its coefficients are the offset; of free tables the others belong to the entries of
+    /// `vec(R_k - I)`, see [`crate::DirectTables`].
+    Free,
+}
+
+impl Offsets {
+    /// The number and the layout of coefficients that free offsets need, of networks or of free tables.
+    pub fn free_layout(network: bool) -> (usize, CoefficientLayout) {
+        if network { (2, CoefficientLayout::PerComponent) } else { (1 + FEATURES, CoefficientLayout::PerBasis) }
+    }
+}
+
+/// Entries of `vec(R_k - I)`.
+pub(crate) const FEATURES: usize = 9;
 
 /// Configuration that fixes the shape and interpretation of an avatar's tables.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,6 +70,12 @@ pub struct AvatarConfig {
     /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
     #[serde(skip_serializing_if = "is_default")]
     pub antialias: bool,
+    /// Which joints a Gaussian's residual weights are for.
+    #[serde(skip_serializing_if = "is_default")]
+    pub residual_support: ResidualSupport,
+    /// What gives the Gaussians their offsets.
+    #[serde(skip_serializing_if = "is_default")]
+    pub offsets: Offsets,
     /// Sizes of the networks that give the Gaussians their properties; without, the avatar is a `direct` one.
     #[serde(skip_serializing_if = "is_default")]
     pub network: Option<NetworkSizes>,
@@ -63,6 +92,8 @@ impl Default for AvatarConfig {
             residual_skeleton: ResidualSkeleton::default(),
             gaussians: GaussianShape::default(),
             antialias: false,
+            residual_support: ResidualSupport::default(),
+            offsets: Offsets::default(),
             network: None,
         }
     }

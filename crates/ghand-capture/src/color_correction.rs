@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 /// An affine map of display values 0..1: rows red, green, blue; columns red, green, blue, 1.
 pub type ColorMap = [[f64; 4]; 3];
 
@@ -14,7 +16,7 @@ pub fn mapped(map: &ColorMap, color: [f64; 3]) -> [f64; 3] {
 }
 
 /// Corrections of the images of a capture, on display values. Empty: none.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColorCorrection {
     /// The map of a camera, by its index: exposure and white balance.
     pub cameras: BTreeMap<usize, ColorMap>,

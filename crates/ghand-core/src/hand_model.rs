@@ -1,9 +1,10 @@
 //! A hand model: a skinned surface with a UV atlas, a skeleton and blend shapes.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// Which hand a model is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Side {
     /// A right hand.
     Right,
@@ -24,7 +25,7 @@ pub struct InvalidHandModel {
 }
 
 /// Mean and principal components of hand poses, as in MANO.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoseSpace {
     /// Mean rotation of each joint except the root, axis-angle, radians, `n_b - 1`.
     pub mean: Vec<DVec3>,
@@ -37,7 +38,7 @@ pub struct PoseSpace {
 /// Invariants, kept by [`HandModel::validate`]: `V` vertices, `n_b` joints, `n_s` shape directions; every parent
 /// precedes its children and joint 0 is the root; weights are finite, not negative, and sum to 1 at every vertex; blend
 /// shapes, joint directions and regressor are finite; all indices are in range.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HandModel {
     /// Name for messages and files.
     pub name: String,

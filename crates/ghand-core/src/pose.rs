@@ -1,6 +1,7 @@
 //! A pose: one rotation per joint and a global translation.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. Optimised or
 /// integrated rotation vectors may accumulate a few turns; larger ones are in degrees, or not rotations at all.
@@ -14,7 +15,7 @@ pub const LARGEST_TRANSLATION: f64 = 1000.0;
 pub const LARGEST_SHAPE: f64 = 100.0;
 
 /// Joint rotations and global translation of a hand.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Axis-angle rotation of each joint in the model's axes, radians, in the order of the model's joints. The root's
     /// rotation rotates the hand about the root joint.

@@ -7,6 +7,7 @@
 
 mod blend_shapes;
 mod joint_sums;
+mod local_weights;
 mod normals;
 mod properties;
 mod residual_skeleton;
@@ -18,6 +19,7 @@ use bytemuck::{Pod, Zeroable};
 
 pub use ghand_core::blend_shapes::CoefficientLayout;
 pub use joint_sums::{JointSums, SumUniforms};
+pub use local_weights::{LocalWeights, LocalWeightsUniforms};
 pub use properties::{Properties, PropertySizes};
 
 use crate::pipeline::compute_pass;

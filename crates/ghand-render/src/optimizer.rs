@@ -80,6 +80,7 @@ pub enum Grouping {
 pub struct AdamTable {
     /// Both moments of each parameter.
     pub moments: wgpu::Buffer,
+    length: usize,
     slots: Vec<(wgpu::Buffer, Bound)>,
 }
 
@@ -127,12 +128,20 @@ impl Adam {
                     (uniforms, bound)
                 })
                 .collect();
-            AdamTable { moments, slots }
+            AdamTable { moments, length, slots }
         })
     }
 }
 
 impl AdamTable {
+    /// Reads both moments of each parameter.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn read_moments(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
+        buffers::read(gpu, &self.moments, 2 * self.length)
+    }
+
     /// Encodes a step of one slot. A slot can be encoded only once per submission, since its uniforms are written
     /// immediately.
     pub fn encode(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, uniforms: &AdamUniforms) {

@@ -24,6 +24,7 @@ use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::metrics::moving_joints;
 use contour::Edges;
@@ -62,7 +63,7 @@ pub enum AlignmentError {
 }
 
 /// Aligned poses; the given ones if the alignment was rejected.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Alignment {
     /// Poses of the split's frames.
     pub poses: Vec<Pose>,
@@ -86,7 +87,7 @@ pub struct Alignment {
 }
 
 /// How well a template in certain poses fits the masks.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MaskFit {
     /// Distances of the template's contours from the masks' outlines, pixels: median and 95th percentile; NaN without any.
     pub contours: [f64; 2],

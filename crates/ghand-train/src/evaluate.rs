@@ -15,6 +15,7 @@ use crate::hand_box::{HandBox, SIDE};
 use crate::light_fit::LightReport;
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use crate::protocol::{PosedView, Protocol, given_views};
+use crate::settings::{Components, Model};
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
@@ -142,6 +143,12 @@ pub struct Metrics {
     /// The figures on images; absent if there were no images to evaluate.
     #[serde(flatten)]
     pub images: Option<ImageMetrics>,
+    /// The preset that the settings started from.
+    pub preset: String,
+    /// The property model.
+    pub model: Model,
+    /// The parts of the method that the avatar has.
+    pub components: Components,
     /// The training poses that the run started from: `given`, `truth`, or a file.
     pub poses: String,
     /// Mean joint-angle error of the training poses, degrees, if the true poses are known.

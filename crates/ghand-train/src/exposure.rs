@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ghand_capture::color_correction::{ColorMap, IDENTITY, mapped};
 use nalgebra::{Matrix4, Matrix4x3, Vector4};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::settings::ExposureChoice;
 use crate::texel_frames::{TexelFrames, TexelImage};
@@ -22,7 +22,7 @@ const HOLD_OUT: usize = 3;
 const WORTHWHILE: f64 = 0.9;
 
 /// What was found of the cameras' exposures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ExposureFit {
     /// Whether the images are corrected.
     pub corrected: bool,

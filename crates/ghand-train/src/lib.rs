@@ -1,9 +1,12 @@
 //! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
 //! beat), and the report.
 
+pub mod ablation;
 pub mod alignment;
 pub mod alignment_figures;
 pub mod alignment_picture;
+pub mod checkpoint;
+pub mod checkpoints;
 pub mod cleanliness;
 pub mod cleanliness_sheet;
 mod divergence;
@@ -15,12 +18,15 @@ pub mod flip;
 pub mod floor;
 pub mod hand_box;
 pub mod light_fit;
-mod light_training;
+pub mod light_training;
 mod memory_check;
 pub mod metrics;
 mod outline_band;
+pub mod planted;
+pub mod plot;
 pub mod pose_offsets;
 pub mod pose_prior;
+pub mod presets;
 pub mod protocol;
 pub mod report;
 mod setting_rules;
@@ -34,8 +40,13 @@ pub mod train_error;
 pub mod trainer;
 pub mod views;
 
+pub use checkpoint::{Checkpoint, CheckpointError, CurvePoint};
+pub use checkpoints::Checkpoints;
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use protocol::Protocol;
-pub use settings::{Align, ExposureChoice, FrameGain, GlossChoice, LightChoice, SettingsError, TrainSettings, Unseen};
+pub use settings::{
+    Align, Components, ExposureChoice, FrameGain, GlossChoice, LightChoice, Model, Network, SettingsError,
+    TrainSettings, Unseen,
+};
 pub use train_error::TrainError;
-pub use trainer::{Progress, Trained, Trainer};
+pub use trainer::{Preview, Progress, Trained, Trainer};

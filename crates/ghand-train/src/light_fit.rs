@@ -57,7 +57,7 @@ pub struct LightFigures {
 }
 
 /// The light found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LightFit {
     /// The light; `None` if none is apart from the colours.
     pub light: Option<Light>,

@@ -7,6 +7,15 @@
 use ghand_avatar::light::LightGradient;
 use ghand_avatar::{AvatarLight, Light, LightKind};
 use ghand_render::reference::adam::adam;
+use serde::{Deserialize, Serialize};
+
+/// What training has changed in a light.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LightState {
+    logarithms: Vec<f64>,
+    moments: Vec<[f64; 2]>,
+    steps: u64,
+}
 
 /// A light that is learned.
 pub struct LightTraining {
@@ -52,6 +61,29 @@ impl LightTraining {
     /// The strengths of the gloss at present.
     pub fn strengths(&self) -> &[[f32; 3]] {
         &self.strengths
+    }
+
+    /// What training has changed.
+    pub fn state(&self) -> LightState {
+        LightState { logarithms: self.logarithms.clone(), moments: self.moments.clone(), steps: self.steps }
+    }
+
+    /// Goes on from a state of the same light. Returns whether it is one.
+    pub fn set_state(&mut self, state: &LightState) -> bool {
+        let fits = [state.logarithms.len(), state.moments.len()] == [self.logarithms.len(); 2];
+        // Before the first step the radiances are those found, of which the logarithms' are rounded.
+        if fits && state.steps > 0 {
+            self.logarithms.clone_from(&state.logarithms);
+            self.moments.clone_from(&state.moments);
+            self.steps = state.steps;
+            self.set_values();
+        }
+        fits
+    }
+
+    /// Number of steps so far.
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// One Adam step. `rate` is the change of a logarithm.

@@ -28,7 +28,8 @@ pub fn quantize(rgb: [f32; 3]) -> [u8; 3] {
     rgb.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
 }
 
-fn psnr(sum: f64, values: usize) -> f64 {
+/// PSNR of 8-bit pictures, dB, from the sum of squared differences of `values` display values 0..1.
+pub(crate) fn psnr_of(sum: f64, values: usize) -> f64 {
     // Equal 8-bit pictures would have infinite PSNR. An error of at least half a grey level in one value keeps the mean
     // over views finite.
     let mean = sum / values.max(1) as f64;
@@ -52,8 +53,8 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
         let mut errors = ErrorBands::default();
         errors.add(&bands, picture, truth);
         ImageSimilarity {
-            psnr: psnr(sum, 3 * picture.len()),
-            psnr_hand: psnr(hand_sum, hand),
+            psnr: psnr_of(sum, 3 * picture.len()),
+            psnr_hand: psnr_of(hand_sum, hand),
             ssim: mean_ssim(size[0] as usize, picture, &colors),
             flip: mean_flip(size, picture, &colors),
             bands: errors,

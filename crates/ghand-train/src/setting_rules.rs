@@ -29,6 +29,8 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
     Some(match name {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
         "model" => Rule::Word(&["direct", "network"]),
+        "components" => Rule::Word(&["baseline", "hgbs", "full", "weights"]),
+        "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "none"]),
         "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),
@@ -49,10 +51,11 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "final_rate" => Rule::AboveZero,
         "coefficients" => Rule::Word(&["per_basis", "per_component"]),
         "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
+        "residual_support" => Rule::Word(&["all", "local"]),
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "antialias" => Rule::Word(&["on", "off"]),
-        "start_inset" | "l1_weight" | "ssim_weight" | "coverage_weight" | "offset_weight" | "scale_weight"
-        | "color_roughness" | "offset_roughness" => Rule::Number(0.0, LARGEST),
+        "max_seconds" | "start_inset" | "l1_weight" | "ssim_weight" | "coverage_weight" | "offset_weight"
+        | "scale_weight" | "color_roughness" | "offset_roughness" => Rule::Number(0.0, LARGEST),
         name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })

@@ -1,9 +1,9 @@
 //! The settings of a training run.
 
-use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes};
+use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes, Offsets};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::ResidualWeights;
+use ghand_core::skinning::{ResidualSupport, ResidualWeights};
 use serde::{Deserialize, Serialize};
 
 use crate::setting_rules::{rule, unknown};
@@ -106,6 +106,21 @@ pub enum Model {
     Network,
 }
 
+/// The parts of the method that an avatar has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Components {
+    /// The pose gives each Gaussian its own offset; plain skinning.
+    Baseline,
+    /// Hand Gaussian Blend Shapes: bases for all poses, and coefficients from the pose; plain skinning.
+    Hgbs,
+    /// Blend shapes, and skinning corrected by the residual skeleton with its residual weights.
+    #[default]
+    Full,
+    /// Blend shapes, and skinning weights that are learned, without a residual skeleton: what a control of `full` needs.
+    Weights,
+}
+
 /// Sizes of the networks, with `model=network`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -123,10 +138,16 @@ pub enum Network {
 pub struct TrainSettings {
     /// Iterations of both stages together; each trains on one view.
     pub iterations: u64,
+    /// Seconds after which the run ends if it has not done its iterations, with rates that decay as fast; 0 for no limit.
+    pub max_seconds: f64,
     /// What gives the Gaussians their properties.
     pub model: Model,
     /// Sizes of the networks, with `model=network`.
     pub network: Network,
+    /// The parts of the method that the avatar has.
+    pub components: Components,
+    /// Images of a frame in each iteration, with `model=network`: they share one pass of the networks.
+    pub images_per_step: usize,
     /// How the poses are refined before the avatar is trained.
     pub align: Align,
     /// How light is taken apart from skin.
@@ -163,6 +184,8 @@ pub struct TrainSettings {
     pub coefficients: CoefficientLayout,
     /// How the residual skinning weights are interpreted.
     pub residual_weights: ResidualWeights,
+    /// Which joints a Gaussian's residual weights are for.
+    pub residual_support: ResidualSupport,
     /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
     /// Whether the projection is antialiased.
@@ -217,8 +240,11 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             iterations: 2000,
+            max_seconds: 0.0,
             model: Model::default(),
             network: Network::default(),
+            components: Components::default(),
+            images_per_step: 1,
             align: Align::default(),
             light: LightChoice::default(),
             gloss: GlossChoice::default(),
@@ -238,6 +264,7 @@ impl Default for TrainSettings {
             start_inset: 1.0,
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
+            residual_support: ResidualSupport::Local,
             residual_skeleton: ResidualSkeleton::default(),
             antialias: Antialias::default(),
             l1_weight: 0.8,
@@ -310,10 +337,24 @@ impl TrainSettings {
         Ok(())
     }
 
+    /// The rates of residual weights, of the regressor and of shape bases: a part that the avatar does not have stays as it
+    /// starts.
+    pub fn component_rates(&self) -> [f64; 3] {
+        let [weights, regressor, bases] = [self.rate_residual_weights, self.rate_regressor, self.rate_shape_basis];
+        match self.components {
+            // The bases of free tables are the offsets of each Gaussian.
+            Components::Baseline if self.model == Model::Direct => [0.0, 0.0, bases],
+            Components::Baseline => [0.0, 0.0, 0.0],
+            Components::Hgbs => [0.0, 0.0, bases],
+            Components::Full => [weights, regressor, bases],
+            Components::Weights => [weights, 0.0, bases],
+        }
+    }
+
     /// Checks ranges.
     ///
     /// # Errors
-    /// [`SettingsError`] names the first setting that is out of range.
+    /// [`SettingsError`] names the first setting that is out of range, or that another one excludes.
     pub fn check(&self) -> Result<(), SettingsError> {
         let fail = |setting: &str, problem: String| SettingsError { setting: setting.into(), problem };
         let fields = serde_json::to_value(self).map_err(|e| fail("all", e.to_string()))?;
@@ -325,18 +366,47 @@ impl TrainSettings {
                 return Err(fail(key, format!("{given} {}", rule.wanted(&default_assignment(key)))));
             }
         }
+        if self.images_per_step > 1 && self.model != Model::Network {
+            return Err(fail(
+                "images_per_step",
+                "must be 1 unless model=network: other models gain nothing by more".into(),
+            ));
+        }
         Ok(())
+    }
+
+    /// The first setting that differs: its name, its value here and its value there.
+    pub fn first_difference(&self, other: &TrainSettings) -> Option<(String, String, String)> {
+        let fields = |settings| serde_json::to_value(settings).ok();
+        let (here, there) = (fields(self)?, fields(other)?);
+        let differs = |(key, value): (&String, &serde_json::Value)| {
+            let other = there.get(key).filter(|other| *other != value)?;
+            Some((key.clone(), value.to_string(), other.to_string()))
+        };
+        here.as_object()?.iter().find_map(differs)
     }
 
     /// The settings that are stored in the avatar.
     pub fn avatar(&self) -> AvatarConfig {
+        let offsets = if self.components == Components::Baseline { Offsets::Free } else { Offsets::Bases };
+        let (shape_bases, coefficients) = match offsets {
+            Offsets::Free => Offsets::free_layout(self.model == Model::Network),
+            Offsets::Bases => (self.shape_bases, self.coefficients),
+        };
+        // Residual weights on the template's own skeleton are weights.
+        let (residual_weights, residual_skeleton) = match self.components {
+            Components::Weights => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored),
+            _ => (self.residual_weights, self.residual_skeleton),
+        };
         AvatarConfig {
             uv_resolution: self.uv_resolution,
-            shape_bases: self.shape_bases,
-            coefficients: self.coefficients,
+            shape_bases,
+            coefficients,
             color_components: self.color_components,
-            residual_weights: self.residual_weights,
-            residual_skeleton: self.residual_skeleton,
+            residual_weights,
+            residual_skeleton,
+            residual_support: self.residual_support,
+            offsets,
             gaussians: self.gaussians,
             antialias: self.antialias == Antialias::On,
             network: (self.model == Model::Network).then(|| match self.network {
@@ -351,6 +421,8 @@ impl TrainSettings {
     pub fn pose_stage_settings(&self) -> TrainSettings {
         TrainSettings {
             model: Model::Direct,
+            components: Components::Hgbs,
+            images_per_step: 1,
             uv_resolution: self.pose_uv_resolution,
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
@@ -362,8 +434,6 @@ impl TrainSettings {
             coverage_weight: 0.0,
             color_roughness: 0.0,
             offset_roughness: 0.0,
-            rate_residual_weights: 0.0,
-            rate_regressor: 0.0,
             rate_response: 0.0,
             rate_light: 0.0,
             ..self.clone()

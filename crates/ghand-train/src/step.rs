@@ -2,17 +2,20 @@
 //! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
 
 use ghand_avatar::neighbors::neighbors;
+use ghand_avatar::properties::state_part;
 use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
+use ghand_core::Camera;
 use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::penalty::Penalty;
 use ghand_render::pipeline::compute_pass;
 use ghand_render::roughness::Roughness;
-use ghand_render::splat::{Purpose, Splatter};
+use ghand_render::splat::{Image, Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
-use crate::light_training::LightTraining;
+use crate::checkpoint::NamedNumbers;
+use crate::light_training::{LightState, LightTraining};
 use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
 use crate::views::TrainView;
@@ -59,11 +62,12 @@ pub struct Rates {
 impl Rates {
     /// The property model's rates.
     fn of_properties(&self, settings: &TrainSettings) -> PropertyRates {
+        let [residual_weights, regressor, shape_basis] = settings.component_rates();
         PropertyRates {
             step: self.step,
-            shape_basis: settings.rate_shape_basis * self.tables,
-            residual_weights: settings.rate_residual_weights * self.tables,
-            regressor: settings.rate_regressor * self.tables,
+            shape_basis: shape_basis * self.tables,
+            residual_weights: residual_weights * self.tables,
+            regressor: regressor * self.tables,
             scale: settings.rate_scale * self.tables,
             color: settings.rate_color * self.tables,
             color_components: settings.rate_components * self.tables,
@@ -185,12 +189,95 @@ impl Step {
         })
     }
 
+    /// Reads back all that training changes: the model's numbers, rest joints, poses and their moments.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed or was lost.
+    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<(Vec<NamedNumbers>, Option<LightState>), RenderError> {
+        let avatar = self.avatar()?;
+        let mut numbers = avatar.model.training_state(gpu)?;
+        for (name, buffer, length) in self.hand_tables(avatar, frames) {
+            numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
+        }
+        let named = |(name, values)| NamedNumbers { name, values };
+        Ok((numbers.into_iter().map(named).collect(), self.light.as_ref().map(LightTraining::state)))
+    }
+
+    /// Goes on from a state: [`Step::state`] of a step for the same avatar. Afterwards `poses` must be set, then
+    /// [`Step::set_numbers`].
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if it is the state of another light.
+    pub fn set_light_state(&mut self, state: Option<&LightState>) -> Result<(), RenderError> {
+        let posed = first(self.scene.avatars_mut())?;
+        let fits = match (&mut self.light, state) {
+            (Some(light), Some(state)) => {
+                let fits = light.set_state(state);
+                if light.steps() > 0 {
+                    posed.set_learned_light(light.light(), light.strengths());
+                }
+                fits
+            }
+            (None, None) => true,
+            _ => false,
+        };
+        if fits { Ok(()) } else { Err(RenderError::Invalid("the state is that of another light".into())) }
+    }
+
+    /// Goes on from the numbers of [`Step::state`].
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if they are those of another avatar.
+    pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[NamedNumbers]) -> Result<(), RenderError> {
+        let state = numbers.iter().map(|part| (part.name.clone(), part.values.clone())).collect();
+        first(self.scene.avatars_mut())?.model.set_training_state(gpu, &state)?;
+        for (name, buffer, length) in self.hand_tables(self.avatar()?, frames) {
+            let values = state_part(&state, name, length)?;
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+        }
+        Ok(())
+    }
+
+    /// The tables of the hand with their names in a state and lengths.
+    fn hand_tables<'a>(
+        &'a self,
+        avatar: &'a PosedAvatar,
+        frames: usize,
+    ) -> [(&'static str, &'a wgpu::Buffer, usize); 4] {
+        let (joints, poses) = (3 * self.joint_count, frames * pose_stride(self.joint_count));
+        [
+            ("hand.joints", avatar.deformation.joints(), joints),
+            ("hand.joints.moments", &self.joints.moments, 2 * joints),
+            ("hand.poses", avatar.deformation.poses(), poses),
+            ("hand.poses.moments", &self.poses.moments, 2 * poses),
+        ]
+    }
+
     /// Runs one step on one view. The loss is a mean over `value_count` values: those of the whole image, so that crops
     /// of all sizes have the same weight per pixel.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost, or the view needs more memory than it has.
     pub fn run(
+        &mut self,
+        gpu: &Gpu,
+        view: &TrainView,
+        value_count: f64,
+        background: [f32; 3],
+        settings: &TrainSettings,
+        rates: &Rates,
+    ) -> Result<(), RenderError> {
+        self.add_gradients(gpu, view, value_count, background, settings, rates)?;
+        self.update(gpu, view, settings, rates)
+    }
+
+    /// The part of a step before the updates, for one view. More views of the same frame can be added before
+    /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints, the
+    /// pose and the light are the last view's alone.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn add_gradients(
         &mut self,
         gpu: &Gpu,
         view: &TrainView,
@@ -211,10 +298,32 @@ impl Step {
             offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
         })?;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        first(self.scene.avatars_mut())?.model.backward(gpu, &mut encoder)?;
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// All updates, after the gradients of one view or more. `view` is the last one.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn update(
+        &mut self,
+        gpu: &Gpu,
+        view: &TrainView,
+        settings: &TrainSettings,
+        rates: &Rates,
+    ) -> Result<(), RenderError> {
         if rates.step.is_multiple_of(LIGHT_EVERY) {
             self.update_light(gpu, view, settings.rate_light * rates.tables)?;
         }
-        self.learn(gpu, view.frame, settings, rates)
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.backward.encode_pose_gradient(&mut encoder);
+        first(self.scene.avatars_mut())?.model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
+        self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
     }
 
     /// Updates the light from a complete frame.
@@ -240,16 +349,21 @@ impl Step {
         Ok(self.avatar()?.light())
     }
 
-    /// The part after a complete frame: the gradients of the property model and the pose, and all updates.
-    fn learn(&mut self, gpu: &Gpu, frame: usize, settings: &TrainSettings, rates: &Rates) -> Result<(), RenderError> {
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let model = &mut first(self.scene.avatars_mut())?.model;
-        model.backward(gpu, &mut encoder)?;
-        self.backward.encode_pose_gradient(&mut encoder);
-        model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
-        self.update_hand(gpu, &mut encoder, frame, settings, rates);
-        gpu.queue.submit([encoder.finish()]);
-        Ok(())
+    /// A picture of the avatar in the pose of a frame.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn picture(
+        &mut self,
+        gpu: &Gpu,
+        frame: usize,
+        camera: &Camera,
+        background: [f32; 3],
+    ) -> Result<Image, RenderError> {
+        self.scene.set_frame(gpu, frame);
+        self.scene.set_view(gpu, camera, background)?;
+        run_alone(&mut self.scene, gpu, |_, _| ())?;
+        self.scene.splatter().read_image(gpu)
     }
 
     /// Adds how much each Gaussian contributes to one view to `seen`, N: the sum of its blend weights over the pixels.

@@ -5,6 +5,7 @@ use ghand_hand_model::HandModelError;
 use ghand_render::{DeviceError, RenderError};
 
 use crate::alignment::AlignmentError;
+use crate::checkpoint::CheckpointError;
 use crate::evaluate::EvaluateError;
 use crate::floor::FloorError;
 use crate::settings::SettingsError;
@@ -33,6 +34,9 @@ pub enum TrainError {
     /// The poses could not be aligned.
     #[error(transparent)]
     Alignment(#[from] AlignmentError),
+    /// The run cannot go on from a checkpoint.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The evaluation failed.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),

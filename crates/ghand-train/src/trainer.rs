@@ -1,37 +1,35 @@
 //! A training run: two stages over the views of a split.
 
+mod stage;
+mod view_order;
+
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use ghand_avatar::neighbors::neighbors;
-use ghand_avatar::{Avatar, AvatarLight, Provenance, Template};
+use ghand_avatar::{Avatar, AvatarLight, Provenance};
 use ghand_capture::{Capture, ColorCorrection, Split};
 use ghand_core::Pose;
 use ghand_hand_model::surface;
-use ghand_render::deform::pose_stride;
-use ghand_render::{Gpu, RenderError};
+use ghand_render::Gpu;
 use glam::DVec3;
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 
 use crate::alignment::{Alignment, AlignmentError, align};
-use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
+use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared, StageState};
+use crate::checkpoints::Checkpoints;
 use crate::exposure::{ExposureFit, fit_exposure};
 use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
 use crate::memory_check;
-use crate::metrics::moving_joints;
-use crate::pose_prior::shrink;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings, Unseen};
-use crate::step::{Rates, Step};
+use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings};
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
-use crate::views::{TrainView, TrainViews};
+use crate::views::TrainViews;
+use stage::Stage;
 
 /// The progress of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
+#[derive(Debug, Clone, Copy)]
+pub struct Progress<'a> {
     /// Iterations done.
     pub iteration: u64,
     /// Total number of iterations.
@@ -40,6 +38,21 @@ pub struct Progress {
     pub stage: u32,
     /// Running mean of L1 over the crops, once it has been read.
     pub l1: Option<f64>,
+    /// The curve so far.
+    pub curve: &'a [CurvePoint],
+    /// Pictures that were just taken of images held out: see [`Trainer::watch`].
+    pub previews: &'a [Preview],
+}
+
+/// A picture of an image that training does not see, cropped to the hand.
+#[derive(Debug, Clone)]
+pub struct Preview {
+    /// Size, pixels.
+    pub size: [u32; 2],
+    /// The image.
+    pub truth: Vec<[u8; 3]>,
+    /// The avatar.
+    pub render: Vec<[u8; 3]>,
 }
 
 /// The result of a run.
@@ -55,10 +68,14 @@ pub struct Trained {
     pub light: Option<LightFit>,
     /// What was found of the cameras' exposures, unless `exposure=same`.
     pub exposure: Option<ExposureFit>,
-    /// Iterations done, of both stages: fewer than in the settings if the run was told to stop.
+    /// Iterations done, of both stages: fewer than in the settings if the run was told to stop, or its time was over.
     pub iterations: u64,
-    /// Wall-clock time of the iterations, seconds.
+    /// Whether it was told to stop.
+    pub stopped: bool,
+    /// Wall-clock time of the run, seconds.
     pub seconds: f64,
+    /// The loss, and the PSNR of images held out, over the run.
+    pub curve: Vec<CurvePoint>,
 }
 
 /// A run over one split of a capture.
@@ -82,22 +99,30 @@ pub struct Trainer<'a> {
     split_name: String,
     settings: TrainSettings,
     views: TrainViews,
-    poses: Vec<Pose>,
     gaussians: usize,
-    alignment: Option<Alignment>,
-    light: Option<LightFit>,
-    exposure: Option<ExposureFit>,
+    /// Says which images in which poses are trained on.
+    training_set: u32,
+    prepared: Prepared,
+    watched: Option<Watched>,
+    curve: RefCell<Vec<CurvePoint>>,
     stop: Option<&'a AtomicBool>,
+    checkpoints: RefCell<Option<Checkpoints>>,
+    /// The stage's state that was saved last.
+    state: RefCell<Option<StageState>>,
+    started: Instant,
+    /// Seconds of the run before this program.
+    earlier: f64,
 }
 
-/// Number of views on which the loss before and after a stage is compared.
-const REFERENCE_VIEWS: usize = 8;
-/// Iterations between two readings of the loss for the progress bar; reading waits for the device.
-const LOSS_EVERY: u64 = 25;
-/// Number of views decoded ahead of their use, if not all fit into memory.
-const PREFETCHED: usize = 16;
-/// Number of views that say how much training saw of each Gaussian.
-const SEEN_VIEWS: usize = 60;
+/// Images of another split that a run is compared with.
+struct Watched {
+    views: TrainViews,
+    poses: Vec<Pose>,
+}
+
+/// Number of those images.
+const WATCHED_VIEWS: usize = 4;
+
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
@@ -105,30 +130,6 @@ const COLOR_VIEWS: usize = 60;
 const MOST_EXTREME: f64 = 0.1;
 /// Frames whose brightness differs by more than this (standard deviation of the logarithm) are told.
 const UNSTEADY: f64 = 0.06;
-
-/// One stage of training.
-struct Stage {
-    number: u32,
-    settings: TrainSettings,
-    iterations: u64,
-    /// Iterations of the previous stages.
-    done: u64,
-    refine_poses: bool,
-    /// The images are this many times smaller than the capture's.
-    reduction: u32,
-    scale_weight: f64,
-}
-
-/// The result of a stage.
-struct StageResult {
-    avatar: Avatar,
-    poses: Vec<Pose>,
-    /// Iterations of this stage.
-    iterations: u64,
-}
-
-/// Pose response, rest joints, poses.
-type LearnedHand = (Vec<f32>, Vec<[f32; 3]>, Vec<Pose>);
 
 impl<'a> Trainer<'a> {
     /// Loads the views of a split.
@@ -159,16 +160,23 @@ impl<'a> Trainer<'a> {
         Ok(Trainer {
             gpu,
             views: TrainViews::new(capture, &split, settings.crop_margin)?,
-            poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
+            training_set: training_set(capture, &split),
+            prepared: Prepared {
+                poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
+                ..Prepared::default()
+            },
             split,
             split_name: split_name.into(),
             capture: capture.clone(),
             settings: settings.clone(),
             gaussians,
-            alignment: None,
-            light: None,
-            exposure: None,
+            watched: None,
+            curve: RefCell::new(vec![]),
             stop: None,
+            checkpoints: RefCell::new(None),
+            state: RefCell::new(None),
+            started: Instant::now(),
+            earlier: 0.0,
         })
     }
 
@@ -177,6 +185,80 @@ impl<'a> Trainer<'a> {
     #[must_use]
     pub fn stop_when(self, stop: &'a AtomicBool) -> Trainer<'a> {
         Trainer { stop: Some(stop), ..self }
+    }
+
+    /// Compares the avatar now and then with some images of another split, in the capture's poses. That changes nothing of
+    /// what is learned. The split may have no images.
+    ///
+    /// # Errors
+    /// [`TrainError`] if the split does not exist or one of its images is unusable.
+    pub fn watch(self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
+        let split = self.capture.split(split_name)?;
+        let count = split.views.len().min(WATCHED_VIEWS);
+        // Evenly over the frames, a different camera each time.
+        let at = |k: usize| (k * split.views.len() / count + k % split.cameras.len().max(1)).min(split.views.len() - 1);
+        let chosen: Vec<_> = (0..count).map(|k| split.views[at(k)]).collect();
+        if chosen.is_empty() {
+            return Ok(self);
+        }
+        let split = Split { views: chosen, ..split.clone() };
+        let views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+        let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
+        Ok(Trainer { watched: Some(Watched { views, poses }), ..self })
+    }
+
+    /// Saves checkpoints while it runs: when one is due, when the run is told to stop, and at its end.
+    #[must_use]
+    pub fn save_to(self, checkpoints: Checkpoints) -> Trainer<'a> {
+        Trainer { checkpoints: RefCell::new(Some(checkpoints)), ..self }
+    }
+
+    /// Goes on from a checkpoint of the same run. On the same device the result is the same, bit for bit, as without the
+    /// interruption, unless time is limited.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Mismatch`] if settings, images or poses are not those of the checkpoint, with the setting that
+    /// differs.
+    pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Trainer<'a>, TrainError> {
+        let mismatch = |problem: String| CheckpointError::Mismatch { problem };
+        if let Some((key, then, now)) = checkpoint.settings.first_difference(&self.settings) {
+            let problem = format!("`{key}` was {then} when the run began, and is {now} now; set it as before");
+            return Err(mismatch(problem).into());
+        }
+        let Checkpoint { mut prepared, stage, .. } = checkpoint;
+        let frames = self.prepared.poses.len();
+        if checkpoint.training_set != self.training_set || prepared.poses.len() != frames {
+            let what = "the capture, its split or its poses have changed since the run began";
+            return Err(mismatch(format!("{what}; train anew, without --resume")).into());
+        }
+        if let Some(alignment) = &mut prepared.alignment {
+            alignment.template.pose_directions.clone_from(&self.capture.template.pose_directions);
+            let fits = alignment.template.joint_count() == self.capture.template.joint_count();
+            alignment.template.validate().map_err(|error| mismatch(error.to_string()))?;
+            if !fits {
+                return Err(mismatch("its template has other joints".into()).into());
+            }
+            self.capture.template = alignment.template.clone();
+        }
+        if !prepared.correction.is_empty() {
+            self.capture.color_correction = prepared.correction.clone();
+            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        }
+        if let Some(exposure) = prepared.exposure.as_mut().filter(|fit| fit.corrected) {
+            exposure.maps.clone_from(&prepared.correction.cameras);
+        }
+        let (curve, state) = (RefCell::new(checkpoint.curve), RefCell::new(Some(stage)));
+        Ok(Trainer { prepared, curve, state, earlier: checkpoint.seconds, ..self })
+    }
+
+    /// Iterations of an earlier run that this one goes on from.
+    pub fn resumed_at(&self) -> Option<u64> {
+        self.state.borrow().as_ref().map(|state| state.iterations_done)
+    }
+
+    /// Wall-clock time of the run, seconds.
+    fn seconds(&self) -> f64 {
+        self.earlier + self.started.elapsed().as_secs_f64()
     }
 
     /// Number of Gaussians of the avatar.
@@ -196,46 +278,52 @@ impl<'a> Trainer<'a> {
     /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
     /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
     pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
-        let start = Instant::now();
-        if self.settings.align == Align::Contours {
+        self.started = Instant::now();
+        let reached = self.state.borrow().as_ref().map_or(0, |state| state.number);
+        if reached == 0 && self.settings.align == Align::Contours {
             self.align()?;
         }
         let mut gpu = self.gpu.clone();
         let pose_iterations = self.settings.pose_iterations();
-        if pose_iterations > 0 {
+        if pose_iterations > 0 && reached < 2 {
             let stage = Stage {
                 number: 1,
                 settings: self.settings.pose_stage_settings(),
                 iterations: pose_iterations,
+                part_of_time: self.settings.pose_stage,
                 done: 0,
                 refine_poses: true,
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
             let mut refined = gpu.retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.poses;
-            recenter(&mut refined, &self.poses);
-            self.poses = refined;
+            recenter(&mut refined, &self.prepared.poses);
+            self.prepared.poses = refined;
         }
-        self.find_light(&mut gpu)?;
+        if reached < 2 {
+            self.find_light(&mut gpu)?;
+        }
         let stage = Stage {
             number: 2,
             settings: self.settings.clone(),
             iterations: self.settings.iterations - pose_iterations,
+            part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
             reduction: 1,
             scale_weight: 0.0,
         };
         let done = gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?;
-        let iterations = stage.done + done.iterations;
+        let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        if let Some((fit, trained)) = self.light.as_mut().zip(avatar.light.as_ref()) {
+        let seconds = self.seconds();
+        let Prepared { poses, alignment, mut light, exposure, .. } = self.prepared;
+        if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
             fit.set_trained(trained);
         }
-        let (poses, alignment, light, exposure) = (self.poses, self.alignment, self.light, self.exposure);
-        let seconds = start.elapsed().as_secs_f64();
-        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, seconds })
+        let curve = self.curve.into_inner();
+        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, stopped, seconds, curve })
     }
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
@@ -245,7 +333,7 @@ impl<'a> Trainer<'a> {
             return Ok(());
         }
         let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
-            Ok(TexelFrames::new(gpu, &self.capture, &self.split, &self.poses)?)
+            Ok(TexelFrames::new(gpu, &self.capture, &self.split, &self.prepared.poses)?)
         })?;
         let [burnt, black] = seen.extremes();
         for (part, how) in [(burnt, "burnt out (white)"), (black, "black")] {
@@ -263,17 +351,19 @@ impl<'a> Trainer<'a> {
                 correction.cameras.clone_from(&fit.maps);
                 seen.correct(&correction);
             }
-            self.exposure = Some(fit);
+            self.prepared.exposure = Some(fit);
         }
         if light != LightChoice::None || frame_gain != FrameGain::Same {
             let template = self.capture.template.clone();
-            let mut fit = fit_light_to(&seen, &template, &self.poses, light, gloss).map_err(FloorError::from)?;
+            let mut fit =
+                fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
             let differ = fit.frames_differ();
             if frame_gain == FrameGain::PerFrame {
                 let even = seen.even_frames(&fit.frame_factors);
                 seen.correct(&even);
                 correction.frames = even.frames;
-                let again = fit_light_to(&seen, &template, &self.poses, light, gloss).map_err(FloorError::from)?;
+                let again =
+                    fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
                 fit = LightFit { frame_factors: fit.frame_factors, ..again };
             } else if differ > UNSTEADY {
                 log::warn!(
@@ -282,9 +372,10 @@ impl<'a> Trainer<'a> {
                     1e2 * differ
                 );
             }
-            self.light = (light != LightChoice::None).then_some(fit);
+            self.prepared.light = (light != LightChoice::None).then_some(fit);
         }
         if !correction.is_empty() {
+            self.prepared.correction.clone_from(&correction);
             self.capture.color_correction = correction;
             self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
         }
@@ -306,27 +397,28 @@ impl<'a> Trainer<'a> {
             log::warn!(
                 "{} of {} frames keep their given poses, which fit the masks better",
                 aligned.kept.len(),
-                self.poses.len()
+                self.prepared.poses.len()
             );
         }
         if let Some(texture) = &aligned.texture {
             log::info!(
                 "texture refined {} of {} frames; {} keep the poses by contours, which explain images held out better",
                 texture.refined.len(),
-                self.poses.len(),
+                self.prepared.poses.len(),
                 texture.kept.len()
             );
         }
-        self.poses.clone_from(&aligned.poses);
+        self.prepared.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
-        self.alignment = Some(aligned);
+        self.prepared.alignment = Some(aligned);
         Ok(())
     }
 
     /// The poses of the frames with training images.
     fn seen_poses(&self) -> Vec<Pose> {
         let seen = |position: usize| self.split.views.iter().any(|view| view.position == position);
-        self.poses.iter().enumerate().filter(|(position, _)| seen(*position)).map(|(_, pose)| pose.clone()).collect()
+        let poses = self.prepared.poses.iter().enumerate().filter(|(position, _)| seen(*position));
+        poses.map(|(_, pose)| pose.clone()).collect()
     }
 
     /// The initial avatar of a stage: the template's surface with mean texel colours.
@@ -338,14 +430,21 @@ impl<'a> Trainer<'a> {
             settings.start_inset,
             settings.seed,
         )?;
-        if let Some((light, fit)) = self.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
+        if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let samples = surface::sample_surface(&self.capture.template, settings.uv_resolution)?;
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
             avatar.light = Some(AvatarLight::new(light, gloss, &samples));
         }
         let (capture, resolution) = (&self.capture, settings.uv_resolution);
-        let colors =
-            texel_colors(gpu, capture, &self.split, &self.poses, resolution, COLOR_VIEWS, avatar.light.as_ref())?;
+        let colors = texel_colors(
+            gpu,
+            capture,
+            &self.split,
+            &self.prepared.poses,
+            resolution,
+            COLOR_VIEWS,
+            avatar.light.as_ref(),
+        )?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -356,160 +455,12 @@ impl<'a> Trainer<'a> {
         };
         Ok(avatar)
     }
-
-    /// Runs one stage: one view per iteration, in shuffled passes over all views.
-    fn run(&self, gpu: &Gpu, stage: &Stage, progress: &mut dyn FnMut(&Progress)) -> Result<StageResult, TrainError> {
-        let settings = &stage.settings;
-        let avatar = self.start(gpu, settings)?;
-        let mobility: Vec<f32> = moving_joints(&self.poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
-        let largest = self.views.largest(stage.reduction);
-        let mut step = Step::new(gpu, &avatar, self.poses.len(), largest, &mobility)?;
-        if settings.rate_light > 0.0 {
-            step.learn_light()?;
-        }
-        for (frame, pose) in self.poses.iter().enumerate() {
-            step.set_pose(gpu, frame, pose)?;
-        }
-        let background = self.capture.background.map(|b| b as f32);
-        // The loss is a mean over the whole image, so that crops of all sizes have the same weight per pixel.
-        let value_count = |view: &TrainView| {
-            let camera = &self.capture.cameras[view.camera_index];
-            3.0 * f64::from(camera.width) * f64::from(camera.height) / f64::from(stage.reduction.pow(2))
-        };
-        let diverged = |fault: Divergence, done: u64| TrainError::Diverged {
-            stage: stage.number,
-            iteration: stage.done + done,
-            iterations: self.settings.iterations,
-            fault: fault.to_string(),
-            remedy: remedy(&self.settings),
-        };
-        let loss_at_start = self.reference_loss(gpu, &mut step, stage, background)?;
-        check_loss(loss_at_start).map_err(|fault| diverged(fault, 0))?;
-        let mut done = 0;
-        let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-        let mut order: Vec<usize> = Vec::new();
-        let mut pose_steps = vec![0; self.poses.len()];
-        let mut mean: Option<f64> = None;
-        for iteration in 0..stage.iterations {
-            if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                // An avatar without a single iteration is not a result either.
-                if stage.refine_poses || iteration == 0 {
-                    let (iteration, iterations) = (stage.done + iteration, self.settings.iterations);
-                    return Err(TrainError::Stopped { iteration, iterations });
-                }
-                break;
-            }
-            if order.is_empty() {
-                order = (0..self.views.len()).collect();
-                order.shuffle(&mut rng);
-                order.iter().rev().take(PREFETCHED).for_each(|view| self.views.prefetch(*view));
-            }
-            let rounds = settings.pose_prior_rounds;
-            if stage.refine_poses && is_prior_round(iteration, stage.iterations, rounds) {
-                let (_, _, mut poses) = self.read_hand(gpu, &step)?;
-                shrink(&mut poses);
-                for (frame, pose) in poses.iter().enumerate() {
-                    step.set_pose(gpu, frame, pose)?;
-                }
-            }
-            let Some(index) = order.pop() else { break };
-            if let Some(ahead) = order.len().checked_sub(PREFETCHED).and_then(|at| order.get(at)) {
-                self.views.prefetch(*ahead);
-            }
-            let view = &self.views.get(index, stage.reduction)?;
-            pose_steps[view.frame] += 1;
-            let decay = settings.final_rate.powf(iteration as f64 / stage.iterations as f64);
-            let rates = Rates {
-                step: iteration + 1,
-                tables: decay,
-                pose: if stage.refine_poses { decay } else { 0.0 },
-                pose_step: pose_steps[view.frame],
-                scale_weight: stage.scale_weight,
-            };
-            step.run(gpu, view, value_count(view), background, settings, &rates)?;
-            if (iteration + 1) % LOSS_EVERY == 0 {
-                let [l1, _] = step.loss(gpu, view)?;
-                // Gaussians at positions that are not finite are not drawn, so the loss would stay finite.
-                let (response, joints, poses) = self.read_hand(gpu, &step)?;
-                let checked = check_loss(l1).and_then(|()| check_hand(&response, &joints, &poses));
-                checked.map_err(|fault| diverged(fault, iteration + 1))?;
-                mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
-            }
-            done = iteration + 1;
-            progress(&Progress {
-                iteration: stage.done + iteration + 1,
-                iterations: self.settings.iterations,
-                stage: stage.number,
-                l1: mean,
-            });
-        }
-        let mut tables = step.tables(gpu)?;
-        let (response, moved, poses) = self.read_hand(gpu, &step)?;
-        let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
-        checked.map_err(|fault| diverged(fault, done))?;
-        let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
-        let mut seen = None;
-        if !stage.refine_poses {
-            let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
-            if settings.unseen == Unseen::Fill {
-                tables.fill_unseen(&weights, &neighbors(&avatar.template));
-            }
-            seen = Some(weights);
-        }
-        check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
-        let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
-        let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
-        let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        let light = step.light()?.cloned();
-        Ok(StageResult { avatar: Avatar { tables, seen, light, provenance, ..avatar }, poses, iterations: done })
-    }
-
-    /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.
-    fn read_hand(&self, gpu: &Gpu, step: &Step) -> Result<LearnedHand, RenderError> {
-        let numbers = step.hand_parameters(gpu, self.poses.len())?;
-        let poses = poses_of(&numbers.poses, numbers.joints.len());
-        Ok((numbers.response, numbers.joints, poses))
-    }
-
-    /// How much each Gaussian contributes to a view: the mean over an evenly spaced selection of the views.
-    fn seen_weights(&self, gpu: &Gpu, step: &mut Step, stage: &Stage, count: usize) -> Result<Vec<f32>, TrainError> {
-        let views = self.views.len().min(SEEN_VIEWS);
-        let mut seen = vec![0.0; count];
-        for k in 0..views {
-            let view = self.views.get(k * self.views.len() / views, stage.reduction)?;
-            step.add_seen(gpu, &view, &mut seen)?;
-        }
-        // A sum of blend weights is not negative, but rounding in its derivative could be.
-        seen.iter_mut().for_each(|sum| *sum = (*sum / views.max(1) as f32).max(0.0));
-        Ok(seen)
-    }
-
-    /// The mean loss over a fixed, evenly spaced selection of the views.
-    fn reference_loss(
-        &self,
-        gpu: &Gpu,
-        step: &mut Step,
-        stage: &Stage,
-        background: [f32; 3],
-    ) -> Result<f64, TrainError> {
-        let count = self.views.len().min(REFERENCE_VIEWS);
-        let mut sum = 0.0;
-        for k in 0..count {
-            let view = self.views.get(k * self.views.len() / count, stage.reduction)?;
-            sum += step.measure(gpu, &view, background, &stage.settings)?;
-        }
-        Ok(sum / count.max(1) as f64)
-    }
 }
 
-/// Whether the pose prior is applied before an iteration (from 0): `rounds` times, evenly over a stage's iterations
-/// from the first one on, or before every iteration if there are fewer than `rounds`.
-fn is_prior_round(iteration: u64, iterations: u64, rounds: u64) -> bool {
-    if rounds == 0 {
-        return false;
-    }
-    let between = (iterations / rounds).max(1);
-    iteration.is_multiple_of(between) && iteration / between < rounds
+/// A number that says which images in which poses are trained on.
+fn training_set(capture: &Capture, split: &Split) -> u32 {
+    let poses: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+    crc32fast::hash(format!("{:?} {:?} {poses:?}", split.views, capture.cameras).as_bytes())
 }
 
 /// Subtracts the mean correction from the translations.
@@ -523,31 +474,9 @@ fn recenter(refined: &mut [Pose], given: &[Pose]) {
     refined.iter_mut().for_each(|p| p.translation -= drift);
 }
 
-/// The poses in a table of `[frames][n_b * 3 + 3]` numbers.
-fn poses_of(table: &[f32], joints: usize) -> Vec<Pose> {
-    let pose = |frame: &[f32]| {
-        let mut vectors: Vec<DVec3> =
-            frame.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect();
-        let translation = vectors.pop().unwrap_or(DVec3::ZERO);
-        Pose { rotations: vectors, translation }
-    };
-    table.chunks_exact(pose_stride(joints)).map(pose).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_prior_is_applied_as_often_as_set() {
-        for (iterations, rounds) in [(1400, 3), (1402, 3), (1, 1), (186, 3), (7, 7), (1000, 1), (100, 0)] {
-            let acts: Vec<u64> = (0..iterations).filter(|i| is_prior_round(*i, iterations, rounds)).collect();
-            assert_eq!(acts.len() as u64, rounds, "{iterations} iterations: {acts:?}");
-            // Enough iterations follow each round.
-            assert!(acts.iter().all(|i| *i == 0 || iterations - i >= iterations / rounds), "{iterations}: {acts:?}");
-        }
-        assert_eq!((0..2).filter(|i| is_prior_round(*i, 2, 5)).count(), 2, "fewer iterations than rounds");
-    }
 
     #[test]
     fn recentring_keeps_single_corrections_and_removes_their_mean() {

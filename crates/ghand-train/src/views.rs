@@ -81,6 +81,11 @@ impl TrainViews {
         self.views.is_empty()
     }
 
+    /// Position in the split of the frame of a view.
+    pub fn position(&self, index: usize) -> Option<usize> {
+        self.views.get(index).map(|view| view.position)
+    }
+
     /// Width and height of the largest view at an integer fraction of the resolution.
     pub fn largest(&self, reduction: u32) -> [u32; 2] {
         self.largest.map(|size| (size / reduction.max(1)).max(1))

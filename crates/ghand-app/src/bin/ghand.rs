@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bench, capture, evaluate, export, inspect, pose, render, splat};
+use ghand_app::commands::{ablate, bench, capture, evaluate, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -32,6 +32,8 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
+    /// Train avatars with and without parts of the method, and say what each brings
+    Ablate(ablate::AblateArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
 }
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
+        Command::Ablate(args) => ablate::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
 }

@@ -1,17 +1,18 @@
 //! `train`: trains an avatar from a capture.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
+use ghand_files::atomic_file::write_atomically;
 use ghand_train::alignment_picture::alignment_picture;
 use ghand_train::evaluate::Metrics;
 use ghand_train::light_fit::LightFit;
+use ghand_train::presets::Preset;
 use ghand_train::protocol::given_views;
 use ghand_train::report::report;
-use ghand_train::{Align, Protocol, TrainError, TrainSettings, Trained, Trainer};
-use indicatif::{ProgressBar, ProgressStyle};
+use ghand_train::{Align, Checkpoints, Protocol, TrainError, TrainSettings, Trainer};
 
 use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
@@ -20,11 +21,17 @@ use crate::commands::render::write_png;
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
+use crate::train_run::full_disk::when_there_is_room;
 use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
+use crate::train_run::live_files::write_live_files;
+use crate::train_run::report_page::{Page, write_report_page};
 use crate::train_run::results::{save_metrics, save_poses};
 use crate::train_run::run_folder::{
-    ALIGN_FILE, AVATAR_FILE, DEFAULT_FOLDER, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder,
+    ALIGN_FILE, AVATAR_FILE, CONFIG_FILE, DEFAULT_FOLDER, METRICS_FILE, PAGE_FILE, POSES_FILE, REPORT_FILE, RunFolder,
 };
+use crate::train_run::run_record::RunRecord;
+use crate::train_run::settings_args::SettingsArgs;
+use crate::train_run::training::train;
 use crate::train_run::training_poses::StartPoses;
 
 /// Command line of `train`.
@@ -32,58 +39,155 @@ use crate::train_run::training_poses::StartPoses;
 pub struct TrainArgs {
     #[command(flatten)]
     capture: CaptureArgs,
-    /// Split to train on.
-    #[arg(long, default_value = "train")]
-    split: String,
+    /// Split to train on [default: train]
+    #[arg(long)]
+    split: Option<String>,
     /// Split to evaluate on [default: test, if there is one]
     #[arg(long)]
     test_split: Option<String>,
     /// Training poses to start from: `given`, the capture's; `truth`, its exact ones, which are then not aligned unless
-    /// --set align=... says so; or those of a file, by the frames' ids
-    #[arg(long, value_name = "given|truth|FILE", default_value = "given")]
-    poses: StartPoses,
+    /// --set align=... says so; or those of a file, by the frames' ids [default: given]
+    #[arg(long, value_name = "given|truth|FILE")]
+    poses: Option<StartPoses>,
     /// Folder for avatar.ghand, poses.json, metrics.json, align.png and report.png [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "resume")]
     force: bool,
-    /// Seed of all random numbers; the same seed on the same device gives the same avatar, byte for byte.
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    seed: Option<String>,
-    /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    /// Go on with the interrupted run in --out [default: the last one], as it was started; other options may be left out.
+    /// Without one there, begin.
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    settings: SettingsArgs,
+    /// Time between two checkpoints, from which an interrupted run goes on
+    #[arg(long, value_name = "TIME", default_value = "1m", value_parser = humantime::parse_duration)]
+    checkpoint_every: Duration,
+    /// Keep a checkpoint of every so many iterations, beside the last two, and after the run; 0 keeps none
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    keep_checkpoints: u64,
     /// Train even if the capture cannot give an avatar, such as one in millimetres; its problems become warnings.
     #[arg(long)]
     ignore_checks: bool,
 }
 
+/// A run that is to be begun or continued.
+struct Plan {
+    record: RunRecord,
+    resumed: bool,
+}
+
 impl TrainArgs {
     fn settings(&self) -> anyhow::Result<TrainSettings> {
-        let align = if self.poses == StartPoses::Truth { Align::None } else { Align::default() };
-        let mut settings = TrainSettings { align, ..TrainSettings::default() };
-        for assignment in &self.set {
-            settings.set(assignment)?;
-        }
-        if let Some(seed) = &self.seed {
-            settings.set(&format!("seed={seed}"))?;
-        }
-        Ok(settings)
+        self.settings.settings((self.poses == Some(StartPoses::Truth)).then_some(Align::None))
     }
 
     fn folder(&self) -> anyhow::Result<RunFolder> {
+        let default = Path::new(DEFAULT_FOLDER);
         match &self.out {
+            out if self.resume => RunFolder::resumed(out.as_deref(), default),
             Some(out) => RunFolder::named(out, self.force),
-            None if self.force => RunFolder::named(Path::new(DEFAULT_FOLDER), true),
-            None => RunFolder::next(Path::new(DEFAULT_FOLDER)),
+            None if self.force => RunFolder::named(default, true),
+            None => RunFolder::next(default),
         }
+    }
+
+    /// The run as these options describe it.
+    fn record(&self) -> anyhow::Result<RunRecord> {
+        let mut capture = self.capture.clone();
+        let demo = match &self.out {
+            _ if capture.capture.is_some() => None,
+            Some(out) => Some(out.join("capture")),
+            None => Some(PathBuf::from(DEMO_CAPTURE)),
+        };
+        let is_demo = demo.is_some();
+        capture.capture = capture.capture.or(demo);
+        let poses = match self.poses.clone().unwrap_or_default() {
+            StartPoses::File(path) => StartPoses::File(std::path::absolute(path)?),
+            other => other,
+        };
+        Ok(RunRecord {
+            capture: capture.absolute()?,
+            demo: is_demo,
+            split: self.split.clone().unwrap_or_else(|| DEFAULT_SPLIT.into()),
+            test_split: self.test_split.clone(),
+            poses: poses.to_string(),
+            preset: self.settings.preset().into(),
+            settings: self.settings()?,
+            ignore_checks: self.ignore_checks,
+        })
+    }
+
+    /// What to do in a folder; `None` if its run has ended.
+    fn plan(&self, folder: &RunFolder) -> anyhow::Result<Option<Plan>> {
+        let asked = self.record()?;
+        if !self.resume {
+            return Ok(Some(Plan { record: asked, resumed: false }));
+        }
+        let Some(record) = RunRecord::load(&folder.record())? else {
+            if folder.is_finished() {
+                return Ok(None);
+            }
+            say!("there is no run to go on with in {}: it begins", folder.path().display());
+            return Ok(Some(Plan { record: asked, resumed: false }));
+        };
+        let differs = |option: &str, then: String| {
+            anyhow!("{option}: the run in {} was started with {then}; leave the option out", folder.path().display())
+        };
+        if self.capture.capture.is_some() && asked.capture != record.capture {
+            let then = record.capture.capture.unwrap_or_default();
+            return Err(differs("--capture", format!("{} or other options of it", then.display())));
+        }
+        if self.split.is_some() && asked.split != record.split {
+            return Err(differs("--split", record.split));
+        }
+        if self.test_split.is_some() && asked.test_split != record.test_split {
+            return Err(differs("--test-split", record.test_split.unwrap_or_else(|| DEFAULT_TEST_SPLIT.into())));
+        }
+        if self.poses.is_some() && asked.poses != record.poses {
+            return Err(differs("--poses", record.poses));
+        }
+        if self.settings.any_given()
+            && let Some((key, then, now)) = record.settings.first_difference(&asked.settings)
+        {
+            bail!(
+                "--resume: the setting `{key}` was {then} when the run in {} began, and is {now} now; leave out the options \
+                 of settings",
+                folder.path().display()
+            );
+        }
+        Ok(Some(Plan { record, resumed: true }))
     }
 }
 
+/// The usual name of the split for training.
+const DEFAULT_SPLIT: &str = "train";
 /// The usual name of the split for evaluation.
 const DEFAULT_TEST_SPLIT: &str = "test";
+
+/// The command that makes the same run again.
+fn command(record: &RunRecord) -> String {
+    let RunRecord { capture, split, test_split, poses, preset, settings, .. } = record;
+    let mut command = format!("train --preset {preset}");
+    if let (false, Some(path)) = (record.demo, &capture.capture) {
+        command += &format!(" --capture {}", path.display());
+    }
+    let options = [("--split", Some(split), DEFAULT_SPLIT), ("--poses", Some(poses), "given")];
+    let named = [("--test-split", test_split.as_ref(), DEFAULT_TEST_SPLIT)];
+    for (option, value, default) in options.into_iter().chain(named) {
+        if let Some(value) = value.filter(|value| *value != default) {
+            command += &format!(" {option} {value}");
+        }
+    }
+    // What the preset does not say.
+    let start = Preset::by_name(preset).and_then(Preset::settings).unwrap_or_default().to_toml();
+    for line in settings.to_toml().lines().filter(|line| !start.lines().any(|other| other == *line)) {
+        command += &format!(" --set {}", line.replace(" = ", "=").replace('"', ""));
+    }
+    command
+}
 
 /// Trains, evaluates and writes the results to a folder.
 ///
@@ -91,27 +195,36 @@ const DEFAULT_TEST_SPLIT: &str = "test";
 /// An error that names the file, the option or the setting and its problem, or says why training has failed;
 /// [`Stopped`] if the user has stopped it.
 pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let settings = args.settings()?;
+    if args.settings.print_config {
+        print!("{}", args.settings()?.to_toml());
+        return Ok(());
+    }
+    args.settings()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = args.folder()?;
+    let Some(Plan { record, resumed }) = args.plan(&folder)? else {
+        say!("the run in {} has ended: there is nothing to go on with", folder.path().display());
+        return Ok(());
+    };
+    let settings = &record.settings;
     let interruption = Interruption::listen(STOPPED_BEFORE_TRAINING)?;
     interruption.remove_at_end(folder.leftovers());
 
-    let demo = match (&args.capture.capture, &args.out) {
-        (Some(_), _) => None,
-        (None, Some(out)) => Some(demo_capture(&mut gpu, out.join("capture"), &interruption)?),
-        (None, None) => Some(demo_capture(&mut gpu, PathBuf::from(DEMO_CAPTURE), &interruption)?),
-    };
-    let path = args.capture.capture.as_ref().or(demo.as_ref()).context("--capture: is missing")?;
+    let path = record.capture.capture.clone().context("--capture: is missing")?;
+    if record.demo {
+        demo_capture(&mut gpu, path.clone(), &interruption)?;
+    }
+    let path = &path;
     // A requested split that does not exist fails here, before training.
-    let needed: Vec<&str> = std::iter::once(&args.split).chain(&args.test_split).map(String::as_str).collect();
-    let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
-    let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
-    let start = args.poses.applied_to(&capture, &args.split)?;
-    check_before_training(&start, path, &args.split, test_split, args.ignore_checks)?;
-    let train_split = capture.split(&args.split)?.clone();
-    let trainer = Trainer::new(&gpu, &start, &args.split, &settings)?;
+    let needed: Vec<&str> = std::iter::once(&record.split).chain(&record.test_split).map(String::as_str).collect();
+    let capture = record.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
+    let test_split = record.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
+    let poses: StartPoses = record.poses.parse()?;
+    let start = poses.applied_to(&capture, &record.split)?;
+    check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
+    let train_split = capture.split(&record.split)?.clone();
+    let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?;
     let gaussians = trainer.gaussians();
     say!(
         "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
@@ -120,12 +233,39 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         train_split.views.len(),
         settings.iterations
     );
-    if settings.align == Align::Contours {
-        say!("aligning poses and the template's proportions with the masks first");
+    if resumed && let Some(checkpoint) = Checkpoints::latest(&folder.checkpoints())? {
+        trainer = trainer.resume(checkpoint)?;
+    }
+    if capture.splits.contains_key(test_split) {
+        trainer = trainer.watch(test_split)?;
+    }
+    match trainer.resumed_at() {
+        Some(iteration) => say!("going on after {iteration} iterations"),
+        None => {
+            folder.end(false);
+            record.save(&folder.record())?;
+            if settings.align == Align::Contours {
+                say!("aligning poses and the template's proportions with the masks first");
+            }
+        }
     }
     interruption.stop_first();
-    let trained = train(trainer.stop_when(interruption.stop()), settings.iterations)?;
-    let stopped_early = trained.iterations < settings.iterations;
+    let checkpoints = Checkpoints::new(&folder.checkpoints(), args.checkpoint_every, args.keep_checkpoints);
+    let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
+    let (trained, previews) = match train(trainer, settings.iterations, &folder.checkpoints()) {
+        Ok(result) => result,
+        Err(error) => {
+            if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {
+                folder.end(false);
+            }
+            return Err(match (error.downcast::<Stopped>(), folder.how_to_resume()) {
+                (Ok(Stopped(line)), Some(hint)) => Stopped(format!("{line}; {hint}")).into(),
+                (Ok(stopped), None) => stopped.into(),
+                (Err(error), _) => error,
+            });
+        }
+    };
+    let stopped_early = trained.stopped;
     let progress = format!("{} of {} iterations", trained.iterations, settings.iterations);
     if stopped_early {
         say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
@@ -133,10 +273,15 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
-    interruption.whole(|| -> anyhow::Result<()> {
-        trained.avatar.save(&avatar_path)?;
-        folder.remove_other_results()?;
-        save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
+    when_there_is_room(&avatar_path, || {
+        interruption.whole(|| -> anyhow::Result<()> {
+            trained.avatar.save(&avatar_path)?;
+            folder.remove_other_results()?;
+            let config = folder.file(CONFIG_FILE);
+            let written = write_atomically(&config, settings.to_toml().as_bytes());
+            written.with_context(|| format!("{}: cannot write", config.display()))?;
+            save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
+        })
     })?;
     interruption
         .end_with(format!("stopped before evaluation: the avatar after {progress} is {}", avatar_path.display()));
@@ -157,7 +302,10 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let (pose_error_deg, alignment) = pose_figures(&start, &train_split.frames, &trained);
     let metrics = Metrics {
         images,
-        poses: args.poses.to_string(),
+        preset: record.preset.clone(),
+        model: settings.model,
+        components: settings.components,
+        poses: record.poses.clone(),
         pose_error_deg,
         alignment,
         exposure: trained.exposure.clone(),
@@ -171,53 +319,46 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(alignment) => Some(alignment_picture(&start, &train_split, alignment)?),
         None => None,
     };
-    interruption.whole(|| -> anyhow::Result<()> {
-        outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
-        shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;
-        save_metrics(&metrics, &folder.file(METRICS_FILE))
+    let pictures = [
+        ("Truth, rendering, their difference four times as strong, and the floor", &shown),
+        ("The template's outlines before (red) and after the alignment", &outlines),
+    ];
+    let page = Page {
+        capture: path,
+        command: &command(&record),
+        settings,
+        metrics: &metrics,
+        curve: &trained.curve,
+        pictures: pictures.into_iter().filter_map(|(caption, picture)| Some((caption, picture.as_ref()?))).collect(),
+    };
+    when_there_is_room(&report_path, || {
+        interruption.whole(|| -> anyhow::Result<()> {
+            outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
+            shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;
+            write_live_files(folder.path(), &trained.curve, &previews)?;
+            write_report_page(&folder.file(PAGE_FILE), &page)?;
+            save_metrics(&metrics, &folder.file(METRICS_FILE))
+        })
     })?;
+    if !stopped_early {
+        folder.end(args.keep_checkpoints > 0);
+    }
     print_table(&metrics);
     say!("avatar: {}", avatar_path.display());
     if outlines.is_some() {
         say!("alignment: {}", folder.file(ALIGN_FILE).display());
     }
     match metrics.images {
-        Some(_) => say!("report: {}", report_path.display()),
+        Some(_) => say!("report: {}, {}", folder.file(PAGE_FILE).display(), report_path.display()),
         None => say!("no report: there are no images to evaluate in the split `{test_split}`"),
     }
-    match (stopped_early, failure(&metrics, &settings)) {
+    match (stopped_early, failure(&metrics, settings)) {
         (false, None) => Ok(()),
         (false, Some(failure)) => Err(anyhow!(failure)),
-        (true, None) => Err(Stopped(format!("stopped early, after {progress}: the avatar is saved")).into()),
-        (true, Some(failure)) => Err(Stopped(format!("stopped early, after {progress}: {failure}")).into()),
-    }
-}
-
-/// Lines of progress that a run prints without a terminal for a progress bar.
-const PROGRESS_LINES: u64 = 20;
-/// Longest time between two lines.
-const LONGEST_SILENCE: Duration = Duration::from_secs(30);
-
-fn train(trainer: Trainer, iterations: u64) -> anyhow::Result<Trained> {
-    let bar = ProgressBar::new(iterations);
-    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed} (left {eta})")?);
-    let start = Instant::now();
-    let (mut last_line, mut last_stage) = (start, 0);
-    let trained = trainer.train(|p| {
-        let loss = p.l1.map_or(String::new(), |l1| format!(" L1 {l1:.4}"));
-        let message = format!("stage {}{loss}", p.stage);
-        let due = p.iteration % (iterations / PROGRESS_LINES).max(1) == 0 || last_line.elapsed() > LONGEST_SILENCE;
-        if bar.is_hidden() && (due || p.stage != last_stage) {
-            say!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
-            last_line = Instant::now();
+        (true, failure) => {
+            let end = failure.unwrap_or_else(|| "the avatar is saved".into());
+            let hint = folder.how_to_resume().map_or(String::new(), |hint| format!("; {hint}"));
+            Err(Stopped(format!("stopped early, after {progress}: {end}{hint}")).into())
         }
-        last_stage = p.stage;
-        bar.set_position(p.iteration);
-        bar.set_message(message);
-    });
-    bar.finish_and_clear();
-    trained.map_err(|error| match error {
-        TrainError::Stopped { .. } => Stopped(error.to_string()).into(),
-        error => error.into(),
-    })
+    }
 }

@@ -228,8 +228,8 @@ pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_train::Evaluation;
     use ghand_train::metrics::ImageSimilarity;
+    use ghand_train::{Components, Evaluation, Model};
 
     use super::*;
 
@@ -239,6 +239,9 @@ mod tests {
         let images = ImageMetrics::new(Protocol::Given, "test", &evaluation);
         Metrics {
             images: Some(images),
+            preset: "standard".into(),
+            model: Model::Direct,
+            components: Components::Full,
             poses: "given".into(),
             pose_error_deg: None,
             alignment: None,

@@ -104,10 +104,13 @@ impl Interruption {
             Response::Stop => {
                 self.stop.store(true, Ordering::Relaxed);
                 eprintln!("{before}stopping after this iteration; press Ctrl-C again to end the program at once");
-                state.response = Response::End("stopped at once: nothing was saved".into());
+                state.response = Response::End("stopped at once".into());
             }
             Response::End(line) => {
-                eprintln!("{before}{line}");
+                match state.leftovers.as_ref().and_then(Leftovers::how_to_resume) {
+                    Some(hint) => eprintln!("{before}{line}; {hint}"),
+                    None => eprintln!("{before}{line}"),
+                }
                 if let Some(leftovers) = &state.leftovers {
                     leftovers.remove();
                 }

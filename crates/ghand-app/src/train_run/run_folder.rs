@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
+use ghand_train::checkpoints::{has_checkpoints, remove_checkpoints};
 
 use crate::say;
 use crate::train_run::folder_lock::{Attempt, FolderLock};
+use crate::train_run::live_files::{CURVES_PLOT, CURVES_TABLE, PREVIEW};
 
 /// The default folder of `train`, relative to the current folder. Later runs go to `out/train-2` and so on.
 pub const DEFAULT_FOLDER: &str = "out/train";
@@ -23,9 +25,29 @@ pub const ALIGN_FILE: &str = "align.png";
 pub const CLEANLINESS_FILE: &str = "cleanliness.json";
 /// The picture of the pose library, in an evaluation's folder.
 pub const CLEANLINESS_SHEET: &str = "cleanliness.png";
+/// The settings of a run, in its folder; `train --config` takes them.
+pub const CONFIG_FILE: &str = "config.toml";
+/// A run on one page.
+pub const PAGE_FILE: &str = "report.html";
 /// All results of a run or an evaluation.
-const RESULTS: [&str; 7] =
-    [AVATAR_FILE, POSES_FILE, METRICS_FILE, REPORT_FILE, ALIGN_FILE, CLEANLINESS_FILE, CLEANLINESS_SHEET];
+const RESULTS: [&str; 12] = [
+    AVATAR_FILE,
+    CONFIG_FILE,
+    POSES_FILE,
+    METRICS_FILE,
+    REPORT_FILE,
+    PAGE_FILE,
+    ALIGN_FILE,
+    CURVES_TABLE,
+    CURVES_PLOT,
+    PREVIEW,
+    CLEANLINESS_FILE,
+    CLEANLINESS_SHEET,
+];
+/// The folder in a run's folder that has what an interrupted run needs to go on.
+const CHECKPOINTS: &str = "checkpoints";
+/// How a run was started, in that folder. Without it there is nothing to go on with.
+const RECORD_FILE: &str = "run.json";
 /// Number of folders that are tried after the default one.
 const MOST_FOLDERS: usize = 100_000;
 
@@ -40,15 +62,25 @@ pub struct RunFolder {
 /// What a run makes besides its results.
 #[derive(Debug, Clone)]
 pub struct Leftovers {
+    folder: PathBuf,
     lock: PathBuf,
     /// Folders that did not exist before, the innermost first.
     made: Vec<PathBuf>,
 }
 
 impl Leftovers {
-    /// Removes the lock's file, and the folders that were made for this run if they are empty.
+    /// How to go on with the run, if it has a checkpoint.
+    pub fn how_to_resume(&self) -> Option<String> {
+        is_interrupted(&self.folder).then(|| format!("go on with `train --resume --out {}`", self.folder.display()))
+    }
+
+    /// Removes the lock's file, the record of a run without checkpoints, and the folders that were made for this run if
+    /// they are empty.
     pub fn remove(&self) {
         // Anything that cannot be removed does no harm.
+        if !is_interrupted(&self.folder) {
+            clear(&self.folder.join(CHECKPOINTS), true);
+        }
         let _ = std::fs::remove_file(&self.lock);
         self.made.iter().for_each(|folder| {
             let _ = std::fs::remove_dir(folder);
@@ -71,6 +103,10 @@ impl RunFolder {
     /// it cannot be made.
     pub fn named(path: &Path, force: bool) -> anyhow::Result<RunFolder> {
         let refuse = || match result_in(path).filter(|_| !force) {
+            _ if is_interrupted(path) && !force => bail!(
+                "{}: has an interrupted run; go on with it with --resume, choose another --out, or replace it with --force",
+                path.display()
+            ),
             Some(file) => bail!(
                 "{}: belongs to an earlier run; choose another --out, or replace its results with --force",
                 file.display()
@@ -91,6 +127,21 @@ impl RunFolder {
         }
     }
 
+    /// The folder of a run to go on with: the one that a user named, else the newest interrupted one of `base`, `base-2`
+    /// and so on, else `base`.
+    ///
+    /// # Errors
+    /// As [`RunFolder::named`], but results may be there.
+    pub fn resumed(named: Option<&Path>, base: &Path) -> anyhow::Result<RunFolder> {
+        let numbered = |number: usize| if number == 1 { base.to_owned() } else { numbered(base, number) };
+        let interrupted =
+            (1..=MOST_FOLDERS).map(numbered).take_while(|path| path.exists()).filter(|path| is_interrupted(path));
+        let path = named.map(Path::to_owned).or_else(|| interrupted.last()).unwrap_or_else(|| base.to_owned());
+        RunFolder::claim(&path)?.map_err(|holder| {
+            anyhow!("{}: another run is writing into this folder ({holder}); wait until it ends", path.display())
+        })
+    }
+
     /// The first of `base`, `base-2`, `base-3`, ... without results of an earlier run and without a run in progress.
     ///
     /// # Errors
@@ -98,7 +149,7 @@ impl RunFolder {
     pub fn next(base: &Path) -> anyhow::Result<RunFolder> {
         for number in 1..=MOST_FOLDERS {
             let path = if number == 1 { base.to_owned() } else { numbered(base, number) };
-            if result_in(&path).is_some() {
+            if result_in(&path).is_some() || is_interrupted(&path) {
                 continue;
             }
             match RunFolder::claim(&path)? {
@@ -123,7 +174,7 @@ impl RunFolder {
         let made = missing.map(Path::to_owned).collect();
         std::fs::create_dir_all(path)
             .with_context(|| format!("{}: cannot create the output folder", path.display()))?;
-        let leftovers = Leftovers { lock: FolderLock::file(path), made };
+        let leftovers = Leftovers { folder: path.into(), lock: FolderLock::file(path), made };
         Ok(match FolderLock::attempt(path) {
             Ok(Attempt::Locked(lock)) => Ok(RunFolder { path: path.into(), leftovers, _lock: lock }),
             Ok(Attempt::Taken(holder)) => Err(holder),
@@ -149,6 +200,31 @@ impl RunFolder {
         self.path.join(name)
     }
 
+    /// The folder of the run's checkpoints, and of all else that shows an unfinished run.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.path.join(CHECKPOINTS)
+    }
+
+    /// The file that says how the run was started.
+    pub fn record(&self) -> PathBuf {
+        self.checkpoints().join(RECORD_FILE)
+    }
+
+    /// Removes checkpoints and record: there is nothing to go on with. With `keep` the checkpoints stay.
+    pub fn end(&self, keep: bool) {
+        clear(&self.checkpoints(), keep);
+    }
+
+    /// Whether a run has ended here.
+    pub fn is_finished(&self) -> bool {
+        self.file(METRICS_FILE).exists() && !self.record().exists()
+    }
+
+    /// How to go on with the run, if it has a checkpoint.
+    pub fn how_to_resume(&self) -> Option<String> {
+        self.leftovers.how_to_resume()
+    }
+
     /// Removes all results except the avatar, because those of an earlier run would look like this one's.
     ///
     /// # Errors
@@ -167,9 +243,28 @@ impl RunFolder {
     }
 }
 
+/// Removes what a run that has ended leaves in its folder of checkpoints, and the folder if it is then empty. With
+/// `keep_checkpoints` these stay.
+fn clear(checkpoints: &Path, keep_checkpoints: bool) {
+    // What cannot be removed does no harm.
+    for name in [RECORD_FILE, CURVES_TABLE, CURVES_PLOT, PREVIEW] {
+        let _ = std::fs::remove_file(checkpoints.join(name));
+    }
+    if !keep_checkpoints {
+        remove_checkpoints(checkpoints);
+    }
+    let _ = std::fs::remove_dir(checkpoints);
+}
+
 /// The first result of a run that is in a folder.
 fn result_in(folder: &Path) -> Option<PathBuf> {
     RESULTS.iter().map(|name| folder.join(name)).find(|file| file.symlink_metadata().is_ok())
+}
+
+/// Whether a folder has a run that can go on.
+fn is_interrupted(folder: &Path) -> bool {
+    let checkpoints = folder.join(CHECKPOINTS);
+    checkpoints.join(RECORD_FILE).exists() && has_checkpoints(&checkpoints)
 }
 
 /// `out/train` with `2` is `out/train-2`.

@@ -11,6 +11,20 @@ use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::synthetic_scene::make_capture;
 
+/// What a run of `train` leaves in its folder.
+pub const RESULTS: [&str; 10] = [
+    "align.png",
+    "avatar.ghand",
+    "config.toml",
+    "curves.csv",
+    "curves.png",
+    "metrics.json",
+    "poses.json",
+    "preview.png",
+    "report.html",
+    "report.png",
+];
+
 /// Runs a program in a folder, without a display.
 pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
     run_in(program, folder, arguments, &[])

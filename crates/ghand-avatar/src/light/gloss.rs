@@ -4,11 +4,12 @@ use ghand_core::HandModel;
 use ghand_core::light::mirrored;
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Light, Parts};
 
 /// The gloss of a hand's skin.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Gloss {
     /// Roughness of the surface, above 0 and at most 1.
     pub roughness: f64,

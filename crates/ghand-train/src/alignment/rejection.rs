@@ -1,11 +1,12 @@
 //! When an alignment cannot be right.
 
 use ghand_core::HandModel;
+use serde::{Deserialize, Serialize};
 
 use super::MaskFit;
 
 /// Why an alignment is not used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
 pub enum Rejection {
     /// There is nothing to align with.
     #[error("no mask shows the outline of the hand near that of the template")]

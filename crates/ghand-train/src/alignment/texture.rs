@@ -20,6 +20,7 @@ use ghand_core::posing::pose_hand;
 use ghand_core::{InvalidHandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::frame::{Rig, VertexMotion};
 use super::proportions::Shaped;
@@ -38,7 +39,7 @@ const HELD_OUT: usize = 4;
 const LEAST_IMAGES: usize = 3;
 
 /// How a refinement by texture went.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TextureRefinement {
     /// The poses before it, by contours alone.
     pub contour_poses: Vec<Pose>,

@@ -7,6 +7,7 @@ use ghand_core::light::linear;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::held_out;
 use super::least_squares::{non_negative, steepness};
@@ -29,7 +30,7 @@ const ROUNDS: usize = 4;
 pub(super) type ImageGloss = Vec<Vec<Vec<[f32; 3]>>>;
 
 /// The gloss found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GlossFit {
     /// The gloss.
     pub gloss: Gloss,

@@ -1,14 +1,15 @@
 //! The `direct` model on the device, host part of `pose_response.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use ghand_render::deform::{Deformation, DeformationBackward, JointSums};
+use ghand_core::skinning::ResidualSupport;
+use ghand_render::deform::{Deformation, DeformationBackward, JointSums, LocalWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
-use crate::properties::{PropertyModel, PropertyRates, PropertyTables};
-use crate::template::{AvatarConfig, Template};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState, state_part};
+use crate::template::{AvatarConfig, FEATURES, Offsets, Template};
 
 /// See `shaders/pose_response.wgsl`.
 #[repr(C)]
@@ -48,10 +49,14 @@ struct Training {
     color_sums: JointSums,
     response_backward: Bound,
     adam: [AdamTable; 5],
+    /// Of the gradient of the residual weights, and of these after an update.
+    local_weights: Option<[LocalWeights; 2]>,
 }
 
 /// Parts of the appearance table with separate learning rates: scale, base colour, components.
 const APPEARANCE_SLOTS: usize = 3;
+/// Parts of the response with separate learning rates: biases and gains of coefficients and of colours.
+const RESPONSE_SLOTS: usize = 4;
 
 impl DirectModel {
     /// Puts tables on the device; they fill the properties of `deformation`.
@@ -143,8 +148,8 @@ impl PropertyModel for DirectModel {
     ) -> Result<(), RenderError> {
         let lengths = self.lengths();
         let what = format!("the gradients of an avatar of {} Gaussians", self.count);
-        let (gradients, respond_backward, coefficient_sums, color_sums, response_backward) =
-            gpu.scoped(&what, || {
+        let (gradients, respond_backward, coefficient_sums, color_sums, response_backward, local_weights) = gpu
+            .scoped(&what, || {
                 let d = backward.gradients();
                 let gradients = [
                     d.shape_basis.clone(),
@@ -174,14 +179,24 @@ impl PropertyModel for DirectModel {
                 ]);
                 let respond_backward = module.stage(gpu, "respond_backward", &[]).bind(gpu, &all);
                 let response_backward = module.stage(gpu, "response_backward", &[]).bind(gpu, &all);
-                (gradients, respond_backward, coefficient_sums, color_sums, response_backward)
+                let local = |values| LocalWeights::new(gpu, deformation.weights(), values, self.joints, self.count);
+                let is_local = self.config.residual_support == ResidualSupport::Local;
+                let local_weights = is_local.then(|| [&gradients[1], &self.tables[1]].map(local));
+                (gradients, respond_backward, coefficient_sums, color_sums, response_backward, local_weights)
             })?;
         let adam = Adam::new(gpu)?;
         let table =
             |i: usize, slots| adam.table(gpu, &self.tables[i], &gradients[i], lengths[i], slots, Grouping::Scalars);
-        let adam = [table(0, 1)?, table(1, 1)?, table(2, 1)?, table(3, APPEARANCE_SLOTS)?, table(4, 1)?];
-        self.training =
-            Some(Training { gradients, respond_backward, coefficient_sums, color_sums, response_backward, adam });
+        let adam = [table(0, 1)?, table(1, 1)?, table(2, 1)?, table(3, APPEARANCE_SLOTS)?, table(4, RESPONSE_SLOTS)?];
+        self.training = Some(Training {
+            gradients,
+            respond_backward,
+            coefficient_sums,
+            color_sums,
+            response_backward,
+            adam,
+            local_weights,
+        });
         Ok(())
     }
 
@@ -214,6 +229,11 @@ impl PropertyModel for DirectModel {
         let (n, lengths) = (self.count, self.lengths());
         let mut pass = compute_pass(encoder, "update");
         // Rows of the appearance table: scale, base colour (3), components.
+        // Rows of the response: biases, gains; each of coefficients, then of colours.
+        let (rows, channels) = (self.config.coefficient_rows(), self.config.channels());
+        let gains = channels + rows * self.joints * FEATURES;
+        // Free offsets are linear in the joints' rotations as these are.
+        let of_coefficients = if self.config.offsets == Offsets::Free { 0.0 } else { rates.response };
         let ranges = [
             (0, 0, 0..lengths[0], rates.shape_basis),
             (1, 0, 0..lengths[1], rates.residual_weights),
@@ -221,14 +241,20 @@ impl PropertyModel for DirectModel {
             (3, 0, 0..n, rates.scale),
             (3, 1, n..APPEARANCE_ROWS * n, rates.color),
             (3, 2, APPEARANCE_ROWS * n..lengths[3], rates.color_components),
-            (4, 0, 0..lengths[4], rates.response),
+            (4, 0, 0..rows, of_coefficients),
+            (4, 1, rows..channels, rates.response),
+            (4, 2, channels..gains, of_coefficients),
+            (4, 3, gains..lengths[4], rates.response),
         ];
+        let local = training.local_weights.as_ref().filter(|_| rates.residual_weights > 0.0);
+        local.into_iter().for_each(|[gradient, _]| gradient.encode(&mut pass));
         for (table, slot, range, rate) in ranges {
             if rate > 0.0 && !range.is_empty() {
                 let start = range.start;
                 training.adam[table].encode(gpu, &mut pass, slot, &AdamUniforms::new(range, start, rate, rates.step));
             }
         }
+        local.into_iter().for_each(|[_, weights]| weights.encode(&mut pass));
         Ok(())
     }
 
@@ -248,12 +274,40 @@ impl PropertyModel for DirectModel {
         buffers::read(gpu, &self.tables[4], self.lengths()[4])
     }
 
+    fn training_state(&self, gpu: &Gpu) -> Result<TrainingState, RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        let mut state = vec![];
+        for (k, name) in NAMES.into_iter().enumerate() {
+            state.push((name.to_owned(), buffers::read(gpu, &self.tables[k], self.lengths()[k])?));
+            state.push((moments_of(name), training.adam[k].read_moments(gpu)?));
+        }
+        Ok(state)
+    }
+
+    fn set_training_state(&mut self, gpu: &Gpu, state: &TrainingState) -> Result<(), RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        for (k, name) in NAMES.into_iter().enumerate() {
+            let length = self.lengths()[k];
+            let [values, moments] =
+                [state_part(state, name, length)?, state_part(state, &moments_of(name), 2 * length)?];
+            gpu.queue.write_buffer(&self.tables[k], 0, bytemuck::cast_slice(values));
+            gpu.queue.write_buffer(&training.adam[k].moments, 0, bytemuck::cast_slice(moments));
+        }
+        Ok(())
+    }
+
     fn parameter_gradients(&mut self, gpu: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
-        let names = ["shape_basis", "residual_weights", "skeleton_regressor", "appearance", "response"];
-        let read = |i: usize| Ok((names[i].to_owned(), buffers::read(gpu, &training.gradients[i], self.lengths()[i])?));
-        (0..names.len()).map(read).collect()
+        let read = |i: usize| Ok((NAMES[i].to_owned(), buffers::read(gpu, &training.gradients[i], self.lengths()[i])?));
+        (0..NAMES.len()).map(read).collect()
     }
+}
+
+/// Names of the learned tables in avatar files.
+const NAMES: [&str; 5] = ["shape_basis", "residual_weights", "skeleton_regressor", "appearance", "response"];
+
+fn moments_of(name: &str) -> String {
+    format!("{name}.moments")
 }
 
 fn not_prepared() -> RenderError {

@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 
 use crate::properties::{PropertyStart, PropertyTables};
-use crate::template::{AvatarConfig, Template};
+use crate::template::{AvatarConfig, FEATURES, Offsets, Template};
 
 /// Rows of the appearance table before the colour components: scale logit and base colour.
 pub(super) const APPEARANCE_ROWS: usize = 4;
@@ -94,6 +94,16 @@ impl DirectTables {
         // The first basis has a coefficient of 1 in each row.
         let rows = config.coefficients.rows().min(config.coefficient_rows());
         response.iter_mut().take(rows).for_each(|bias| *bias = 1.0);
+        if config.offsets == Offsets::Free {
+            shape_basis[3 * count..].fill(0.0);
+            // Basis 1 + f responds to entry f of every joint's vec(R_k - I), and nothing else.
+            let gains = &mut response[config.channels()..];
+            for feature in 0..FEATURES.min(config.coefficient_rows().saturating_sub(1)) {
+                for joint in 0..joints {
+                    gains[((1 + feature) * joints + joint) * FEATURES + feature] = 1.0;
+                }
+            }
+        }
         DirectTables {
             shape_basis,
             residual_weights: vec![0.0; lengths[1]],

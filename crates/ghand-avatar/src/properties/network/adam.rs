@@ -15,6 +15,18 @@ impl NetworkAdam {
         NetworkAdam { moments: vec![None; count] }
     }
 
+    /// Both moments of a parameter, none before its first gradient.
+    pub fn moments(&self, index: usize) -> impl Iterator<Item = &Tensor<1>> {
+        self.moments.get(index).into_iter().flatten().flatten()
+    }
+
+    /// Goes on from other moments of a parameter.
+    pub fn set_moments(&mut self, index: usize, moments: Option<[Tensor<1>; 2]>) {
+        if let Some(slot) = self.moments.get_mut(index) {
+            *slot = moments;
+        }
+    }
+
     /// A parameter after step number `step`, from 1.
     pub fn updated(
         &mut self,

@@ -2,6 +2,7 @@
 
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::HandModel;
+use ghand_core::skinning::ResidualSupport;
 use ghand_render::deform::{Deformation, DeformationBackward, Properties};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
@@ -13,7 +14,7 @@ use super::parameters::{Parameter, Part};
 use super::position_map::{FeatureSampler, PositionMap, gaussian_uvs};
 use super::sizes::Normalization;
 use super::tables::{LOGIT_ROWS, NetworkTables};
-use crate::properties::{PropertyModel, PropertyRates, PropertyTables};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState, state_part};
 use crate::template::{AvatarConfig, Template};
 
 /// How fast the running means of batch normalisation follow the poses.
@@ -53,6 +54,10 @@ struct Training {
     parameter_gradients: Vec<Option<Tensor<1>>>,
     adam: NetworkAdam,
 }
+
+/// The parts of a training state, after a parameter's name or a normalisation's.
+const MOMENTS: [&str; 2] = ["first_moment", "second_moment"];
+const NORMS: [&str; 2] = ["mean", "variance"];
 
 /// Number of properties.
 const PROPERTIES: usize = 6;
@@ -115,6 +120,10 @@ impl NetworkModel {
             shape_basis: table(&tables.base_shape_basis, 3 * tables.properties.bases, &device),
             logits: table(&tables.base_logits, LOGIT_ROWS, &device),
             max_scale: template.max_scale(),
+            support: (config.residual_support == ResidualSupport::Local).then(|| {
+                let support: Vec<f32> = template.weights.iter().map(|w| if *w > 0.0 { 1.0 } else { 0.0 }).collect();
+                table(&support, template.joint_count(), &device)
+            }),
         };
         Ok(NetworkModel {
             networks,
@@ -325,6 +334,48 @@ impl PropertyModel for NetworkModel {
         let biases = self.list.iter().zip(&self.parameters).filter(|(p, _)| p.name.ends_with(".bias"));
         let read: Result<Vec<_>, _> = biases.map(|(_, tensor)| values(tensor.clone())).collect();
         Ok(read?.concat())
+    }
+
+    fn training_state(&self, _: &Gpu) -> Result<TrainingState, RenderError> {
+        let Some(training) = &self.training else { return Err(not_prepared()) };
+        let mut state = vec![];
+        for (index, (parameter, of)) in self.list.iter().zip(&self.parameters).enumerate() {
+            state.push((parameter.name.clone(), values(of.clone())?));
+            for (moment, of) in MOMENTS.into_iter().zip(training.adam.moments(index)) {
+                state.push((format!("{}.{moment}", parameter.name), values(of.clone())?));
+            }
+        }
+        for (index, norms) in self.running_norms.iter().enumerate() {
+            for (statistic, of) in NORMS.into_iter().zip(norms) {
+                state.push((format!("norm.{index}.{statistic}"), values(of.clone())?));
+            }
+        }
+        Ok(state)
+    }
+
+    fn set_training_state(&mut self, _: &Gpu, state: &TrainingState) -> Result<(), RenderError> {
+        let Some(training) = &mut self.training else { return Err(not_prepared()) };
+        let device = &self.device;
+        for (index, (parameter, slot)) in self.list.iter().zip(&mut self.parameters).enumerate() {
+            let part = |name: &str| Ok::<_, RenderError>(flat(state_part(state, name, parameter.len())?, device));
+            *slot = part(&parameter.name)?;
+            let [first, second] = MOMENTS.map(|moment| format!("{}.{moment}", parameter.name));
+            // A parameter that has had no gradient has no moments.
+            let has_moments = state.iter().any(|(name, _)| *name == first);
+            let moments = if has_moments { Some([part(&first)?, part(&second)?]) } else { None };
+            training.adam.set_moments(index, moments);
+        }
+        for (index, norms) in self.running_norms.iter_mut().enumerate() {
+            for (statistic, slot) in NORMS.into_iter().zip(norms) {
+                *slot = flat(state_part(state, &format!("norm.{index}.{statistic}"), slot.dims()[0])?, device);
+            }
+        }
+        training.tape = None;
+        training.property_gradients = None;
+        training.parameter_gradients.fill(None);
+        self.canonical = None;
+        self.current = None;
+        Ok(())
     }
 
     fn parameter_gradients(&mut self, _: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {

@@ -3,12 +3,12 @@
 use ghand_render::deform::PropertySizes;
 use rand::SeedableRng;
 
-use super::networks::Networks;
+use super::networks::{Networks, OFFSET_GAIN};
 use super::parameters::ParameterList;
 use super::sizes::{NetworkSizes, Normalization};
 use crate::properties::PropertyStart;
 use crate::properties::direct::{DirectTables, set_color_logits};
-use crate::template::{AvatarConfig, Template};
+use crate::template::{AvatarConfig, Offsets, Template};
 
 /// The learned parameters of a network avatar, in the order of the networks' list; row-major.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,11 @@ impl NetworkTables {
         sizes: &NetworkSizes,
         start: &PropertyStart<'_>,
     ) -> NetworkTables {
-        let DirectTables { shape_basis, mut appearance, .. } = DirectTables::untrained(template, config, start);
+        let DirectTables { mut shape_basis, mut appearance, .. } = DirectTables::untrained(template, config, start);
+        if config.offsets == Offsets::Free {
+            // The coefficients of the second basis are the offset.
+            shape_basis[3 * template.len()..].fill(OFFSET_GAIN as f32);
+        }
         appearance.truncate(LOGIT_ROWS * template.len());
         let properties = property_sizes(template, config);
         let (_, list) = Networks::new(sizes, properties);

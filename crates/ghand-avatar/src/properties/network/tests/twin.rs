@@ -1,5 +1,6 @@
 //! The networks once more, in f64 with plain loops.
 
+use ghand_core::skinning::make_local;
 use glam::DVec2;
 
 use super::NetworkSizes;
@@ -20,6 +21,7 @@ pub struct Twin {
     pub base_shape_basis: Vec<f64>,
     pub base_logits: Vec<f64>,
     pub max_scale: f64,
+    pub support: Vec<f64>,
     pub coefficient_rows: usize,
 }
 
@@ -220,6 +222,9 @@ impl Twin {
         }
         assert_eq!(rows[2][0].len(), self.coefficient_rows);
         // Points to rows.
-        rows.map(|points| (0..points[0].len()).flat_map(|r| points.iter().map(move |p| p[r])).collect())
+        let mut outputs: Outputs =
+            rows.map(|points| (0..points[0].len()).flat_map(|r| points.iter().map(move |p| p[r])).collect());
+        make_local(&self.support, &mut outputs[1], count);
+        outputs
     }
 }

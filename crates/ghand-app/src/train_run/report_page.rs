@@ -1,0 +1,150 @@
+//! `report.html`: a run on one page, without any other file.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use anyhow::Context;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use ghand_files::atomic_file::write_atomically;
+use ghand_train::evaluate::{Metrics, SimilarityMetrics};
+use ghand_train::{CurvePoint, TrainSettings};
+use image::{ImageFormat, RgbImage};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::live_files::line_plots;
+
+/// What the page shows.
+pub struct Page<'a> {
+    /// Where the capture is.
+    pub capture: &'a Path,
+    /// The command that made the run.
+    pub command: &'a str,
+    /// The settings.
+    pub settings: &'a TrainSettings,
+    /// The figures.
+    pub metrics: &'a Metrics,
+    /// The loss over the run.
+    pub curve: &'a [CurvePoint],
+    /// Pictures with their captions.
+    pub pictures: Vec<(&'static str, &'a RgbImage)>,
+}
+
+const STYLE: &str = "
+:root { color-scheme: light dark; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-weight: 600; } h2 { font-weight: 600; margin-top: 2.5rem; }
+table { border-collapse: collapse; } th, td { padding: .3rem .9rem; text-align: right; border-bottom: 1px solid #8884; }
+th:first-child, td:first-child { text-align: left; }
+pre { background: #8882; padding: .8rem 1rem; overflow-x: auto; border-radius: 6px; }
+img, svg { max-width: 100%; height: auto; border-radius: 6px; }
+figure { margin: 1.5rem 0; } figcaption { opacity: .75; font-size: .9rem; }
+.plots { display: grid; gap: 1rem; } .plots svg { background: white; }
+";
+
+/// Writes the page.
+///
+/// # Errors
+/// An error that names the file if it cannot be written, or the plot that cannot be drawn.
+pub fn write_report_page(path: &Path, page: &Page) -> anyhow::Result<()> {
+    let text = page.markup()?.into_string();
+    write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
+}
+
+impl Page<'_> {
+    fn markup(&self) -> anyhow::Result<Markup> {
+        let plots: Vec<String> = line_plots(self.curve).iter().map(|plot| plot.to_svg()).collect::<Result<_, _>>()?;
+        let pictures: Vec<(&str, String)> = self
+            .pictures
+            .iter()
+            .map(|(caption, picture)| Ok((*caption, data_url(picture)?)))
+            .collect::<anyhow::Result<_>>()?;
+        let m = self.metrics;
+        let name = self.capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let changed = self.changed();
+        Ok(html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    title { "ghand: " (name) }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    h1 { "Avatar of " (name) }
+                    p {
+                        (m.gaussians) " Gaussians, model " code { (word(&m.model)) } ", components " code { (word(&m.components)) }
+                        "; " (m.iterations) " iterations in " (format!("{:.0} s", m.seconds))
+                        @if m.stopped_early { " (stopped early)" }
+                        "."
+                    }
+                    @if let Some(images) = &m.images {
+                        h2 { "Images that training did not see" }
+                        p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
+                        table {
+                            tr { th { "" } th { "PSNR, dB" } th { "on the hand, dB" } th { "SSIM" } th { "FLIP" } }
+                            (row("floor: the textured template", &images.floor))
+                            (row("avatar", &images.avatar))
+                        }
+                    }
+                    h2 { "Training" }
+                    div.plots { @for plot in &plots { (PreEscaped(plot)) } }
+                    @if let Some(error) = &m.pose_error_deg {
+                        p { (format!("Pose error {:.2} degrees before, {:.2} after.", error.before, error.after)) }
+                    }
+                    @for (caption, picture) in &pictures {
+                        figure { img src=(picture) alt=(caption); figcaption { (caption) } }
+                    }
+                    h2 { "How it was made" }
+                    pre { (self.command) }
+                    p { "Capture: " code { (self.capture.display().to_string()) } "; preset " code { (m.preset) } "; ghand " (env!("CARGO_PKG_VERSION")) "." }
+                    @if changed.is_empty() { p { "All settings are the defaults." } } @else {
+                        p { "Settings other than the defaults:" }
+                        table {
+                            tr { th { "setting" } th { "value" } th { "default" } }
+                            @for [key, value, default] in &changed { tr { td { code { (key) } } td { (value) } td { (default) } } }
+                        }
+                    }
+                    details { summary { "All settings" } pre { (self.settings.to_toml()) } }
+                }
+            }
+        })
+    }
+
+    /// Settings that are not the defaults, with these.
+    fn changed(&self) -> Vec<[String; 3]> {
+        let lines = |settings: &TrainSettings| settings.to_toml().lines().map(str::to_owned).collect::<Vec<_>>();
+        let split = |line: &str| line.split_once(" = ").map(|(key, value)| [key.to_owned(), value.to_owned()]);
+        let pairs = lines(self.settings).into_iter().zip(lines(&TrainSettings::default()));
+        let different = pairs.filter(|(here, default)| here != default);
+        different
+            .filter_map(|(here, default)| {
+                let ([key, value], [_, default]) = (split(&here)?, split(&default)?);
+                Some([key, value, default])
+            })
+            .collect()
+    }
+}
+
+fn word(value: &impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+fn row(name: &str, m: &SimilarityMetrics) -> Markup {
+    html! {
+        tr {
+            td { (name) }
+            td { (format!("{:.2}", m.psnr)) }
+            td { (format!("{:.2}", m.psnr_hand)) }
+            td { (format!("{:.4}", m.ssim)) }
+            td { (format!("{:.4}", m.flip)) }
+        }
+    }
+}
+
+fn data_url(picture: &RgbImage) -> anyhow::Result<String> {
+    let mut bytes = Cursor::new(vec![]);
+    picture.write_to(&mut bytes, ImageFormat::Png)?;
+    Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes.into_inner())))
+}

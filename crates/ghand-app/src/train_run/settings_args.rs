@@ -1,0 +1,76 @@
+//! Options that choose the settings of a run.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use ghand_files::input_file;
+use ghand_train::presets::{DEFAULT_PRESET, Preset};
+use ghand_train::{Align, TrainSettings};
+
+/// Settings: a preset's, then those of a file, then single ones.
+#[derive(Debug, Clone, Args)]
+pub struct SettingsArgs {
+    /// Settings to start from: `quick`, `standard` or `paper` [default: standard]
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
+    /// TOML file of settings, which change the preset's; as --print-config prints them
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Change a setting, such as iterations=6000; may be given several times. A wrong name lists all settings.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of all random numbers; the same seed on the same device gives the same avatar, byte for byte.
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    seed: Option<String>,
+    /// Longest time for training, such as 10m: rates then fall with time, and the run ends with it
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    max_time: Option<Duration>,
+    /// Print all settings as TOML, and do not train
+    #[arg(long)]
+    pub print_config: bool,
+}
+
+/// Largest file of settings, bytes.
+const LARGEST_CONFIG: u64 = 1 << 20;
+
+impl SettingsArgs {
+    /// Whether any of these options is given.
+    pub fn any_given(&self) -> bool {
+        let given = [self.preset.is_some(), self.config.is_some(), !self.set.is_empty(), self.seed.is_some()];
+        given.contains(&true) || self.max_time.is_some()
+    }
+
+    /// Name of the preset.
+    pub fn preset(&self) -> &str {
+        self.preset.as_deref().unwrap_or(DEFAULT_PRESET)
+    }
+
+    /// The settings. Those of `align` may be chosen by how the run starts, unless file or options say so.
+    ///
+    /// # Errors
+    /// An error that names the file, the setting and what is allowed.
+    pub fn settings(&self, align: Option<Align>) -> anyhow::Result<TrainSettings> {
+        let mut settings =
+            Preset::by_name(self.preset()).map_err(|e| anyhow!("--preset: {}", e.problem))?.settings()?;
+        settings.align = align.unwrap_or(settings.align);
+        if let Some(path) = &self.config {
+            let name = path.display();
+            let bytes = input_file::read(path, LARGEST_CONFIG).with_context(|| format!("{name}: cannot be read"))?;
+            let bytes = bytes.ok_or_else(|| anyhow!("{name}: is too large for a file of settings"))?;
+            let text = String::from_utf8(bytes).map_err(|_| anyhow!("{name}: is not text"))?;
+            settings.set_all(&text).map_err(|error| anyhow!("{name}: {error}"))?;
+        }
+        for assignment in &self.set {
+            settings.set(assignment)?;
+        }
+        if let Some(seed) = &self.seed {
+            settings.set(&format!("seed={seed}"))?;
+        }
+        if let Some(time) = self.max_time {
+            settings.max_seconds = time.as_secs_f64();
+        }
+        Ok(settings)
+    }
+}

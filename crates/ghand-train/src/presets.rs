@@ -1,0 +1,125 @@
+//! Settings in TOML: the presets, and files of one's own.
+
+use serde_json::Value;
+
+use crate::settings::{SettingsError, TrainSettings};
+
+/// A set of settings that comes with ghand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Preset {
+    /// Its name.
+    pub name: &'static str,
+    toml: &'static str,
+}
+
+/// All presets; what a preset does not mention is as in the second, the defaults.
+pub const PRESETS: [Preset; 3] = [
+    Preset { name: "quick", toml: include_str!("../presets/quick.toml") },
+    Preset { name: "standard", toml: include_str!("../presets/standard.toml") },
+    Preset { name: "paper", toml: include_str!("../presets/paper.toml") },
+];
+
+/// The preset of runs that name none.
+pub const DEFAULT_PRESET: &str = "standard";
+
+impl Preset {
+    /// The preset of that name.
+    ///
+    /// # Errors
+    /// [`SettingsError`] with the names that there are.
+    pub fn by_name(name: &str) -> Result<Preset, SettingsError> {
+        let names = || PRESETS.map(|preset| format!("`{}`", preset.name)).join(" or ");
+        let unknown = || SettingsError { setting: "preset".into(), problem: format!("must be {}", names()) };
+        PRESETS.into_iter().find(|preset| preset.name == name).ok_or_else(unknown)
+    }
+
+    /// Its settings.
+    ///
+    /// # Errors
+    /// [`SettingsError`] if the preset is wrong, which a test excludes.
+    pub fn settings(self) -> Result<TrainSettings, SettingsError> {
+        let mut settings = TrainSettings::default();
+        settings.set_all(self.toml)?;
+        Ok(settings)
+    }
+}
+
+impl TrainSettings {
+    /// Applies settings in TOML, `key = value` on each line. If that fails, the settings are unchanged.
+    ///
+    /// # Errors
+    /// [`SettingsError`] if it is not TOML, a key is unknown or a value is not allowed.
+    pub fn set_all(&mut self, text: &str) -> Result<(), SettingsError> {
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| SettingsError {
+            setting: "all".into(),
+            problem: format!("the file is not TOML: {}", error.message()),
+        })?;
+        let mut settings = self.clone();
+        for (key, value) in table {
+            let text = match value {
+                toml::Value::String(text) => text,
+                other => other.to_string(),
+            };
+            settings.set(&format!("{key}={text}"))?;
+        }
+        *self = settings;
+        Ok(())
+    }
+
+    /// All settings in TOML, in the order of their documentation.
+    pub fn to_toml(&self) -> String {
+        let text = serde_json::to_string(self).unwrap_or_default();
+        let fields = serde_json::to_value(self).unwrap_or_default();
+        let mut fields: Vec<(&String, &Value)> = fields.as_object().into_iter().flatten().collect();
+        fields.sort_by_key(|(key, _)| text.find(&format!("\"{key}\":")));
+        let line = |(key, value): (&String, &Value)| {
+            // TOML has no whole numbers above 2^63.
+            let large = value.as_u64().is_some_and(|number| i64::try_from(number).is_err());
+            if large { format!("{key} = \"{value}\"\n") } else { format!("{key} = {value}\n") }
+        };
+        fields.into_iter().map(line).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_the_default_one_is_the_default() {
+        for preset in PRESETS {
+            preset.settings().unwrap().check().unwrap();
+        }
+        assert_eq!(Preset::by_name(DEFAULT_PRESET).unwrap().settings().unwrap(), TrainSettings::default());
+        let message = Preset::by_name("fast").unwrap_err().to_string();
+        assert!(message.contains("`quick` or `standard` or `paper`"), "{message}");
+    }
+
+    #[test]
+    fn settings_survive_as_toml() {
+        let settings = TrainSettings { seed: u64::MAX, rate_regressor: 3e-38, ..PRESETS[2].settings().unwrap() };
+        let text = settings.to_toml();
+        assert!(text.starts_with("iterations = 124800\n"), "{text}");
+        let mut read = TrainSettings::default();
+        read.set_all(&text).unwrap();
+        assert_eq!(read, settings);
+    }
+
+    #[test]
+    fn wrong_files_name_what_is_wrong_and_change_nothing() {
+        for (text, part) in [
+            ("iterations = 5\nnonsense = 1", "`nonsense`"),
+            ("iteration = 5", "did you mean `iterations`?"),
+            ("iterations = [3]", "must be a whole number"),
+            ("iterations = true", "must be a whole number"),
+            ("[iterations]\nx = 1", "must be a whole number"),
+            ("iterations 5", "is not TOML"),
+            ("rate_color = nan", "must be a number"),
+        ] {
+            let mut settings = TrainSettings::default();
+            let message = settings.set_all(text).unwrap_err().to_string();
+            assert!(message.contains(part) && !message.contains('\n'), "{message}");
+            assert_eq!(settings, TrainSettings::default());
+        }
+    }
+}
