@@ -16,6 +16,7 @@ pub mod floor;
 pub mod hand_box;
 pub mod light_fit;
 mod light_training;
+pub mod lpips;
 mod memory_check;
 pub mod metrics;
 mod outline_band;

@@ -1,5 +1,6 @@
 //! A training run: two stages over the views of a split.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -20,6 +21,7 @@ use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, c
 use crate::exposure::{ExposureFit, fit_exposure};
 use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
+use crate::lpips::Lpips;
 use crate::memory_check;
 use crate::metrics::moving_joints;
 use crate::pose_prior::shrink;
@@ -88,6 +90,7 @@ pub struct Trainer<'a> {
     light: Option<LightFit>,
     exposure: Option<ExposureFit>,
     stop: Option<&'a AtomicBool>,
+    lpips: Option<Arc<Lpips>>,
 }
 
 /// Number of views on which the loss before and after a stage is compared.
@@ -169,6 +172,7 @@ impl<'a> Trainer<'a> {
             light: None,
             exposure: None,
             stop: None,
+            lpips: None,
         })
     }
 
@@ -177,6 +181,12 @@ impl<'a> Trainer<'a> {
     #[must_use]
     pub fn stop_when(self, stop: &'a AtomicBool) -> Trainer<'a> {
         Trainer { stop: Some(stop), ..self }
+    }
+
+    /// Adds LPIPS to the loss, with the weight of the settings.
+    #[must_use]
+    pub fn with_lpips(self, lpips: Option<Arc<Lpips>>) -> Trainer<'a> {
+        Trainer { lpips, ..self }
     }
 
     /// Number of Gaussians of the avatar.
@@ -367,6 +377,7 @@ impl<'a> Trainer<'a> {
         if settings.rate_light > 0.0 {
             step.learn_light()?;
         }
+        self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
         for (frame, pose) in self.poses.iter().enumerate() {
             step.set_pose(gpu, frame, pose)?;
         }

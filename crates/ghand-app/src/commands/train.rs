@@ -17,6 +17,7 @@ use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
+use crate::lpips_args::{LpipsArgs, check_image_sizes};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
@@ -42,6 +43,8 @@ pub struct TrainArgs {
     /// --set align=... says so; or those of a file, by the frames' ids
     #[arg(long, value_name = "given|truth|FILE", default_value = "given")]
     poses: StartPoses,
+    #[command(flatten)]
+    lpips: LpipsArgs,
     /// Folder for avatar.ghand, poses.json, metrics.json, align.png and report.png [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
@@ -92,6 +95,7 @@ const DEFAULT_TEST_SPLIT: &str = "test";
 /// [`Stopped`] if the user has stopped it.
 pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let settings = args.settings()?;
+    let lpips = args.lpips.load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = args.folder()?;
@@ -109,9 +113,10 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let capture = args.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = args.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
     let start = args.poses.applied_to(&capture, &args.split)?;
+    check_image_sizes(lpips.as_deref(), &start, test_split)?;
     check_before_training(&start, path, &args.split, test_split, args.ignore_checks)?;
     let train_split = capture.split(&args.split)?.clone();
-    let trainer = Trainer::new(&gpu, &start, &args.split, &settings)?;
+    let trainer = Trainer::new(&gpu, &start, &args.split, &settings)?.with_lpips(lpips.clone());
     let gaussians = trainer.gaussians();
     say!(
         "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
@@ -145,7 +150,13 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let images = match capture.splits.get(test_split) {
         Some(split) if !split.views.is_empty() => {
             let views = given_views(&capture, split);
-            let test = TestImages { capture: &capture, split: test_split, protocol: Protocol::Given, views };
+            let test = TestImages {
+                capture: &capture,
+                split: test_split,
+                protocol: Protocol::Given,
+                views,
+                lpips: lpips.as_deref(),
+            };
             let (metrics, views) = gpu.retry_on_device_loss("the evaluation", |gpu| {
                 evaluate_images(gpu, &trained.avatar, &test, &train_split, &trained.poses)
             })?;
