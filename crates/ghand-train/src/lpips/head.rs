@@ -66,7 +66,7 @@ impl Comparison<'_> {
     /// The sum over some pixels, from number `first` on.
     fn task(&self, first: usize, count: usize, pixels: &mut [Pixel]) -> f64 {
         let length = pixels.len();
-        let part = |map: &'_ [f32], channel: usize| -> std::ops::Range<usize> {
+        let part = |map: &[f32], channel: usize| {
             let start = (channel * count + first).min(map.len());
             start..(start + length).min(map.len())
         };
@@ -96,9 +96,27 @@ impl Comparison<'_> {
         for (pixel, [square, _]) in pixels.iter_mut().zip(&squares) {
             // Features that are all zero have no direction; the ReLU behind them passes no gradient either.
             let length = square.sqrt();
-            let slope = if length > 0.0 { pixel.inverse * pixel.inverse / length } else { 0.0 };
-            pixel.along *= 2.0 / count as f32 * slope;
+            // In this order no factor is infinite, however small the features are.
+            let cosine = if length > 0.0 { pixel.along / length } else { 0.0 };
+            pixel.along = 2.0 / count as f32 * cosine * pixel.inverse * pixel.inverse;
         }
         sums.iter().map(|sum| f64::from(*sum)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradients_of_tiny_features_are_finite() {
+        let truth = [1.0, 0.5, 0.25, 2.0];
+        let weights = [1.0, 0.5];
+        for exponent in -44..1 {
+            let features: Vec<f32> = [1.0f64, 3.0, 2.0, 0.0].map(|f| (f * 10f64.powi(exponent)) as f32).to_vec();
+            let (distance, gradient) =
+                Comparison { features: &features, truth: &truth, weights: &weights }.distance_and_gradient();
+            assert!(distance.is_finite() && gradient.iter().all(|g| g.is_finite()), "1e{exponent}: {gradient:?}");
+        }
     }
 }
