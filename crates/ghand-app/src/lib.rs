@@ -10,6 +10,7 @@ pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
 pub mod light_args;
+pub mod lpips_args;
 pub mod mesh_picture;
 pub mod pictures;
 pub mod pose_choice;

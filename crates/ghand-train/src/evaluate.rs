@@ -13,6 +13,7 @@ use crate::exposure::ExposureFit;
 use crate::floor::{Floor, FloorError};
 use crate::hand_box::{HandBox, SIDE};
 use crate::light_fit::LightReport;
+use crate::lpips::{Backbone, Lpips, LpipsError};
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use crate::protocol::{PosedView, Protocol, given_views};
 use crate::settings::{Components, Model};
@@ -29,6 +30,27 @@ pub enum EvaluateError {
     /// The floor could not be drawn.
     #[error(transparent)]
     Floor(#[from] FloorError),
+    /// LPIPS could not be computed.
+    #[error("camera {camera}: {error}")]
+    Lpips {
+        /// The image's camera.
+        camera: String,
+        /// The cause.
+        error: LpipsError,
+    },
+}
+
+/// The images of an evaluation, and how they are compared.
+#[derive(Debug, Clone, Copy)]
+pub struct TestViews<'a> {
+    /// Where the images are.
+    pub capture: &'a Capture,
+    /// How their poses were chosen.
+    pub protocol: Protocol,
+    /// The images with their poses.
+    pub views: &'a [PosedView],
+    /// The weights for LPIPS, if there are any.
+    pub lpips: Option<&'a Lpips>,
 }
 
 /// One evaluated view with its pictures.
@@ -59,6 +81,8 @@ pub struct Evaluation {
     pub avatar: ImageSimilarity,
     /// Similarity of the floor's pictures to the truth.
     pub floor: ImageSimilarity,
+    /// The backbone of LPIPS, if there were weights for it.
+    pub lpips_backbone: Option<Backbone>,
 }
 
 /// Renders every view of a split in the capture's own poses and compares avatar and floor with the truth. `each` is
@@ -75,7 +99,8 @@ pub fn evaluate(
     each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
     let views = given_views(capture, capture.split(split_name)?);
-    evaluate_views(gpu, avatar, capture, Protocol::Given, &views, floor, each)
+    let test = TestViews { capture, protocol: Protocol::Given, views: &views, lpips: None };
+    evaluate_views(gpu, avatar, &test, floor, each)
 }
 
 /// As [`evaluate`], for the images and poses of any protocol. Both avatar and floor are drawn in these poses. The protocol
@@ -86,17 +111,23 @@ pub fn evaluate(
 pub fn evaluate_views(
     gpu: &Gpu,
     avatar: &Avatar,
-    capture: &Capture,
-    protocol: Protocol,
-    views: &[PosedView],
+    test: &TestViews,
     floor: &Floor,
     mut each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
+    let &TestViews { capture, protocol, views, lpips } = test;
     let boxed = protocol == Protocol::HandAvatar;
     let largest = |axis: fn(&ghand_core::Camera) -> u32| {
         views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1)
     };
     let max_size = if boxed { [SIDE; 2] } else { [largest(|c| c.width), largest(|c| c.height)] };
+    if let Some(lpips) = lpips {
+        for view in views {
+            let camera = &capture.cameras[view.camera];
+            let size = if boxed { [SIDE; 2] } else { [camera.width, camera.height] };
+            lpips.check_size(size).map_err(|error| EvaluateError::Lpips { camera: camera.id.clone(), error })?;
+        }
+    }
     let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
     let background = if boxed { [0.0; 3] } else { capture.background };
     let mut similarities: [Vec<ImageSimilarity>; 2] = Default::default();
@@ -119,7 +150,14 @@ pub fn evaluate_views(
         let image = scene.render(gpu, 0, &camera, background.map(|b| b as f32))?;
         let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
         let floor_picture: Vec<[u8; 3]> = floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
-        let [likeness, floor_likeness] = compare(size, [&render, &floor_picture], &truth);
+        let [mut likeness, mut floor_likeness] = compare(size, [&render, &floor_picture], &truth);
+        if let Some(lpips) = lpips {
+            let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+            let distances = lpips_of(lpips, size, [&render, &floor_picture], &colors);
+            let [avatar, floor] =
+                distances.map_err(|error| EvaluateError::Lpips { camera: camera.id.clone(), error })?;
+            (likeness.lpips, floor_likeness.lpips) = (Some(avatar), Some(floor));
+        }
         similarities[0].push(likeness);
         similarities[1].push(floor_likeness);
         each(EvaluatedView {
@@ -134,7 +172,21 @@ pub fn evaluate_views(
     }
     let count = similarities[0].len();
     let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
-    Ok(Evaluation { views: count, avatar, floor })
+    Ok(Evaluation { views: count, avatar, floor, lpips_backbone: lpips.map(Lpips::backbone) })
+}
+
+/// LPIPS of 8-bit pictures.
+fn lpips_of<const N: usize>(
+    lpips: &Lpips,
+    size: [u32; 2],
+    pictures: [&[[u8; 3]]; N],
+    truth: &[[u8; 3]],
+) -> Result<[f64; N], LpipsError> {
+    let display = |pixels: &[[u8; 3]]| -> Vec<[f32; 3]> {
+        pixels.iter().map(|pixel| pixel.map(|value| f32::from(value) / 255.0)).collect()
+    };
+    let pictures = pictures.map(display);
+    lpips.distances(size, std::array::from_fn(|k| pictures[k].as_slice()), &display(truth))
 }
 
 /// Contents of `metrics.json`.
@@ -178,6 +230,9 @@ pub struct ImageMetrics {
     pub split: String,
     /// Number of evaluated images.
     pub frames: usize,
+    /// The backbone of LPIPS; absent without weights for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lpips_backbone: Option<Backbone>,
     /// The avatar's figures.
     #[serde(flatten)]
     pub avatar: SimilarityMetrics,
@@ -192,7 +247,8 @@ impl ImageMetrics {
     pub fn new(protocol: Protocol, split: &str, evaluation: &Evaluation) -> ImageMetrics {
         let [avatar, floor] = [&evaluation.avatar, &evaluation.floor].map(SimilarityMetrics::of);
         let beats_floor = avatar.psnr > floor.psnr;
-        ImageMetrics { protocol, split: split.into(), frames: evaluation.views, avatar, floor, beats_floor }
+        let Evaluation { views: frames, lpips_backbone, .. } = *evaluation;
+        ImageMetrics { protocol, split: split.into(), frames, lpips_backbone, avatar, floor, beats_floor }
     }
 }
 
@@ -207,14 +263,17 @@ pub struct SimilarityMetrics {
     pub ssim: f64,
     /// Mean FLIP, 0 for equal pictures.
     pub flip: f64,
+    /// Mean LPIPS, 0 for equal pictures; absent without weights for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lpips: Option<f64>,
     /// Mean squared errors by distance from the mask's outline.
     pub squared_error: MeanBandErrors,
 }
 
 impl SimilarityMetrics {
     fn of(similarity: &ImageSimilarity) -> SimilarityMetrics {
-        let ImageSimilarity { psnr, psnr_hand, ssim, flip, bands } = *similarity;
-        SimilarityMetrics { psnr, psnr_hand, ssim, flip, squared_error: bands.means() }
+        let ImageSimilarity { psnr, psnr_hand, ssim, flip, lpips, bands } = *similarity;
+        SimilarityMetrics { psnr, psnr_hand, ssim, flip, lpips, squared_error: bands.means() }
     }
 }
 

@@ -19,6 +19,7 @@ pub mod floor;
 pub mod hand_box;
 pub mod light_fit;
 pub mod light_training;
+pub mod lpips;
 mod memory_check;
 pub mod metrics;
 mod outline_band;

@@ -19,6 +19,8 @@ pub struct ImageSimilarity {
     pub ssim: f64,
     /// Mean FLIP ([`mean_flip`]).
     pub flip: f64,
+    /// [LPIPS](crate::lpips), if there are weights for it.
+    pub lpips: Option<f64>,
     /// Squared errors by distance from the mask's outline.
     pub bands: ErrorBands,
 }
@@ -57,6 +59,7 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
             psnr_hand: psnr_of(hand_sum, hand),
             ssim: mean_ssim(size[0] as usize, picture, &colors),
             flip: mean_flip(size, picture, &colors),
+            lpips: None,
             bands: errors,
         }
     })
@@ -65,6 +68,7 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
 /// Means over pictures; errors by band are means over pixels.
 pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
     let mean = |value: fn(&ImageSimilarity) -> f64| all.iter().map(value).sum::<f64>() / all.len().max(1) as f64;
+    let distances: Option<Vec<f64>> = all.iter().map(|s| s.lpips).collect();
     let mut bands = ErrorBands::default();
     all.iter().for_each(|one| bands.merge(&one.bands));
     ImageSimilarity {
@@ -72,6 +76,7 @@ pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
         psnr_hand: mean(|s| s.psnr_hand),
         ssim: mean(|s| s.ssim),
         flip: mean(|s| s.flip),
+        lpips: distances.filter(|all| !all.is_empty()).map(|all| all.iter().sum::<f64>() / all.len() as f64),
         bands,
     }
 }

@@ -1,6 +1,8 @@
 //! One training step on the device: pose, splat, loss, the backward pass and the update. Of most
 //! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
 
+use std::sync::Arc;
+
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::properties::state_part;
 use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
@@ -16,6 +18,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::NamedNumbers;
 use crate::light_training::{LightState, LightTraining};
+use crate::lpips::{Lpips, LpipsTerm};
 use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
 use crate::views::TrainView;
@@ -40,6 +43,7 @@ pub struct Step {
     poses: AdamTable,
     joints: AdamTable,
     light: Option<LightTraining>,
+    lpips: Option<LpipsTerm>,
     count: usize,
     joint_count: usize,
 }
@@ -129,6 +133,7 @@ impl Step {
             poses,
             joints,
             light: None,
+            lpips: None,
             count,
             joint_count,
         })
@@ -145,6 +150,11 @@ impl Step {
             posed.learn_light();
         }
         Ok(())
+    }
+
+    /// Adds LPIPS to the loss, with the weight of the settings.
+    pub fn use_lpips(&mut self, lpips: &Arc<Lpips>) {
+        self.lpips = Some(LpipsTerm::new(lpips.clone()));
     }
 
     /// Sets the pose of frame number `frame`.
@@ -288,8 +298,7 @@ impl Step {
     ) -> Result<(), RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
-        scene.run_frame(gpu, |splatter, encoder| {
-            loss.encode(encoder);
+        let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
             splatter.backward(encoder);
             backward.encode_point_gradients(encoder);
             offset_penalty.encode(encoder);
@@ -297,7 +306,22 @@ impl Step {
             color_roughness.encode(encoder);
             offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
-        })?;
+        };
+        match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
+            None => scene.run_frame(gpu, |splatter, encoder| {
+                loss.encode(encoder);
+                encode_backward(splatter, encoder);
+            })?,
+            // The host adds to the image's gradient once the frame is complete; only then does the rest run.
+            Some(lpips) => {
+                let counters = scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
+                lpips.add_gradient(gpu, scene.splatter(), view, settings.lpips_weight, value_count)?;
+                let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                encode_backward(scene.splatter(), &mut encoder);
+                gpu.queue.submit([encoder.finish()]);
+                counters
+            }
+        };
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         first(self.scene.avatars_mut())?.model.backward(gpu, &mut encoder)?;
         gpu.queue.submit([encoder.finish()]);
@@ -399,7 +423,11 @@ impl Step {
         let loss = &self.loss;
         run_alone(&mut self.scene, gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
-        Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim)
+        let lpips = match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
+            Some(lpips) => lpips.distance(gpu, self.scene.splatter(), view)?,
+            None => 0.0,
+        };
+        Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim + settings.lpips_weight * lpips)
     }
 
     /// Sets the view for the next frame.

@@ -4,6 +4,7 @@ mod stage;
 mod view_order;
 
 use std::cell::RefCell;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -20,6 +21,7 @@ use crate::checkpoints::Checkpoints;
 use crate::exposure::{ExposureFit, fit_exposure};
 use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
+use crate::lpips::Lpips;
 use crate::memory_check;
 use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings};
 use crate::texel_frames::TexelFrames;
@@ -112,6 +114,7 @@ pub struct Trainer<'a> {
     started: Instant,
     /// Seconds of the run before this program.
     earlier: f64,
+    lpips: Option<Arc<Lpips>>,
 }
 
 /// Images of another split that a run is compared with.
@@ -177,6 +180,7 @@ impl<'a> Trainer<'a> {
             state: RefCell::new(None),
             started: Instant::now(),
             earlier: 0.0,
+            lpips: None,
         })
     }
 
@@ -259,6 +263,12 @@ impl<'a> Trainer<'a> {
     /// Wall-clock time of the run, seconds.
     fn seconds(&self) -> f64 {
         self.earlier + self.started.elapsed().as_secs_f64()
+    }
+
+    /// Adds LPIPS to the loss, with the weight of the settings.
+    #[must_use]
+    pub fn with_lpips(self, lpips: Option<Arc<Lpips>>) -> Trainer<'a> {
+        Trainer { lpips, ..self }
     }
 
     /// Number of Gaussians of the avatar.

@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::capture_args::CaptureArgs;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
+use crate::lpips_args::LpipsArgs;
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
@@ -39,7 +40,7 @@ pub struct EvaluateArgs {
     split: String,
     /// Measure how clean the avatar looks in the named poses from all around, which no image shows: the part of its
     /// pixels with colours that the training images lack, and its fine detail relative to theirs
-    #[arg(long, value_enum, conflicts_with_all = ["protocol", "training_poses"])]
+    #[arg(long, value_enum, conflicts_with_all = ["protocol", "training_poses", "lpips"])]
     poses: Option<PosesArg>,
     /// In which poses avatar and floor are drawn
     #[arg(long, value_enum, default_value_t)]
@@ -51,6 +52,8 @@ pub struct EvaluateArgs {
     /// capture's poses]
     #[arg(long, value_name = "FILE")]
     training_poses: Option<PathBuf>,
+    #[command(flatten)]
+    lpips: LpipsArgs,
     /// Folder for metrics.json and report.png; with --poses library for cleanliness.json and cleanliness.png, and not
     /// required
     #[arg(long, value_name = "DIR", required_unless_present = "poses")]
@@ -107,6 +110,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         return pose_library::run(args, adapter);
     }
     let avatar = Avatar::load(&args.avatar)?;
+    let lpips = args.lpips.load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
@@ -146,7 +150,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(refined) => refined,
         None => train.frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect(),
     };
-    let test = TestImages { capture: &capture, split: &args.split, protocol, views };
+    let test = TestImages { capture: &capture, split: &args.split, protocol, views, lpips: lpips.as_deref() };
     let (images, shown) =
         gpu.retry_on_device_loss("the evaluation", |gpu| evaluate_images(gpu, &avatar, &test, train, &train_poses))?;
     let results = EvaluationFile {

@@ -18,6 +18,7 @@ use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
+use crate::lpips_args::{LpipsArgs, check_image_sizes};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
@@ -49,6 +50,8 @@ pub struct TrainArgs {
     /// --set align=... says so; or those of a file, by the frames' ids [default: given]
     #[arg(long, value_name = "given|truth|FILE")]
     poses: Option<StartPoses>,
+    #[command(flatten)]
+    lpips: LpipsArgs,
     /// Folder for avatar.ghand, poses.json, metrics.json, align.png and report.png [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
@@ -114,6 +117,7 @@ impl TrainArgs {
             split: self.split.clone().unwrap_or_else(|| DEFAULT_SPLIT.into()),
             test_split: self.test_split.clone(),
             poses: poses.to_string(),
+            lpips: self.lpips.absolute()?,
             preset: self.settings.preset().into(),
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
@@ -149,6 +153,9 @@ impl TrainArgs {
         if self.poses.is_some() && asked.poses != record.poses {
             return Err(differs("--poses", record.poses));
         }
+        if self.lpips.path().is_some() && asked.lpips != record.lpips {
+            return Err(differs("--lpips", "other weights, or none".into()));
+        }
         if self.settings.any_given()
             && let Some((key, then, now)) = record.settings.first_difference(&asked.settings)
         {
@@ -173,6 +180,9 @@ fn command(record: &RunRecord) -> String {
     let mut command = format!("train --preset {preset}");
     if let (false, Some(path)) = (record.demo, &capture.capture) {
         command += &format!(" --capture {}", path.display());
+    }
+    if let Some(path) = record.lpips.path() {
+        command += &format!(" --lpips {}", path.display());
     }
     let options = [("--split", Some(split), DEFAULT_SPLIT), ("--poses", Some(poses), "given")];
     let named = [("--test-split", test_split.as_ref(), DEFAULT_TEST_SPLIT)];
@@ -208,6 +218,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         return Ok(());
     };
     let settings = &record.settings;
+    let lpips = record.lpips.load()?;
     let interruption = Interruption::listen(STOPPED_BEFORE_TRAINING)?;
     interruption.remove_at_end(folder.leftovers());
 
@@ -222,9 +233,10 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let test_split = record.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
     let poses: StartPoses = record.poses.parse()?;
     let start = poses.applied_to(&capture, &record.split)?;
+    check_image_sizes(lpips.as_deref(), &start, test_split)?;
     check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
     let train_split = capture.split(&record.split)?.clone();
-    let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?;
+    let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?.with_lpips(lpips.clone());
     let gaussians = trainer.gaussians();
     say!(
         "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
@@ -290,7 +302,13 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let images = match capture.splits.get(test_split) {
         Some(split) if !split.views.is_empty() => {
             let views = given_views(&capture, split);
-            let test = TestImages { capture: &capture, split: test_split, protocol: Protocol::Given, views };
+            let test = TestImages {
+                capture: &capture,
+                split: test_split,
+                protocol: Protocol::Given,
+                views,
+                lpips: lpips.as_deref(),
+            };
             let (metrics, views) = gpu.retry_on_device_loss("the evaluation", |gpu| {
                 evaluate_images(gpu, &trained.avatar, &test, &train_split, &trained.poses)
             })?;

@@ -7,10 +7,11 @@ use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 use ghand_render::Gpu;
 use ghand_train::alignment_figures::AlignmentFigures;
-use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics};
+use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics, TestViews};
 use ghand_train::exposure::ExposureFit;
 use ghand_train::floor::Floor;
 use ghand_train::light_fit::{LightFigures, LightReport};
+use ghand_train::lpips::Lpips;
 use ghand_train::metrics::{moving_joints, pose_error_degrees};
 use ghand_train::protocol::PosedView;
 use ghand_train::{Protocol, TrainSettings, Trained, evaluate_views};
@@ -33,6 +34,8 @@ pub struct TestImages<'a> {
     pub protocol: Protocol,
     /// The images with their poses.
     pub views: Vec<PosedView>,
+    /// The weights for LPIPS, if there are any.
+    pub lpips: Option<&'a Lpips>,
 }
 
 /// The figures on images, and some of the images for the report. The floor's texture is made from the images of `train`,
@@ -52,7 +55,9 @@ pub fn evaluate_images(
     let floor = Floor::new(gpu, test.capture, train, train_poses, FLOOR_VIEWS)?;
     let mut shown: Vec<EvaluatedView> = Vec::new();
     let mut index = 0;
-    let evaluation = evaluate_views(gpu, avatar, test.capture, test.protocol, &test.views, &floor, |view| {
+    let &TestImages { capture, protocol, ref views, lpips, .. } = test;
+    let compared = TestViews { capture, protocol, views, lpips };
+    let evaluation = evaluate_views(gpu, avatar, &compared, &floor, |view| {
         // Evenly over the frames, a different camera each time.
         let rows = REPORT_VIEWS.min(total);
         if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % cameras.max(1) {
@@ -186,16 +191,20 @@ fn print_light(report: &LightReport) {
 pub fn print_image_table(m: &ImageMetrics) {
     say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
     let rows = [("floor", &m.floor), ("avatar", &m.avatar)];
-    say!("            PSNR   PSNR on the hand   SSIM      FLIP");
-    for (name, SimilarityMetrics { psnr, psnr_hand, ssim, flip, .. }) in rows {
-        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}    {flip:.4}");
+    let heading = m.lpips_backbone.map_or(String::new(), |backbone| format!("      LPIPS ({backbone})"));
+    say!("            PSNR   PSNR on the hand   SSIM      FLIP{heading}");
+    for (name, SimilarityMetrics { psnr, psnr_hand, ssim, flip, lpips, .. }) in rows {
+        let lpips = lpips.map_or(String::new(), |lpips| format!("    {lpips:.4}"));
+        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}    {flip:.4}{lpips}");
     }
+    let lpips = m.avatar.lpips.zip(m.floor.lpips).map(|(avatar, floor)| format!("   {:+.4}", avatar - floor));
     say!(
-        "  gain     {:+6.2}      {:+6.2}         {:+.4}   {:+.4}",
+        "  gain     {:+6.2}      {:+6.2}         {:+.4}   {:+.4}{}",
         m.avatar.psnr - m.floor.psnr,
         m.avatar.psnr_hand - m.floor.psnr_hand,
         m.avatar.ssim - m.floor.ssim,
-        m.avatar.flip - m.floor.flip
+        m.avatar.flip - m.floor.flip,
+        lpips.unwrap_or_default()
     );
     say!("squared error x 1000: outside the mask; inside, to 3 px from its outline; 3 to 8 px; deeper");
     for (name, figures) in rows {
@@ -235,7 +244,8 @@ mod tests {
 
     fn metrics(psnr: f64, floor: f64, iterations: u64) -> Metrics {
         let similarity = |psnr: f64| ImageSimilarity { psnr, ..Default::default() };
-        let evaluation = Evaluation { views: 1, avatar: similarity(psnr), floor: similarity(floor) };
+        let evaluation =
+            Evaluation { views: 1, avatar: similarity(psnr), floor: similarity(floor), lpips_backbone: None };
         let images = ImageMetrics::new(Protocol::Given, "test", &evaluation);
         Metrics {
             images: Some(images),

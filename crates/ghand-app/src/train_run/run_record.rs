@@ -10,6 +10,7 @@ use ghand_train::TrainSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::capture_args::CaptureArgs;
+use crate::lpips_args::LpipsArgs;
 
 /// Largest record, bytes.
 const LARGEST_RECORD: u64 = 1 << 20;
@@ -28,6 +29,8 @@ pub struct RunRecord {
     pub test_split: Option<String>,
     /// The poses that the run started from, as on the command line.
     pub poses: String,
+    /// The weights for LPIPS.
+    pub lpips: LpipsArgs,
     /// Name of the preset that the settings started from.
     pub preset: String,
     /// The settings.

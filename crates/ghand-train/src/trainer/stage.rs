@@ -221,6 +221,7 @@ impl Trainer<'_> {
         if stage.settings.rate_light > 0.0 {
             step.learn_light()?;
         }
+        self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
         before.map_or(Ok(()), |state| step.set_light_state(state.light.as_ref()))?;
         for (frame, pose) in poses.iter().chain(others).enumerate() {
             step.set_pose(gpu, frame, pose)?;

@@ -1,0 +1,173 @@
+//! The file with the weights of a backbone and of the linear layers.
+
+use std::path::{Path, PathBuf};
+
+use ghand_files::input_file;
+use safetensors::SafeTensors;
+use safetensors::tensor::Dtype;
+
+use super::backbone::Backbone;
+
+/// Maximum file size, bytes; VGG's features have 59 million.
+const LARGEST_FILE: u64 = 1 << 27;
+/// Key of the backbone's name in the file's metadata.
+const BACKBONE_KEY: &str = "lpips_backbone";
+/// Key of the version of the linear layers.
+const VERSION_KEY: &str = "lpips_version";
+/// The version of the linear layers that this program computes with.
+const VERSION: &str = "0.1";
+/// What to do about a wrong file.
+const REMEDY: &str = "make the file with scripts/lpips_weights.py";
+
+/// Why a file of LPIPS weights is unusable.
+#[derive(Debug, thiserror::Error)]
+pub enum LpipsFileError {
+    /// Reading failed.
+    #[error("{path}: cannot read the LPIPS weights: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The contents are unusable.
+    #[error("{path}: {field}: {problem}; {REMEDY}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The part that is wrong.
+        field: String,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+/// The weights of one backbone and its linear layers.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Weights {
+    pub backbone: Backbone,
+    /// Weight `[outputs][inputs][kernel][kernel]` and bias of each convolution.
+    pub convolutions: Vec<[Vec<f32>; 2]>,
+    /// A weight per channel of each compared layer.
+    pub linear: Vec<Vec<f32>>,
+}
+
+impl Weights {
+    /// Reads and checks a file.
+    pub fn load(path: &Path) -> Result<Weights, LpipsFileError> {
+        let bytes = input_file::read(path, LARGEST_FILE)
+            .map_err(|source| LpipsFileError::Io { path: path.into(), source })?
+            .ok_or_else(|| {
+                let problem = format!("is larger than {} MiB, the limit for LPIPS weights", LARGEST_FILE >> 20);
+                LpipsFileError::Invalid { path: path.into(), field: "file".into(), problem }
+            })?;
+        Weights::from_bytes(path, &bytes)
+    }
+
+    /// Checks the bytes of a file.
+    pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Weights, LpipsFileError> {
+        Weights::parse(bytes).map_err(|Wrong { field, problem }| LpipsFileError::Invalid {
+            path: path.into(),
+            field,
+            problem,
+        })
+    }
+
+    /// Random weights, the same ones each time; `reference.py` of the tests makes them, too. They keep the size of the
+    /// features from layer to layer.
+    pub fn random(backbone: Backbone) -> Weights {
+        let mut tensor = 0;
+        let mut uniform = |count: usize, least: f64, most: f64| -> Vec<f32> {
+            tensor += 1;
+            (0..count).map(|k| (least + (most - least) * random_unit(tensor, k as u32)) as f32).collect()
+        };
+        let convolutions = backbone.convolutions().into_iter().map(|conv| {
+            let [weight, _] = conv.shapes();
+            let most = (6.0 / (conv.inputs * conv.kernel * conv.kernel) as f64).sqrt();
+            [uniform(weight.iter().product(), -most, most), uniform(conv.outputs, -0.1, 0.1)]
+        });
+        let convolutions = convolutions.collect();
+        let linear = backbone.tap_channels().into_iter().map(|channels| uniform(channels, 0.0, 1.0)).collect();
+        Weights { backbone, convolutions, linear }
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Weights, Wrong> {
+        let broken = |e| wrong("file", format!("is not a safetensors file, or is truncated ({e})"));
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(broken)?;
+        let named = |key: &str| header.metadata().as_ref().and_then(|all| all.get(key)).map(String::as_str);
+        if let Some(version) = named(VERSION_KEY).filter(|version| *version != VERSION) {
+            return Err(wrong(VERSION_KEY, format!("is {version:?}, expected {VERSION:?}")));
+        }
+        let backbone = match named(BACKBONE_KEY) {
+            Some(name) => Backbone::ALL.into_iter().find(|backbone| backbone.name() == name).ok_or_else(|| {
+                wrong(BACKBONE_KEY, format!("is {name:?}, expected \"alex\", \"vgg\" or \"squeeze\""))
+            })?,
+            None => recognised(&tensors)?,
+        };
+        let mut convolutions = Vec::new();
+        for conv in backbone.convolutions() {
+            let [weight, bias] = conv.shapes();
+            let read =
+                |part: &str, shape: &[usize]| floats(&tensors, &format!("{}.{part}", conv.name), shape, backbone);
+            convolutions.push([read("weight", &weight)?, read("bias", &bias)?]);
+        }
+        let linear = backbone.tap_channels().into_iter().enumerate();
+        let linear = linear.map(|(tap, channels)| floats(&tensors, &format!("linear.{tap}"), &[channels], backbone));
+        Ok(Weights { backbone, convolutions, linear: linear.collect::<Result<_, _>>()? })
+    }
+}
+
+/// A number from 0 to 1 for each value of each tensor: the last step of the hash MurmurHash3.
+fn random_unit(tensor: u32, value: u32) -> f64 {
+    let mut h = value.wrapping_mul(0x9e37_79b1) ^ tensor.wrapping_mul(0x7feb_352d);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    f64::from(h ^ (h >> 16)) / 4_294_967_296.0
+}
+
+/// What is wrong with which part of a file.
+struct Wrong {
+    field: String,
+    problem: String,
+}
+
+fn wrong(field: &str, problem: String) -> Wrong {
+    Wrong { field: field.into(), problem }
+}
+
+/// The backbone of a file that does not name it: each has tensors that the others lack.
+fn recognised(tensors: &SafeTensors) -> Result<Backbone, Wrong> {
+    let marks = [
+        ("features.12.squeeze.weight", Backbone::Squeeze),
+        ("features.28.weight", Backbone::Vgg),
+        ("features.8.weight", Backbone::Alex),
+    ];
+    let found = marks.into_iter().find(|(name, _)| tensors.tensor(name).is_ok());
+    found.map(|(_, backbone)| backbone).ok_or_else(|| {
+        let problem =
+            format!("has neither `{BACKBONE_KEY}` in its metadata nor the tensors of AlexNet, VGG16 or SqueezeNet 1.1");
+        wrong("file", problem)
+    })
+}
+
+/// The values of a tensor.
+fn floats(tensors: &SafeTensors, name: &str, shape: &[usize], backbone: Backbone) -> Result<Vec<f32>, Wrong> {
+    let tensor = tensors
+        .tensor(name)
+        .map_err(|_| wrong(name, format!("is missing, but the backbone `{backbone}` has it with shape {shape:?}")))?;
+    if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+        let problem = format!(
+            "is {:?} {:?}, but for the backbone `{backbone}` it must be F32 {shape:?}",
+            tensor.dtype(),
+            tensor.shape()
+        );
+        return Err(wrong(name, problem));
+    }
+    let mut values = vec![0.0f32; tensor.data().len() / size_of::<f32>()];
+    bytemuck::cast_slice_mut::<f32, u8>(&mut values).copy_from_slice(tensor.data());
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(wrong(name, format!("value {index} is not finite"))),
+        None => Ok(values),
+    }
+}
