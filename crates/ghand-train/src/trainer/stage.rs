@@ -145,7 +145,7 @@ impl Trainer<'_> {
             let Some(view) = &last else { break };
             step.update(gpu, view, settings, &rates)?;
             done += 1;
-            if done % LOSS_EVERY == 0 {
+            if done.is_multiple_of(LOSS_EVERY) {
                 let [l1, _] = step.loss(gpu, view)?;
                 // Gaussians at positions that are not finite are not drawn, so the loss would stay finite.
                 let (response, joints, poses) = self.read_hand(gpu, &step)?;
@@ -160,7 +160,7 @@ impl Trainer<'_> {
             if !stage.refine_poses && passed(self.fraction(stage, done, began)) > passed(fraction) {
                 (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             }
-            if done % LOSS_EVERY == 0 || held_out_psnr.is_some() {
+            if done.is_multiple_of(LOSS_EVERY) || held_out_psnr.is_some() {
                 let (iteration, stage, seconds) = (stage.done + done, stage.number, self.seconds());
                 self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1: mean, held_out_psnr });
             }
