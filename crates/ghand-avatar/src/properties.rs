@@ -122,6 +122,11 @@ pub trait PropertyModel {
     /// As [`PropertyModel::tables`].
     fn pose_parameters(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
 
+    /// Seconds that the model's parts have taken on the host since it was made, by name; for benchmarks.
+    fn host_seconds(&self) -> Vec<(&'static str, f64)> {
+        vec![]
+    }
+
     /// Reads back all that training changes, parameters and moments, by names of the model's own.
     ///
     /// # Errors

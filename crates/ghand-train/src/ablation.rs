@@ -22,7 +22,7 @@ pub struct Arm {
     pub model: Model,
     /// The parts of the method.
     pub components: Components,
-    /// Whether residual weights sum to zero and the residual skeleton starts at the rest joints, and both are local, instead of the paper's form.
+    /// Whether residual weights sum to zero and the residual skeleton starts at the rest joints, instead of the paper's form.
     pub corrected: bool,
     /// The arm that lacks only what this one adds.
     pub against: Option<&'static str>,
@@ -57,7 +57,7 @@ pub const ARMS: [Arm; 10] = [
     ),
     arm(
         "network-full",
-        "+ residual skeleton, anchored, zero sum, local",
+        "+ residual skeleton, anchored, zero sum",
         Model::Network,
         (Components::Full, true),
         Some("network-hgbs"),
@@ -86,7 +86,7 @@ pub const ARMS: [Arm; 10] = [
     ),
     arm(
         "direct-full",
-        "+ residual skeleton, anchored, zero sum, local",
+        "+ residual skeleton, anchored, zero sum",
         Model::Direct,
         (Components::Full, true),
         Some("direct-hgbs"),
@@ -104,7 +104,7 @@ impl Arm {
     /// The settings of this arm: those of `base` but for what the arm is about.
     pub fn settings(&self, base: &TrainSettings) -> TrainSettings {
         let (residual_weights, residual_skeleton, residual_support) = match self.corrected {
-            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored, ResidualSupport::Local),
+            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored, base.residual_support),
             false => (ResidualWeights::Paper, ResidualSkeleton::Paper, ResidualSupport::All),
         };
         let images_per_step = if self.model == Model::Network { base.images_per_step } else { 1 };
@@ -320,7 +320,7 @@ mod tests {
         assert_eq!((full.seeds, full.seed_deviation), (2, Some(0.0)));
         // The baseline was not run.
         assert_eq!((figures[0].against.as_ref(), figures[0].seed_deviation), (None, None));
-        assert!(table(&figures).contains("| `direct-full`: + residual skeleton, anchored, zero sum, local | 23.25 ("));
+        assert!(table(&figures).contains("| `direct-full`: + residual skeleton, anchored, zero sum | 23.25 ("));
     }
 
     #[test]

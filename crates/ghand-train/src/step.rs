@@ -2,6 +2,7 @@
 //! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::properties::state_part;
@@ -496,6 +497,73 @@ impl Step {
         let value = self.loss.value(gpu)?;
         let count = 3.0 * view.pixels.len() as f64;
         Ok([value.l1_sum / count, 1.0 - value.ssim_sum / count])
+    }
+}
+
+/// Seconds of the parts of a step.
+pub type StepTimes = Vec<(&'static str, f64)>;
+
+impl Step {
+    /// Runs one step with up to several views of a frame and says how long its parts take, each on its own and waited
+    /// for. That is more than they take together.
+    ///
+    /// # Errors
+    /// As [`Step::run`].
+    pub fn time_parts(
+        &mut self,
+        gpu: &Gpu,
+        views: &[TrainView],
+        value_count: f64,
+        settings: &TrainSettings,
+        rates: &Rates,
+    ) -> Result<StepTimes, RenderError> {
+        let Some(view) = views.last() else { return Ok(vec![]) };
+        let background = [0.0; 3];
+        let (start, host) = (Instant::now(), self.avatar()?.model.host_seconds());
+        for view in views {
+            self.add_gradients(gpu, view, value_count, background, settings, rates)?;
+        }
+        gpu.wait()?;
+        let gradients = start.elapsed().as_secs_f64();
+        let now = Instant::now();
+        self.update(gpu, view, settings, rates)?;
+        gpu.wait()?;
+        let update = now.elapsed().as_secs_f64();
+        let of_host = self.avatar()?.model.host_seconds();
+        let model: StepTimes =
+            of_host.into_iter().zip(host).map(|((name, after), (_, before))| (name, after - before)).collect();
+        let on_host: f64 = model.iter().map(|(_, seconds)| seconds).sum();
+
+        // The rest again, up to each part.
+        let mut up_to =
+            |behind: &dyn Fn(&ImageLoss, &Splatter, &mut wgpu::CommandEncoder)| -> Result<f64, RenderError> {
+                self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
+                let before: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
+                let now = Instant::now();
+                let loss = &self.loss;
+                run_alone(&mut self.scene, gpu, |splatter, encoder| behind(loss, splatter, encoder))?;
+                gpu.wait()?;
+                let after: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
+                Ok(now.elapsed().as_secs_f64() - (after - before))
+            };
+        let frame = up_to(&|_, _, _| ())?;
+        let with_loss = up_to(&|loss, _, encoder| loss.encode(encoder))?;
+        let with_splats = up_to(&|loss, splatter, encoder| {
+            loss.encode(encoder);
+            splatter.backward(encoder);
+        })?;
+        let splat: f64 = self.scene.splatter().time_stages(gpu)?.iter().map(|(_, ms)| 1e-3 * ms).sum();
+        let backward = (with_splats - with_loss).max(0.0);
+        let mut times = vec![("step", gradients + update)];
+        times.extend(model);
+        times.extend([
+            ("deformation", (frame - (splat - backward).max(0.0)).max(0.0)),
+            ("splat forward", (splat - backward).max(0.0)),
+            ("losses", (with_loss - frame).max(0.0)),
+            ("splat backward", backward),
+            ("the rest", (gradients + update - on_host - with_splats).max(0.0)),
+        ]);
+        Ok(times)
     }
 }
 

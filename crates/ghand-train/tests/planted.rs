@@ -7,6 +7,7 @@ use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
+use ghand_core::skinning::ResidualSupport;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
@@ -50,6 +51,9 @@ fn settings(components: Components) -> TrainSettings {
         exposure: ExposureChoice::Same,
         color_roughness: 0.0,
         rate_joints: 0.0,
+        // Weights of the joints that move a Gaussian can learn quickly: what they move is small.
+        residual_support: ResidualSupport::Local,
+        rate_residual_weights: 3e-3,
         components,
         ..TrainSettings::default()
     }
@@ -94,6 +98,20 @@ impl Planted {
         let floor = Floor::new(&self.gpu, &self.capture, split, &trained.poses, 40).unwrap();
         let result = evaluate(&self.gpu, &trained.avatar, &self.capture, "test", &floor, |_| ()).unwrap();
         (trained, result.avatar.psnr_hand)
+    }
+
+    /// Mean angle over the training frames of the joint between the two bones that share a Gaussian most, radians; 0 if they
+    /// do not meet.
+    fn bend_at(&self, p: usize) -> f64 {
+        let (template, frames) = (&self.truth.template, &self.capture.split("train").unwrap().frames);
+        let mut by_weight: Vec<usize> = (0..template.joint_count()).collect();
+        let weight = |k: usize| template.weights[k * template.len() + p];
+        by_weight.sort_by(|a, b| weight(*b).total_cmp(&weight(*a)));
+        let [first, second] = [by_weight[0], by_weight[1]];
+        let child = [(first, second), (second, first)].into_iter().find(|(a, b)| template.parents[*a] == Some(*b));
+        let Some((child, _)) = child.filter(|_| weight(second) > 0.1) else { return 0.0 };
+        let angle = |frame: &usize| self.capture.frames[*frame].pose.rotations[child].length();
+        frames.iter().map(angle).sum::<f64>() / frames.len() as f64
     }
 
     /// The Gaussians that training saw well.
@@ -145,7 +163,7 @@ fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
     let residual = rms(planted.seen(&full).into_iter().flat_map(|p| effective_weights(&full.avatar, p)));
     println!("plain skinning: hgbs {hgbs:.2} dB, full {with:.2} dB; residual weights of {residual:.4}");
     assert!(with < hgbs + 0.3, "hgbs {hgbs} dB, full {with} dB");
-    assert!(residual < 0.002, "residual weights of {residual}");
+    assert!(residual < 0.01, "residual weights of {residual}");
 }
 
 #[test]
@@ -167,7 +185,10 @@ fn where_the_weights_are_other_ones_they_are_recovered() {
     let (_, hgbs) = planted.train(&settings(Components::Hgbs));
     let (learned, with) = planted.train(&settings(Components::Weights));
     let (_, full) = planted.train(&settings(Components::Full));
-    let seen = planted.seen(&learned);
+    let mut seen = planted.seen(&learned);
+    // How two bones share a Gaussian shows only where the joint between them bends.
+    seen.retain(|p| planted.bend_at(*p) > 0.5);
+    assert!(seen.len() > 50, "{} Gaussians", seen.len());
     let size = rms(seen.iter().flat_map(|p| effective_weights(&planted.truth, *p)));
     let error = rms(seen.iter().flat_map(|p| {
         let (truth, found) = (effective_weights(&planted.truth, *p), effective_weights(&learned.avatar, *p));
@@ -176,8 +197,8 @@ fn where_the_weights_are_other_ones_they_are_recovered() {
     println!(
         "perturbed weights: hgbs {hgbs:.2} dB, weights {with:.2} dB, full {full:.2} dB; weights off by {error:.4} of {size:.4}"
     );
-    assert!(with > hgbs, "hgbs {hgbs} dB, weights {with} dB");
-    assert!(error < size, "weights off by {error} of {size}");
+    assert!(with > hgbs && full > hgbs, "hgbs {hgbs} dB, weights {with} dB, full {full} dB");
+    assert!(error < 0.9 * size, "weights off by {error} of {size}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! `ghand bench`: `splat` times a frame and its gradient, `play` a motion with light and without.
+//! `ghand bench`: `splat` times a frame and its gradient, `play` a motion with light and without, `train` a step.
 
 mod play;
+mod train;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -34,6 +35,8 @@ enum What {
     Splat(SplatArgs),
     /// Playing a motion of an avatar, in its light and without light in turns
     Play(play::PlayArgs),
+    /// The parts of a training step: networks, deformation, splatter, losses; and the memory
+    Train(train::TrainArgs),
 }
 
 #[derive(Debug, Args)]
@@ -71,6 +74,7 @@ pub fn run(args: &BenchArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.what {
         What::Splat(args) => splat(args, &adapter.open()?),
         What::Play(args) => play::run(args, adapter),
+        What::Train(args) => train::run(args, adapter),
     }
 }
 

@@ -1,5 +1,7 @@
 //! The `network` model on the device: the networks run in Burn, their outputs and gradients pass through the host.
 
+use std::time::Instant;
+
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::HandModel;
 use ghand_core::skinning::ResidualSupport;
@@ -38,6 +40,8 @@ pub struct NetworkModel {
     canonical: Option<Canonical>,
     /// The pose and joints whose properties the device has, with the present parameters.
     current: Option<[Vec<f32>; 2]>,
+    /// Seconds of forward passes, and while training of backward passes and updates.
+    seconds: [f64; PARTS.len()],
     training: Option<Training>,
 }
 
@@ -58,6 +62,9 @@ struct Training {
 /// The parts of a training state, after a parameter's name or a normalisation's.
 const MOMENTS: [&str; 2] = ["first_moment", "second_moment"];
 const NORMS: [&str; 2] = ["mean", "variance"];
+
+/// What is timed.
+const PARTS: [&str; 3] = ["networks forward", "networks backward", "networks Adam"];
 
 /// Number of properties.
 const PROPERTIES: usize = 6;
@@ -137,6 +144,7 @@ impl NetworkModel {
             joint_count: template.joint_count(),
             canonical: None,
             current: None,
+            seconds: [0.0; PARTS.len()],
             training: None,
             tables: tables.clone(),
             device,
@@ -256,6 +264,7 @@ impl PropertyModel for NetworkModel {
             values.chunks_exact(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect()
         };
         let [pose, joints] = now.each_ref().map(|values| vectors(values));
+        let start = Instant::now();
         let map = self.map_tensor(self.map.posed(&joints, &pose[..self.joint_count]));
         if records {
             self.current = None;
@@ -271,6 +280,7 @@ impl PropertyModel for NetworkModel {
         } else {
             self.play(gpu, map)?;
         }
+        self.seconds[0] += start.elapsed().as_secs_f64();
         // While training, what the device has must be that of the tape.
         self.current = (records || self.training.is_none()).then_some(now);
         Ok(())
@@ -299,7 +309,10 @@ impl PropertyModel for NetworkModel {
         let Some(training) = &mut self.training else { return Err(not_prepared()) };
         // Each norm's last map is that of the last pose.
         let seen_norms = training.tape.as_mut().map(|tape| std::mem::take(&mut tape.seen_norms)).unwrap_or_default();
+        let start = Instant::now();
         training.propagate();
+        self.seconds[1] += start.elapsed().as_secs_f64();
+        let start = Instant::now();
         for (index, parameter) in self.parameters.iter_mut().enumerate() {
             let rate = rate_of(self.list[index].part, rates);
             if let Some(gradient) = training.parameter_gradients[index].take().filter(|_| rate > 0.0) {
@@ -316,7 +329,12 @@ impl PropertyModel for NetworkModel {
         training.tape = None;
         self.canonical = None;
         self.current = None;
+        self.seconds[2] += start.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    fn host_seconds(&self) -> Vec<(&'static str, f64)> {
+        PARTS.into_iter().zip(self.seconds).collect()
     }
 
     fn tables(&self, _: &Gpu) -> Result<PropertyTables, RenderError> {
