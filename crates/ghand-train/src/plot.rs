@@ -18,7 +18,7 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Curves over one axis.
+/// Curves over an axis that begins at 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinePlot {
     /// Its title.
@@ -143,7 +143,7 @@ impl LinePlot {
             .margin(14)
             .x_label_area_size(44)
             .y_label_area_size(64)
-            .build_cartesian_2d(range(points().map(|p| p.0)), range(points().map(|p| p.1)))
+            .build_cartesian_2d(0.0..range(points().map(|p| p.0)).end, range(points().map(|p| p.1)))
             .map_err(|e| text(&e))?;
         chart
             .configure_mesh()
@@ -152,6 +152,7 @@ impl LinePlot {
             .axis_style(INK)
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
+            .x_label_formatter(&|x| if x.fract() == 0.0 { format!("{x:.0}") } else { format!("{x}") })
             .x_desc(&self.axes[0])
             .y_desc(&self.axes[1])
             .draw()

@@ -10,11 +10,13 @@ use ghand_files::input_file;
 use ghand_render::Gpu;
 use ghand_train::ablation::{ARMS, Arm, ArmFigures, ArmRun, ImageFigures, figures, table};
 use ghand_train::floor::Floor;
+use ghand_train::plot::IntervalPlot;
 use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;
 use crate::cli::{AdapterArgs, Stopped};
+use crate::commands::render::write_png;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::settings_args::SettingsArgs;
@@ -155,6 +157,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
         let figures = figures(&runs);
         say!("\nequal {}\n\n{}", budget.name(), table(&figures));
+        write_plot(&args.out, *budget, &figures)?;
         match budget {
             Budget::Iterations => report.equal_iterations = Some(figures),
             Budget::Time => report.equal_time = Some(figures),
@@ -222,9 +225,11 @@ fn write(report: &Report, folder: &Path) -> anyhow::Result<()> {
          over the poses of the split.\n",
         report.capture, report.split, report.test_split, report.poses
     );
-    for (title, figures) in [("Equal iterations", &report.equal_iterations), ("Equal time", &report.equal_time)] {
+    let parts = [(Budget::Iterations, &report.equal_iterations), (Budget::Time, &report.equal_time)];
+    for (budget, figures) in parts {
         if let Some(figures) = figures {
-            page += &format!("\n## {title}\n\n{}", table(figures));
+            let name = budget.name();
+            page += &format!("\n## Equal {name}\n\n![PSNR on the hand](ablation-{name}.svg)\n\n{}", table(figures));
         }
     }
     for (name, text) in [("ablation.json", text), ("ablation.md", page)] {
@@ -232,4 +237,18 @@ fn write(report: &Report, folder: &Path) -> anyhow::Result<()> {
         write_atomically(&path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))?;
     }
     Ok(())
+}
+
+/// Writes a plot of the arms, as PNG and SVG.
+fn write_plot(folder: &Path, budget: Budget, figures: &[ArmFigures]) -> anyhow::Result<()> {
+    let row = |arm: &ArmFigures| (arm.arm.clone(), [arm.psnr_hand.mean, arm.psnr_hand.low, arm.psnr_hand.high]);
+    let plot = IntervalPlot {
+        title: format!("Parts of the method, equal {}", budget.name()),
+        axis: "PSNR on the hand, dB, with 95 % intervals over poses".into(),
+        rows: figures.iter().map(row).collect(),
+    };
+    let path = |extension: &str| folder.join(format!("ablation-{}.{extension}", budget.name()));
+    write_png(&path("png"), &plot.to_image()?)?;
+    let svg = path("svg");
+    write_atomically(&svg, plot.to_svg()?.as_bytes()).with_context(|| format!("{}: cannot write", svg.display()))
 }

@@ -218,20 +218,23 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         return Ok(());
     };
     let settings = &record.settings;
-    let lpips = record.lpips.load()?;
+    // What is given on the command line is the same as in the record, in the user's own words.
+    let lpips = if args.lpips.path().is_some() { &args.lpips } else { &record.lpips }.load()?;
+    let given = if args.capture.capture.is_some() { &args.capture } else { &record.capture };
+    let recorded_poses: StartPoses = record.poses.parse()?;
+    let poses = args.poses.clone().unwrap_or(recorded_poses);
     let interruption = Interruption::listen(STOPPED_BEFORE_TRAINING)?;
     interruption.remove_at_end(folder.leftovers());
 
-    let path = record.capture.capture.clone().context("--capture: is missing")?;
+    let path = given.capture.clone().context("--capture: is missing")?;
     if record.demo {
         demo_capture(&mut gpu, path.clone(), &interruption)?;
     }
     let path = &path;
     // A requested split that does not exist fails here, before training.
     let needed: Vec<&str> = std::iter::once(&record.split).chain(&record.test_split).map(String::as_str).collect();
-    let capture = record.capture.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
+    let capture = given.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = record.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
-    let poses: StartPoses = record.poses.parse()?;
     let start = poses.applied_to(&capture, &record.split)?;
     check_image_sizes(lpips.as_deref(), &start, test_split)?;
     check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
@@ -323,7 +326,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         preset: record.preset.clone(),
         model: settings.model,
         components: settings.components,
-        poses: record.poses.clone(),
+        poses: poses.to_string(),
         pose_error_deg,
         alignment,
         exposure: trained.exposure.clone(),

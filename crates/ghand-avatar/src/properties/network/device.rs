@@ -421,6 +421,7 @@ fn rate_of(part: Part, rates: &PropertyRates) -> f64 {
         Part::Regressor => unless_fixed(rates.regressor),
         Part::Scale => unless_fixed(rates.scale),
         Part::Color => unless_fixed(rates.color),
+        Part::OwnColors => rates.color,
     }
 }
 

@@ -32,6 +32,8 @@ pub(super) struct Networks {
     regressor: Mlp,
     scale: Mlp,
     color: Mlp,
+    /// Logits, `[3][N]`.
+    own_colors: Option<Slot<2>>,
 }
 
 /// What does not depend on the pose.
@@ -114,6 +116,9 @@ impl Networks {
         let regressor = head("regressor", Part::Regressor, outputs.joints, Start::Zero);
         let scale = head("scale", Part::Scale, 1, Start::Zero);
         let color = head("color", Part::Color, 3, Start::Zero);
+        let own_colors = sizes
+            .own_colors
+            .then(|| list.add("own_colors".into(), Part::OwnColors, [3, outputs.gaussians], Start::Zero));
         let networks = Networks {
             outputs,
             canonical_encoder,
@@ -127,13 +132,15 @@ impl Networks {
             regressor,
             scale,
             color,
+            own_colors,
         };
         (networks, std::mem::take(list))
     }
 
     /// The parameters without which the colours are those of the base.
     pub fn color_outputs(&self) -> Vec<usize> {
-        self.color.last().map(|(weight, bias)| vec![weight.index(), bias.index()]).unwrap_or_default()
+        let last = self.color.last().into_iter().flat_map(|(weight, bias)| [weight.index(), bias.index()]);
+        last.chain(self.own_colors.as_ref().map(Slot::index)).collect()
     }
 
     /// What does not depend on the pose, from the map of the rest hand, `[1][3][side][side]`.
@@ -164,12 +171,17 @@ impl Networks {
         let shared = self.trunk.activate(self.trunk.forward(pass, features));
         let head = |mlp: &Mlp| mlp.forward(pass, shared.clone()).transpose();
         let logits = |row: usize, count: usize| base.logits.clone().narrow(0, row, count);
+        let colors = head(&self.color) + logits(1, 3);
+        let colors = match &self.own_colors {
+            Some(own) => colors + own.of(pass.parameters),
+            None => colors,
+        };
         Posed {
             coefficients: head(&self.coefficients),
             // A residual joint is then a mean over the Gaussians, however many there are.
             regressor: head(&self.regressor) / self.outputs.gaussians as f64,
             scale: activation::sigmoid(head(&self.scale) + logits(0, 1)) * f64::from(base.max_scale),
-            color: activation::sigmoid(head(&self.color) + logits(1, 3)),
+            color: activation::sigmoid(colors),
         }
     }
 }

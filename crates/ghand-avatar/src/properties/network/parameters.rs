@@ -28,6 +28,8 @@ pub(super) enum Part {
     Scale,
     /// The head for the colours.
     Color,
+    /// The colours of single Gaussians.
+    OwnColors,
 }
 
 /// Start values of a parameter.

@@ -42,6 +42,9 @@ pub struct NetworkSizes {
     pub normalization: Normalization,
     /// Activation of the decoders.
     pub activation: Activation,
+    /// Whether each Gaussian also has a colour of its own, for which the features would be too coarse.
+    #[serde(default)]
+    pub own_colors: bool,
 }
 
 impl NetworkSizes {
@@ -55,6 +58,7 @@ impl NetworkSizes {
             hidden: 64,
             normalization: Normalization::Instance,
             activation: Activation::Relu,
+            own_colors: true,
         }
     }
 
@@ -69,6 +73,7 @@ impl NetworkSizes {
             hidden: 256,
             normalization: Normalization::Batch,
             activation: Activation::Softplus,
+            own_colors: false,
         }
     }
 

@@ -29,6 +29,7 @@ fn tiny(activation: Activation) -> NetworkSizes {
         hidden: 5,
         normalization: Normalization::Instance,
         activation,
+        own_colors: activation == Activation::Relu,
     }
 }
 

@@ -218,7 +218,8 @@ impl Twin {
                 self.mlp("scale", 3, &shared).into_iter().map(|v| self.max_scale * sigmoid(v + logit(0))).collect(),
             );
             let color = self.mlp("color", 3, &shared).into_iter().enumerate();
-            rows[5].push(color.map(|(c, v)| sigmoid(v + logit(1 + c))).collect());
+            let own = |c: usize| if self.sizes.own_colors { self.parameter("own_colors")[c * count + p] } else { 0.0 };
+            rows[5].push(color.map(|(c, v)| sigmoid(v + logit(1 + c) + own(c))).collect());
         }
         assert_eq!(rows[2][0].len(), self.coefficient_rows);
         // Points to rows.
