@@ -37,7 +37,7 @@ const LEAST_RANGE: f64 = 0.05;
 
 impl PanelPlot {
     fn size(&self) -> [u32; 2] {
-        [WIDTH, 96 + PANEL * self.panels.len() as u32]
+        [WIDTH, 102 + PANEL * self.panels.len() as u32]
     }
 
     /// As pixels.
@@ -60,7 +60,7 @@ impl PanelPlot {
         let text = |e: &dyn std::fmt::Display| e.to_string();
         area.fill(&WHITE).map_err(|e| text(&e))?;
         let title = (FONT, 18).into_font().color(&INK);
-        let area = area.titled(&self.title, title).map_err(|e| text(&e))?;
+        let area = area.margin(6, 0, 0, 0).titled(&self.title, title).map_err(|e| text(&e))?;
         let (above, below) = area.split_vertically(PANEL * self.panels.len() as u32 + 10);
         let ranges = || self.panels.iter().map(|panel| range(panel.values.iter().flatten().copied()));
         let least = LEAST_RANGE * ranges().map(|range| range.end - range.start).fold(0.0, f64::max);

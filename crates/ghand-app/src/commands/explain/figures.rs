@@ -143,8 +143,8 @@ impl Figures {
             coefficients: pairs.map(|(basis, pose)| coefficient_figures(explained, basis, pose)).collect(),
             most_pose_dependent_basis: most.map(|basis| basis + 1),
             residual_weights_are: match avatar.config.residual_weights {
-                ResidualWeights::Paper => "used unchanged",
-                ResidualWeights::ZeroSum => "less their mean over the joints",
+                ResidualWeights::Paper => "as learned",
+                ResidualWeights::ZeroSum => "less their mean over the joints, as they take effect",
             },
             residual_weights: residual_joints(avatar, explained)
                 .into_iter()

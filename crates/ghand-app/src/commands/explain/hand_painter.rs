@@ -57,7 +57,10 @@ impl<'a> HandPainter<'a> {
     pub fn draw(&mut self, dots: &Dots, camera: &Camera) -> Result<RgbImage, RenderError> {
         // As `Shading::soft`: above the photographer's left shoulder.
         let light = (camera.rotation.transpose() * DVec3::new(-0.5, -0.7, -1.0)).normalize_or_zero();
+        let ahead = camera.rotation.transpose() * DVec3::Z;
         let lit = |(color, normal): (&DVec3, &DVec3)| {
+            // Only a surface that is turned inside out is seen from behind: it has light on both sides.
+            let normal = if normal.dot(ahead) > 0.3 { -*normal } else { *normal };
             let wrapped = ((normal.dot(light) + 0.3) / 1.3).max(0.0);
             (*color * (dots.ambient + (1.1 - dots.ambient) * wrapped)).clamp(DVec3::ZERO, DVec3::ONE)
         };

@@ -9,7 +9,7 @@ use image::RgbImage;
 use serde::Serialize;
 
 use super::figures::Figures;
-use super::page::Section;
+use super::page::{Section, framed};
 use crate::pictures::write_png;
 
 /// Name of the file that every run writes last.
@@ -72,7 +72,7 @@ impl OutputFolder {
         std::fs::create_dir_all(&self.path)
             .with_context(|| format!("{}: cannot create the folder", self.path.display()))?;
         for figure in &single {
-            write_png(&self.path.join(&figure.file), &figure.picture)?;
+            write_png(&self.path.join(&figure.file), &framed(&figure.picture))?;
         }
         write_png(&self.path.join(SHEET), sheet)?;
         let [json, csv] = COEFFICIENTS;

@@ -86,6 +86,13 @@ pub fn figure(title: &str, rows: &[Vec<Cell>], legend: impl FnOnce(u32) -> Optio
     page
 }
 
+/// A picture with space around it.
+pub fn framed(picture: &RgbImage) -> RgbImage {
+    let mut page = blank(picture.width() + 2 * MARGIN, picture.height() + 2 * MARGIN);
+    put(&mut page, picture, [MARGIN; 2]);
+    page
+}
+
 /// Pictures side by side.
 pub fn beside(pictures: &[RgbImage]) -> RgbImage {
     let width = pictures.iter().map(|picture| picture.width() + MARGIN).sum::<u32>().saturating_sub(MARGIN);
@@ -155,9 +162,9 @@ mod tests {
 
     #[test]
     fn figures_fill_rows_and_do_not_touch() {
-        let figure =
+        let colored =
             |color: [u8; 3]| Figure { file: String::new(), picture: RgbImage::from_pixel(700, 90, Rgb(color)) };
-        let figures = vec![figure([1, 0, 0]), figure([0, 1, 0]), figure([0, 0, 1]), figure([2, 0, 0])];
+        let figures = vec![colored([1, 0, 0]), colored([0, 1, 0]), colored([0, 0, 1]), colored([2, 0, 0])];
         let sections = [Section { heading: "One".into(), text: vec!["line".into()], figures }];
         let page = sheet("Title", &sections);
         assert_eq!(page.width(), WIDTH + 2 * MARGIN);
@@ -171,7 +178,7 @@ mod tests {
     #[test]
     fn the_legend_of_a_figure_is_as_high_as_its_cells() {
         let cell = || Cell { title: "a".into(), picture: RgbImage::new(50, 80) };
-        let page = super::figure("t", &[vec![cell(), cell()], vec![cell()]], |height| Some(blank(30, height)));
+        let page = figure("t", &[vec![cell(), cell()], vec![cell()]], |height| Some(blank(30, height)));
         assert_eq!(page.width(), 130);
         assert!(page.height() > 2 * 80 && page.height() < 2 * 80 + 100);
     }

@@ -29,6 +29,9 @@ const SHAPING_LIGHT: f64 = 0.3;
 /// Length that the largest offset of a residual joint is enlarged to, metres.
 const VISIBLE: f64 = 0.012;
 
+/// Smaller offsets of all joints are rounding, millimetres.
+const LEAST_OFFSET_MM: f64 = 1e-4;
+
 /// Draws what the figures need.
 struct Painter<'a> {
     hands: HandPainter<'a>,
@@ -207,7 +210,10 @@ impl Painter<'_> {
         let text = if drawn.is_empty() {
             "There are none: the skinning is plain linear blend skinning.".to_owned()
         } else {
-            format!("Of each joint that has any; {}. All share one scale.", figures.residual_weights_are)
+            format!(
+                "One pair of pictures for each joint that has any, all on one scale; weights {}.",
+                figures.residual_weights_are
+            )
         };
         Ok(Section { heading: "Residual skinning weights".into(), text: vec![text], figures: drawn })
     }
@@ -218,6 +224,10 @@ impl Painter<'_> {
             let text = vec!["Without residual weights it has no effect.".to_owned()];
             return Ok(Section { heading, text, figures: vec![] });
         };
+        if numbers.joints.iter().all(|joint| joint.offset_mm < LEAST_OFFSET_MM) {
+            let text = vec!["The regressor adds nothing to any joint.".to_owned()];
+            return Ok(Section { heading, text, figures: vec![] });
+        }
         let parents = &self.avatar.template.parents;
         let anchored = self.avatar.config.residual_skeleton == ResidualSkeleton::Anchored;
         let (enlarged, factor) = enlarged(pose, anchored);
@@ -231,31 +241,19 @@ impl Painter<'_> {
             skeletons.iter().for_each(|(joints, pen)| draw_skeleton(&mut picture, &camera, parents, joints, *pen));
             picture
         };
-        let times = format!("{} times enlarged", short(factor));
-        let cells = vec![
-            Cell { title: "the template's skeleton".into(), picture: with(&[(&pose.joints, TEMPLATE)]) },
-            if anchored {
-                let title = "both: template blue, residual orange".into();
-                Cell { title, picture: with(&[(&pose.joints, TEMPLATE), (&pose.residual_joints, RESIDUAL)]) }
-            } else {
-                Cell {
-                    title: "the residual skeleton, true size".into(),
-                    picture: with(&[(&pose.residual_joints, RESIDUAL)]),
-                }
-            },
-            Cell {
-                title: if anchored {
-                    format!("both, offsets {times}")
-                } else {
-                    format!("the residual skeleton, {times}")
-                },
-                picture: if anchored {
-                    with(&[(&pose.joints, TEMPLATE), (&enlarged, RESIDUAL)])
-                } else {
-                    with(&[(&enlarged, RESIDUAL)])
-                },
-            },
+        let template: (&[DVec3], Pen) = (&pose.joints, TEMPLATE);
+        let beside_template = |residual: (&[DVec3], Pen)| {
+            if anchored { with(&[template, residual]) } else { with(&[residual]) }
+        };
+        let shown = if anchored { "both: template blue, residual orange" } else { "the residual skeleton" };
+        let mut cells = vec![
+            Cell { title: "the template's skeleton".into(), picture: with(&[template]) },
+            Cell { title: shown.into(), picture: beside_template((&pose.residual_joints, RESIDUAL)) },
         ];
+        if factor > 1.0 {
+            let title = format!("{} {} times enlarged", if anchored { "both, offsets" } else { shown }, short(factor));
+            cells.push(Cell { title, picture: beside_template((&enlarged, RESIDUAL)) });
+        }
         let title = format!("Pose {}; the joints of the residual skeleton are {}", numbers.pose, numbers.joints_are);
         let rows = numbers.joints.iter().map(|joint| (joint.joint.clone(), [joint.offset_mm, 0.0, joint.offset_mm]));
         let axis = "length of R Delta, mm".to_owned();
