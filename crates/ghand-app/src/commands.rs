@@ -4,6 +4,7 @@ pub mod ablate;
 pub mod bench;
 pub mod capture;
 pub mod evaluate;
+pub mod explain;
 pub mod export;
 pub mod inspect;
 pub mod pose;

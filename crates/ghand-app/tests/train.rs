@@ -207,10 +207,9 @@ fn killing_a_run_leaves_the_old_avatar_whole() {
     assert!(lines.any(|l| l.unwrap().starts_with("training:")), "the second run never started");
     child.kill().unwrap();
     child.wait().unwrap();
-    // The lock's file; the lock itself is free again. How the killed run was started, without a checkpoint.
+    // The lock's file; the lock itself is free again. How the killed run was started, if it came so far.
     std::fs::remove_file(folder.path().join("out/.train.lock")).unwrap();
-    std::fs::remove_file(folder.path().join("out/checkpoints/run.json")).unwrap();
-    std::fs::remove_dir(folder.path().join("out/checkpoints")).unwrap();
+    let _ = std::fs::remove_dir_all(folder.path().join("out/checkpoints"));
     assert_eq!(listing(&folder.path().join("out")), files);
     assert!(std::fs::read(folder.path().join("out/avatar.ghand")).unwrap() == avatar);
 }

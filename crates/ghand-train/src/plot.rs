@@ -1,4 +1,7 @@
-//! Plots: curves over a run, and means with intervals.
+//! Plots: curves over a run, means with intervals, and panels of them; and text in pictures.
+
+mod label;
+mod panels;
 
 use std::sync::OnceLock;
 
@@ -8,6 +11,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
+
+pub use label::{label, label_width};
+pub use panels::{Panel, PanelPlot};
 
 /// A curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,6 +58,8 @@ pub struct PlotError {
 pub const SIZE: [u32; 2] = [760, 380];
 /// Height of a row of an interval plot, pixels.
 const ROW: u32 = 30;
+/// Least width of the names of an interval plot, pixels.
+const NAMES: u32 = 170;
 /// Colours that people tell apart whatever their colour vision (Okabe and Ito).
 const COLORS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
@@ -200,10 +208,12 @@ impl IntervalPlot {
         let text = |e: &dyn std::fmt::Display| e.to_string();
         area.fill(&WHITE).map_err(|e| text(&e))?;
         let count = self.rows.len() as f64;
+        let names =
+            self.rows.iter().map(|(name, _)| label_width(13.0, name) + 24).fold(NAMES, u32::max).min(SIZE[0] / 2);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT, 18).into_font().color(&INK))
             .margin(14)
-            .margin_left(170)
+            .margin_left(names)
             .x_label_area_size(44)
             .build_cartesian_2d(range(self.rows.iter().flat_map(|row| row.1)), count - 0.5..-0.5)
             .map_err(|e| text(&e))?;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{ablate, bench, capture, evaluate, export, inspect, pose, render, splat};
+use ghand_app::commands::{ablate, bench, capture, evaluate, explain, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -24,6 +24,8 @@ enum Command {
     Export(export::ExportArgs),
     /// Compare an avatar with images of a capture that training did not see
     Evaluate(evaluate::EvaluateArgs),
+    /// Show what an avatar has learned: shape bases, coefficients, residual weights and skeleton
+    Explain(explain::ExplainArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Export(args) => export::run(args, &arguments.adapter),
         Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
+        Command::Explain(args) => explain::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),

@@ -1,0 +1,221 @@
+//! The properties of an avatar in poses, read from the device, and what the deformation makes of them.
+
+use ghand_avatar::{Avatar, Scene};
+use ghand_core::Pose;
+use ghand_core::blend_shapes::CoefficientLayout;
+use ghand_core::deformation::{Deformation, deform};
+use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints};
+use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_normals};
+use ghand_hand_model::surface::sample_surface;
+use ghand_motion::PoseFrame;
+use ghand_render::splat::Purpose;
+use ghand_render::{Gpu, buffers};
+use glam::DVec3;
+
+/// An avatar with its properties in some poses.
+pub struct Explained {
+    /// Rest positions of the Gaussians without any basis, metres, N.
+    pub rest: Vec<DVec3>,
+    /// Outward normals there, unit length, N.
+    pub normals: Vec<DVec3>,
+    /// Shape bases S, `[n][N]`, metres.
+    pub shape_basis: Vec<DVec3>,
+    /// Residual skinning weights, `[n_b][N]`, as they take effect: less their mean over the joints if that is subtracted.
+    pub residual_weights: Vec<f64>,
+    /// Numbers of a coefficient.
+    pub rows: usize,
+    /// Coefficients in the rest pose, `[n][rows][N]`.
+    pub coefficients_at_rest: Vec<f32>,
+    /// The poses.
+    pub poses: Vec<ExplainedPose>,
+}
+
+/// One pose.
+pub struct ExplainedPose {
+    /// Name or id.
+    pub id: String,
+    /// The pose.
+    pub pose: Pose,
+    /// Coefficients, `[n][rows][N]`.
+    pub coefficients: Vec<f32>,
+    /// Posed Gaussians, metres, N.
+    pub posed: Vec<DVec3>,
+    /// Their normals.
+    pub normals: Vec<DVec3>,
+    /// How far the residual terms move them from plain linear blend skinning, metres, N.
+    pub moved: Vec<f64>,
+    /// Posed joints of the template, metres, world, `n_b`.
+    pub joints: Vec<DVec3>,
+    /// Posed joints of the residual skeleton, metres, world, `n_b`.
+    pub residual_joints: Vec<DVec3>,
+    /// What the regressor adds to the joints of the residual skeleton at rest, R Delta, metres, `n_b`.
+    pub joint_offsets: Vec<DVec3>,
+}
+
+/// The properties in one pose, as on the device but in f64.
+struct PoseProperties {
+    shape_basis: Vec<DVec3>,
+    coefficients: Vec<f32>,
+    residual_weights: Vec<f64>,
+    regressor: Vec<f64>,
+}
+
+impl PoseProperties {
+    fn read(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> anyhow::Result<PoseProperties> {
+        scene.set_pose(gpu, 0, 0, pose)?;
+        scene.posed_table(gpu, 0)?;
+        let Some(posed) = scene.avatars().first() else { anyhow::bail!("a scene without an avatar") };
+        let p = posed.deformation.properties();
+        let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
+        let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
+        let rows = p.sizes.coefficients.rows();
+        Ok(PoseProperties {
+            shape_basis: vectors(&wide(buffers::read(gpu, &p.shape_basis, 3 * bases * n)?), n),
+            coefficients: buffers::read(gpu, &p.coefficients, rows * bases * n)?,
+            residual_weights: wide(buffers::read(gpu, &p.residual_weights, joints * n)?),
+            regressor: wide(buffers::read(gpu, &p.regressor, joints * n)?),
+        })
+    }
+}
+
+/// Vectors from rows of components `[k][3][N]`.
+fn vectors(values: &[f64], count: usize) -> Vec<DVec3> {
+    let rows = values.chunks_exact(3 * count.max(1));
+    rows.flat_map(|row| (0..count).map(|p| DVec3::new(row[p], row[count + p], row[2 * count + p]))).collect()
+}
+
+/// Coefficients with three components `[n][N]`, whatever their layout.
+fn coefficient_vectors(values: &[f32], rows: usize, count: usize) -> Vec<DVec3> {
+    let at = |row: &[f32], p: usize, c: usize| f64::from(row[if rows == 3 { c * count + p } else { p }]);
+    let bases = values.chunks_exact(rows * count.max(1));
+    bases.flat_map(|row| (0..count).map(move |p| DVec3::from([0, 1, 2].map(|c| at(row, p, c))))).collect()
+}
+
+/// The weights less their mean over the joints.
+fn centred(weights: &[f64], count: usize, joints: usize) -> Vec<f64> {
+    let mean = |p: usize| (0..joints).map(|k| weights[k * count + p]).sum::<f64>() / joints.max(1) as f64;
+    let means: Vec<f64> = (0..count).map(mean).collect();
+    weights.iter().enumerate().map(|(i, weight)| weight - means[i % count.max(1)]).collect()
+}
+
+impl Explained {
+    /// Reads an avatar's properties in these poses and in the rest pose.
+    ///
+    /// # Errors
+    /// An error if the device failed or the avatar's hand model cannot be sampled.
+    pub fn read(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<Explained> {
+        let (template, config) = (&avatar.template, &avatar.config);
+        let (count, joint_count) = (template.len(), template.joint_count());
+        let samples = sample_surface(&avatar.model, config.uv_resolution)?;
+        if samples.len() != count {
+            anyhow::bail!("the avatar has {count} Gaussians, but its hand model has {} texels", samples.len());
+        }
+        let normals = samples.normals;
+        let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<f64>>();
+        let rest = vectors(&wide(&template.rest), count);
+        let weights = wide(&template.weights);
+        // Only the properties are needed, not the picture: one tile is the smallest picture.
+        let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [8, 8])?;
+        let rows = config.coefficients.rows();
+        let at_rest = PoseProperties::read(gpu, &mut scene, &Pose::rest(joint_count))?;
+        let mut poses = vec![];
+        for PoseFrame { id, pose, .. } in frames {
+            let p = PoseProperties::read(gpu, &mut scene, pose)?;
+            let deformation = Deformation {
+                parents: &template.parents,
+                joints: &template.joints,
+                canonical: &rest,
+                weights: &weights,
+                shape_basis: &p.shape_basis,
+                blend_coefficients: &coefficient_vectors(&p.coefficients, rows, count),
+                skeleton_regressor: &p.regressor,
+                residual_weights: &p.residual_weights,
+                residual_weights_mode: config.residual_weights,
+                residual_skeleton_mode: config.residual_skeleton,
+            };
+            let deformed = deform(&deformation, pose);
+            let corrected = Skinning {
+                rest: &deformed.rest,
+                weights: &weights,
+                residual_weights: &p.residual_weights,
+                bones: &deformed.chain.posed_from_rest,
+                residual_bones: &deformed.residual_chain.posed_from_rest,
+                translation: pose.translation,
+                mode: config.residual_weights,
+            };
+            let plain = skin(&Skinning { residual_weights: &[], residual_bones: &[], ..corrected });
+            let moved = deformed.posed.iter().zip(&plain).map(|(a, b)| a.distance(*b)).collect();
+            let joint_offsets =
+                residual_joints(&p.regressor, &deformed.offsets, &template.joints, ResidualSkeleton::Paper);
+            let world = |chain: &ghand_core::skeleton::Chain| {
+                chain.world.iter().map(|joint| joint.translation + pose.translation).collect()
+            };
+            poses.push(ExplainedPose {
+                id: id.clone(),
+                pose: pose.clone(),
+                coefficients: p.coefficients,
+                normals: skin_normals(&corrected, &normals),
+                moved,
+                joints: world(&deformed.chain),
+                residual_joints: world(&deformed.residual_chain),
+                joint_offsets,
+                posed: deformed.posed,
+            });
+        }
+        let residual_weights = match config.residual_weights {
+            ResidualWeights::Paper => at_rest.residual_weights,
+            ResidualWeights::ZeroSum => centred(&at_rest.residual_weights, count, joint_count),
+        };
+        Ok(Explained {
+            rest,
+            normals,
+            shape_basis: at_rest.shape_basis,
+            residual_weights,
+            rows,
+            coefficients_at_rest: at_rest.coefficients,
+            poses,
+        })
+    }
+
+    /// Number of Gaussians, N.
+    pub fn len(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Number of shape bases, n.
+    pub fn bases(&self) -> usize {
+        self.shape_basis.len() / self.len().max(1)
+    }
+
+    /// One basis, metres, N.
+    pub fn basis(&self, basis: usize) -> &[DVec3] {
+        self.shape_basis.get(basis * self.len()..(basis + 1) * self.len()).unwrap_or_default()
+    }
+
+    /// The residual weights of a joint, N.
+    pub fn joint_weights(&self, joint: usize) -> &[f64] {
+        self.residual_weights.get(joint * self.len()..(joint + 1) * self.len()).unwrap_or_default()
+    }
+
+    /// The coefficients of a basis among those of a pose, `[rows][N]`.
+    pub fn of_basis<'a>(&self, coefficients: &'a [f32], basis: usize) -> &'a [f32] {
+        let length = self.rows * self.len();
+        coefficients.get(basis * length..(basis + 1) * length).unwrap_or_default()
+    }
+
+    /// How far a basis's coefficients are from those at rest, N; the mean of the three if there are three.
+    pub fn relative_coefficients(&self, pose: &ExplainedPose, basis: usize) -> Vec<f64> {
+        let (now, rest) = (self.of_basis(&pose.coefficients, basis), self.of_basis(&self.coefficients_at_rest, basis));
+        let difference = |i: usize| f64::from(now[i]) - f64::from(rest[i]);
+        let n = self.len();
+        (0..n).map(|p| (0..self.rows).map(|c| difference(c * n + p)).sum::<f64>() / self.rows as f64).collect()
+    }
+}
+
+/// What a coefficient consists of.
+pub fn layout_name(layout: CoefficientLayout) -> &'static str {
+    match layout {
+        CoefficientLayout::PerBasis => "one number per basis and Gaussian",
+        CoefficientLayout::PerComponent => "three numbers per basis and Gaussian",
+    }
+}
