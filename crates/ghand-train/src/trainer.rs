@@ -78,6 +78,8 @@ pub struct Trained {
     pub seconds: f64,
     /// The loss, and the PSNR of images held out, over the run.
     pub curve: Vec<CurvePoint>,
+    /// Pictures of these images at its end.
+    pub previews: Vec<Preview>,
 }
 
 /// A run over one split of a capture.
@@ -333,7 +335,8 @@ impl<'a> Trainer<'a> {
             fit.set_trained(trained);
         }
         let curve = self.curve.into_inner();
-        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, stopped, seconds, curve })
+        let previews = done.previews;
+        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, stopped, seconds, curve, previews })
     }
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.

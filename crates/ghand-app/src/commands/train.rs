@@ -52,7 +52,7 @@ pub struct TrainArgs {
     poses: Option<StartPoses>,
     #[command(flatten)]
     lpips: LpipsArgs,
-    /// Folder for avatar.ghand, poses.json, metrics.json, align.png and report.png [default: out/train or, if it holds an earlier
+    /// Folder for avatar.ghand, report.html and the other results [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]
     out: Option<PathBuf>,
@@ -206,7 +206,7 @@ fn command(record: &RunRecord) -> String {
 /// [`Stopped`] if the user has stopped it.
 pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.settings.print_config {
-        print!("{}", args.settings()?.to_toml());
+        say!("{}", args.settings()?.to_toml().trim_end());
         return Ok(());
     }
     args.settings()?;
@@ -267,8 +267,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     interruption.stop_first();
     let checkpoints = Checkpoints::new(&folder.checkpoints(), args.checkpoint_every, args.keep_checkpoints);
     let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
-    let (trained, previews) = match train(trainer, settings.iterations, &folder.checkpoints()) {
-        Ok(result) => result,
+    let trained = match train(trainer, settings.iterations, &folder.checkpoints()) {
+        Ok(trained) => trained,
         Err(error) => {
             if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {
                 folder.end(false);
@@ -356,7 +356,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         interruption.whole(|| -> anyhow::Result<()> {
             outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
             shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;
-            write_live_files(folder.path(), &trained.curve, &previews)?;
+            write_live_files(folder.path(), &trained.curve, &trained.previews)?;
             write_report_page(&folder.file(PAGE_FILE), &page)?;
             save_metrics(&metrics, &folder.file(METRICS_FILE))
         })

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use ghand_train::{Preview, TrainError, Trained, Trainer};
+use ghand_train::{TrainError, Trained, Trainer};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::Stopped;
@@ -22,7 +22,7 @@ const LIVE_EVERY: Duration = Duration::from_secs(10);
 ///
 /// # Errors
 /// [`Stopped`] if the run was stopped before there was an avatar; the trainer's errors.
-pub fn train(trainer: Trainer, iterations: u64, live: &Path) -> anyhow::Result<(Trained, Vec<Preview>)> {
+pub fn train(trainer: Trainer, iterations: u64, live: &Path) -> anyhow::Result<Trained> {
     let bar = ProgressBar::new(iterations).with_position(trainer.resumed_at().unwrap_or(0));
     bar.reset_eta();
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {per_sec} {elapsed} (left {eta})")?);
@@ -52,9 +52,8 @@ pub fn train(trainer: Trainer, iterations: u64, live: &Path) -> anyhow::Result<(
         bar.set_message(message);
     });
     bar.finish_and_clear();
-    match trained {
-        Ok(trained) => Ok((trained, previews)),
-        Err(error @ TrainError::Stopped { .. }) => Err(Stopped(error.to_string()).into()),
-        Err(error) => Err(error.into()),
-    }
+    trained.map_err(|error| match error {
+        TrainError::Stopped { .. } => Stopped(error.to_string()).into(),
+        error => error.into(),
+    })
 }

@@ -54,6 +54,8 @@ pub(super) struct StageResult {
     pub iterations: u64,
     /// Whether it was told to stop.
     pub stopped: bool,
+    /// The watched images at its end.
+    pub previews: Vec<Preview>,
 }
 
 /// Pose response, rest joints, poses.
@@ -92,6 +94,8 @@ impl Trainer<'_> {
         let began = before.as_ref().map_or_else(|| self.seconds(), |state| state.began);
         let mut mean = before.as_ref().and_then(|state| state.mean);
         let mut done = before.as_ref().map_or(0, |state| state.iteration);
+        // After the loss of a device, what came after the last state comes again.
+        self.curve.borrow_mut().retain(|point| point.iteration <= stage.done + done);
         let mut order = ViewOrder::new(&self.views, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut told_to_stop = false;
@@ -155,7 +159,6 @@ impl Trainer<'_> {
             }
             let mut previews = vec![];
             let mut held_out_psnr = None;
-            // The last one is that of the evaluation.
             let passed = |fraction: f64| (fraction * PREVIEWS).floor();
             if !stage.refine_poses && passed(self.fraction(stage, done, began)) > passed(fraction) {
                 (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
@@ -182,8 +185,9 @@ impl Trainer<'_> {
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
-        let mut seen = None;
+        let (mut seen, mut previews) = (None, vec![]);
         if !stage.refine_poses {
+            previews = self.previews(gpu, &mut step, background)?.1;
             let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
             if settings.unseen == Unseen::Fill {
                 tables.fill_unseen(&weights, &neighbors(&avatar.template));
@@ -199,7 +203,7 @@ impl Trainer<'_> {
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
         let light = step.light()?.cloned();
         let avatar = Avatar { tables, seen, light, provenance, ..avatar };
-        Ok(StageResult { avatar, poses, iterations: done, stopped: told_to_stop })
+        Ok(StageResult { avatar, poses, iterations: done, stopped: told_to_stop, previews })
     }
 
     /// The device's part of a stage.
