@@ -43,7 +43,7 @@ impl PropertyModel for Wave {
         Err(not_trained())
     }
 
-    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, _: &PropertyRates) -> Result<(), RenderError> {
+    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, _: &PropertyRates) -> Result<bool, RenderError> {
         Err(not_trained())
     }
 

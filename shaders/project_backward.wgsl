@@ -2,10 +2,12 @@
 // requested, to the camera.
 
 import package::shared::camera::{camera_from_world, view};
+import package::shared::counters::Counters;
 import package::shared::dispatch::flat_index;
 import package::shared::gaussian::{
     ANISOTROPIC, ANTIALIAS, COLOR_BASES, FLAT, FREE_OPACITY, Gaussian, ROW_COLOR, ROW_OPACITY, ROW_ROTATION, ROW_SCALE,
-    UNBOUNDED, axes_of, compensation, flattened, footprint, load_gaussian, world_direction
+    UNBOUNDED, axes_of, compensation, flattened, are_finite, footprint, load_gaussian,
+    world_direction
 };
 import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic, stored_color};
 
@@ -23,6 +25,7 @@ override CAMERA_GRADIENT: bool = false;
 @group(0) @binding(5) var<storage, read_write> d_gaussians: array<f32>;
 // Contribution of each Gaussian to the gradient of the camera's rotation and translation, six rows.
 @group(0) @binding(6) var<storage, read_write> camera_rows: array<f32>;
+@group(0) @binding(7) var<storage, read_write> counters: Counters;
 
 fn store(row: u32, i: u32, value: f32) {
     d_gaussians[row * view.gaussian_count + i] = value;
@@ -236,4 +239,9 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         turn += cross(d_jacobian_x, foot.jacobian_x) + cross(d_jacobian_y, foot.jacobian_y);
     }
     store_camera(i, turn, d_translation);
+    // All of a Gaussian's gradients come from these.
+    let all = abs(d_mean) + abs(d_color) + abs(d_row_x) + abs(d_row_y) + abs(d_power);
+    if !are_finite(all) {
+        atomicAdd(&counters.bad_gradients, 1u);
+    }
 }

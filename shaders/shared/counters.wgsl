@@ -11,6 +11,7 @@ struct Counters {
     cut_short: atomic<u32>,
     // Of the Gaussians on too many tiles for the driver, the largest number of tiles.
     too_wide: atomic<u32>,
-    padding_1: u32,
-    padding_2: u32,
+    // Gaussians with a gradient that is not finite.
+    bad_gradients: atomic<u32>,
+    padding: u32,
 }

@@ -55,6 +55,18 @@ impl FailingDriver {
     }
 }
 
+fn small_capture() -> SyntheticOptions {
+    SyntheticOptions {
+        views: 5,
+        train_frames: 2,
+        test_frames: 1,
+        test_views: 1,
+        width: 64,
+        height: 96,
+        ..SyntheticOptions::default()
+    }
+}
+
 /// Every submission, beginning with the first.
 fn always() -> String {
     (1..=2000).map(|n: u32| n.to_string()).collect::<Vec<_>>().join(",")
@@ -150,16 +162,7 @@ fn training_gives_the_same_avatar_or_an_error() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions {
-        views: 5,
-        train_frames: 2,
-        test_frames: 1,
-        test_views: 1,
-        width: 64,
-        height: 96,
-        ..SyntheticOptions::default()
-    };
-    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
+    make_capture(&gpu, &small_capture(), &folder.path().join("capture")).unwrap();
     let train = |out: &str, fault: (&str, &str)| {
         let arguments = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=20"];
         driver.run(TRAIN, folder.path(), &arguments, fault)
@@ -192,4 +195,17 @@ fn too_little_device_memory_is_one_sentence_that_names_the_request() {
     // With gradients, which are not computed in bands.
     let output = run(&["bench", "splat", "--scene", "hand", "--n", "1000", "--size", "8000x4000"]);
     common::assert_one_sentence(&output, &["too little memory", "8000 x 4000 pixels", "smaller images"]);
+}
+
+#[test]
+fn training_with_too_little_device_memory_names_the_setting_to_lower() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let Some(driver) = FailingDriver::new(&gpu) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    make_capture(&gpu, &small_capture(), &folder.path().join("capture")).unwrap();
+    let settings = ["--set", "uv_resolution=1024", "--set", "shape_bases=32", "--set", "light=none"];
+    let arguments = [&["--capture", "capture", "--out", "out", "--poses", "truth"][..], &settings[..]].concat();
+    // Larger than the blocks that allocators request, smaller than the shape bases.
+    let output = driver.run(TRAIN, folder.path(), &arguments, ("REFUSE_FROM", "140000000"));
+    common::assert_one_sentence(&output, &["too little memory for", "lower uv_resolution=1024"]);
 }

@@ -52,6 +52,9 @@ pub struct PropertyRates {
     pub networks: f64,
     /// Of the networks' feature tensor.
     pub feature_tensor: f64,
+    /// How many times the usual norm of its gradient the networks' gradient may have; a longer one is shortened. 0 allows
+    /// any. Tables need no limit: Adam moves a number by no more than 3.2 times its rate, whatever its gradient.
+    pub gradient_clip: f64,
 }
 
 /// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters
@@ -98,7 +101,8 @@ pub trait PropertyModel {
     /// [`RenderError`] if the device failed or was lost, or the model is not prepared for training.
     fn backward(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError>;
 
-    /// Updates the parameters from their gradients.
+    /// Updates the parameters from their gradients. `false` if one of those is not finite; then nothing is updated. The
+    /// caller has seen that those of the Gaussians are finite.
     ///
     /// # Errors
     /// As [`PropertyModel::backward`].
@@ -107,7 +111,10 @@ pub trait PropertyModel {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         rates: &PropertyRates,
-    ) -> Result<(), RenderError>;
+    ) -> Result<bool, RenderError>;
+
+    /// Forgets gradients that were added up for the next update.
+    fn discard_gradients(&mut self) {}
 
     /// Reads back the learned tables.
     ///

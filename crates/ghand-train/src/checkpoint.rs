@@ -19,7 +19,7 @@ use crate::settings::TrainSettings;
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
 /// Version of the format that this program writes and reads.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes before the CBOR.
 const HEADER: usize = MAGIC.len() + 8;
 /// Maximum file size, bytes.
@@ -53,7 +53,7 @@ pub struct CurvePoint {
     pub stage: u32,
     /// Wall-clock time of the run, seconds.
     pub seconds: f64,
-    /// Running mean of L1 over the crops.
+    /// L1 over the crops, as a mean over the last images up to here.
     pub l1: Option<f64>,
     /// PSNR of some images that training does not see, dB, as a mean.
     pub held_out_psnr: Option<f64>,
@@ -72,6 +72,8 @@ pub struct Prepared {
     pub exposure: Option<ExposureFit>,
     /// How the images are corrected.
     pub correction: ColorCorrection,
+    /// Steps of the first stage without a finite gradient.
+    pub skipped_steps: u64,
 }
 
 impl Prepared {
@@ -99,12 +101,57 @@ pub struct StageState {
     pub began: f64,
     /// The loss over some views before the first iteration.
     pub loss_at_start: f64,
-    /// Running mean of L1.
-    pub mean: Option<f64>,
+    /// L1 over the crops.
+    pub losses: Losses,
+    /// Steps that changed nothing.
+    pub skipped: SkippedSteps,
     /// Learned numbers and their moments.
     pub numbers: Vec<NamedNumbers>,
     /// The light, if it is learned.
     pub light: Option<LightState>,
+}
+
+/// The losses of images as they come, and their mean over a number of them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Losses {
+    /// Over the last whole window.
+    pub mean: Option<f64>,
+    sum: f64,
+    count: u64,
+}
+
+impl Losses {
+    /// Adds one to the present window. Those that are not finite are left out.
+    pub(crate) fn add(&mut self, loss: f64) {
+        if loss.is_finite() {
+            self.sum += loss;
+            self.count += 1;
+        }
+    }
+
+    /// Ends the present window; its mean, if there was a loss in it.
+    pub(crate) fn end_window(&mut self) -> Option<f64> {
+        let mean = (self.count > 0).then(|| self.sum / self.count as f64);
+        *self = Losses { mean: mean.or(self.mean), ..Losses::default() };
+        mean
+    }
+}
+
+/// Counts the steps that changed nothing, since a gradient was not finite.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SkippedSteps {
+    /// All of them.
+    pub total: u64,
+    /// The last ones.
+    pub in_a_row: u64,
+}
+
+impl SkippedSteps {
+    /// Counts a step.
+    pub(crate) fn count(&mut self, skipped: bool) {
+        self.in_a_row = if skipped { self.in_a_row + 1 } else { 0 };
+        self.total += u64::from(skipped);
+    }
 }
 
 /// Numbers by name.
@@ -245,7 +292,8 @@ mod tests {
                 iterations_done: 5,
                 began: 0.1,
                 loss_at_start: 0.3,
-                mean: None,
+                losses: Losses::default(),
+                skipped: SkippedSteps::default(),
                 numbers: vec![NamedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
                 light: None,
             },

@@ -129,7 +129,7 @@ fn remove_unfinished(folder: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::checkpoint::{Prepared, StageState};
+    use crate::checkpoint::{Losses, Prepared, SkippedSteps, StageState};
     use crate::settings::TrainSettings;
 
     fn at(iteration: u64) -> Checkpoint {
@@ -144,7 +144,8 @@ mod tests {
                 iterations_done: iteration,
                 began: 0.0,
                 loss_at_start: 1.0,
-                mean: None,
+                losses: Losses::default(),
+                skipped: SkippedSteps::default(),
                 numbers: vec![],
                 light: None,
             },

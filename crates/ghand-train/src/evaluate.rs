@@ -217,6 +217,8 @@ pub struct Metrics {
     pub iterations: u64,
     /// Whether the run was told to stop before all its iterations were done.
     pub stopped_early: bool,
+    /// Training steps that changed nothing, since a gradient was not finite.
+    pub skipped_steps: u64,
     /// Number of Gaussians.
     pub gaussians: usize,
 }

@@ -226,6 +226,8 @@ pub struct TrainSettings {
     pub rate_response: f64,
     /// Rate of the light's radiances and of the gloss, as logarithms; 0 keeps the light that was found first.
     pub rate_light: f64,
+    /// How many times its usual norm the gradient of the networks may have; a longer one is shortened. 0 allows any.
+    pub gradient_clip: f64,
     /// Rate of the networks' weights.
     pub rate_networks: f64,
     /// Rate of the networks' feature tensor.
@@ -287,6 +289,7 @@ impl Default for TrainSettings {
             rate_components: 5e-3,
             rate_response: 5e-3,
             rate_light: 1e-2,
+            gradient_clip: 10.0,
             rate_networks: 3e-3,
             rate_feature_tensor: 1e-2,
             rate_joints: 1e-4,

@@ -64,6 +64,16 @@ pub struct Rates {
     pub scale_weight: f64,
 }
 
+/// Whether a step changed what is learned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub enum Learned {
+    /// It did.
+    Yes,
+    /// It did not: a gradient was infinite or not a number.
+    Skipped,
+}
+
 impl Rates {
     /// The property model's rates.
     fn of_properties(&self, settings: &TrainSettings) -> PropertyRates {
@@ -79,6 +89,7 @@ impl Rates {
             response: settings.rate_response * self.tables,
             networks: settings.rate_networks * self.tables,
             feature_tensor: settings.rate_feature_tensor * self.tables,
+            gradient_clip: settings.gradient_clip,
         }
     }
 }
@@ -277,14 +288,17 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<(), RenderError> {
-        self.add_gradients(gpu, view, value_count, background, settings, rates)?;
-        self.update(gpu, view, settings, rates)
+    ) -> Result<Learned, RenderError> {
+        match self.add_gradients(gpu, view, value_count, background, settings, rates)? {
+            Learned::Yes => self.update(gpu, view, settings, rates),
+            Learned::Skipped => Ok(Learned::Skipped),
+        }
     }
 
     /// The part of a step before the updates, for one view. More views of the same frame can be added before
     /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints, the
-    /// pose and the light are the last view's alone.
+    /// pose and the light are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
+    /// gradients are discarded, and there is no update.
     ///
     /// # Errors
     /// As [`Step::run`].
@@ -296,7 +310,7 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Learned, RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
@@ -308,25 +322,30 @@ impl Step {
             offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
         };
-        match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
+        let counters = match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
             None => scene.run_frame(gpu, |splatter, encoder| {
                 loss.encode(encoder);
                 encode_backward(splatter, encoder);
             })?,
             // The host adds to the image's gradient once the frame is complete; only then does the rest run.
             Some(lpips) => {
-                let counters = scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
+                scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
                 lpips.add_gradient(gpu, scene.splatter(), view, settings.lpips_weight, value_count)?;
                 let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 encode_backward(scene.splatter(), &mut encoder);
                 gpu.queue.submit([encoder.finish()]);
-                counters
+                scene.splatter().read_counters(gpu)?
             }
         };
+        let model = &mut first(self.scene.avatars_mut())?.model;
+        if counters.bad_gradients > 0 {
+            model.discard_gradients();
+            return Ok(Learned::Skipped);
+        }
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        first(self.scene.avatars_mut())?.model.backward(gpu, &mut encoder)?;
+        model.backward(gpu, &mut encoder)?;
         gpu.queue.submit([encoder.finish()]);
-        Ok(())
+        Ok(Learned::Yes)
     }
 
     /// All updates, after the gradients of one view or more. `view` is the last one.
@@ -339,16 +358,19 @@ impl Step {
         view: &TrainView,
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Learned, RenderError> {
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.backward.encode_pose_gradient(&mut encoder);
+        let model = &mut first(self.scene.avatars_mut())?.model;
+        if !model.update(gpu, &mut encoder, &rates.of_properties(settings))? {
+            return Ok(Learned::Skipped);
+        }
+        self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
         if rates.step.is_multiple_of(LIGHT_EVERY) {
             self.update_light(gpu, view, settings.rate_light * rates.tables)?;
         }
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.backward.encode_pose_gradient(&mut encoder);
-        first(self.scene.avatars_mut())?.model.update(gpu, &mut encoder, &rates.of_properties(settings))?;
-        self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
         gpu.queue.submit([encoder.finish()]);
-        Ok(())
+        Ok(Learned::Yes)
     }
 
     /// Updates the light from a complete frame.
@@ -521,12 +543,12 @@ impl Step {
         let background = [0.0; 3];
         let (start, host) = (Instant::now(), self.avatar()?.model.host_seconds());
         for view in views {
-            self.add_gradients(gpu, view, value_count, background, settings, rates)?;
+            let _ = self.add_gradients(gpu, view, value_count, background, settings, rates)?;
         }
         gpu.wait()?;
         let gradients = start.elapsed().as_secs_f64();
         let now = Instant::now();
-        self.update(gpu, view, settings, rates)?;
+        let _ = self.update(gpu, view, settings, rates)?;
         gpu.wait()?;
         let update = now.elapsed().as_secs_f64();
         let of_host = self.avatar()?.model.host_seconds();

@@ -2,7 +2,7 @@
 
 use ghand_capture::CaptureError;
 use ghand_hand_model::HandModelError;
-use ghand_render::{DeviceError, RenderError};
+use ghand_render::{AdapterChoice, DeviceError, RenderError};
 
 use crate::alignment::AlignmentError;
 use crate::checkpoint::CheckpointError;
@@ -63,6 +63,20 @@ pub enum TrainError {
         /// The setting that determines the number of Gaussians.
         uv_resolution: u32,
     },
+    /// The graphics device has too little memory.
+    #[error(
+        "the graphics device has too little memory for {what} ({why}); lower uv_resolution={uv_resolution} for fewer \
+         Gaussians, close other programs that use the graphics adapter, or choose another adapter with {}",
+        AdapterChoice::VARIABLE
+    )]
+    NoDeviceMemory {
+        /// What was asked for.
+        what: String,
+        /// The reason, such as the exceeded limit.
+        why: String,
+        /// The setting that determines the number of Gaussians.
+        uv_resolution: u32,
+    },
     /// Numbers became infinite, or the loss rose: the result is unusable.
     #[error("training failed in stage {stage}, iteration {iteration} of {iterations}: {fault}; {remedy}")]
     Diverged {
@@ -88,4 +102,16 @@ pub enum TrainError {
         /// Total number of iterations.
         iterations: u64,
     },
+}
+
+impl TrainError {
+    /// Names the setting to lower, if the graphics device has too little memory.
+    pub(crate) fn with_memory_setting(self, uv_resolution: u32) -> TrainError {
+        match self {
+            TrainError::Render(RenderError::OutOfMemory { what, why }) => {
+                TrainError::NoDeviceMemory { what, why, uv_resolution }
+            }
+            other => other,
+        }
+    }
 }

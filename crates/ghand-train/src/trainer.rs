@@ -38,7 +38,7 @@ pub struct Progress<'a> {
     pub iterations: u64,
     /// 1 while poses are refined, then 2.
     pub stage: u32,
-    /// Running mean of L1 over the crops, once it has been read.
+    /// L1 over the crops, as a mean over the last images, once there are enough.
     pub l1: Option<f64>,
     /// The curve so far.
     pub curve: &'a [CurvePoint],
@@ -74,6 +74,8 @@ pub struct Trained {
     pub iterations: u64,
     /// Whether it was told to stop.
     pub stopped: bool,
+    /// Steps without a finite gradient, of both stages, which changed nothing.
+    pub skipped_steps: u64,
     /// Wall-clock time of the run, seconds.
     pub seconds: f64,
     /// The loss, and the PSNR of images held out, over the run.
@@ -296,6 +298,8 @@ impl<'a> Trainer<'a> {
             self.align()?;
         }
         let mut gpu = self.gpu.clone();
+        let uv_resolution = self.settings.uv_resolution;
+        let name_setting = |error: TrainError| error.with_memory_setting(uv_resolution);
         let pose_iterations = self.settings.pose_iterations();
         if pose_iterations > 0 && reached < 2 {
             let stage = Stage {
@@ -308,7 +312,9 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            let mut refined = gpu.retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))?.poses;
+            let first = gpu.retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
+            self.prepared.skipped_steps = first.skipped_steps;
+            let mut refined = first.poses;
             recenter(&mut refined, &self.prepared.poses);
             self.prepared.poses = refined;
         }
@@ -325,18 +331,31 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let done = gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress))?;
+        let done = gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
         let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
         let seconds = self.seconds();
-        let Prepared { poses, alignment, mut light, exposure, .. } = self.prepared;
+        let Prepared { poses, alignment, mut light, exposure, skipped_steps, .. } = self.prepared;
+        let skipped_steps = skipped_steps + done.skipped_steps;
         if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
             fit.set_trained(trained);
         }
         let curve = self.curve.into_inner();
         let previews = done.previews;
-        Ok(Trained { avatar, poses, alignment, light, exposure, iterations, stopped, seconds, curve, previews })
+        Ok(Trained {
+            avatar,
+            poses,
+            alignment,
+            light,
+            exposure,
+            iterations,
+            stopped,
+            skipped_steps,
+            seconds,
+            curve,
+            previews,
+        })
     }
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.

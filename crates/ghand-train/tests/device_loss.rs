@@ -12,7 +12,7 @@ use ghand_render::{AdapterChoice, Gpu, RenderError};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::floor::Floor;
 use ghand_train::metrics::moving_joints;
-use ghand_train::step::{Rates, Step};
+use ghand_train::step::{Learned, Rates, Step};
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::views::TrainViews;
 use ghand_train::{Align, TrainSettings, Trained, Trainer, evaluate};
@@ -115,7 +115,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
         let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 0.0 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
-        run(&gpu).unwrap();
+        assert_eq!(run(&gpu).unwrap(), Learned::Yes);
         let floor = Floor::new(&gpu, &capture, split, &poses, 4).unwrap();
         gpu.device.destroy();
         assert!(matches!(run(&gpu), Err(RenderError::Lost(_))));

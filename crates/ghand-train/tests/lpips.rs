@@ -9,7 +9,7 @@ use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::lpips::{Backbone, Lpips, Pair};
-use ghand_train::step::{Rates, Step};
+use ghand_train::step::{Learned, Rates, Step};
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::views::{TrainView, TrainViews};
 use ghand_train::{TrainSettings, Trainer};
@@ -51,7 +51,8 @@ fn first_step(
     step.set_pose(gpu, 0, &capture.frames[0].pose).unwrap();
     lpips.into_iter().for_each(|lpips| step.use_lpips(lpips));
     let rates = Rates { step: 1, tables: 1.0, pose: 0.0, pose_step: 1, scale_weight: 0.0 };
-    step.run(gpu, view, value_count, [0.2, 0.3, 0.4], &settings, &rates).unwrap();
+    let learned = step.run(gpu, view, value_count, [0.2, 0.3, 0.4], &settings, &rates).unwrap();
+    assert_eq!(learned, Learned::Yes);
     let splatter = step.scene().splatter();
     [buffers::read(gpu, splatter.d_image(), view.pixels.len()).unwrap(), splatter.read_image(gpu).unwrap().rgba]
 }

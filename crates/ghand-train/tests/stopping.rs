@@ -7,10 +7,10 @@ use ghand_avatar::{Avatar, PropertyTables};
 use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::step::{Rates, Step};
+use ghand_train::step::{Learned, Rates, Step};
 use ghand_train::synthetic_scene::{make_capture, make_capture_unless};
 use ghand_train::views::TrainViews;
-use ghand_train::{Align, TrainError, TrainSettings, Trained, Trainer};
+use ghand_train::{Align, Model, TrainError, TrainSettings, Trained, Trainer};
 
 fn options() -> SyntheticOptions {
     SyntheticOptions { views: 5, train_frames: 2, test_frames: 0, width: 64, height: 96, ..SyntheticOptions::default() }
@@ -91,6 +91,54 @@ fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
 }
 
 #[test]
+fn a_step_whose_gradients_are_not_finite_changes_nothing() {
+    with_capture(|gpu, capture| {
+        let split = capture.split("train").unwrap();
+        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        for model in [Model::Direct, Model::Network] {
+            let settings = TrainSettings { model, ..settings() };
+            let avatar = Avatar::untrained(&capture.template, &settings.avatar(), [0.8, 0.6, 0.5], 1).unwrap();
+            let joints = avatar.template.joint_count();
+            let learn = |losses: [f64; 3]| {
+                let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+                for (at, frame) in split.frames.iter().enumerate() {
+                    step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
+                }
+                let mut number = 0;
+                for values in losses {
+                    number += u64::from(values.is_normal());
+                    let rates =
+                        Rates { step: number, tables: 1.0, pose: 1.0, pose_step: number, scale_weight: 1.0 };
+                    let view = views.get(0, 1).unwrap();
+                    let learned = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
+                    assert_eq!(learned == Learned::Yes, values.is_normal(), "{values}");
+                }
+                (step.tables(gpu).unwrap(), step.hand_parameters(gpu, split.frames.len()).unwrap().poses)
+            };
+            // The loss is a mean over so many values: over none it is infinite.
+            let pixels = 3.0 * 64.0 * 96.0;
+            let learned = learn([pixels, 0.0, pixels]);
+            assert!(learned == learn([pixels, pixels, 0.0]), "{model:?}");
+            assert!(learned == learn([0.0, pixels, pixels]), "{model:?}");
+            assert!(learned.0 != avatar.tables, "nothing was learned");
+        }
+    });
+}
+
+#[test]
+fn ten_steps_in_a_row_whose_gradients_are_not_finite_end_a_run() {
+    with_capture(|gpu, capture| {
+        // Finite as it is, but not once it is multiplied.
+        let settings = TrainSettings { l1_weight: 1e38, pose_stage: 0.0, align: Align::None, ..settings() };
+        let error = train(gpu, capture, &settings).unwrap_err();
+        assert!(matches!(error, TrainError::Diverged { iteration: 10, .. }), "{error}");
+        let message = error.to_string();
+        assert!(message.contains("the gradients of ten steps in a row"), "{message}");
+        assert!(message.contains("`l1_weight` is too high: it is 1e38"), "{message}");
+    });
+}
+
+#[test]
 fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
     with_capture(|gpu, capture| {
         for (setting, stage) in [("rate_shape_basis=1", 2), ("rate_pose=3", 1)] {
@@ -136,7 +184,8 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
                 }
                 let rates = Rates { step: k + 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
                 let view = views.get(k as usize, 1).unwrap();
-                step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+                let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            assert_eq!(learned, Learned::Yes);
             }
             assert!(losses.windows(2).all(|pair| pair[1] != pair[0]), "{losses:?}");
             step.tables(gpu).unwrap()
@@ -169,7 +218,8 @@ fn a_frame_that_must_grow_is_learned_from_once() {
                 assert!(step.scene().splatter().capacity() > at_first);
             }
             let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
-            step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            assert_eq!(learned, Learned::Yes);
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
             (step.tables(gpu).unwrap(), step.hand_parameters(gpu, split.frames.len()).unwrap().poses)
         };

@@ -285,6 +285,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if stopped_early {
         say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
     }
+    if trained.skipped_steps > 0 {
+        say!("{} steps were skipped, because a gradient in them was not finite", trained.skipped_steps);
+    }
 
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
@@ -334,6 +337,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         seconds: trained.seconds,
         iterations: trained.iterations,
         stopped_early,
+        skipped_steps: trained.skipped_steps,
         gaussians,
     };
     let outlines = match &trained.alignment {

@@ -260,6 +260,7 @@ mod tests {
             seconds: 1.0,
             iterations,
             stopped_early: false,
+            skipped_steps: 0,
             gaussians: 1,
         }
     }

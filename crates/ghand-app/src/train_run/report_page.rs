@@ -77,6 +77,7 @@ impl Page<'_> {
                         (m.gaussians) " Gaussians, model " code { (word(&m.model)) } ", components " code { (word(&m.components)) }
                         "; " (m.iterations) " iterations in " (format!("{:.0} s", m.seconds))
                         @if m.stopped_early { " (stopped early)" }
+                        @if m.skipped_steps > 0 { ", of which " (m.skipped_steps) " were skipped: a gradient was not finite" }
                         "."
                     }
                     @if let Some(images) = &m.images {

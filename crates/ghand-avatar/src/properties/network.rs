@@ -12,6 +12,7 @@
 //! through the networks to the pose.
 
 mod adam;
+mod clip;
 mod device;
 mod layers;
 mod networks;

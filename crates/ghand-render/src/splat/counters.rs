@@ -20,10 +20,11 @@ pub struct Counters {
     pub cut_short: u32,
     /// Largest number of tiles of a Gaussian, if too many for the driver; else 0.
     pub too_wide: u32,
+    /// Number of Gaussians with a gradient that is not finite. The backward pass counts them, so only counters that are
+    /// read after it have them.
+    pub bad_gradients: u32,
     /// Unused.
-    pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
+    pub padding: u32,
 }
 
 /// Index of a counter among the counters' words, for the sort and the prefix sum.

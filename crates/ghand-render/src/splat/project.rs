@@ -68,6 +68,7 @@ impl Stages {
                     ("slot_marks", &b.slot_marks),
                     ("d_gaussians", &s.d_gaussians),
                     ("camera_rows", &b.camera_rows),
+                    ("counters", &s.counters),
                 ],
             ),
             camera: p.camera.as_ref().map(|[strands, sum]| {

@@ -11,21 +11,23 @@ use glam::DVec3;
 
 use super::view_order::ViewOrder;
 use super::{Preview, Progress, Trainer};
-use crate::checkpoint::{Checkpoint, CurvePoint, StageState};
+use crate::checkpoint::{Checkpoint, CurvePoint, Losses, SkippedSteps, StageState};
 use crate::checkpoints::Checkpoints;
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::error_bands::squared_error;
 use crate::metrics::{moving_joints, psnr_of, quantize};
 use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
-use crate::step::{Rates, Step};
+use crate::step::{Learned, Rates, Step};
 use crate::train_error::TrainError;
 use crate::views::TrainView;
 
 /// Number of views on which the loss before and after a stage is compared.
 const REFERENCE_VIEWS: usize = 8;
-/// Iterations between two readings of the loss for the progress bar; reading waits for the device.
+/// Iterations whose mean loss is a point of the curve. After as many the learned numbers are checked.
 const LOSS_EVERY: u64 = 25;
+/// This many steps in a row without a finite gradient are not chance.
+const MOST_SKIPPED_IN_A_ROW: u64 = 10;
 /// How often the watched images are taken in a stage.
 const PREVIEWS: f64 = 10.0;
 /// Number of views that say how much training saw of each Gaussian.
@@ -54,6 +56,8 @@ pub(super) struct StageResult {
     pub iterations: u64,
     /// Whether it was told to stop.
     pub stopped: bool,
+    /// Its steps without a finite gradient, which changed nothing.
+    pub skipped_steps: u64,
     /// The watched images at its end.
     pub previews: Vec<Preview>,
 }
@@ -92,18 +96,20 @@ impl Trainer<'_> {
         };
         check_loss(loss_at_start).map_err(|fault| diverged(fault, 0))?;
         let began = before.as_ref().map_or_else(|| self.seconds(), |state| state.began);
-        let mut mean = before.as_ref().and_then(|state| state.mean);
+        let mut losses = before.as_ref().map_or_else(Losses::default, |state| state.losses.clone());
+        let mut skipped = before.as_ref().map_or_else(SkippedSteps::default, |state| state.skipped);
         let mut done = before.as_ref().map_or(0, |state| state.iteration);
         // After the loss of a device, what came after the last state comes again.
         self.curve.borrow_mut().retain(|point| point.iteration <= stage.done + done);
         let mut order = ViewOrder::new(&self.views, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut told_to_stop = false;
-        let state_after = |step: &Step, done: u64, mean: Option<f64>| -> Result<StageState, RenderError> {
+        let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
             let (numbers, light) = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
-            let number = stage.number;
-            Ok(StageState { number, iteration: done, iterations_done, began, loss_at_start, mean, numbers, light })
+            let (number, losses) = (stage.number, losses.clone());
+            let iteration = done;
+            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers, light })
         };
         while done < stage.iterations {
             let fraction = self.fraction(stage, done, began);
@@ -112,7 +118,7 @@ impl Trainer<'_> {
             }
             told_to_stop = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
             if saved != Some(done) && (told_to_stop || self.checkpoint_due()) && self.saves() {
-                self.save(state_after(&step, done, mean)?);
+                self.save(state_after(&step, done, &losses, skipped)?);
                 saved = Some(done);
             }
             // An avatar without a single iteration is not a result either.
@@ -143,19 +149,29 @@ impl Trainer<'_> {
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;
-                step.add_gradients(gpu, &view, value_count(&view), background, settings, &rates)?;
+                let learned = step.add_gradients(gpu, &view, value_count(&view), background, settings, &rates)?;
+                losses.add(step.loss(gpu, &view)?[0]);
                 last = Some(view);
+                if learned == Learned::Skipped {
+                    last = None;
+                    break;
+                }
             }
-            let Some(view) = &last else { break };
-            step.update(gpu, view, settings, &rates)?;
+            let learned = match &last {
+                Some(view) => step.update(gpu, view, settings, &rates)?,
+                None => Learned::Skipped,
+            };
             done += 1;
+            skipped.count(learned == Learned::Skipped);
+            if skipped.in_a_row == MOST_SKIPPED_IN_A_ROW {
+                return Err(diverged(Divergence::NotFinite("the gradients of ten steps in a row"), done));
+            }
             if done.is_multiple_of(LOSS_EVERY) {
-                let [l1, _] = step.loss(gpu, view)?;
                 // Gaussians at positions that are not finite are not drawn, so the loss would stay finite.
                 let (response, joints, poses) = self.read_hand(gpu, &step)?;
-                let checked = check_loss(l1).and_then(|()| check_hand(&response, &joints, &poses));
+                let checked = losses.end_window().map_or(Ok(()), check_loss);
+                let checked = checked.and_then(|()| check_hand(&response, &joints, &poses));
                 checked.map_err(|fault| diverged(fault, done))?;
-                mean = Some(mean.map_or(l1, |m| 0.8 * m + 0.2 * l1));
             }
             let mut previews = vec![];
             let mut held_out_psnr = None;
@@ -165,20 +181,20 @@ impl Trainer<'_> {
             }
             if done.is_multiple_of(LOSS_EVERY) || held_out_psnr.is_some() {
                 let (iteration, stage, seconds) = (stage.done + done, stage.number, self.seconds());
-                self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1: mean, held_out_psnr });
+                self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1: losses.mean, held_out_psnr });
             }
             progress(&Progress {
                 iteration: stage.done + done,
                 iterations: self.settings.iterations,
                 stage: stage.number,
-                l1: mean,
+                l1: losses.mean,
                 curve: &self.curve.borrow(),
                 previews: &previews,
             });
         }
         // So that a run which is killed while it is evaluated need not repeat its last iterations.
         if !stage.refine_poses && saved != Some(done) && self.saves() {
-            self.save(state_after(&step, done, mean)?);
+            self.save(state_after(&step, done, &losses, skipped)?);
         }
         let mut tables = step.tables(gpu)?;
         let (response, moved, poses) = self.read_hand(gpu, &step)?;
@@ -203,7 +219,8 @@ impl Trainer<'_> {
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
         let light = step.light()?.cloned();
         let avatar = Avatar { tables, seen, light, provenance, ..avatar };
-        Ok(StageResult { avatar, poses, iterations: done, stopped: told_to_stop, previews })
+        let skipped_steps = skipped.total;
+        Ok(StageResult { avatar, poses, iterations: done, stopped: told_to_stop, skipped_steps, previews })
     }
 
     /// The device's part of a stage.

@@ -224,7 +224,7 @@ impl PropertyModel for DirectModel {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         rates: &PropertyRates,
-    ) -> Result<(), RenderError> {
+    ) -> Result<bool, RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
         let (n, lengths) = (self.count, self.lengths());
         let mut pass = compute_pass(encoder, "update");
@@ -255,7 +255,7 @@ impl PropertyModel for DirectModel {
             }
         }
         local.into_iter().for_each(|[_, weights]| weights.encode(&mut pass));
-        Ok(())
+        Ok(true)
     }
 
     fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError> {

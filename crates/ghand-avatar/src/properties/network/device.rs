@@ -10,6 +10,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
 use super::adam::NetworkAdam;
+use super::clip::GradientClip;
 use super::layers::Pass;
 use super::networks::{Base, Canonical, Networks, Posed};
 use super::parameters::{Parameter, Part};
@@ -56,12 +57,14 @@ struct Training {
     property_gradients: Option<[Vec<f32>; PROPERTIES]>,
     /// Gradients of the parameters, added up over poses.
     parameter_gradients: Vec<Option<Tensor<1>>>,
+    clip: GradientClip,
     adam: NetworkAdam,
 }
 
 /// The parts of a training state, after a parameter's name or a normalisation's.
 const MOMENTS: [&str; 2] = ["first_moment", "second_moment"];
 const NORMS: [&str; 2] = ["mean", "variance"];
+const CLIP: &str = "usual_gradient_norm";
 
 /// What is timed.
 const PARTS: [&str; 3] = ["networks forward", "networks backward", "networks Adam"];
@@ -236,6 +239,7 @@ impl PropertyModel for NetworkModel {
             tape: None,
             property_gradients: None,
             parameter_gradients: vec![None; count],
+            clip: GradientClip::default(),
             adam: NetworkAdam::new(count),
         });
         self.current = None;
@@ -305,7 +309,7 @@ impl PropertyModel for NetworkModel {
         Ok(())
     }
 
-    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, rates: &PropertyRates) -> Result<(), RenderError> {
+    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, rates: &PropertyRates) -> Result<bool, RenderError> {
         let Some(training) = &mut self.training else { return Err(not_prepared()) };
         // Each norm's last map is that of the last pose.
         let seen_norms = training.tape.as_mut().map(|tape| std::mem::take(&mut tape.seen_norms)).unwrap_or_default();
@@ -313,9 +317,14 @@ impl PropertyModel for NetworkModel {
         training.propagate();
         self.seconds[1] += start.elapsed().as_secs_f64();
         let start = Instant::now();
+        let Some(factor) = training.clip.factor(&training.parameter_gradients, rates.gradient_clip)? else {
+            self.discard_gradients();
+            return Ok(false);
+        };
         for (index, parameter) in self.parameters.iter_mut().enumerate() {
             let rate = rate_of(self.list[index].part, rates);
             if let Some(gradient) = training.parameter_gradients[index].take().filter(|_| rate > 0.0) {
+                let gradient = if factor < 1.0 { gradient * factor } else { gradient };
                 *parameter = training.adam.updated(index, parameter.clone(), gradient, rate, rates.step);
             }
         }
@@ -330,7 +339,15 @@ impl PropertyModel for NetworkModel {
         self.canonical = None;
         self.current = None;
         self.seconds[2] += start.elapsed().as_secs_f64();
-        Ok(())
+        Ok(true)
+    }
+
+    fn discard_gradients(&mut self) {
+        let Some(training) = &mut self.training else { return };
+        training.tape = None;
+        training.property_gradients = None;
+        training.parameter_gradients.fill(None);
+        self.current = None;
     }
 
     fn host_seconds(&self) -> Vec<(&'static str, f64)> {
@@ -363,6 +380,7 @@ impl PropertyModel for NetworkModel {
                 state.push((format!("{}.{moment}", parameter.name), values(of.clone())?));
             }
         }
+        state.push((CLIP.into(), training.clip.state()));
         for (index, norms) in self.running_norms.iter().enumerate() {
             for (statistic, of) in NORMS.into_iter().zip(norms) {
                 state.push((format!("norm.{index}.{statistic}"), values(of.clone())?));
@@ -388,11 +406,9 @@ impl PropertyModel for NetworkModel {
                 *slot = flat(state_part(state, &format!("norm.{index}.{statistic}"), slot.dims()[0])?, device);
             }
         }
-        training.tape = None;
-        training.property_gradients = None;
-        training.parameter_gradients.fill(None);
+        training.clip = GradientClip::from_state(state_part(state, CLIP, 1)?);
         self.canonical = None;
-        self.current = None;
+        self.discard_gradients();
         Ok(())
     }
 
