@@ -147,10 +147,14 @@ pub struct SkippedSteps {
 }
 
 impl SkippedSteps {
-    /// Counts a step.
-    pub(crate) fn count(&mut self, skipped: bool) {
+    /// This many in a row are not chance.
+    const MOST_IN_A_ROW: u64 = 10;
+
+    /// Counts a step; whether there are too many in a row to go on.
+    pub(crate) fn count(&mut self, skipped: bool) -> bool {
         self.in_a_row = if skipped { self.in_a_row + 1 } else { 0 };
         self.total += u64::from(skipped);
+        self.in_a_row >= Self::MOST_IN_A_ROW
     }
 }
 
@@ -279,6 +283,30 @@ mod bytes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ten_skipped_steps_in_a_row_are_too_many() {
+        let mut skipped = SkippedSteps::default();
+        for _ in 0..3 {
+            assert!((0..9).all(|_| !skipped.count(true)));
+            assert!(!skipped.count(false));
+        }
+        assert!((0..9).all(|_| !skipped.count(true)));
+        assert!(skipped.count(true));
+        assert_eq!(skipped.total, 37);
+    }
+
+    #[test]
+    fn the_mean_loss_is_that_of_its_window() {
+        let mut losses = Losses::default();
+        assert_eq!(losses.end_window(), None);
+        [1.0, f64::NAN, 3.0].into_iter().for_each(|loss| losses.add(loss));
+        assert_eq!(losses.mean, None);
+        assert_eq!(losses.end_window(), Some(2.0));
+        losses.add(8.0);
+        assert_eq!(losses.mean, Some(2.0));
+        assert_eq!((losses.end_window(), losses.end_window(), losses.mean), (Some(8.0), None, Some(8.0)));
+    }
 
     fn checkpoint() -> Checkpoint {
         Checkpoint {

@@ -26,8 +26,6 @@ use crate::views::TrainView;
 const REFERENCE_VIEWS: usize = 8;
 /// Iterations whose mean loss is a point of the curve. After as many the learned numbers are checked.
 const LOSS_EVERY: u64 = 25;
-/// This many steps in a row without a finite gradient are not chance.
-const MOST_SKIPPED_IN_A_ROW: u64 = 10;
 /// How often the watched images are taken in a stage.
 const PREVIEWS: f64 = 10.0;
 /// Number of views that say how much training saw of each Gaussian.
@@ -162,8 +160,7 @@ impl Trainer<'_> {
                 None => Learned::Skipped,
             };
             done += 1;
-            skipped.count(learned == Learned::Skipped);
-            if skipped.in_a_row == MOST_SKIPPED_IN_A_ROW {
+            if skipped.count(learned == Learned::Skipped) {
                 return Err(diverged(Divergence::NotFinite("the gradients of ten steps in a row"), done));
             }
             if done.is_multiple_of(LOSS_EVERY) {
