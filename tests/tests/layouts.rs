@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use ghand_avatar::properties::direct::ResponseUniforms;
+use ghand_render::deform::baked::BakedUniforms;
 use ghand_render::deform::{CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
@@ -113,6 +114,20 @@ fn host_layouts() -> Vec<Layout> {
             padding_3,
         }),
         host_layout!(ResponseUniforms { coefficient_rows, color_components, max_scale, padding }),
+        host_layout!(BakedUniforms {
+            corner,
+            max_scale,
+            size,
+            component_count,
+            group_count,
+            joints_start,
+            entries_start,
+            weights_start,
+            values_start,
+            padding_1,
+            padding_2,
+            padding_3,
+        }),
         host_layout!(PenaltyUniforms { count, weight, padding }),
         host_layout!(RoughnessUniforms {
             count,

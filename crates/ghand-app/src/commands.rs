@@ -1,6 +1,7 @@
 //! The commands, one per module.
 
 pub mod ablate;
+pub mod bake;
 pub mod bench;
 pub mod capture;
 pub mod evaluate;

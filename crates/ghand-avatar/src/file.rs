@@ -17,13 +17,18 @@ use serde::{Deserialize, Serialize};
 use crate::avatar::{Avatar, Provenance};
 use crate::light::{AvatarLight, Gloss, Light, LightKind};
 use crate::properties::PropertyTables;
+use crate::properties::baked::BakedTables;
+use crate::properties::baked::template::{BakedTemplateParts, template_parts};
+use crate::properties::baked::tensors::{self as baked, BakedMetadata};
 use crate::properties::direct::DirectTables;
 use crate::properties::network::NetworkTables;
 use crate::template::{AvatarConfig, GaussianShape, Template};
 
-/// Version of the format that this program writes and reads. Version 1 had no `response_limits`, and its response
+/// Version of baked avatars, the newest that this program writes and reads.
+const BAKED_VERSION: u32 = 4;
+/// Version of avatars in a light. Version 1 had no `response_limits`, and its response
 /// depended on the root's rotation; version 2 had no light.
-const VERSION: u32 = 3;
+const LIT_VERSION: u32 = 3;
 /// Version of avatars without light, which other programs may read.
 const UNLIT_VERSION: u32 = 2;
 /// Maximum file size, bytes; the largest avatars have a few hundred million.
@@ -81,6 +86,9 @@ struct Metadata {
     /// The kind of light, if light is apart from skin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     light: Option<LightKind>,
+    /// What the tensors of a baked avatar do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    baked: Option<BakedMetadata>,
     provenance: Provenance,
 }
 
@@ -91,6 +99,7 @@ enum ModelTag {
     #[default]
     Direct,
     Network,
+    Baked,
 }
 
 impl ModelTag {
@@ -98,6 +107,7 @@ impl ModelTag {
         match tables {
             PropertyTables::Direct(_) => ModelTag::Direct,
             PropertyTables::Network(_) => ModelTag::Network,
+            PropertyTables::Baked(_) => ModelTag::Baked,
         }
     }
 
@@ -135,13 +145,17 @@ fn tensors(avatar: &Avatar) -> Tensors {
     let (count, joints) = (t.len(), t.joint_count());
     let mut out = Tensors::default();
     out.add("joints", Dtype::F64, &[joints, 3], &flat3(&t.joints));
-    out.add("rest", Dtype::F32, &[3, count], &t.rest);
-    out.add("weights", Dtype::F32, &[joints, count], &t.weights);
-    out.add("spacings", Dtype::F32, &[count], &t.spacings);
-    if let Some(normals) = &t.normals {
-        out.add("normals", Dtype::F32, &[3, count], normals);
+    let is_baked = matches!(avatar.tables, PropertyTables::Baked(_));
+    if !is_baked {
+        out.add("rest", Dtype::F32, &[3, count], &t.rest);
+        out.add("weights", Dtype::F32, &[joints, count], &t.weights);
+        out.add("spacings", Dtype::F32, &[count], &t.spacings);
+        if let Some(normals) = &t.normals {
+            out.add("normals", Dtype::F32, &[3, count], normals);
+        }
     }
     match &avatar.tables {
+        PropertyTables::Baked(tables) => baked::write(tables, &mut out),
         PropertyTables::Direct(tables) => tables.write(t, &avatar.config, &mut out),
         PropertyTables::Network(tables) => tables.write(&mut out),
     }
@@ -159,11 +173,16 @@ fn tensors(avatar: &Avatar) -> Tensors {
     if let Some(seen) = &avatar.seen {
         out.add("seen", Dtype::F32, &[seen.len()], seen);
     }
-    out.add("mesh.vertices", Dtype::F64, &[m.vertices.len(), 3], &flat3(&m.vertices));
+    // Of a baked avatar the mesh is only looked at.
+    let mut numbers = |name: &str, shape: &[usize], values: &[f64]| match is_baked {
+        true => out.add(name, Dtype::F32, shape, &values.iter().map(|v| *v as f32).collect::<Vec<_>>()),
+        false => out.add(name, Dtype::F64, shape, values),
+    };
+    numbers("mesh.vertices", &[m.vertices.len(), 3], &flat3(&m.vertices));
+    numbers("mesh.uvs", &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
+    numbers("mesh.weights", &[m.vertices.len(), joints], &m.weights);
     out.add("mesh.faces", Dtype::U32, &[m.faces.len(), 3], m.faces.as_flattened());
-    out.add("mesh.uvs", Dtype::F64, &[m.uvs.len(), 2], &m.uvs.iter().flat_map(|u| u.to_array()).collect::<Vec<_>>());
     out.add("mesh.face_uvs", Dtype::U32, &[m.face_uvs.len(), 3], m.face_uvs.as_flattened());
-    out.add("mesh.weights", Dtype::F64, &[m.vertices.len(), joints], &m.weights);
     out
 }
 
@@ -187,12 +206,24 @@ impl Avatar {
         })
     }
 
+    /// Size of the avatar's file, bytes.
+    ///
+    /// # Errors
+    /// [`AvatarFileError::Invalid`] if its parts do not fit into a file.
+    pub fn file_size(&self) -> Result<usize, AvatarFileError> {
+        self.to_bytes(Path::new("avatar")).map(|bytes| bytes.len())
+    }
+
     /// The bytes of the avatar's file.
     fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
             format: "ghand-avatar".into(),
-            version: if self.light.is_some() { VERSION } else { UNLIT_VERSION },
+            version: match (&self.tables, &self.light) {
+                (PropertyTables::Baked(_), _) => BAKED_VERSION,
+                (_, Some(_)) => LIT_VERSION,
+                (_, None) => UNLIT_VERSION,
+            },
             units: "metre".into(),
             model: ModelMetadata {
                 name: self.template.name.clone(),
@@ -203,6 +234,10 @@ impl Avatar {
             config: self.config.clone(),
             property_model: ModelTag::of(&self.tables),
             light: self.light.as_ref().map(|lit| lit.light.kind),
+            baked: match &self.tables {
+                PropertyTables::Baked(tables) => Some(baked::metadata(tables)),
+                _ => None,
+            },
             provenance: self.provenance.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|e| invalid(e.to_string()))?;
@@ -261,16 +296,16 @@ impl<'a> Reader<'a> {
         // The version comes first: an unknown version may have other fields.
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
-            Some(v) if v == u64::from(VERSION) || v == u64::from(UNLIT_VERSION) => {}
+            Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(BAKED_VERSION)).contains(&v) => {}
             Some(v) if v < u64::from(UNLIT_VERSION) => {
-                let problem = format!("is {v}, this program reads version {VERSION}; train the avatar again");
+                let problem = format!("is {v}, this program reads version {BAKED_VERSION}; train the avatar again");
                 return Err(invalid("version", problem));
             }
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
                 return Err(invalid(
                     "version",
-                    format!("is {found}, this program reads version {VERSION}; use the ghand that wrote it"),
+                    format!("is {found}, this program reads version {BAKED_VERSION}; use the ghand that wrote it"),
                 ));
             }
         }
@@ -321,6 +356,19 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// A u32 tensor; `shape` has `None` for dimensions of any size.
+    pub(crate) fn words(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<u32>, AvatarFileError> {
+        Ok(self.tensor::<u32>(name, Dtype::U32, shape)?.1)
+    }
+
+    /// An f64 tensor, which is f32 in a baked avatar.
+    fn mesh_numbers(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f64>, AvatarFileError> {
+        match self.metadata.property_model {
+            ModelTag::Baked => Ok(self.floats(name, shape)?.into_iter().map(f64::from).collect()),
+            _ => self.doubles(name, shape),
+        }
+    }
+
     fn doubles(&self, name: &str, shape: &[Option<usize>]) -> Result<Vec<f64>, AvatarFileError> {
         let (_, values) = self.tensor::<f64>(name, Dtype::F64, shape)?;
         match values.iter().position(|v| !v.is_finite()) {
@@ -340,29 +388,30 @@ impl<'a> Reader<'a> {
         };
         let vec3 = |v: Vec<f64>| v.chunks_exact(3).map(DVec3::from_slice).collect::<Vec<_>>();
         let joint_positions = vec3(self.doubles("joints", &[Some(joints), Some(3)])?);
-        let spacings = self.floats("spacings", &[None])?;
-        let count = spacings.len();
-        if count == 0 {
-            return Err(self.invalid("spacings", "is empty: the avatar has no Gaussians"));
-        }
         if config.shape_bases > 64 || config.color_components > 64 {
             return Err(self.invalid("config", "more than 64 bases or colour components"));
         }
+        let baked = self.baked(joints)?;
+        let BakedTemplateParts { rest, weights, spacings, normals } = match &baked {
+            Some(tables) => template_parts(tables),
+            None => self.template_parts(joints)?,
+        };
+        let count = spacings.len();
         let template = Template {
             name: model.name.clone(),
             side,
             joint_names: model.joint_names.clone(),
             parents: model.parents.clone(),
             joints: joint_positions.clone(),
-            rest: self.floats("rest", &[Some(3), Some(count)])?,
-            weights: self.floats("weights", &[Some(joints), Some(count)])?,
+            rest,
+            weights,
             spacings,
-            normals: match config.gaussians {
-                GaussianShape::Round => None,
-                GaussianShape::Flat => Some(self.floats("normals", &[Some(3), Some(count)])?),
-            },
+            normals,
         };
         let tables = match (meta.property_model, &config.network) {
+            (ModelTag::Baked, _) => {
+                PropertyTables::Baked(baked.ok_or_else(|| self.invalid("baked", "is missing; bake the avatar again"))?)
+            }
             (ModelTag::Direct, None) => PropertyTables::Direct(DirectTables::read(self, &template, config)?),
             (ModelTag::Network, Some(sizes)) => {
                 PropertyTables::Network(NetworkTables::read(self, &template, config, sizes)?)
@@ -374,7 +423,7 @@ impl<'a> Reader<'a> {
                 return Err(self.invalid("config", "has no sizes of the avatar's networks; train it again"));
             }
         };
-        let vertices = vec3(self.doubles("mesh.vertices", &[None, Some(3)])?);
+        let vertices = vec3(self.mesh_numbers("mesh.vertices", &[None, Some(3)])?);
         let triples = |v: Vec<u32>| v.as_chunks::<3>().0.to_vec();
         let model = HandModel {
             name: model.name.clone(),
@@ -383,9 +432,9 @@ impl<'a> Reader<'a> {
             parents: model.parents.clone(),
             joints: joint_positions,
             faces: triples(self.tensor("mesh.faces", Dtype::U32, &[None, Some(3)])?.1),
-            uvs: self.doubles("mesh.uvs", &[None, Some(2)])?.chunks_exact(2).map(DVec2::from_slice).collect(),
+            uvs: self.mesh_numbers("mesh.uvs", &[None, Some(2)])?.chunks_exact(2).map(DVec2::from_slice).collect(),
             face_uvs: triples(self.tensor("mesh.face_uvs", Dtype::U32, &[None, Some(3)])?.1),
-            weights: self.doubles("mesh.weights", &[Some(vertices.len()), Some(joints)])?,
+            weights: self.mesh_numbers("mesh.weights", &[Some(vertices.len()), Some(joints)])?,
             vertices,
             shape_directions: vec![],
             shape_names: vec![],
@@ -403,6 +452,35 @@ impl<'a> Reader<'a> {
         let seen = self.has("seen").then(|| self.seen(count)).transpose()?;
         let (config, provenance) = (config.clone(), meta.provenance.clone());
         Ok(Avatar { template, model, config, tables, light, seen, provenance })
+    }
+
+    /// The tables of a baked avatar; `None` if it is none.
+    fn baked(&self, joints: usize) -> Result<Option<BakedTables>, AvatarFileError> {
+        match (self.metadata.property_model, self.metadata.baked) {
+            (ModelTag::Baked, Some(metadata)) => {
+                let normals = self.metadata.config.gaussians == GaussianShape::Flat;
+                baked::read(self, metadata, joints, normals).map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// The template's parts of an avatar of `joints` joints.
+    fn template_parts(&self, joints: usize) -> Result<BakedTemplateParts, AvatarFileError> {
+        let spacings = self.floats("spacings", &[None])?;
+        let count = spacings.len();
+        if count == 0 {
+            return Err(self.invalid("spacings", "is empty: the avatar has no Gaussians"));
+        }
+        Ok(BakedTemplateParts {
+            rest: self.floats("rest", &[Some(3), Some(count)])?,
+            weights: self.floats("weights", &[Some(joints), Some(count)])?,
+            normals: match self.metadata.config.gaussians {
+                GaussianShape::Round => None,
+                GaussianShape::Flat => Some(self.floats("normals", &[Some(3), Some(count)])?),
+            },
+            spacings,
+        })
     }
 
     /// Fails unless the atlas of a mesh has a texel for each of `count` Gaussians, where networks find their features.

@@ -2,6 +2,7 @@
 //! the avatar file.
 
 pub mod avatar;
+pub mod bake;
 pub mod file;
 pub mod light;
 pub mod local_thickness;
@@ -14,6 +15,7 @@ mod seen;
 pub mod template;
 
 pub use avatar::{Avatar, Provenance};
+pub use bake::{Bake, BakeError};
 pub use file::AvatarFileError;
 pub use light::{AvatarLight, Light, LightKind};
 pub use posed_avatar::PosedAvatar;

@@ -3,14 +3,15 @@
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{InvalidHandModel, Pose};
-use ghand_render::deform::{DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
+use ghand_render::deform::{BakedTemplate, DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::avatar::Avatar;
 use crate::light::lit_hand::LitHand;
 use crate::light::{AvatarLight, Light, LightGradient};
-use crate::properties::PropertyModel;
+use crate::properties::baked::not_trained;
+use crate::properties::{PropertyModel, PropertyTables};
 
 /// An avatar on the device.
 pub struct PosedAvatar {
@@ -49,6 +50,11 @@ impl PosedAvatar {
             barycentric: &light.barycentric,
             glossy: light.gloss.is_some(),
         });
+        if let PropertyTables::Baked(tables) = &avatar.tables {
+            let template = BakedTemplate { joints: &joints, parents: &parents, frames, lit_surface };
+            let deformation = Deformation::baked(gpu, &template, tables, gaussians, place);
+            return PosedAvatar::with(gpu, avatar, deformation, frames);
+        }
         let deform_template = DeformTemplate {
             normals: template.normals.as_deref(),
             rest: &template.rest,
@@ -62,7 +68,17 @@ impl PosedAvatar {
             zero_sum: config.residual_weights == ResidualWeights::ZeroSum,
             lit_surface,
         };
-        let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
+        PosedAvatar::with(gpu, avatar, Deformation::new(gpu, &deform_template, gaussians, place), frames)
+    }
+
+    /// With the deformation of this avatar.
+    fn with(
+        gpu: &Gpu,
+        avatar: &Avatar,
+        deformation: Deformation,
+        frames: usize,
+    ) -> Result<PosedAvatar, RenderError> {
+        let (template, config) = (&avatar.template, &avatar.config);
         let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
         let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
         Ok(PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames, frame: 0 })
@@ -163,13 +179,16 @@ impl PosedAvatar {
     /// table; `mobility` is 1 for each joint whose rotation gets a gradient, else 0.
     ///
     /// # Errors
-    /// [`RenderError`] if the device has too little memory or was lost.
+    /// [`RenderError`] if the device has too little memory or was lost; [`RenderError::Invalid`] if the avatar is baked.
     pub fn prepare_training(
         &mut self,
         gpu: &Gpu,
         d_gaussians: &wgpu::Buffer,
         mobility: &[f32],
     ) -> Result<DeformationBackward, RenderError> {
+        if self.deformation.is_baked() {
+            return Err(not_trained());
+        }
         let backward = gpu.scoped("the gradients of an avatar", || {
             DeformationBackward::new(gpu, &self.deformation, d_gaussians, mobility)
         })?;

@@ -8,6 +8,7 @@
 //!
 //! [`Properties`]: ghand_render::deform::Properties
 
+pub mod baked;
 pub mod direct;
 pub mod network;
 
@@ -17,6 +18,7 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::template::{AvatarConfig, Template};
+use baked::{BakedModel, BakedTables};
 use direct::{DirectModel, DirectTables};
 use network::{NetworkModel, NetworkTables};
 
@@ -27,6 +29,8 @@ pub enum PropertyTables {
     Direct(DirectTables),
     /// The paper's networks.
     Network(NetworkTables),
+    /// What one of the others computes, as means and few components, for playing.
+    Baked(BakedTables),
 }
 
 /// Learning rates of a step, after the schedule. A rate of 0 leaves its parameters unchanged.
@@ -203,11 +207,12 @@ impl PropertyTables {
         }
     }
 
-    /// Sets the pose-independent base colours (display values 0..1), one per Gaussian.
+    /// Sets the pose-independent base colours (display values 0..1), one per Gaussian. Those of a baked avatar stay.
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         match self {
             PropertyTables::Direct(tables) => tables.set_base_colors(colors),
             PropertyTables::Network(tables) => tables.set_base_colors(colors),
+            PropertyTables::Baked(_) => {}
         }
     }
 
@@ -216,6 +221,7 @@ impl PropertyTables {
         match self {
             PropertyTables::Direct(tables) => tables.set_constant_colors(colors),
             PropertyTables::Network(tables) => tables.set_constant_colors(colors),
+            PropertyTables::Baked(_) => {}
         }
     }
 
@@ -225,7 +231,7 @@ impl PropertyTables {
     pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
         match self {
             PropertyTables::Direct(tables) => tables.fill_unseen(seen, neighbors),
-            PropertyTables::Network(_) => {}
+            PropertyTables::Network(_) | PropertyTables::Baked(_) => {}
         }
     }
 
@@ -243,6 +249,9 @@ impl PropertyTables {
                 let parameters = tables.parameters.iter().map(|p| ("a weight of the networks", p.as_slice()));
                 let norms = tables.running_norms.iter().flatten().map(|n| ("a mean of the networks", n.as_slice()));
                 parameters.chain(norms).collect()
+            }
+            PropertyTables::Baked(tables) => {
+                tables.components.iter().map(|component| ("a component", &component.gains[..])).collect()
             }
         }
     }
@@ -264,6 +273,7 @@ impl PropertyTables {
             PropertyTables::Network(tables) => {
                 Box::new(NetworkModel::new(model, template, config, tables, deformation)?)
             }
+            PropertyTables::Baked(tables) => Box::new(BakedModel::new(tables)),
         })
     }
 }

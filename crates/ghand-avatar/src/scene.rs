@@ -232,8 +232,12 @@ impl Scene {
         self.splatter.render_bands(gpu, View::new(camera, self.splatter.count(), background, OPACITY), sink)
     }
 
-    /// Fills the splatter's table with the Gaussians of frame `frame` as an eye sees them, without drawing.
-    fn pose_only(&mut self, gpu: &Gpu, frame: usize, eye: Option<DVec3>) -> Result<(), RenderError> {
+    /// Fills the splatter's table with the Gaussians of frame `frame` as an eye (metres, world axes) sees them, without drawing
+    /// and without waiting.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the property model fails.
+    pub fn pose_only(&mut self, gpu: &Gpu, frame: usize, eye: Option<DVec3>) -> Result<(), RenderError> {
         self.set_frame(gpu, frame);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encode_poses(&mut self.avatars, gpu, &mut encoder, eye)?;

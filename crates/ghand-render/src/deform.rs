@@ -2,9 +2,10 @@
 //! (paper eq. 7 to 11).
 //!
 //! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> shade; the backward pass runs in the
-//! opposite order. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or
+//! opposite order. A [`baked`] hand has one stage after the skeleton instead, and no backward pass. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or
 //! component-major (`[rows][N]`), so that neighbouring invocations access neighbouring words.
 
+pub mod baked;
 mod blend_shapes;
 mod joint_sums;
 mod local_weights;
@@ -25,6 +26,7 @@ pub use properties::{Properties, PropertySizes};
 use crate::pipeline::compute_pass;
 use crate::splat::{Shape, SplatModel};
 use crate::{Gpu, RenderError, buffers};
+use baked::{Baked, BakedTables};
 use blend_shapes::{BlendShapes, BlendShapesBackward};
 use normals::Normals;
 use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
@@ -183,11 +185,29 @@ pub struct Deformation {
     current: PoseUniforms,
     place: TablePlace,
     skeleton: Skeleton,
-    blend_shapes: BlendShapes,
-    residual_skeleton: ResidualSkeleton,
-    skin: Skin,
+    posing: Posing,
     shade: Option<Shade>,
-    normals: Option<Normals>,
+}
+
+/// What poses the Gaussians once the skeleton is posed.
+enum Posing {
+    /// From the properties that a property model fills.
+    Properties { blend_shapes: BlendShapes, residual_skeleton: ResidualSkeleton, skin: Skin, normals: Option<Normals> },
+    /// From tables.
+    Baked(Baked),
+}
+
+/// The skeleton of a baked hand, and its light.
+#[derive(Debug, Clone, Copy)]
+pub struct BakedTemplate<'a> {
+    /// Rest joints, `[n_b][3]`, metres.
+    pub joints: &'a [f32],
+    /// Parent of each joint, -1 for the root.
+    pub parents: &'a [i32],
+    /// Number of poses in the pose table.
+    pub frames: usize,
+    /// Where the Gaussians lie on a mesh whose vertices have shades, if light is apart from skin.
+    pub lit_surface: Option<LitSurface<'a>>,
 }
 
 impl Deformation {
@@ -228,17 +248,72 @@ impl Deformation {
         };
         Deformation {
             skeleton: Skeleton::new(gpu, &buffers),
-            blend_shapes: BlendShapes::new(gpu, &buffers),
-            residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
-            skin: Skin::new(gpu, &buffers),
+            posing: Posing::Properties {
+                blend_shapes: BlendShapes::new(gpu, &buffers),
+                residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
+                skin: Skin::new(gpu, &buffers),
+                normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
+            },
             shade: template
                 .lit_surface
                 .map(|surface| Shade::new(gpu, &buffers, &surface, place.color_row(), template.frames)),
-            normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             buffers,
             current,
             place,
         }
+    }
+
+    /// As [`Deformation::new`] for a baked hand, from valid tables. Of its properties only the colours have a buffer, and
+    /// only if light is apart from them; offsets, weights, the residual skeleton and the backward pass do not exist.
+    pub fn baked(
+        gpu: &Gpu,
+        template: &BakedTemplate,
+        tables: &BakedTables,
+        gaussians: &wgpu::Buffer,
+        place: TablePlace,
+    ) -> Deformation {
+        let joints = template.parents.len();
+        let current = PoseUniforms {
+            gaussian_count: tables.count as u32,
+            joint_count: joints as u32,
+            basis_count: 0,
+            pose_offset: 0,
+            anchored: 0,
+            zero_sum: 0,
+            table_columns: place.columns as u32,
+            table_first: place.first as u32,
+        };
+        let lit = template.lit_surface.is_some();
+        let none = |name: &str| buffers::zeroed(gpu, name, 0);
+        let buffers = ForwardBuffers {
+            pose: buffers::uniform(gpu, "pose", &current),
+            poses: buffers::zeroed(gpu, "poses", template.frames * pose_stride(joints)),
+            rest: none("rest"),
+            weights: none("weights"),
+            joints: buffers::filled(gpu, "joints", template.joints),
+            parents: buffers::filled(gpu, "parents", template.parents),
+            chain: buffers::zeroed(gpu, "chain", CHAIN_STRIDE * joints),
+            residual_joints: none("residual joints"),
+            residual_chain: none("residual chain"),
+            offsets: none("offsets"),
+            properties: Properties::colors(gpu, tables.count, joints, lit),
+            gaussians: gaussians.clone(),
+        };
+        Deformation {
+            skeleton: Skeleton::new(gpu, &buffers),
+            posing: Posing::Baked(Baked::new(gpu, &buffers, tables, place, lit)),
+            shade: template
+                .lit_surface
+                .map(|surface| Shade::new(gpu, &buffers, &surface, place.color_row(), template.frames)),
+            buffers,
+            current,
+            place,
+        }
+    }
+
+    /// Whether the hand is baked.
+    pub fn is_baked(&self) -> bool {
+        matches!(self.posing, Posing::Baked(_))
     }
 
     /// The properties, which a property model fills.
@@ -272,9 +347,12 @@ impl Deformation {
     }
 
     /// Normals of the skinned surface, `[3][N]`, unit length or zero where skinning collapses the surface; `None` if the
-    /// template has no normals.
+    /// template has no normals, or the hand is baked.
     pub fn normals(&self) -> Option<&wgpu::Buffer> {
-        self.normals.as_ref().map(|stage| &stage.normals)
+        match &self.posing {
+            Posing::Properties { normals, .. } => normals.as_ref().map(|stage| &stage.normals),
+            Posing::Baked(_) => None,
+        }
     }
 
     /// Rest joints, `[n_b][3]`, metres.
@@ -330,16 +408,25 @@ impl Deformation {
     /// Encodes the stages after the property model.
     pub fn encode_skin(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "deform");
-        self.blend_shapes.encode(&mut pass);
-        self.residual_skeleton.encode(&mut pass);
-        self.skin.encode(&mut pass);
+        match &self.posing {
+            Posing::Properties { blend_shapes, residual_skeleton, skin, .. } => {
+                blend_shapes.encode(&mut pass);
+                residual_skeleton.encode(&mut pass);
+                skin.encode(&mut pass);
+            }
+            Posing::Baked(baked) => baked.encode(&mut pass),
+        }
         if let Some(shade) = &self.shade {
             shade.encode(&mut pass);
         }
-        if let Some(normals) = &self.normals {
+        if let Posing::Properties { normals: Some(normals), .. } = &self.posing {
             normals.encode(&mut pass);
         }
         drop(pass);
+        // A baked hand's stage writes to the table itself.
+        if self.is_baked() {
+            return;
+        }
         let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
         let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
         encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, scale, row);

@@ -1,6 +1,7 @@
 //! CPU twins of the GPU stages, in plain f64, against which tests compare the shaders.
 
 pub mod adam;
+pub mod baked;
 pub mod bin;
 pub mod image_loss;
 pub mod mesh;
@@ -12,8 +13,10 @@ pub mod sort;
 pub mod spherical_harmonics;
 mod wireframe;
 
+use crate::deform::baked::{GROUP, SMALLEST_SCALE};
+
 /// Numbers that the shaders and their twins both have: stage, name in the WGSL, value here. A test compares them.
-pub fn shared_constants() -> [(&'static str, &'static str, f64); 7] {
+pub fn shared_constants() -> [(&'static str, &'static str, f64); 9] {
     [
         ("project", "BLUR", project::BLUR),
         ("project", "ALPHA_MIN", project::ALPHA_MIN),
@@ -22,5 +25,7 @@ pub fn shared_constants() -> [(&'static str, &'static str, f64); 7] {
         ("image_loss", "RADIUS", image_loss::RADIUS as f64),
         ("image_loss", "C1", image_loss::C1),
         ("image_loss", "C2", image_loss::C2),
+        ("baked", "GROUP", GROUP as f64),
+        ("baked", "SMALLEST_SCALE", SMALLEST_SCALE),
     ]
 }

@@ -32,7 +32,7 @@ struct Planted {
 fn tables(avatar: &mut Avatar) -> &mut DirectTables {
     match &mut avatar.tables {
         PropertyTables::Direct(tables) => tables,
-        PropertyTables::Network(_) => unreachable!(),
+        _ => unreachable!(),
     }
 }
 

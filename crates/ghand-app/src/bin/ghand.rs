@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{ablate, bench, capture, evaluate, explain, export, inspect, pose, render, splat};
+use ghand_app::commands::{ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Show what an avatar has learned: shape bases, coefficients, residual weights and skeleton
     Explain(explain::ExplainArgs),
+    /// Make a small, fast avatar for playing from any avatar
+    Bake(bake::BakeArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::CaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::run(args, &arguments.adapter),
         Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
         Command::Explain(args) => explain::run(args, &arguments.adapter),
+        Command::Bake(args) => bake::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),

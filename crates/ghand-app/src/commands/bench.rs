@@ -1,6 +1,8 @@
-//! `ghand bench`: `splat` times a frame and its gradient, `play` a motion with light and without, `train` a step.
+//! `ghand bench`: `splat` times a frame and its gradient, `play` a motion with light and without, `pose`
+//! what comes before splatting, `train` a step.
 
 mod play;
+mod pose;
 mod train;
 
 use std::collections::BTreeMap;
@@ -35,6 +37,8 @@ enum What {
     Splat(SplatArgs),
     /// Playing a motion of an avatar, in its light and without light in turns
     Play(play::PlayArgs),
+    /// From pose to Gaussians, and the whole frame, of several avatars in turns
+    Pose(pose::PoseArgs),
     /// The parts of a training step: networks, deformation, splatter, losses; and the memory
     Train(train::TrainArgs),
 }
@@ -74,6 +78,7 @@ pub fn run(args: &BenchArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.what {
         What::Splat(args) => splat(args, &adapter.open()?),
         What::Play(args) => play::run(args, adapter),
+        What::Pose(args) => pose::run(args, adapter),
         What::Train(args) => train::run(args, adapter),
     }
 }

@@ -1,9 +1,9 @@
 //! `ghand explain`: pictures and numbers of what an avatar has learned: shape bases, blend coefficients, residual skinning
 //! weights and the residual skeleton.
 
-mod color_scale;
+pub(super) mod color_scale;
 mod figures;
-mod hand_painter;
+pub(super) mod hand_painter;
 mod output;
 mod page;
 mod pose_properties;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use ghand_avatar::Avatar;
+use ghand_avatar::{Avatar, PropertyTables};
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::PoseFrame;
 use ghand_render::Gpu;
@@ -57,6 +57,9 @@ const MOST_POSES: usize = 24;
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExplainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let avatar = Avatar::load(&args.avatar)?;
+    if matches!(avatar.tables, PropertyTables::Baked(_)) {
+        bail!("{}: is baked; explain the avatar that it was baked from", args.avatar.display());
+    }
     let frames = chosen_poses(args, &avatar)?;
     let output = OutputFolder::check(&args.out, args.force)?;
     let mut gpu = adapter.open()?;

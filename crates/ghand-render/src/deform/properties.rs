@@ -53,4 +53,14 @@ impl Properties {
             color: buffers::zeroed(gpu, "color", 3 * n),
         }
     }
+
+    /// Those of a baked hand of N Gaussians: none but, if it is lit, colours.
+    pub(super) fn colors(gpu: &Gpu, gaussians: usize, joints: usize, lit: bool) -> Properties {
+        let none = PropertySizes { gaussians: 0, joints: 0, bases: 0, coefficients: CoefficientLayout::default() };
+        Properties {
+            sizes: PropertySizes { gaussians, joints, ..none },
+            color: buffers::zeroed(gpu, "color", if lit { 3 * gaussians } else { 0 }),
+            ..Properties::zeroed(gpu, none)
+        }
+    }
 }

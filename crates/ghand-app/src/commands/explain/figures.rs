@@ -135,6 +135,7 @@ impl Figures {
             model: match avatar.tables {
                 PropertyTables::Direct(_) => "direct",
                 PropertyTables::Network(_) => "network",
+                PropertyTables::Baked(_) => "baked",
             },
             gaussians: explained.len(),
             poses: explained.poses.iter().map(|pose| pose.id.clone()).collect(),

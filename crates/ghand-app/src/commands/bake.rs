@@ -1,0 +1,260 @@
+//! `ghand bake`: makes a small, fast avatar for playing from any avatar.
+
+mod judge;
+mod pictures;
+mod pose_set;
+mod search;
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use ghand_avatar::{Avatar, Bake};
+use ghand_core::Pose;
+use ghand_files::atomic_file::{check_writable, write_atomically};
+use ghand_render::Gpu;
+use ghand_render::deform::baked::Precision;
+use serde::Serialize;
+
+use crate::capture_args::CaptureArgs;
+use crate::cli::AdapterArgs;
+use crate::commands::render::write_png;
+use crate::pose_choice::PoseReadingArgs;
+use crate::say;
+use judge::{Judge, Loss};
+use pose_set::{NamedPose, PoseSet};
+use search::{Chosen, Goal};
+
+/// Command line of `ghand bake`.
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// The avatar, a .ghand file
+    avatar: PathBuf,
+    /// The baked avatar, a .ghand file; beside it FILE.json, with all figures, and two pictures
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Largest loss in poses that are not fitted: the smallest file within it is made [default: 0.1, unless --max-mb is
+    /// given]. It is what the difference from the avatar makes of the avatar's PSNR on the images of --capture; without
+    /// that, of 33 dB
+    #[arg(long, value_name = "DB", value_parser = parse_positive)]
+    max_loss_db: Option<f64>,
+    /// Largest file, 10^6 bytes
+    #[arg(long, value_name = "MB", value_parser = parse_positive)]
+    max_mb: Option<f64>,
+    /// Most components of a joint
+    #[arg(long, value_name = "K", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=10))]
+    rank: u8,
+    /// How components are stored [default: u8, or the first of f16 and f32 that is within the loss]
+    #[arg(long)]
+    precision: Option<PrecisionArg>,
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Split of the capture whose images the loss is measured on; their poses are not fitted
+    #[arg(long, default_value = "test", requires = "capture")]
+    split: String,
+    /// Poses to fit beside the others: a pose or a motion by name, or any file or folder of poses, as for `render`; may be
+    /// given several times. Best are those that the avatar will play, and those of its training
+    #[arg(long, value_name = "FILE|NAME")]
+    poses: Vec<String>,
+    #[command(flatten)]
+    reading: PoseReadingArgs,
+    /// Number of poses to fit
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    fit: usize,
+    /// Seed of the random poses
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Replace earlier results
+    #[arg(long)]
+    force: bool,
+}
+
+/// [`Precision`] as an option.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    /// 32-bit numbers
+    F32,
+    /// 16-bit numbers; positions in 16 bits, colours in 8
+    F16,
+    /// 8-bit numbers; positions in 16 bits, colours in 8
+    U8,
+}
+
+impl From<PrecisionArg> for Precision {
+    fn from(arg: PrecisionArg) -> Precision {
+        match arg {
+            PrecisionArg::F32 => Precision::F32,
+            PrecisionArg::F16 => Precision::F16,
+            PrecisionArg::U8 => Precision::U8,
+        }
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| "must be a number above 0".into())
+}
+
+/// Largest loss without other wishes, dB.
+const DEFAULT_LOSS: f64 = 0.1;
+
+/// All figures of a run.
+#[derive(Debug, Serialize)]
+struct Report {
+    avatar: String,
+    gaussians: usize,
+    precision: Precision,
+    components: usize,
+    /// Blocks that were kept, and all: a block is a component's values for 64 Gaussians.
+    blocks: [usize; 2],
+    bytes: usize,
+    bytes_of_avatar: u64,
+    poses_fitted: usize,
+    /// On poses that were not fitted.
+    loss: Loss,
+    /// The random pose within the joints' limits, among some that were not fitted, in which the baked avatar differs most.
+    worst_pose: WorstPose,
+}
+
+#[derive(Debug, Serialize)]
+struct WorstPose {
+    name: String,
+    /// PSNR between pictures of the two, dB.
+    psnr: f64,
+    /// Largest distance between the places of a Gaussian, mm.
+    largest_mm: f64,
+    axis_angles: Vec<[f64; 3]>,
+}
+
+/// Bakes an avatar. All input is read and checked before anything is written.
+///
+/// # Errors
+/// An error that names the file or the option and its problem.
+pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let avatar = Avatar::load(&args.avatar)?;
+    let beside = |ending: &str| args.out.with_extension(ending);
+    if args.out.extension().is_none_or(|ending| ending != "ghand") {
+        bail!("--out {}: must end in .ghand", args.out.display());
+    }
+    if args.out.exists() && !args.force {
+        bail!("--out {}: exists already; give another name, or --force to replace it", args.out.display());
+    }
+    check_writable(&args.out).with_context(|| format!("--out {}: cannot be written", args.out.display()))?;
+    let capture = match &args.capture.capture {
+        Some(path) => Some(args.capture.open(path, &[&args.split], &[])?),
+        None => None,
+    };
+    let poses = PoseSet::gather(args, &avatar, capture.as_ref())?;
+    let mut gpu = adapter.open()?;
+    say!("adapter: {}", gpu.info.name);
+    let (bake, judge, chosen) = gpu.retry_on_device_loss("baking", |gpu| {
+        let fitted: Vec<Pose> = poses.fitted.iter().map(|named| named.pose.clone()).collect();
+        say!("computing {} poses", fitted.len());
+        let bake = Bake::new(gpu, &avatar, &fitted, args.rank.into(), |_| ())
+            .with_context(|| args.avatar.display().to_string())?;
+        let judge = match &capture {
+            Some(capture) => Judge::with_images(gpu, &avatar, capture, &args.split)?,
+            None => Judge::without_images(gpu, &avatar, &poses.held_out)?,
+        };
+        let chosen = search::smallest(gpu, &bake, &judge, goal(args), args.precision.map(Precision::from))?;
+        anyhow::Ok((bake, judge, chosen))
+    })?;
+    let worst = worst_pose(&gpu, &avatar, &chosen.avatar, &poses.extreme, bake.order())?;
+    let [worst_picture, heat_map] = [
+        pictures::side_by_side(&gpu, &avatar, &chosen.avatar, &worst.pose)?,
+        pictures::heat_map(&gpu, &avatar, &chosen.avatar, bake.order(), &poses.held_out)?,
+    ];
+    let report = report(args, &bake, &poses, &chosen, worst)?;
+    chosen.avatar.save(&args.out)?;
+    let json = serde_json::to_vec_pretty(&report)?;
+    write_atomically(&beside("json"), &json).with_context(|| format!("{}", beside("json").display()))?;
+    write_png(&beside("worst.png"), &worst_picture)?;
+    write_png(&beside("loss.png"), &heat_map)?;
+    print(args, &report, &judge);
+    Ok(())
+}
+
+/// What is asked for.
+fn goal(args: &BakeArgs) -> Goal {
+    let default = args.max_mb.is_none().then_some(DEFAULT_LOSS);
+    Goal { max_loss_db: args.max_loss_db.or(default), max_bytes: args.max_mb.map(|mb| (mb * 1e6) as usize) }
+}
+
+fn report(
+    args: &BakeArgs,
+    bake: &Bake,
+    poses: &PoseSet,
+    chosen: &Chosen,
+    worst: Worst,
+) -> anyhow::Result<Report> {
+    let file = std::fs::metadata(&args.avatar).with_context(|| args.avatar.display().to_string())?;
+    Ok(Report {
+        avatar: args.avatar.display().to_string(),
+        gaussians: chosen.avatar.template.len(),
+        precision: chosen.precision,
+        components: chosen.components,
+        blocks: [chosen.blocks, bake.blocks()],
+        bytes: chosen.bytes,
+        bytes_of_avatar: file.len(),
+        poses_fitted: poses.fitted.len(),
+        loss: chosen.loss.clone(),
+        worst_pose: WorstPose {
+            name: worst.pose.name,
+            psnr: worst.psnr,
+            largest_mm: worst.largest_mm,
+            axis_angles: worst.pose.pose.rotations.iter().map(|rotation| rotation.to_array()).collect(),
+        },
+    })
+}
+
+/// The pose in which two avatars differ most.
+struct Worst {
+    pose: NamedPose,
+    psnr: f64,
+    largest_mm: f64,
+}
+
+fn worst_pose(
+    gpu: &Gpu,
+    avatar: &Avatar,
+    baked: &Avatar,
+    poses: &[NamedPose],
+    order: &[usize],
+) -> anyhow::Result<Worst> {
+    let judge = Judge::without_images(gpu, avatar, poses)?;
+    let psnr = judge.loss(gpu, baked)?.psnr_to_exact;
+    let per_pose = |k: usize| {
+        let of_pose = &psnr[k * psnr.len() / poses.len()..(k + 1) * psnr.len() / poses.len()];
+        of_pose.iter().copied().fold(f64::INFINITY, f64::min)
+    };
+    let worst = (0..poses.len()).min_by(|a, b| per_pose(*a).total_cmp(&per_pose(*b)));
+    let Some(worst) = worst else { bail!("there are no poses to compare") };
+    let pose = poses[worst].clone();
+    let largest_mm = pictures::distances(gpu, avatar, baked, &pose.pose, order)?.into_iter().fold(0.0, f64::max) * 1e3;
+    Ok(Worst { psnr: per_pose(worst), largest_mm, pose })
+}
+
+fn print(args: &BakeArgs, report: &Report, judge: &Judge) {
+    let megabytes = |bytes: f64| format!("{:.2} MB", bytes * 1e-6);
+    say!(
+        "{} Gaussians, {} components, {} of {} blocks, {}",
+        report.gaussians,
+        report.components,
+        report.blocks[0],
+        report.blocks[1],
+        serde_json::to_value(report.precision).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+    );
+    say!("{} instead of {}", megabytes(report.bytes as f64), megabytes(report.bytes_of_avatar as f64));
+    say!("loss {:.3} dB {}", report.loss.db, judge.description());
+    if let Some(fall) = report.loss.on_images {
+        say!("PSNR on these images changes by {:+.3} dB", -fall);
+    }
+    say!(
+        "worst random pose: {}, {:.1} dB to the avatar, no Gaussian off by more than {:.1} mm",
+        report.worst_pose.name,
+        report.worst_pose.psnr,
+        report.worst_pose.largest_mm
+    );
+    let name = |ending: &str| args.out.with_extension(ending).display().to_string();
+    say!("{}, {}, {}, {}", args.out.display(), name("json"), name("worst.png"), name("loss.png"));
+}
