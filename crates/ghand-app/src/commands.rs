@@ -11,4 +11,5 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod tradeoff;
 pub mod train;

@@ -260,6 +260,14 @@ impl Avatar {
         let bytes = input_file::read(path, LARGEST_FILE).map_err(io)?.ok_or_else(|| too_large(path))?;
         from_bytes(path, &bytes)
     }
+
+    /// Reads an avatar from the bytes of its file, as [`Avatar::load`] does. `name` is for messages.
+    ///
+    /// # Errors
+    /// As [`Avatar::load`].
+    pub fn from_bytes(name: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
+        from_bytes(name, bytes)
+    }
 }
 
 fn too_large(path: &Path) -> AvatarFileError {

@@ -11,6 +11,7 @@ use ghand_render::deform::baked::{BakedTables, Precision};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use glam::DVec3;
+use rand::{RngExt, SeedableRng};
 
 use common::{JOINTS, random, random_avatar};
 
@@ -189,6 +190,46 @@ fn a_file_keeps_everything_and_a_damaged_one_is_rejected() {
         std::fs::write(&path, &bytes[..length]).unwrap();
         assert!(!Avatar::load(&path).unwrap_err().to_string().contains('\n'));
     }
+}
+
+#[test]
+fn changed_files_are_read_or_rejected() {
+    let gpu = gpu();
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let config = AvatarConfig { uv_resolution: 16, ..Default::default() };
+    let avatar = Avatar::untrained(&model, &config, [0.7, 0.5, 0.4], 3).unwrap();
+    let bake = Bake::new(&gpu, &avatar, &poses(1, 40, avatar.template.joint_count(), 0.4), 3, |_| ()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    bake.avatar(bake.blocks(), Precision::F16).save(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    // The sizes, names and places of all tensors.
+    let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+    let (mut read, mut rejected) = (0, 0);
+    for k in 0..1500 {
+        let mut changed = bytes.clone();
+        for _ in 0..rng.random_range(1..=3) {
+            let at = rng.random_range(0..if k % 2 == 0 { header } else { changed.len() });
+            changed[at] = rng.random();
+        }
+        match Avatar::from_bytes("file".as_ref(), &changed) {
+            Ok(avatar) => {
+                read += 1;
+                let PropertyTables::Baked(tables) = &avatar.tables else { continue };
+                let template = &avatar.template;
+                let posed = tables.posed(&template.parents, &template.joints, &Pose::rest(template.joint_count()));
+                assert_eq!(posed.len(), template.len());
+            }
+            Err(error) => {
+                rejected += 1;
+                let message = error.to_string();
+                assert!(message.starts_with("file: ") && !message.contains('\n'), "{message}");
+            }
+        }
+    }
+    println!("{read} read, {rejected} rejected");
+    assert!(read > 100 && rejected > 100);
 }
 
 #[test]

@@ -1,7 +1,8 @@
-//! Plots: curves over a run, means with intervals, and panels of them; and text in pictures.
+//! Plots: curves over a run, means with intervals, points over two axes, and panels of curves; and text in pictures.
 
 mod label;
 mod panels;
+mod scatter;
 
 use std::sync::OnceLock;
 
@@ -14,6 +15,7 @@ use plotters::style::{FontStyle, register_font};
 
 pub use label::{label, label_width};
 pub use panels::{Panel, PanelPlot};
+pub use scatter::{Point, ScatterPlot};
 
 /// A curve.
 #[derive(Debug, Clone, PartialEq)]

@@ -113,9 +113,9 @@ pub enum Components {
     /// The pose gives each Gaussian its own offset; plain skinning.
     Baseline,
     /// Hand Gaussian Blend Shapes: bases for all poses, and coefficients from the pose; plain skinning.
+    #[default]
     Hgbs,
     /// Blend shapes, and skinning corrected by the residual skeleton with its residual weights.
-    #[default]
     Full,
     /// Blend shapes, and skinning weights that are learned, without a residual skeleton: what a control of `full` needs.
     Weights,

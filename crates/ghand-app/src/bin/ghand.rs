@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat};
+use ghand_app::commands::{ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, tradeoff};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -38,6 +38,8 @@ enum Command {
     Splat(splat::SplatArgs),
     /// Train avatars with and without parts of the method, and say what each brings
     Ablate(ablate::AblateArgs),
+    /// Measure what speed costs in accuracy: an avatar as it is, baked, simplified, drawn smaller
+    Tradeoff(tradeoff::TradeoffArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
 }
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Ablate(args) => ablate::run(args, &arguments.adapter),
+        Command::Tradeoff(args) => tradeoff::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
 }

@@ -2,7 +2,7 @@
 
 mod judge;
 mod pictures;
-mod pose_set;
+pub(super) mod pose_set;
 mod search;
 
 use std::path::PathBuf;
@@ -19,10 +19,9 @@ use serde::Serialize;
 use crate::capture_args::CaptureArgs;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
-use crate::pose_choice::PoseReadingArgs;
 use crate::say;
 use judge::{Judge, Loss};
-use pose_set::{NamedPose, PoseSet};
+use pose_set::{NamedPose, PoseSet, PoseSetArgs};
 use search::{Chosen, Goal};
 
 /// Command line of `ghand bake`.
@@ -52,18 +51,8 @@ pub struct BakeArgs {
     /// Split of the capture whose images the loss is measured on; their poses are not fitted
     #[arg(long, default_value = "test", requires = "capture")]
     split: String,
-    /// Poses to fit beside the others: a pose or a motion by name, or any file or folder of poses, as for `render`; may be
-    /// given several times. Best are those that the avatar will play, and those of its training
-    #[arg(long, value_name = "FILE|NAME")]
-    poses: Vec<String>,
     #[command(flatten)]
-    reading: PoseReadingArgs,
-    /// Number of poses to fit
-    #[arg(long, value_name = "N", default_value_t = 400)]
-    fit: usize,
-    /// Seed of the random poses
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    poses: PoseSetArgs,
     /// Replace earlier results
     #[arg(long)]
     force: bool,
@@ -144,7 +133,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(path) => Some(args.capture.open(path, &[&args.split], &[])?),
         None => None,
     };
-    let poses = PoseSet::gather(args, &avatar, capture.as_ref())?;
+    let poses = PoseSet::gather(&args.poses, &avatar, capture.as_ref().map(|capture| (capture, args.split.as_str())))?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let (bake, judge, chosen) = gpu.retry_on_device_loss("baking", |gpu| {

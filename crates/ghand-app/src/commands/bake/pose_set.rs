@@ -1,6 +1,7 @@
 //! The poses over which an avatar is baked, and those on which the result is judged.
 
 use anyhow::bail;
+use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_avatar::bake::FEWEST_POSES;
 use ghand_capture::Capture;
@@ -13,8 +14,24 @@ use glam::{DMat3, DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::BakeArgs;
-use crate::pose_choice::pose_by_name;
+use crate::pose_choice::{PoseReadingArgs, pose_by_name};
+
+/// Which poses an avatar is baked over.
+#[derive(Debug, Clone, Args)]
+pub struct PoseSetArgs {
+    /// Poses to fit beside the others: a pose or a motion by name, or any file or folder of poses, as for `render`; may be
+    /// given several times. Best are those that the avatar will play, and those of its training
+    #[arg(long, value_name = "FILE|NAME")]
+    poses: Vec<String>,
+    #[command(flatten)]
+    reading: PoseReadingArgs,
+    /// Number of poses to fit
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    fit: usize,
+    /// Seed of the random poses
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
 
 /// A pose and where it comes from.
 #[derive(Debug, Clone)]
@@ -48,12 +65,16 @@ const RANDOM_PART: f64 = 0.3;
 const BETWEEN_PART: f64 = 0.2;
 
 impl PoseSet {
-    /// Natural poses are those by name, the motions, the capture's training poses and those that the user names; between
-    /// two of them, and at random within the joints' limits, there are more.
+    /// Natural poses are those by name, the motions, those of the capture's frames that are not in a split, and those that the
+    /// user names; between two of them, and at random within the joints' limits, there are more.
     ///
     /// # Errors
     /// An error that names the option; also if there are too few poses.
-    pub fn gather(args: &BakeArgs, avatar: &Avatar, capture: Option<&Capture>) -> anyhow::Result<PoseSet> {
+    pub fn gather(
+        args: &PoseSetArgs,
+        avatar: &Avatar,
+        capture: Option<(&Capture, &str)>,
+    ) -> anyhow::Result<PoseSet> {
         let model = &avatar.model;
         let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
         let mut natural = vec![];
@@ -61,7 +82,7 @@ impl PoseSet {
             let frames = args.reading.load(name, model)?.frames;
             natural.extend(frames.into_iter().map(|frame| named(format!("{name} {}", frame.id), frame.pose)));
         }
-        natural.extend(capture.map_or(vec![], |capture| training_poses(capture, avatar, &args.split)));
+        natural.extend(capture.map_or(vec![], |(capture, split)| training_poses(capture, avatar, split)));
         natural.extend(library(args, model));
         let held_out: Vec<NamedPose> = natural.iter().skip(HELD_OUT_EVERY / 2).step_by(HELD_OUT_EVERY).cloned().collect();
         let natural: Vec<NamedPose> = natural
@@ -106,7 +127,7 @@ fn named(name: String, pose: Pose) -> NamedPose {
 }
 
 /// Poses and motions by name, if the model's joints are known.
-fn library(args: &BakeArgs, model: &HandModel) -> Vec<NamedPose> {
+fn library(args: &PoseSetArgs, model: &HandModel) -> Vec<NamedPose> {
     let poses = POSE_NAMES.iter().filter_map(|name| Some(named((*name).into(), pose_by_name(name, model).ok()?)));
     let mut all: Vec<NamedPose> = poses.collect();
     for name in MOTION_NAMES {

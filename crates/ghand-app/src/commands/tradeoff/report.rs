@@ -1,0 +1,171 @@
+//! The files of `ghand tradeoff`.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use ghand_files::atomic_file::write_atomically;
+use ghand_render::Gpu;
+use ghand_train::plot::{Point, ScatterPlot};
+use serde::Serialize;
+
+use super::TradeoffArgs;
+use super::measure::Measured;
+use super::variants::KNOBS;
+use crate::commands::render::write_png;
+
+const FILES: [&str; 5] = ["tradeoff.md", "tradeoff.csv", "tradeoff.json", "tradeoff.png", "tradeoff.svg"];
+
+/// Contents of `tradeoff.json`.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    adapter: String,
+    capture: String,
+    split: String,
+    /// Images compared, and rounds of timing.
+    images: u32,
+    rounds: u32,
+    /// By name: the most accurate variant, the fastest that is nearly as accurate, the fastest that still looks alike.
+    recommended: Vec<Recommended>,
+    /// The fastest first.
+    variants: Vec<Measured>,
+}
+
+/// A variant with a reason.
+#[derive(Debug, Serialize)]
+struct Recommended {
+    name: &'static str,
+    variant: String,
+}
+
+/// What each recommendation may lose, dB.
+const RECOMMENDED: [(&str, f64); 3] = [("exact", 0.0), ("balanced", 0.1), ("fast", 1.0)];
+
+/// Makes the folder, unless it has files of an earlier run that may not be replaced.
+///
+/// # Errors
+/// An error that names the folder.
+pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
+    if !force && FILES.iter().any(|file| folder.join(file).exists()) {
+        bail!("--out {}: has the files of an earlier run; give another folder, or --force", folder.display());
+    }
+    std::fs::create_dir_all(folder).with_context(|| format!("--out {}: cannot be made", folder.display()))
+}
+
+impl Report {
+    pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, mut variants: Vec<Measured>) -> Report {
+        variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
+        let most = variants.iter().map(|m| m.psnr).fold(f64::NEG_INFINITY, f64::max);
+        let fastest = |(name, loss): (&'static str, f64)| {
+            let variant = variants.iter().find(|m| m.psnr >= most - loss)?;
+            Some(Recommended { name, variant: variant.name.clone() })
+        };
+        let recommended = RECOMMENDED.into_iter().filter_map(fastest).collect();
+        let name = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        Report {
+            adapter: gpu.info.name.clone(),
+            capture: name,
+            split: args.split.clone(),
+            images: args.images,
+            rounds: args.rounds,
+            recommended,
+            variants,
+        }
+    }
+
+    /// A Markdown table, the fastest first.
+    pub fn table(&self) -> String {
+        let mut text = "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | Gaussians |\n\
+                        |---|---|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+        for m in &self.variants {
+            let [low, high] = m.frame_ms_range;
+            text += &format!(
+                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.4} | {:.2} | {} |\n",
+                if m.best { "*" } else { "" },
+                m.name,
+                m.frame_ms,
+                m.relative,
+                m.psnr,
+                m.psnr_hand,
+                m.ssim,
+                m.flip,
+                m.bytes as f64 * 1e-6,
+                m.gaussians
+            );
+        }
+        for r in &self.recommended {
+            text += &format!("\n{}: {}\n", r.name, r.variant);
+        }
+        text
+    }
+
+    fn page(&self) -> String {
+        format!(
+            "# Speed and accuracy\n\nCapture `{}`, split `{}`, {} images; {}. A frame is the time from a pose to the picture on \
+             the device, the median over {} rounds in which all variants have their turn, with their quartiles; relative is \
+             the median of the rounds' ratios to the exact avatar. PSNR, SSIM and FLIP are over the hand's surroundings. No \
+             other variant is faster and as accurate, or as fast and more accurate, than those with a star.\n\n![Speed and accuracy](tradeoff.svg)\n\n{}",
+            self.capture,
+            self.split,
+            self.images,
+            self.adapter,
+            self.rounds,
+            self.table()
+        )
+    }
+
+    fn csv(&self) -> String {
+        let mut text = "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,gaussians\n".to_owned();
+        for m in &self.variants {
+            let [low, high] = m.frame_ms_range;
+            text += &format!(
+                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{}\n",
+                m.name.replace('"', "\"\""),
+                m.knob,
+                m.best,
+                m.frame_ms,
+                m.relative,
+                m.psnr,
+                m.psnr_hand,
+                m.ssim,
+                m.flip,
+                m.bytes,
+                m.gaussians
+            );
+        }
+        text
+    }
+
+    fn plot(&self) -> ScatterPlot {
+        let point = |m: &Measured| Point {
+            // Names of the others would hide those that matter.
+            name: if m.best { m.name.clone() } else { String::new() },
+            group: KNOBS.iter().position(|knob| *knob == m.knob).unwrap_or(0),
+            at: [m.frame_ms, m.psnr],
+            across: m.frame_ms_range,
+            best: m.best,
+        };
+        ScatterPlot {
+            title: format!("Speed and accuracy, {}, {}", self.capture, self.adapter),
+            axes: ["ms a frame".into(), "PSNR, dB".into()],
+            groups: KNOBS.map(str::to_owned).to_vec(),
+            points: self.variants.iter().map(point).collect(),
+        }
+    }
+
+    /// Writes all files.
+    ///
+    /// # Errors
+    /// An error that names the file.
+    pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
+        let plot = self.plot();
+        let texts = [self.page(), self.csv(), serde_json::to_string_pretty(self)?];
+        for (name, text) in FILES.iter().zip(texts) {
+            let path = folder.join(name);
+            write_atomically(&path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))?;
+        }
+        write_png(&folder.join("tradeoff.png"), &plot.to_image()?)?;
+        let svg = folder.join("tradeoff.svg");
+        write_atomically(&svg, plot.to_svg()?.as_bytes()).with_context(|| format!("{}: cannot write", svg.display()))
+    }
+}

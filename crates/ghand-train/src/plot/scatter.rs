@@ -1,0 +1,142 @@
+//! Points with intervals and names, and the line through the best of them.
+
+use image::RgbImage;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use super::{COLORS, FAINT, FONT, INK, PlotError, SIZE, pixels, range, svg};
+
+/// A point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Its name, beside it; may be empty.
+    pub name: String,
+    /// Which of the plot's groups it belongs to.
+    pub group: usize,
+    /// Across, and upwards.
+    pub at: [f64; 2],
+    /// Ends of its interval across.
+    pub across: [f64; 2],
+    /// Whether it is on the line of the best.
+    pub best: bool,
+}
+
+/// Points over two axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScatterPlot {
+    /// Its title.
+    pub title: String,
+    /// What the axes are, with units: below, at the left.
+    pub axes: [String; 2],
+    /// Names of the groups.
+    pub groups: Vec<String>,
+    /// The points.
+    pub points: Vec<Point>,
+}
+
+/// Taller than other plots: names need room.
+const HEIGHT: u32 = 560;
+/// Room at the right for names, as a part of the axis.
+const NAMES: f64 = 0.28;
+
+impl ScatterPlot {
+    /// As pixels.
+    ///
+    /// # Errors
+    /// [`PlotError`] if it cannot be drawn.
+    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
+        pixels([SIZE[0], HEIGHT], &self.title, |area| self.draw(area))
+    }
+
+    /// As SVG.
+    ///
+    /// # Errors
+    /// [`PlotError`] if it cannot be drawn.
+    pub fn to_svg(&self) -> Result<String, PlotError> {
+        svg([SIZE[0], HEIGHT], &self.title, |area| self.draw(area))
+    }
+
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
+        let text = |e: &dyn std::fmt::Display| e.to_string();
+        area.fill(&WHITE).map_err(|e| text(&e))?;
+        let across = range(self.points.iter().flat_map(|point| point.across));
+        let end = across.end + NAMES * across.end;
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, (FONT, 18).into_font().color(&INK))
+            .margin(14)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(0.0..end, range(self.points.iter().map(|point| point.at[1])))
+            .map_err(|e| text(&e))?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(FAINT)
+            .axis_style(INK)
+            .label_style((FONT, 13).into_font().color(&INK))
+            .axis_desc_style((FONT, 14).into_font().color(&INK))
+            .x_desc(&self.axes[0])
+            .y_desc(&self.axes[1])
+            .draw()
+            .map_err(|e| text(&e))?;
+        let mut best: Vec<(f64, f64)> = self.points.iter().filter(|p| p.best).map(|p| (p.at[0], p.at[1])).collect();
+        best.sort_by(|a, b| a.0.total_cmp(&b.0));
+        chart.draw_series(LineSeries::new(best, INK.mix(0.35).stroke_width(1))).map_err(|e| text(&e))?;
+        for (group, name) in self.groups.iter().enumerate() {
+            let color = COLORS[group % COLORS.len()];
+            let points: Vec<&Point> = self.points.iter().filter(|point| point.group == group).collect();
+            let bars = points.iter().map(|p| {
+                PathElement::new(vec![(p.across[0], p.at[1]), (p.across[1], p.at[1])], color.stroke_width(1))
+            });
+            chart.draw_series(bars).map_err(|e| text(&e))?;
+            let circles = points.iter().map(|p| {
+                let style = if p.best { color.filled() } else { color.stroke_width(1) };
+                Circle::new((p.at[0], p.at[1]), 5, style)
+            });
+            let legend = move |(x, y): (i32, i32)| Circle::new((x + 9, y), 5, color.filled());
+            chart.draw_series(circles).map_err(|e| text(&e))?.label(name).legend(legend);
+            let names = points.iter().map(|p| {
+                let font = (FONT, 12).into_font().color(&INK.mix(if p.best { 1.0 } else { 0.6 }));
+                EmptyElement::at((p.at[0], p.at[1])) + Text::new(p.name.clone(), (8, -14), font)
+            });
+            chart.draw_series(names).map_err(|e| text(&e))?;
+        }
+        if self.groups.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::LowerRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(FAINT)
+                .label_font((FONT, 13).into_font().color(&INK))
+                .draw()
+                .map_err(|e| text(&e))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_drawn_with_their_names() {
+        let point = |name: &str, x: f64, best: bool| Point {
+            name: name.into(),
+            group: usize::from(!best),
+            at: [x, 30.0 + x.sqrt()],
+            across: [0.9 * x, 1.1 * x],
+            best,
+        };
+        let plot = ScatterPlot {
+            title: "Trade".into(),
+            axes: ["ms".into(), "dB".into()],
+            groups: vec!["one".into(), "two".into()],
+            points: vec![point("fast", 10.0, true), point("exact", 40.0, true), point("neither", 45.0, false)],
+        };
+        let image = plot.to_image().unwrap();
+        assert!(image.pixels().filter(|p| p.0.iter().any(|v| *v < 128)).count() > 500);
+        assert!(plot.to_svg().unwrap().contains("neither"));
+        ScatterPlot { points: vec![], ..plot }.to_image().unwrap();
+    }
+}
