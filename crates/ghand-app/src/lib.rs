@@ -6,6 +6,7 @@ pub mod capture_preflight;
 pub mod cli;
 pub mod commands;
 pub mod crash;
+pub mod demo_avatar;
 pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
