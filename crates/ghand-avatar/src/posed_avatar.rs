@@ -3,7 +3,9 @@
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{InvalidHandModel, Pose};
-use ghand_render::deform::{BakedTemplate, DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride};
+use ghand_render::deform::{
+    BakedTemplate, DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride,
+};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
@@ -72,12 +74,7 @@ impl PosedAvatar {
     }
 
     /// With the deformation of this avatar.
-    fn with(
-        gpu: &Gpu,
-        avatar: &Avatar,
-        deformation: Deformation,
-        frames: usize,
-    ) -> Result<PosedAvatar, RenderError> {
+    fn with(gpu: &Gpu, avatar: &Avatar, deformation: Deformation, frames: usize) -> Result<PosedAvatar, RenderError> {
         let (template, config) = (&avatar.template, &avatar.config);
         let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
         let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));

@@ -127,7 +127,9 @@ fn a_baked_avatar_is_where_the_avatar_is() {
     let [without, colors_without] = plain(0, Precision::F32);
     let [exact, colors] = plain(bake.blocks(), Precision::F32);
     let [small, small_colors] = plain(bake.blocks(), Precision::U8);
-    println!("rms: {without} m and {colors_without} without components, {exact} and {colors} with all, {small} in 8 bits");
+    println!(
+        "rms: {without} m and {colors_without} without components, {exact} and {colors} with all, {small} in 8 bits"
+    );
     // What is left is what clamping and the sigmoid of colours bend.
     assert!(without > 2e-4 && exact < 0.05 * without, "{exact} m of {without}");
     assert!(colors_without > 0.01 && colors < 0.15 * colors_without, "{colors} of {colors_without}");
@@ -242,8 +244,7 @@ fn poses_far_from_those_that_were_fitted_do_not_explode() {
     let t = tables(&baked);
     // What the components of a Gaussian can add at their limits, at most.
     for pose in poses(5, 10, joints, 3.0) {
-        let local: Vec<_> =
-            pose.rotations.iter().map(|v| ghand_core::rotation::rotation_from_axis_angle(*v)).collect();
+        let local: Vec<_> = pose.rotations.iter().map(|v| ghand_core::rotation::rotation_from_axis_angle(*v)).collect();
         for (term, component) in t.terms(&local).iter().zip(&t.components) {
             assert!((f64::from(component.limits[0])..=f64::from(component.limits[1])).contains(term));
         }

@@ -312,7 +312,9 @@ impl<'a> Trainer<'a> {
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
             };
-            let first = gpu.retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
+            let first = gpu
+                .retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))
+                .map_err(name_setting)?;
             self.prepared.skipped_steps = first.skipped_steps;
             let mut refined = first.poses;
             recenter(&mut refined, &self.prepared.poses);
@@ -331,7 +333,8 @@ impl<'a> Trainer<'a> {
             reduction: 1,
             scale_weight: 0.0,
         };
-        let done = gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
+        let done =
+            gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
         let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());

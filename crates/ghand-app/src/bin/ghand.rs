@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, tradeoff};
+use ghand_app::commands::{
+    ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, tradeoff,
+};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]

@@ -169,13 +169,7 @@ fn goal(args: &BakeArgs) -> Goal {
     Goal { max_loss_db: args.max_loss_db.or(default), max_bytes: args.max_mb.map(|mb| (mb * 1e6) as usize) }
 }
 
-fn report(
-    args: &BakeArgs,
-    bake: &Bake,
-    poses: &PoseSet,
-    chosen: &Chosen,
-    worst: Worst,
-) -> anyhow::Result<Report> {
+fn report(args: &BakeArgs, bake: &Bake, poses: &PoseSet, chosen: &Chosen, worst: Worst) -> anyhow::Result<Report> {
     let file = std::fs::metadata(&args.avatar).with_context(|| args.avatar.display().to_string())?;
     Ok(Report {
         avatar: args.avatar.display().to_string(),

@@ -103,9 +103,8 @@ fn whitening(rows: &[[f64; OF_JOINT]]) -> [DMatrix<f64>; 2] {
     });
     let eigen = covariance.symmetric_eigen();
     let largest = eigen.eigenvalues.max();
-    let kept: Vec<usize> = (0..OF_JOINT)
-        .filter(|i| largest > 1e-10 && eigen.eigenvalues[*i] > SMALLEST_VARIANCE * largest)
-        .collect();
+    let kept: Vec<usize> =
+        (0..OF_JOINT).filter(|i| largest > 1e-10 && eigen.eigenvalues[*i] > SMALLEST_VARIANCE * largest).collect();
     let scaled = |power: f64| {
         DMatrix::from_fn(OF_JOINT, kept.len(), |row, i| {
             eigen.eigenvectors[(row, kept[i])] * eigen.eigenvalues[kept[i]].powf(power)

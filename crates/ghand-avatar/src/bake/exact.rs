@@ -47,9 +47,8 @@ impl ExactPoses {
             let p = ordered.order[i];
             let mean = DVec3::from([0, 1, 2].map(|c| f64::from(table[c * n + p])));
             let weights = ordered.weights[i].iter();
-            let map = weights.fold(Affine::ZERO, |sum, (k, w)| {
-                sum.add_scaled(Ordered::weight(*w), &chain.posed_from_rest[*k])
-            });
+            let map = weights
+                .fold(Affine::ZERO, |sum, (k, w)| sum.add_scaled(Ordered::weight(*w), &chain.posed_from_rest[*k]));
             let rest = unposed(&map, mean - pose.translation);
             let [x, y, z] = rest.as_vec3().to_array();
             [x, y, z, scale[p], color[p], color[n + p], color[2 * n + p]]

@@ -94,8 +94,7 @@ impl GroupSums {
     }
 
     fn add(&mut self, regressors: &[[f64; OF_JOINT]], values: &[[f32; VALUES]]) {
-        let row: Vec<f64> =
-            std::iter::once(1.0).chain(self.joints.iter().flat_map(|(k, _)| regressors[*k])).collect();
+        let row: Vec<f64> = std::iter::once(1.0).chain(self.joints.iter().flat_map(|(k, _)| regressors[*k])).collect();
         self.poses += 1.0;
         // Running means: all poses weigh the same.
         let part = 1.0 / self.poses;

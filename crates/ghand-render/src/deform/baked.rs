@@ -164,7 +164,8 @@ impl BakedTables {
             return Err(("entries", "an entry has no component, or a factor that is not finite".into()));
         }
         for (i, g) in self.groups.iter().enumerate() {
-            let ends = [(g.first_joint, g.joints, self.group_joints.len()), (g.first_entry, g.entries, self.entries.len())];
+            let ends =
+                [(g.first_joint, g.joints, self.group_joints.len()), (g.first_entry, g.entries, self.entries.len())];
             let inside = ends.iter().all(|(first, count, len)| u64::from(*first) + u64::from(*count) <= *len as u64);
             if !inside || g.first_joint % 2 != 0 || g.joints % 2 != 0 {
                 return Err(("groups", format!("group {i} has joints or entries that do not exist")));
@@ -184,9 +185,7 @@ impl BakedTables {
         const INFINITE_HALF: u32 = 0x7c00;
         match self.precision {
             Precision::F32 => f32::from_bits(word).is_finite(),
-            Precision::F16 => {
-                [word, word >> 16].iter().all(|half| half & INFINITE_HALF != INFINITE_HALF)
-            }
+            Precision::F16 => [word, word >> 16].iter().all(|half| half & INFINITE_HALF != INFINITE_HALF),
             Precision::U8 => true,
         }
     }

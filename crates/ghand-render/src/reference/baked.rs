@@ -87,7 +87,8 @@ impl BakedTables {
     /// The components in a pose.
     pub fn terms(&self, local: &[DMat3]) -> Vec<f64> {
         let feature = |k: usize| ghand_core::pose_response::rotation_features(&local[k]);
-        let product = |gains: &[f32; 9], f: [f64; 9]| -> f64 { gains.iter().zip(f).map(|(g, f)| f64::from(*g) * f).sum() };
+        let product =
+            |gains: &[f32; 9], f: [f64; 9]| -> f64 { gains.iter().zip(f).map(|(g, f)| f64::from(*g) * f).sum() };
         let bend = |k: usize| product(&self.bends[k], feature(k));
         let term = |c: &Component| {
             let [k, other] = [c.joint as usize, c.other as usize];

@@ -85,9 +85,9 @@ impl ScatterPlot {
         for (group, name) in self.groups.iter().enumerate() {
             let color = COLORS[group % COLORS.len()];
             let points: Vec<&Point> = self.points.iter().filter(|point| point.group == group).collect();
-            let bars = points.iter().map(|p| {
-                PathElement::new(vec![(p.across[0], p.at[1]), (p.across[1], p.at[1])], color.stroke_width(1))
-            });
+            let bars = points
+                .iter()
+                .map(|p| PathElement::new(vec![(p.across[0], p.at[1]), (p.across[1], p.at[1])], color.stroke_width(1)));
             chart.draw_series(bars).map_err(|e| text(&e))?;
             let circles = points.iter().map(|p| {
                 let style = if p.best { color.filled() } else { color.stroke_width(1) };

@@ -70,11 +70,7 @@ impl PoseSet {
     ///
     /// # Errors
     /// An error that names the option; also if there are too few poses.
-    pub fn gather(
-        args: &PoseSetArgs,
-        avatar: &Avatar,
-        capture: Option<(&Capture, &str)>,
-    ) -> anyhow::Result<PoseSet> {
+    pub fn gather(args: &PoseSetArgs, avatar: &Avatar, capture: Option<(&Capture, &str)>) -> anyhow::Result<PoseSet> {
         let model = &avatar.model;
         let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
         let mut natural = vec![];
@@ -84,7 +80,8 @@ impl PoseSet {
         }
         natural.extend(capture.map_or(vec![], |(capture, split)| training_poses(capture, avatar, split)));
         natural.extend(library(args, model));
-        let held_out: Vec<NamedPose> = natural.iter().skip(HELD_OUT_EVERY / 2).step_by(HELD_OUT_EVERY).cloned().collect();
+        let held_out: Vec<NamedPose> =
+            natural.iter().skip(HELD_OUT_EVERY / 2).step_by(HELD_OUT_EVERY).cloned().collect();
         let natural: Vec<NamedPose> = natural
             .into_iter()
             .enumerate()

@@ -87,7 +87,8 @@ pub fn measure(
         truths.push(Truth { pose: posed[index].pose.clone(), crop: view.camera, whole, pixels: view.pixels });
     }
     let background = capture.background.map(|b| b as f32);
-    let largest = |size: fn(&Camera) -> u32| truths.iter().flat_map(|t| [size(&t.crop), size(&t.whole)]).max().unwrap_or(1);
+    let largest =
+        |size: fn(&Camera) -> u32| truths.iter().flat_map(|t| [size(&t.crop), size(&t.whole)]).max().unwrap_or(1);
     let size = [largest(|camera| camera.width), largest(|camera| camera.height)];
     let mut scenes = vec![];
     let mut measured: Vec<Measured> = vec![];
@@ -181,9 +182,8 @@ fn enlarged(image: &Image, width: u32, height: u32) -> Vec<[u8; 3]> {
     if [image.width, image.height] == [width, height] {
         return image.rgba.iter().map(|p| quantize(color(p))).collect();
     }
-    let small = Rgb32FImage::from_fn(image.width, image.height, |x, y| {
-        Rgb(color(&image.rgba[(y * image.width + x) as usize]))
-    });
+    let small =
+        Rgb32FImage::from_fn(image.width, image.height, |x, y| Rgb(color(&image.rgba[(y * image.width + x) as usize])));
     resize(&small, width, height, FilterType::CatmullRom).pixels().map(|p| quantize(p.0)).collect()
 }
 

@@ -74,9 +74,10 @@ impl Report {
 
     /// A Markdown table, the fastest first.
     pub fn table(&self) -> String {
-        let mut text = "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | Gaussians |\n\
+        let mut text =
+            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | Gaussians |\n\
                         |---|---|---|---|---|---|---|---|---|---|\n"
-            .to_owned();
+                .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
@@ -115,7 +116,9 @@ impl Report {
     }
 
     fn csv(&self) -> String {
-        let mut text = "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,gaussians\n".to_owned();
+        let mut text =
+            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,gaussians\n"
+                .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(

@@ -38,7 +38,8 @@ const SCALES: [f64; 2] = [0.75, 0.5];
 
 /// A short name for the avatar of a file, unique among `count`.
 pub fn short_name(path: &Path, count: usize) -> String {
-    let name = |part: Option<&std::ffi::OsStr>| part.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let name =
+        |part: Option<&std::ffi::OsStr>| part.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     // Avatars of runs are all called avatar.ghand.
     let stem = name(path.file_stem());
     let folder = path.parent().map(|folder| name(folder.file_name())).filter(|folder| !folder.is_empty());
@@ -63,11 +64,12 @@ pub fn variants(
     let mut all = vec![];
     for (file, avatar) in avatars {
         let exact = Arc::new(avatar.clone());
-        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64| -> anyhow::Result<()> {
-            let name = if file.is_empty() { text } else { format!("{file}: {text}") };
-            all.push(Variant { name, knob, bytes: avatar.file_size()?, avatar: avatar.clone(), image_scale });
-            Ok(())
-        };
+        let mut add =
+            |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64| -> anyhow::Result<()> {
+                let name = if file.is_empty() { text } else { format!("{file}: {text}") };
+                all.push(Variant { name, knob, bytes: avatar.file_size()?, avatar: avatar.clone(), image_scale });
+                Ok(())
+            };
         add("exact".into(), "exact", &exact, 1.0)?;
         let antialias = !avatar.config.antialias;
         let config = AvatarConfig { antialias, ..avatar.config.clone() };
