@@ -189,10 +189,18 @@ pub struct Deformation {
     shade: Option<Shade>,
 }
 
+/// From properties to posed Gaussians.
+struct PropertyStages {
+    blend_shapes: BlendShapes,
+    residual_skeleton: ResidualSkeleton,
+    skin: Skin,
+    normals: Option<Normals>,
+}
+
 /// What poses the Gaussians once the skeleton is posed.
 enum Posing {
     /// From the properties that a property model fills.
-    Properties { blend_shapes: BlendShapes, residual_skeleton: ResidualSkeleton, skin: Skin, normals: Option<Normals> },
+    Properties(Box<PropertyStages>),
     /// From tables.
     Baked(Baked),
 }
@@ -248,12 +256,12 @@ impl Deformation {
         };
         Deformation {
             skeleton: Skeleton::new(gpu, &buffers),
-            posing: Posing::Properties {
+            posing: Posing::Properties(Box::new(PropertyStages {
                 blend_shapes: BlendShapes::new(gpu, &buffers),
                 residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
                 skin: Skin::new(gpu, &buffers),
                 normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
-            },
+            })),
             shade: template
                 .lit_surface
                 .map(|surface| Shade::new(gpu, &buffers, &surface, place.color_row(), template.frames)),
@@ -350,7 +358,7 @@ impl Deformation {
     /// template has no normals, or the hand is baked.
     pub fn normals(&self) -> Option<&wgpu::Buffer> {
         match &self.posing {
-            Posing::Properties { normals, .. } => normals.as_ref().map(|stage| &stage.normals),
+            Posing::Properties(stages) => stages.normals.as_ref().map(|stage| &stage.normals),
             Posing::Baked(_) => None,
         }
     }
@@ -409,24 +417,22 @@ impl Deformation {
     pub fn encode_skin(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "deform");
         match &self.posing {
-            Posing::Properties { blend_shapes, residual_skeleton, skin, .. } => {
-                blend_shapes.encode(&mut pass);
-                residual_skeleton.encode(&mut pass);
-                skin.encode(&mut pass);
+            Posing::Properties(stages) => {
+                stages.blend_shapes.encode(&mut pass);
+                stages.residual_skeleton.encode(&mut pass);
+                stages.skin.encode(&mut pass);
             }
             Posing::Baked(baked) => baked.encode(&mut pass),
         }
         if let Some(shade) = &self.shade {
             shade.encode(&mut pass);
         }
-        if let Posing::Properties { normals: Some(normals), .. } = &self.posing {
+        // A baked hand's stage writes to the table itself.
+        let Posing::Properties(stages) = &self.posing else { return };
+        if let Some(normals) = &stages.normals {
             normals.encode(&mut pass);
         }
         drop(pass);
-        // A baked hand's stage writes to the table itself.
-        if self.is_baked() {
-            return;
-        }
         let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
         let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
         encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, scale, row);
