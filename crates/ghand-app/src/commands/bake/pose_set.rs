@@ -80,14 +80,10 @@ impl PoseSet {
         }
         natural.extend(capture.map_or(vec![], |(capture, split)| training_poses(capture, avatar, split)));
         natural.extend(library(args, model));
-        let held_out: Vec<NamedPose> =
-            natural.iter().skip(HELD_OUT_EVERY / 2).step_by(HELD_OUT_EVERY).cloned().collect();
-        let natural: Vec<NamedPose> = natural
-            .into_iter()
-            .enumerate()
-            .filter(|(k, _)| (k + HELD_OUT_EVERY - HELD_OUT_EVERY / 2) % HELD_OUT_EVERY != 0)
-            .map(|(_, pose)| pose)
-            .collect();
+        let (held_out, natural): (Vec<_>, Vec<_>) =
+            natural.into_iter().enumerate().partition(|(k, _)| k % HELD_OUT_EVERY == HELD_OUT_EVERY / 2);
+        let [held_out, natural]: [Vec<NamedPose>; 2] =
+            [held_out, natural].map(|poses| poses.into_iter().map(|(_, pose)| pose).collect());
 
         let random = |rng: &mut ChaCha8Rng, k: usize| {
             let pose = random_pose(model, rng)?;
