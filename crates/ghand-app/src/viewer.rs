@@ -2,8 +2,11 @@
 
 pub mod app;
 pub mod camera;
+pub mod command;
+pub mod command_palette;
 pub mod drawing;
 pub mod hand;
+pub mod help_overlay;
 pub mod light_panel;
 pub mod navigation;
 pub mod number_slider;

@@ -9,6 +9,7 @@ use ghand_core::{HandModel, Pose};
 use ghand_motion::PoseSequence;
 
 use crate::bare_hand::BareHand;
+use crate::pose_choice::pose_by_name;
 use crate::shown::Shown;
 use crate::viewer::light_panel::LightPanel;
 use crate::viewer::pose_panel::PosePanel;
@@ -109,6 +110,28 @@ impl Hand {
             Look::Bare(hand) => &hand.model.name,
         };
         Path::new(name).file_name().map_or_else(|| name.clone(), |n| n.to_string_lossy().into_owned())
+    }
+
+    /// Takes a named pose, if the hand's joints are known, and stops a motion.
+    pub fn take_pose(&mut self, name: &str) {
+        if let Ok(pose) = pose_by_name(name, self.model()) {
+            self.pose = pose;
+            self.pause();
+        }
+    }
+
+    /// Plays a named motion, if the hand's joints are known.
+    pub fn play(&mut self, name: &str) {
+        if let Some(timeline) = Timeline::named(name, self.model()) {
+            self.timeline = Some(timeline);
+        }
+    }
+
+    /// Plays the motion, or stops it.
+    pub fn play_or_pause(&mut self) {
+        if let Some(timeline) = &mut self.timeline {
+            timeline.play_or_pause();
+        }
     }
 
     /// Stops a motion where it is.

@@ -39,6 +39,17 @@ impl Timeline {
         self.sequence.pose_at(self.seconds)
     }
 
+    /// A motion by name that plays from its beginning; `None` if there is none for this hand.
+    pub fn named(name: &str, model: &HandModel) -> Option<Timeline> {
+        let sequence = motion(name, model, DEFAULT_FPS)?.ok()?;
+        Some(Timeline::new(name.into(), sequence))
+    }
+
+    /// Plays on, or stops at the current position.
+    pub fn play_or_pause(&mut self) {
+        self.playing = !self.playing;
+    }
+
     /// Stops at the current position.
     pub fn pause(&mut self) {
         self.playing = false;
@@ -56,9 +67,9 @@ impl Timeline {
             for name in MOTION_NAMES {
                 let chosen = timeline.as_ref().is_some_and(|timeline| timeline.title == name);
                 if ui.add(Button::new(name).selected(chosen)).clicked()
-                    && let Some(Ok(sequence)) = motion(name, model, DEFAULT_FPS)
+                    && let Some(motion) = Timeline::named(name, model)
                 {
-                    *timeline = Some(Timeline::new(name.into(), sequence));
+                    *timeline = Some(motion);
                 }
             }
         });
@@ -68,7 +79,7 @@ impl Timeline {
             // The same width for both words: otherwise the slider would move away under the pointer.
             let word = if timeline.playing { "Pause" } else { "Play" };
             if ui.add(Button::new(word).min_size(Vec2::new(BUTTON_WIDTH, 0.0))).clicked() {
-                timeline.playing = !timeline.playing;
+                timeline.play_or_pause();
             }
             let end = timeline.sequence.duration();
             ui.spacing_mut().slider_width = 110.0;

@@ -1,5 +1,6 @@
 //! The user interface without a window: what it draws, and what its controls and the pointer do.
 
+mod commands;
 mod motion;
 mod pointer;
 
@@ -11,7 +12,9 @@ use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::AdapterChoice;
+use glam::DVec2;
 
+use super::controls::thousands;
 use super::*;
 use crate::pose_choice::pose_by_name;
 use crate::viewer::hand::Hand;

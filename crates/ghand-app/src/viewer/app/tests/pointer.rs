@@ -3,6 +3,7 @@
 use egui::{Modifiers, PointerButton, Pos2, pos2};
 
 use super::*;
+use crate::viewer::app::view::ZOOM_PER_POINT;
 
 const A: Pos2 = pos2(450.0, 200.0);
 const B: Pos2 = pos2(520.0, 170.0);
