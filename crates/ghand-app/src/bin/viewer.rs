@@ -5,11 +5,13 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Parser;
+use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::light_args::LightArgs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
+use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::window;
@@ -30,6 +32,11 @@ struct Arguments {
     reading: PoseReadingArgs,
     #[command(flatten)]
     light: LightArgs,
+    /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder
+    #[arg(long, value_name = "PATH")]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    capture_options: CaptureOptions,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -59,8 +66,18 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--pose: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --pose")
         }
     }
+    let capture = match (&arguments.capture, &subject) {
+        (None, _) => None,
+        (Some(path), Subject::Hand(hand)) => Some(CapturePanel::open(path, &arguments.capture_options, hand.model())?),
+        (Some(_), Subject::Scene { .. }) => {
+            bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
+        }
+    };
     let gpu = arguments.adapter.open()?;
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
+    if let Some(capture) = capture {
+        viewer.show_capture(capture);
+    }
     match &arguments.screenshot {
         Some(path) => screenshot(&mut viewer, arguments.size.unwrap_or(window::WINDOW_SIZE), path),
         None => window::open(&mut viewer, &format!("ghand - {source}")),

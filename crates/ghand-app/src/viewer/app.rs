@@ -1,5 +1,6 @@
 //! The viewer's user interface, without the window around it.
 
+mod camera_controls;
 mod commands;
 mod controls;
 mod recovery;
@@ -12,10 +13,13 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::shown::Shown;
 use crate::viewer::camera::OrbitCamera;
+use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command_palette::CommandPalette;
+use crate::viewer::handles::HandleDrag;
 use crate::viewer::navigation::Drags;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
 use crate::viewer::subject::Subject;
+use crate::viewer::toasts::Toasts;
 
 /// Longest edge of the picture, pixels, on a graphics card.
 const LARGEST_PICTURE: u32 = 2048;
@@ -54,6 +58,14 @@ pub struct Viewer {
     panel_shown: bool,
     palette: Option<CommandPalette>,
     help_shown: bool,
+    /// Whether the view turns by itself, and when it last did, in the user interface's seconds.
+    turntable: bool,
+    turntable_time: Option<f64>,
+    capture: Option<CapturePanel>,
+    toasts: Toasts,
+    handles_shown: bool,
+    /// The handle that is dragged.
+    handle_drag: Option<HandleDrag>,
     last_frame: Option<Instant>,
     between_frames_ms: Median,
 }
@@ -86,6 +98,12 @@ impl Viewer {
             panel_shown: true,
             palette: None,
             help_shown: false,
+            turntable: false,
+            turntable_time: None,
+            capture: None,
+            toasts: Toasts::default(),
+            handles_shown: true,
+            handle_drag: None,
             last_frame: None,
             between_frames_ms: Median::default(),
         })
@@ -125,8 +143,15 @@ impl Viewer {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.controls(ui));
             });
         }
+        self.subject.advance(ui.ctx());
+        self.advance_turntable(ui.ctx());
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.view(ui, renderer, progress));
         self.overlays(ui.ctx());
+        if let Subject::Hand(hand) = &mut self.subject
+            && !ui.input(|input| input.pointer.any_down())
+        {
+            hand.remember_pose();
+        }
     }
 
     /// Handles a finished picture.

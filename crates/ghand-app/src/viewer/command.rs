@@ -7,9 +7,23 @@ use egui::{Event, Key, KeyboardShortcut, Modifiers};
 #[allow(missing_docs, reason = "the list of commands says what each does")]
 pub enum CommandId {
     Quit,
+    Undo,
+    Redo,
+    CopyPose,
+    PastePose,
+    ShowHandles,
     Play,
     ResetAll,
+    Frame,
     ResetView,
+    ViewBack,
+    ViewPalm,
+    ViewThumbSide,
+    ViewLittleFingerSide,
+    ViewFingertips,
+    Turntable,
+    PreviousCamera,
+    NextCamera,
     Measure,
     ShowPanel,
     ShowPalette,
@@ -67,6 +81,10 @@ const fn ctrl(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::COMMAND, key)
 }
 
+const fn ctrl_shift(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), key)
+}
+
 const fn command(
     id: CommandId,
     menu: Menu,
@@ -80,6 +98,35 @@ const fn command(
 /// All commands, in the order of the menus.
 pub const COMMANDS: &[Command] = &[
     command(CommandId::Quit, Menu::File, "Quit", &[ctrl(Key::Q)], "Closes the window."),
+    command(CommandId::Undo, Menu::Pose, "Undo", &[ctrl(Key::Z)], "Goes back to the pose before."),
+    command(
+        CommandId::Redo,
+        Menu::Pose,
+        "Redo",
+        &[ctrl_shift(Key::Z), ctrl(Key::Y)],
+        "Goes forward to the pose that was undone.",
+    ),
+    command(
+        CommandId::CopyPose,
+        Menu::Pose,
+        "Copy pose",
+        &[ctrl(Key::C)],
+        "Copies pose and shape to the clipboard as JSON, which --pose reads, too.",
+    ),
+    command(
+        CommandId::PastePose,
+        Menu::Pose,
+        "Paste pose",
+        &[ctrl(Key::V)],
+        "Takes the pose, or plays the poses, on the clipboard.",
+    ),
+    command(
+        CommandId::ShowHandles,
+        Menu::Pose,
+        "Handles",
+        &[key(Key::H)],
+        "Shows dots to drag when the pointer is on the hand, or hides them.",
+    ),
     command(CommandId::Play, Menu::Pose, "Play or pause", &[key(Key::Space)], "Plays the motion, or stops it."),
     command(
         CommandId::ResetAll,
@@ -89,11 +136,62 @@ pub const COMMANDS: &[Command] = &[
         "Resets pose, shape, light, colours, background and view.",
     ),
     command(
+        CommandId::Frame,
+        Menu::View,
+        "Frame",
+        &[key(Key::F)],
+        "Moves the view so that the subject fills it in its present pose.",
+    ),
+    command(
         CommandId::ResetView,
         Menu::View,
         "Reset view",
         &[key(Key::Home)],
         "Shows the subject as at the start; so does a double click.",
+    ),
+    command(CommandId::ViewBack, Menu::View, "From the back", &[key(Key::Num1)], "Shows the back of the hand."),
+    command(CommandId::ViewPalm, Menu::View, "From the palm", &[key(Key::Num2)], "Shows the palm."),
+    command(
+        CommandId::ViewThumbSide,
+        Menu::View,
+        "From the thumb's side",
+        &[key(Key::Num3)],
+        "Shows the thumb's side.",
+    ),
+    command(
+        CommandId::ViewLittleFingerSide,
+        Menu::View,
+        "From the little finger's side",
+        &[key(Key::Num4)],
+        "Shows the little finger's side.",
+    ),
+    command(
+        CommandId::ViewFingertips,
+        Menu::View,
+        "From the fingertips",
+        &[key(Key::Num5)],
+        "Shows the hand from beyond the fingertips.",
+    ),
+    command(
+        CommandId::Turntable,
+        Menu::View,
+        "Turntable",
+        &[key(Key::T)],
+        "Turns the view around the subject, once in 12 seconds.",
+    ),
+    command(
+        CommandId::PreviousCamera,
+        Menu::View,
+        "Previous camera",
+        &[key(Key::Comma)],
+        "Shows the view of the capture's previous camera.",
+    ),
+    command(
+        CommandId::NextCamera,
+        Menu::View,
+        "Next camera",
+        &[key(Key::Period)],
+        "Shows the view of the capture's next camera.",
     ),
     command(
         CommandId::Measure,
@@ -137,9 +235,18 @@ impl Command {
     }
 }
 
-/// The commands whose keys were pressed; the presses are consumed. While text is typed there are none, and while
+/// What the user asks for by keys.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pressed {
+    /// A command.
+    Command(CommandId),
+    /// Text of the clipboard: the window reads it when [`CommandId::PastePose`]'s keys are pressed.
+    Pasted(String),
+}
+
+/// What was asked for by keys; the presses are consumed. While text is typed there are none, and while
 /// another control has the keyboard only those with a modifier.
-pub fn pressed(context: &egui::Context) -> Vec<CommandId> {
+pub fn pressed(context: &egui::Context) -> Vec<Pressed> {
     if context.text_edit_focused() {
         return Vec::new();
     }
@@ -147,10 +254,20 @@ pub fn pressed(context: &egui::Context) -> Vec<CommandId> {
     context.input_mut(|input| {
         let mut found = Vec::new();
         input.events.retain(|event| {
-            let Event::Key { key, pressed: true, repeat: false, modifiers, .. } = event else { return true };
-            let Some(command) = command_of_key(*key, *modifiers, control_has_keys) else { return true };
-            found.push(command);
-            false
+            let asked = match event {
+                Event::Copy => Some(Pressed::Command(CommandId::CopyPose)),
+                Event::Paste(text) => Some(Pressed::Pasted(text.clone())),
+                Event::Key { key, pressed: true, repeat, modifiers, .. } => {
+                    let command = command_of_key(*key, *modifiers, control_has_keys);
+                    // Of a key that is held, only undo and redo go on.
+                    let goes_on = |id: &CommandId| !repeat || matches!(id, CommandId::Undo | CommandId::Redo);
+                    command.filter(goes_on).map(Pressed::Command)
+                }
+                _ => None,
+            };
+            let is_kept = asked.is_none();
+            found.extend(asked);
+            is_kept
         });
         found
     })

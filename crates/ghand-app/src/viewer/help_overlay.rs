@@ -5,11 +5,13 @@ use egui::{Align, Context, Grid, Id, Layout, Modal, RichText, ScrollArea, Ui};
 use crate::viewer::command::{COMMANDS, Command, Menu};
 
 /// What the mouse does: gesture and effect.
-const GESTURES: [(&str, &str); 4] = [
+const GESTURES: [(&str, &str); 6] = [
     ("Drag", "turn the view"),
     ("Right-drag, Shift-drag", "move the view"),
-    ("Scroll, pinch", "zoom"),
+    ("Scroll, pinch", "zoom towards the pointer"),
     ("Double-click", "reset the view"),
+    ("Drag an orange dot", "bend the finger"),
+    ("Drag a white dot", "move the hand, turn it"),
 ];
 /// Width of one column of commands, points.
 const COLUMN_WIDTH: f32 = 300.0;
@@ -73,5 +75,5 @@ fn gestures(ui: &mut Ui) {
 /// The keys of a command, each once.
 fn all_shortcuts(context: &Context, command: &Command) -> String {
     let texts: Vec<String> = command.shortcuts.iter().map(|shortcut| context.format_shortcut(shortcut)).collect();
-    texts.join(", ")
+    texts.join(", ").replace("Questionmark", "?").replace("Comma", ",").replace("Period", ".")
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egui::{Button, Ui, Vec2};
+use egui::{Button, Context, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
 use ghand_motion::PoseSequence;
 use ghand_motion::motions::{MOTION_NAMES, motion};
@@ -61,7 +61,23 @@ impl Timeline {
         self.seconds = 0.0;
     }
 
-    /// Shows the list of motions and the controls of the current one, and advances it.
+    /// Whether it plays.
+    pub fn is_playing(&self) -> bool {
+        self.playing
+    }
+
+    /// Advances to the present time if it plays, and returns its pose then.
+    pub fn advance(&mut self, context: &Context) -> Option<Pose> {
+        if !self.playing {
+            self.last_step = None;
+            return None;
+        }
+        self.step_to(context.input(|input| input.time));
+        context.request_repaint_after(Duration::from_secs_f64(FRAME));
+        self.pose()
+    }
+
+    /// Shows the list of motions and the controls of the current one.
     pub fn show(timeline: &mut Option<Timeline>, ui: &mut Ui, model: &HandModel, pose: &mut Pose) {
         ui.horizontal_wrapped(|ui| {
             for name in MOTION_NAMES {
@@ -74,7 +90,7 @@ impl Timeline {
             }
         });
         let Some(timeline) = timeline else { return };
-        let mut moved = timeline.playing;
+        let mut moved = false;
         ui.horizontal(|ui| {
             // The same width for both words: otherwise the slider would move away under the pointer.
             let word = if timeline.playing { "Pause" } else { "Play" };
@@ -90,12 +106,6 @@ impl Timeline {
             }
             moved |= response.on_hover_text("Position in the motion").changed();
         });
-        if timeline.playing {
-            timeline.step_to(ui.input(|input| input.time));
-            ui.ctx().request_repaint_after(Duration::from_secs_f64(FRAME));
-        } else {
-            timeline.last_step = None;
-        }
         if let (true, Some(now)) = (moved, timeline.pose()) {
             *pose = now;
         }

@@ -5,8 +5,10 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, pressed};
+use crate::viewer::camera::Preset;
+use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
 use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
+use crate::viewer::hand::Hand;
 use crate::viewer::help_overlay::help_overlay;
 use crate::viewer::subject::Subject;
 
@@ -23,17 +25,20 @@ impl Viewer {
     pub(super) fn run_pressed(&mut self, context: &Context) {
         if self.palette.is_some() || self.help_shown {
             // The same keys close them.
-            for id in pressed(context) {
-                match id {
-                    CommandId::ShowHelp if self.help_shown => self.help_shown = false,
-                    CommandId::ShowPalette => self.palette = None,
-                    _ => {}
+            for asked in pressed(context) {
+                match asked {
+                    Pressed::Command(CommandId::ShowHelp) => self.help_shown = false,
+                    Pressed::Command(CommandId::ShowPalette) => self.palette = None,
+                    Pressed::Command(_) | Pressed::Pasted(_) => {}
                 }
             }
             return;
         }
-        for id in pressed(context) {
-            self.run(id, context);
+        for asked in pressed(context) {
+            match asked {
+                Pressed::Command(id) => self.run(id, context),
+                Pressed::Pasted(text) => self.paste(&text),
+            }
         }
     }
 
@@ -44,9 +49,28 @@ impl Viewer {
         }
         match id {
             CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
+            CommandId::Undo => self.edit_hand(Hand::undo),
+            CommandId::Redo => self.edit_hand(Hand::redo),
+            CommandId::CopyPose => {
+                if let Subject::Hand(hand) = &self.subject {
+                    context.copy_text(hand.pose_json());
+                    self.toasts.note("The pose is on the clipboard.");
+                }
+            }
+            CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
+            CommandId::ShowHandles => self.handles_shown = !self.handles_shown,
             CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
             CommandId::ResetAll => self.reset_all(),
+            CommandId::Frame => self.frame_subject(),
             CommandId::ResetView => self.reset_view(),
+            CommandId::ViewBack => self.look_from(Preset::Back),
+            CommandId::ViewPalm => self.look_from(Preset::Palm),
+            CommandId::ViewThumbSide => self.look_from(Preset::ThumbSide),
+            CommandId::ViewLittleFingerSide => self.look_from(Preset::LittleFingerSide),
+            CommandId::ViewFingertips => self.look_from(Preset::Fingertips),
+            CommandId::Turntable => self.turntable = !self.turntable,
+            CommandId::PreviousCamera => self.step_camera(-1),
+            CommandId::NextCamera => self.step_camera(1),
             CommandId::Measure => {
                 self.measure = !self.measure;
                 self.clear_times();
@@ -60,12 +84,31 @@ impl Viewer {
     /// Whether a command can do anything now.
     fn is_available(&self, id: CommandId) -> bool {
         match id {
+            CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
+            CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
+            CommandId::CopyPose
+            | CommandId::PastePose
+            | CommandId::ShowHandles
+            | CommandId::ViewBack
+            | CommandId::ViewPalm
+            | CommandId::ViewThumbSide
+            | CommandId::ViewLittleFingerSide
+            | CommandId::ViewFingertips => self.subject.pose().is_some(),
+            CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
             CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
             _ => true,
         }
     }
 
-    fn edit_hand(&mut self, edit: impl FnOnce(&mut crate::viewer::hand::Hand)) {
+    fn paste(&mut self, text: &str) {
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        match hand.paste(text) {
+            Ok(remarks) => remarks.into_iter().for_each(|remark| self.toasts.note(remark)),
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    fn edit_hand(&mut self, edit: impl FnOnce(&mut Hand)) {
         if let Subject::Hand(hand) = &mut self.subject {
             edit(hand);
         }
@@ -107,6 +150,8 @@ impl Viewer {
         match id {
             CommandId::Measure => Some(self.measure),
             CommandId::ShowPanel => Some(self.panel_shown),
+            CommandId::ShowHandles => Some(self.handles_shown),
+            CommandId::Turntable => Some(self.turntable),
             _ => None,
         }
     }
@@ -123,6 +168,7 @@ impl Viewer {
             }
         }
         self.help_shown = self.help_shown && help_overlay(context);
+        self.toasts.show(context);
     }
 
     fn palette_entries(&self, context: &Context) -> Vec<Entry<Action>> {

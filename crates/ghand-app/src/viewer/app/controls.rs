@@ -15,6 +15,7 @@ impl Viewer {
         }
 
         ui.label(RichText::new("View").strong());
+        self.camera_controls(ui);
         ui.horizontal(|ui| {
             ui.color_edit_button_srgb(&mut self.background);
             ui.label("background");
@@ -27,10 +28,9 @@ impl Viewer {
                 self.reset_all();
             }
         });
-        ui.label(
-            RichText::new("Drag to rotate, right-drag or Shift-drag to move, scroll to zoom, double-click to reset.")
-                .weak(),
-        );
+        let hint = "Drag to rotate, right-drag to move, scroll to zoom. F1 lists all keys.";
+        ui.label(RichText::new(hint).weak());
+        self.capture_controls(ui);
         ui.separator();
         self.figures(ui);
     }

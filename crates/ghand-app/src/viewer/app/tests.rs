@@ -3,6 +3,7 @@
 mod commands;
 mod motion;
 mod pointer;
+mod pose;
 
 use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;

@@ -7,8 +7,11 @@ use ghand_render::RenderError;
 use glam::DVec2;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::navigation::Drag;
+use crate::viewer::handles::draw_joint;
+use crate::viewer::navigation::{Drag, Grip};
 use crate::viewer::picture::{Picture, PictureInputs, Progress};
+use crate::viewer::screen::Screen;
+use crate::viewer::subject::Subject;
 
 /// Interval of checks whether a picture is done.
 const SOON: Duration = Duration::from_millis(5);
@@ -59,6 +62,7 @@ impl Viewer {
             let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
+        self.draw_handles(ui, rect);
         if let Some(failure) = &self.failure {
             ui.painter().text(
                 rect.center(),
@@ -103,27 +107,87 @@ impl Viewer {
         }
     }
 
+    /// Turns, moves and zooms the view and drags handles, as the pointer asks.
     fn navigate(&mut self, ui: &mut Ui, rect: Rect) {
         let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
         let events: Vec<Event> = ui.input(|i| i.events.clone());
+        let screen = self.screen(rect, ui.ctx().pixels_per_point());
         // Ignores presses on a popup over the view.
         let in_view = |pos| rect.contains(pos) && ui.ctx().layer_id_at(pos).is_none_or(|layer| layer == ui.layer_id());
-        for drag in self.drags.follow(&events, in_view) {
+        let mut drags = std::mem::take(&mut self.drags);
+        let found = drags
+            .follow(&events, |pos| in_view(pos).then(|| self.handle_at(&screen, pos).map_or(Grip::View, Grip::Handle)));
+        let held = drags.held_handle();
+        self.drags = drags;
+        for drag in found {
             let points = |by: egui::Vec2| DVec2::new(by.x.into(), by.y.into());
             match drag {
                 Drag::Turn(by) => self.camera.orbit(points(by)),
                 Drag::Move(by) => self.camera.pan(points(by), rect.width().min(rect.height()).into()),
+                Drag::Handle(landmark, by) => self.drag_handle(landmark, by, &screen),
             }
+        }
+        if held.is_none() {
+            self.handle_drag = None;
         }
         if response.hovered() {
             let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
             if scroll != 0.0 || pinch != 1.0 {
-                self.camera.zoom((f64::from(scroll) * ZOOM_PER_POINT).exp() * f64::from(pinch));
+                let factor = (f64::from(scroll) * ZOOM_PER_POINT).exp() * f64::from(pinch);
+                let pointer = response.hover_pos().map_or(egui::Vec2::ZERO, |pos| pos - rect.center());
+                let pointer = DVec2::new(pointer.x.into(), pointer.y.into());
+                self.camera.zoom_at(factor, pointer, rect.width().min(rect.height()).into());
             }
         }
         if response.double_clicked() {
             self.reset_view();
         }
+    }
+
+    fn drag_handle(&mut self, landmark: usize, by: egui::Vec2, screen: &Screen) {
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        let drag = self.handle_drag.take().filter(|drag| drag.landmark == landmark);
+        let pose = hand.pose.clone();
+        let Some(mut drag) = drag.or_else(|| Some(hand.handles()?.begin(&pose, landmark))) else { return };
+        hand.drag_handle(&mut drag, screen, by);
+        self.handle_drag = Some(drag);
+    }
+
+    /// The handle at a place, if handles are shown.
+    fn handle_at(&mut self, screen: &Screen, pos: egui::Pos2) -> Option<usize> {
+        let Subject::Hand(hand) = &mut self.subject else { return None };
+        let pose = hand.pose.clone();
+        if self.handles_shown { hand.handles()?.at(&pose, screen, pos) } else { None }
+    }
+
+    /// Draws the handles when the pointer is on the hand, and the joint whose slider the user points at.
+    fn draw_handles(&mut self, ui: &Ui, rect: Rect) {
+        let screen = self.screen(rect, ui.ctx().pixels_per_point());
+        let held = self.drags.held_handle();
+        let shown = self.handles_shown;
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        let painter = ui.painter().with_clip_rect(rect);
+        let (pose, shape) = (hand.pose.clone(), hand.shape.clone());
+        if let Some(joint) = hand.pointed_at() {
+            draw_joint(&painter, hand.model(), &shape, &pose, &screen, joint);
+        }
+        let Some(handles) = hand.handles().filter(|_| shown) else { return };
+        let on_view = |pos: &egui::Pos2| {
+            rect.contains(*pos) && ui.ctx().layer_id_at(*pos).is_none_or(|layer| layer == ui.layer_id())
+        };
+        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(on_view);
+        let hovered = held.or_else(|| handles.at(&pose, &screen, pointer?));
+        if hovered.is_some() || pointer.is_some_and(|pointer| handles.is_near(&pose, &screen, pointer)) {
+            handles.draw(&painter, &pose, &screen, hovered);
+        }
+        if hovered.is_some() {
+            let icon = if held.is_some() { egui::CursorIcon::Grabbing } else { egui::CursorIcon::Grab };
+            ui.ctx().set_cursor_icon(icon);
+        }
+    }
+
+    fn screen(&self, rect: Rect, pixels_per_point: f32) -> Screen {
+        Screen { rect, camera: self.camera.camera(self.picture_size(rect, pixels_per_point)) }
     }
 
     /// The panel's size in pixels, reduced if that is too many.

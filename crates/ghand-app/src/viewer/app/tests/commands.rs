@@ -4,6 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 
 use super::*;
+use crate::viewer::camera::Preset;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);
@@ -23,13 +24,15 @@ impl Headless {
 #[test]
 fn a_menu_runs_commands() {
     let mut ui = viewer();
-    let first = ui.viewer().camera.clone();
-    ui.viewer().camera.orbit(DVec2::new(40.0, 0.0));
+    let mut palm = ui.viewer().camera.clone();
+    let pose = ui.hand().pose.clone();
+    palm.look_from(Preset::Palm, ui.hand().model(), &pose);
+    palm.frame(&ui.hand().posed_vertices());
     ui.harness.get_by_role_and_label(Role::Button, "View").click();
     (0..2).for_each(|_| ui.harness.step());
-    ui.harness.get_all_by_label_contains("Reset view").last().unwrap().click();
+    ui.harness.get_by_label_contains("From the palm").click();
     (0..2).for_each(|_| ui.harness.step());
-    assert_eq!(ui.viewer().camera, first);
+    assert_eq!(ui.viewer().camera, palm);
 }
 
 #[test]

@@ -122,9 +122,13 @@ fn a_drag_continues_over_the_panel_and_outside_the_window() {
 
 #[test]
 fn turns_of_the_wheel_add_up_between_frames() {
-    let mut expected = viewer().viewer().camera.clone();
+    let mut ui = viewer();
+    let mut expected = ui.viewer().camera.clone();
+    // The view is right of the panel, a pixel for each point.
+    let width = ui.viewer().picture.texture().unwrap().width() as f32;
+    let pointer = by(pos2(SIZE.x - 0.5 * width, 0.5 * SIZE.y), A);
     // A line is 40 points.
-    expected.zoom((3.0 * 40.0 * ZOOM_PER_POINT).exp());
+    expected.zoom_at((3.0 * 40.0 * ZOOM_PER_POINT).exp(), pointer, 400.0);
     for size in [4, 1] {
         let mut ui = viewer();
         let events = [wheel(1.0), wheel(1.0), wheel(-1.0), wheel(2.0)];
