@@ -13,6 +13,7 @@ use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::screenshot::screenshot;
+use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::window;
 use ghand_core::Side;
@@ -43,8 +44,19 @@ struct Arguments {
     /// Size of the screenshot [default: 1280x800]
     #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "screenshot")]
     size: Option<[u32; 2]>,
+    /// Pixels per point of the screenshot, as on a display of high resolution [default: 1]
+    #[arg(long, value_name = "N", value_parser = parse_scale, requires = "screenshot")]
+    scale: Option<f32>,
+    /// Light or dark [default: the last choice, else dark]
+    #[arg(long, value_name = "THEME")]
+    theme: Option<Theme>,
     #[command(flatten)]
     adapter: AdapterArgs,
+}
+
+fn parse_scale(text: &str) -> Result<f32, String> {
+    let scale = text.parse().ok().filter(|scale| (0.5..=4.0).contains(scale));
+    scale.ok_or_else(|| "must be a number from 0.5 to 4".into())
 }
 
 fn main() -> ExitCode {
@@ -55,7 +67,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
-    let (mut subject, source) = subject(arguments.file.as_deref(), &arguments.light)?;
+    let path = arguments.file.or_else(last_avatar);
+    let (mut subject, source) = subject(path.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -78,16 +91,26 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if let Some(capture) = capture {
         viewer.show_capture(capture);
     }
-    match &arguments.screenshot {
-        Some(path) => screenshot(&mut viewer, arguments.size.unwrap_or(window::WINDOW_SIZE), path),
-        None => window::open(&mut viewer, &format!("ghand - {source}")),
+    if let Some(path) = &arguments.screenshot {
+        viewer.settings_mut().theme = arguments.theme.unwrap_or_default();
+        let size = arguments.size.unwrap_or(window::WINDOW_SIZE);
+        return screenshot(&mut viewer, size, arguments.scale.unwrap_or(1.0), path);
     }
+    let settings_path = Settings::path();
+    let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
+    settings.theme = arguments.theme.unwrap_or(settings.theme);
+    if let Some(path) = &path {
+        settings.add_recent(path);
+        viewer.watch(path, &arguments.light);
+    }
+    viewer.use_settings(settings, settings_path);
+    window::open(&mut viewer, &format!("ghand - {source}"))
 }
 
 /// What to show, and its source.
 fn subject(path: Option<&Path>, light: &LightArgs) -> anyhow::Result<(Subject, String)> {
-    match path.map(Path::to_owned).or_else(last_avatar) {
-        Some(path) => Ok((Subject::read(&path, light)?, path.display().to_string())),
+    match path {
+        Some(path) => Ok((Subject::read(path, light)?, path.display().to_string())),
         None => Ok((Subject::bare_hand(builtin_hand(Side::Right)?), "no trained avatar yet".into())),
     }
 }

@@ -3,23 +3,29 @@
 mod camera_controls;
 mod commands;
 mod controls;
+mod files;
 mod recovery;
 mod view;
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use egui::{CentralPanel, Frame, Panel, ScrollArea, Ui};
 use ghand_render::{Gpu, RenderError};
 
+use crate::light_args::LightArgs;
 use crate::shown::Shown;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command_palette::CommandPalette;
+use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::handles::HandleDrag;
 use crate::viewer::navigation::Drags;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
+use crate::viewer::settings::Settings;
 use crate::viewer::subject::Subject;
 use crate::viewer::toasts::Toasts;
+use crate::viewer::watched_file::WatchedFile;
 
 /// Longest edge of the picture, pixels, on a graphics card.
 const LARGEST_PICTURE: u32 = 2048;
@@ -27,8 +33,9 @@ const LARGEST_PICTURE: u32 = 2048;
 const LARGEST_PICTURE_CPU: u32 = 1024;
 /// Width of the side panel, points.
 const PANEL_WIDTH: f32 = 260.0;
-/// Initial colour behind the subject.
-const BACKGROUND: [u8; 3] = [30, 32, 36];
+/// Colour behind the subject in the dark and in the light theme.
+const DARK_BACKGROUND: [u8; 3] = [30, 32, 36];
+const LIGHT_BACKGROUND: [u8; 3] = [222, 225, 229];
 /// Step by which the picture's edges shrink while the device cannot hold it, and grow when it can again.
 const DETAIL_STEP: f32 = 0.75;
 /// Below this scale the viewer gives up.
@@ -44,7 +51,8 @@ pub struct Viewer {
     uploaded: Shown,
     camera: OrbitCamera,
     drags: Drags,
-    background: [u8; 3],
+    /// Colour behind the subject; `None` for that of the theme.
+    background: Option<[u8; 3]>,
     largest_edge: u32,
     /// Edge of the picture as a fraction of the panel's: less than 1 if the device cannot hold so large a close-up.
     detail: f32,
@@ -55,7 +63,13 @@ pub struct Viewer {
     texture: Option<egui::TextureId>,
     failure: Option<RenderError>,
     measure: bool,
-    panel_shown: bool,
+    settings: Settings,
+    /// Where the settings are kept; `None` if they are not.
+    settings_path: Option<PathBuf>,
+    watched: Option<WatchedFile>,
+    /// The light in which the watched file is read.
+    light: LightArgs,
+    file_dialog: Option<FileDialog>,
     palette: Option<CommandPalette>,
     help_shown: bool,
     /// Whether the view turns by itself, and when it last did, in the user interface's seconds.
@@ -63,7 +77,6 @@ pub struct Viewer {
     turntable_time: Option<f64>,
     capture: Option<CapturePanel>,
     toasts: Toasts,
-    handles_shown: bool,
     /// The handle that is dragged.
     handle_drag: Option<HandleDrag>,
     last_frame: Option<Instant>,
@@ -87,7 +100,7 @@ impl Viewer {
             uploaded,
             camera,
             drags: Drags::default(),
-            background: BACKGROUND,
+            background: None,
             largest_edge,
             detail: 1.0,
             too_many: u32::MAX,
@@ -95,14 +108,17 @@ impl Viewer {
             texture: None,
             failure: None,
             measure: false,
-            panel_shown: true,
+            settings: Settings::default(),
+            settings_path: None,
+            watched: None,
+            light: LightArgs::default(),
+            file_dialog: None,
             palette: None,
             help_shown: false,
             turntable: false,
             turntable_time: None,
             capture: None,
             toasts: Toasts::default(),
-            handles_shown: true,
             handle_drag: None,
             last_frame: None,
             between_frames_ms: Median::default(),
@@ -112,6 +128,24 @@ impl Viewer {
     /// The subject.
     pub fn subject_mut(&mut self) -> &mut Subject {
         &mut self.subject
+    }
+
+    /// Uses these settings; changes are kept in the file, if there is one.
+    pub fn use_settings(&mut self, settings: Settings, path: Option<PathBuf>) {
+        (self.settings, self.settings_path) = (settings, path);
+    }
+
+    /// The settings.
+    pub fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.settings
+    }
+
+    /// Keeps the settings for the next start.
+    pub fn save_settings(&mut self) {
+        let Some(path) = &self.settings_path else { return };
+        if let Err(error) = self.settings.write(path) {
+            self.toasts.note(format!("{}: the settings cannot be kept: {error}", path.display()));
+        }
     }
 
     /// The device.
@@ -135,8 +169,10 @@ impl Viewer {
     /// Runs the user interface; the picture is drawn through `renderer`.
     pub fn ui(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer) {
         let progress = self.collect();
+        ui.ctx().set_theme(self.settings.theme.preference());
+        self.open_files(ui.ctx());
         self.run_pressed(ui.ctx());
-        if self.panel_shown {
+        if self.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {
                 self.menu_bar(ui);
                 ui.separator();

@@ -6,6 +6,7 @@ use egui::{Event, Key, KeyboardShortcut, Modifiers};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the list of commands says what each does")]
 pub enum CommandId {
+    Open,
     Quit,
     Undo,
     Redo,
@@ -25,6 +26,7 @@ pub enum CommandId {
     PreviousCamera,
     NextCamera,
     Measure,
+    SwitchTheme,
     ShowPanel,
     ShowPalette,
     ShowHelp,
@@ -97,6 +99,13 @@ const fn command(
 
 /// All commands, in the order of the menus.
 pub const COMMANDS: &[Command] = &[
+    command(
+        CommandId::Open,
+        Menu::File,
+        "Open",
+        &[ctrl(Key::O)],
+        "Opens an avatar, a hand model, a scene, poses or a capture; dropping a file does the same.",
+    ),
     command(CommandId::Quit, Menu::File, "Quit", &[ctrl(Key::Q)], "Closes the window."),
     command(CommandId::Undo, Menu::Pose, "Undo", &[ctrl(Key::Z)], "Goes back to the pose before."),
     command(
@@ -199,6 +208,13 @@ pub const COMMANDS: &[Command] = &[
         "Measure",
         &[key(Key::M)],
         "Renders continuously and shows the times of pictures.",
+    ),
+    command(
+        CommandId::SwitchTheme,
+        Menu::View,
+        "Light or dark",
+        &[key(Key::L)],
+        "Switches between light on dark, dark on light, and the desktop's choice.",
     ),
     command(
         CommandId::ShowPanel,

@@ -178,6 +178,22 @@ impl Hand {
         }
     }
 
+    /// Takes over pose, shape and motion of another hand with the same joints.
+    pub fn continue_from(&mut self, before: &Hand) {
+        if self.model().joint_names != before.model().joint_names {
+            return;
+        }
+        self.pose.clone_from(&before.pose);
+        self.history.clone_from(&before.history);
+        self.timeline.clone_from(&before.timeline);
+        if self.shape.len() == before.shape.len() {
+            self.shape.clone_from(&before.shape);
+        }
+        if self.views.is_some() {
+            self.shown = before.shown;
+        }
+    }
+
     /// Its vertices in the present pose and shape, metres, world.
     pub fn posed_vertices(&self) -> Vec<DVec3> {
         pose_hand(self.model(), &self.shape, &self.pose)

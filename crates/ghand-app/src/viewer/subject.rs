@@ -114,6 +114,13 @@ impl Subject {
         }
     }
 
+    /// Takes over pose, shape and motion of what was shown before, if both are hands with the same joints.
+    pub fn continue_from(&mut self, before: &Subject) {
+        if let (Subject::Hand(hand), Subject::Hand(before)) = (self, before) {
+            hand.continue_from(before);
+        }
+    }
+
     /// Its pose, if it has one.
     pub fn pose(&self) -> Option<&Pose> {
         match self {

@@ -19,6 +19,7 @@ const FRAME: f64 = 1.0 / 60.0;
 const BUTTON_WIDTH: f32 = 52.0;
 
 /// A motion and the current position in it.
+#[derive(Debug, Clone)]
 pub struct Timeline {
     title: String,
     sequence: PoseSequence,

@@ -1,23 +1,28 @@
 //! Runs commands, from the menu, the keyboard or the palette.
 
+use std::path::PathBuf;
+
 use egui::{Button, Context, MenuBar, Ui, ViewportCommand};
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
 use crate::viewer::app::Viewer;
+use crate::viewer::app::files::file_name;
 use crate::viewer::camera::Preset;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
 use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
+use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::hand::Hand;
 use crate::viewer::help_overlay::help_overlay;
 use crate::viewer::subject::Subject;
 
 /// What an entry of the palette does.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 enum Action {
     Run(CommandId),
     Pose(&'static str),
     Motion(&'static str),
+    Open(PathBuf),
 }
 
 impl Viewer {
@@ -48,6 +53,7 @@ impl Viewer {
             return;
         }
         match id {
+            CommandId::Open => self.file_dialog = Some(FileDialog::open(context)),
             CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
             CommandId::Undo => self.edit_hand(Hand::undo),
             CommandId::Redo => self.edit_hand(Hand::redo),
@@ -58,7 +64,7 @@ impl Viewer {
                 }
             }
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
-            CommandId::ShowHandles => self.handles_shown = !self.handles_shown,
+            CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
             CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
             CommandId::ResetAll => self.reset_all(),
             CommandId::Frame => self.frame_subject(),
@@ -75,7 +81,11 @@ impl Viewer {
                 self.measure = !self.measure;
                 self.clear_times();
             }
-            CommandId::ShowPanel => self.panel_shown = !self.panel_shown,
+            CommandId::SwitchTheme => {
+                self.settings.theme = self.settings.theme.next();
+                self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
+            }
+            CommandId::ShowPanel => self.settings.panel_shown = !self.settings.panel_shown,
             CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
             CommandId::ShowHelp => self.help_shown = true,
         }
@@ -84,6 +94,7 @@ impl Viewer {
     /// Whether a command can do anything now.
     fn is_available(&self, id: CommandId) -> bool {
         match id {
+            CommandId::Open => self.file_dialog.is_none(),
             CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
             CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
             CommandId::CopyPose
@@ -126,6 +137,9 @@ impl Viewer {
                 ui.menu_button(menu.title(), |ui| {
                     for command in COMMANDS.iter().filter(|command| command.menu == menu) {
                         self.menu_item(ui, command);
+                        if command.id == CommandId::Open {
+                            self.recent_menu(ui);
+                        }
                     }
                 });
             }
@@ -149,8 +163,8 @@ impl Viewer {
     fn is_on(&self, id: CommandId) -> Option<bool> {
         match id {
             CommandId::Measure => Some(self.measure),
-            CommandId::ShowPanel => Some(self.panel_shown),
-            CommandId::ShowHandles => Some(self.handles_shown),
+            CommandId::ShowPanel => Some(self.settings.panel_shown),
+            CommandId::ShowHandles => Some(self.settings.handles_shown),
             CommandId::Turntable => Some(self.turntable),
             _ => None,
         }
@@ -164,6 +178,7 @@ impl Viewer {
                 Choice::Closed => {}
                 Choice::Chosen(Action::Run(id)) => self.run(id, context),
                 Choice::Chosen(Action::Pose(name)) => self.edit_hand(|hand| hand.take_pose(name)),
+                Choice::Chosen(Action::Open(path)) => self.open(&path),
                 Choice::Chosen(Action::Motion(name)) => self.edit_hand(|hand| hand.play(name)),
             }
         }
@@ -195,6 +210,12 @@ impl Viewer {
                 MOTION_NAMES.iter().map(|name| entry("Motion", name, "Plays this motion.", Action::Motion(name)));
             entries.extend(poses.chain(motions));
         }
+        entries.extend(self.settings.recent.iter().map(|path| Entry {
+            title: format!("Open: {}", file_name(path)),
+            remark: String::new(),
+            summary: path.display().to_string(),
+            action: Action::Open(path.clone()),
+        }));
         entries
     }
 }

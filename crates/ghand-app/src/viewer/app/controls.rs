@@ -2,7 +2,7 @@
 
 use egui::{Align, Layout, RichText, Ui};
 
-use crate::viewer::app::{BACKGROUND, Viewer};
+use crate::viewer::app::{DARK_BACKGROUND, LIGHT_BACKGROUND, Viewer};
 
 impl Viewer {
     /// The panel's content.
@@ -17,7 +17,10 @@ impl Viewer {
         ui.label(RichText::new("View").strong());
         self.camera_controls(ui);
         ui.horizontal(|ui| {
-            ui.color_edit_button_srgb(&mut self.background);
+            let mut color = self.background(ui);
+            if ui.color_edit_button_srgb(&mut color).changed() {
+                self.background = Some(color);
+            }
             ui.label("background");
         });
         ui.horizontal(|ui| {
@@ -63,6 +66,12 @@ impl Viewer {
         }
     }
 
+    /// The colour behind the subject.
+    pub(super) fn background(&self, ui: &Ui) -> [u8; 3] {
+        let of_theme = if ui.visuals().dark_mode { DARK_BACKGROUND } else { LIGHT_BACKGROUND };
+        self.background.unwrap_or(of_theme)
+    }
+
     /// Forgets the times so far.
     pub(super) fn clear_times(&mut self) {
         self.picture.clear_times();
@@ -74,7 +83,7 @@ impl Viewer {
     pub(super) fn reset_all(&mut self) {
         self.subject.reset();
         self.reset_view();
-        self.background = BACKGROUND;
+        self.background = None;
     }
 
     /// The initial view of the subject.

@@ -1,6 +1,7 @@
 //! The user interface without a window: what it draws, and what its controls and the pointer do.
 
 mod commands;
+mod files;
 mod motion;
 mod pointer;
 mod pose;

@@ -35,7 +35,7 @@ impl Viewer {
             shape: self.subject.shape().to_vec(),
             light: self.subject.light().cloned(),
             camera: self.camera.camera(size),
-            background: self.background.map(|v| f32::from(v) / 255.0),
+            background: self.background(ui).map(|v| f32::from(v) / 255.0),
         };
         let outdated =
             |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
@@ -63,6 +63,10 @@ impl Viewer {
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
         self.draw_handles(ui, rect);
+        self.drop_hint(ui, rect);
+        if !self.settings.panel_shown {
+            self.panel_button(ui, rect);
+        }
         if let Some(failure) = &self.failure {
             ui.painter().text(
                 rect.center(),
@@ -71,6 +75,14 @@ impl Viewer {
                 egui::FontId::proportional(15.0),
                 ui.visuals().error_fg_color,
             );
+        }
+    }
+
+    /// The button that shows the panel again.
+    fn panel_button(&mut self, ui: &mut Ui, rect: Rect) {
+        let place = Rect::from_min_size(rect.min + egui::vec2(8.0, 8.0), egui::vec2(52.0, 24.0));
+        if ui.put(place, egui::Button::new("Panel")).on_hover_text("Show the panel (N)").clicked() {
+            self.settings.panel_shown = true;
         }
     }
 
@@ -157,18 +169,18 @@ impl Viewer {
     fn handle_at(&mut self, screen: &Screen, pos: egui::Pos2) -> Option<usize> {
         let Subject::Hand(hand) = &mut self.subject else { return None };
         let pose = hand.pose.clone();
-        if self.handles_shown { hand.handles()?.at(&pose, screen, pos) } else { None }
+        if self.settings.handles_shown { hand.handles()?.at(&pose, screen, pos) } else { None }
     }
 
     /// Draws the handles when the pointer is on the hand, and the joint whose slider the user points at.
     fn draw_handles(&mut self, ui: &Ui, rect: Rect) {
         let screen = self.screen(rect, ui.ctx().pixels_per_point());
         let held = self.drags.held_handle();
-        let shown = self.handles_shown;
+        let (shown, panel_shown) = (self.settings.handles_shown, self.settings.panel_shown);
         let Subject::Hand(hand) = &mut self.subject else { return };
         let painter = ui.painter().with_clip_rect(rect);
         let (pose, shape) = (hand.pose.clone(), hand.shape.clone());
-        if let Some(joint) = hand.pointed_at() {
+        if let Some(joint) = hand.pointed_at().filter(|_| panel_shown) {
             draw_joint(&painter, hand.model(), &shape, &pose, &screen, joint);
         }
         let Some(handles) = hand.handles().filter(|_| shown) else { return };

@@ -39,9 +39,9 @@ fn a_menu_runs_commands() {
 fn keys_run_commands_but_not_while_text_is_typed() {
     let mut ui = viewer();
     ui.press(Modifiers::NONE, Key::N);
-    assert!(!ui.viewer().panel_shown);
+    assert!(!ui.viewer().settings.panel_shown);
     ui.press(Modifiers::NONE, Key::N);
-    assert!(ui.viewer().panel_shown);
+    assert!(ui.viewer().settings.panel_shown);
     ui.click("grasp");
     let plays = |ui: &mut Headless| ui.hand().timeline.as_ref().unwrap().state().1;
     assert!(plays(&mut ui));
@@ -49,7 +49,7 @@ fn keys_run_commands_but_not_while_text_is_typed() {
     assert!(!plays(&mut ui));
     ui.press(Modifiers::COMMAND, Key::K);
     ui.press(Modifiers::NONE, Key::N);
-    assert!(ui.viewer().panel_shown && ui.viewer().palette.is_some());
+    assert!(ui.viewer().settings.panel_shown && ui.viewer().palette.is_some());
 }
 
 #[test]

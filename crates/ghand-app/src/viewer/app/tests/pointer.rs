@@ -122,13 +122,19 @@ fn a_drag_continues_over_the_panel_and_outside_the_window() {
 
 #[test]
 fn turns_of_the_wheel_add_up_between_frames() {
+    // Without the panel, the middle of the view is that of the window.
+    let viewer = || {
+        let mut ui = viewer();
+        ui.viewer().settings.panel_shown = false;
+        ui.frame(Vec::new());
+        ui
+    };
     let mut ui = viewer();
+    let edge = ui.viewer().picture.texture().unwrap().height();
     let mut expected = ui.viewer().camera.clone();
-    // The view is right of the panel, a pixel for each point.
-    let width = ui.viewer().picture.texture().unwrap().width() as f32;
-    let pointer = by(pos2(SIZE.x - 0.5 * width, 0.5 * SIZE.y), A);
     // A line is 40 points.
-    expected.zoom_at((3.0 * 40.0 * ZOOM_PER_POINT).exp(), pointer, 400.0);
+    let pointer = by((0.5 * SIZE).to_pos2(), A);
+    expected.zoom_at((3.0 * 40.0 * ZOOM_PER_POINT).exp(), pointer, edge.into());
     for size in [4, 1] {
         let mut ui = viewer();
         let events = [wheel(1.0), wheel(1.0), wheel(-1.0), wheel(2.0)];
