@@ -88,7 +88,8 @@ fn a_hand_model_is_shown_as_an_untrained_hand_that_can_be_posed() {
     let [flat, fist] = ["rest", "fist"].map(|pose| {
         shot(pose).enumerate_pixels().filter(|(x, _, p)| *x > 260 && p.0[0] > p.0[2].saturating_add(30)).count()
     });
-    assert!(fist > 2000 && flat > fist, "{flat} pixels of a flat hand, {fist} of a fist");
+    // Both are framed, and a fist is rounder.
+    assert!(flat > 2000 && fist > flat, "{flat} pixels of a flat hand, {fist} of a fist");
 }
 
 #[test]

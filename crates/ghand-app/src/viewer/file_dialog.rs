@@ -2,29 +2,13 @@
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::time::{Duration, Instant};
 
 use egui::Context;
-
-/// A dialog that closes sooner than this was never seen.
-const UNSEEN: Duration = Duration::from_millis(1000);
 
 /// A dialog that is open.
 #[derive(Debug)]
 pub struct FileDialog {
     chosen: Receiver<Option<PathBuf>>,
-    opened: Instant,
-}
-
-/// What came of a dialog.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Outcome {
-    /// The user chose this file.
-    Chosen(PathBuf),
-    /// The user chose none.
-    Cancelled,
-    /// The desktop has no dialog.
-    Unavailable,
 }
 
 impl FileDialog {
@@ -47,16 +31,15 @@ impl FileDialog {
             let _ = sender.send(path);
             context.request_repaint();
         });
-        FileDialog { chosen, opened: Instant::now() }
+        FileDialog { chosen }
     }
 
-    /// What came of it; `None` while the dialog is open.
-    pub fn poll(&self) -> Option<Outcome> {
+    /// The file that was chosen, `Some(None)` if none was or the desktop has no dialog; `None` while it is open.
+    pub fn poll(&self) -> Option<Option<PathBuf>> {
         match self.chosen.try_recv() {
-            Ok(Some(path)) => Some(Outcome::Chosen(path)),
+            Ok(path) => Some(path),
             Err(TryRecvError::Empty) => None,
-            Ok(None) | Err(TryRecvError::Disconnected) if self.opened.elapsed() < UNSEEN => Some(Outcome::Unavailable),
-            Ok(None) | Err(TryRecvError::Disconnected) => Some(Outcome::Cancelled),
+            Err(TryRecvError::Disconnected) => Some(None),
         }
     }
 }

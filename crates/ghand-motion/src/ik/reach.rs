@@ -2,7 +2,7 @@
 //!
 //! It is the same fit as that of all landmarks, with three differences: only one landmark counts, only the joints between
 //! it and the palm move, and the prior's means are the angles of the held pose instead of likely ones. The limits are
-//! the anatomical ones, without the margins for a tracker's errors.
+//! the anatomical ones, without the margins for a tracker's errors and without fingers that bend backwards.
 
 use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle_vjp;
@@ -13,7 +13,13 @@ use glam::{DMat3, DVec3};
 
 use super::levenberg_marquardt::{Problem, minimize};
 use super::limits::{Coupling, Range, ranges};
-use super::{COLD_STEPS, HandIk, UNKNOWNS, read, write};
+use super::{COLD_STEPS, FOUND, HandIk, UNKNOWNS, read, write};
+
+/// A pull bends no joint further backwards than this, radians, unless it was: a little more than straight.
+const LEAST_FLEXION: f64 = -0.15;
+
+/// How much more a finger is bent at the second start than it was, radians.
+const BEND: f64 = 0.4;
 
 /// Unknowns before the angles: the hand does not move, so they stay 0.
 const FIXED: usize = 6;
@@ -47,7 +53,18 @@ impl HandIk {
         };
         let mut start = [0.0; UNKNOWNS];
         start[FIXED..].copy_from_slice(&angles);
-        let (x, _) = minimize(&pull, start, COLD_STEPS);
+        let (mut x, _) = minimize(&pull, start, COLD_STEPS);
+        if pull.squares(&x) > FOUND * FOUND {
+            // A straight finger does not show which way it bends: once more from a bent one.
+            for &hinge in &pull.moving {
+                let range = &pull.ranges[3 * hinge];
+                start[FIXED + 3 * hinge] = (range.mean + BEND).clamp(range.low, range.high);
+            }
+            let (other, _) = minimize(&pull, start, COLD_STEPS);
+            if pull.squares(&other) < pull.squares(&x) {
+                x = other;
+            }
+        }
         let mut pose = held.clone();
         for &hinge in &pull.moving {
             let (joint, axes) = self.hinges[hinge];
@@ -68,11 +85,14 @@ impl HandIk {
         self.hinges.iter().flat_map(|(joint, axes)| axes.angles(pose.rotations[*joint]).to_array()).collect()
     }
 
-    /// Anatomical ranges of all angles, which contain `angles`, as the likely ones.
+    /// Ranges of all angles, which contain `angles`, as the likely ones.
     fn ranges_around(&self, angles: &[f64]) -> Vec<Range> {
         let joints = Finger::ALL.into_iter().flat_map(|finger| (1..=3u8).map(move |joint| (finger, joint)));
         let limits = joints.flat_map(|(finger, joint)| {
-            let anatomical = JointLimits::of(JointRole::Bend(finger, joint)).ranges();
+            let mut anatomical = JointLimits::of(JointRole::Bend(finger, joint)).ranges();
+            // Seen from the back or the palm, a finger that bends backwards at its knuckle and forwards at its hinges is
+            // as short as one that makes a fist; only the latter is meant.
+            anatomical[0].low = anatomical[0].low.max(LEAST_FLEXION);
             anatomical.into_iter().zip(ranges(finger, joint))
         });
         let around = |((limit, likely), angle): ((AngleRange, Range), &f64)| Range {
@@ -231,17 +251,20 @@ mod tests {
     fn a_fingertip_pulled_towards_the_palm_bends_the_whole_finger() {
         for model in hands() {
             let ik = ik(&model);
-            let held = named(&model, "relaxed");
-            let places = ik.landmarks(&held);
-            let [forward, back, _] = RestSkeleton::of(&model).unwrap().palm().unwrap();
-            // Seen from the back of the hand.
-            let target = places[12] - 0.02 * forward;
-            let pose = ik.reach(&held, 12, target, Some(back));
-            let off = (ik.landmarks(&pose)[12] - target).reject_from_normalized(back).length();
-            assert!(off < 1e-3, "{}: {off}", model.name);
-            let flexions = |pose: &Pose| [6, 7, 8].map(|hinge| ik.angles(pose)[3 * hinge]);
-            for (after, before) in flexions(&pose).iter().zip(flexions(&held)) {
-                assert!(*after > before, "{}: {after} after {before}", model.name);
+            let [forward, back, across] = RestSkeleton::of(&model).unwrap().palm().unwrap();
+            for name in ["rest", "relaxed"] {
+                let held = named(&model, name);
+                // From the back of the hand and a little from either side.
+                for sight in [back, (back + 0.2 * across).normalize(), (back - 0.2 * across).normalize()] {
+                    let target = ik.landmarks(&held)[12] - 0.05 * forward;
+                    let pose = ik.reach(&held, 12, target, Some(sight));
+                    let off = (ik.landmarks(&pose)[12] - target).reject_from_normalized(sight).length();
+                    assert!(off < 1e-3, "{} {name}: {off}", model.name);
+                    let flexions = |pose: &Pose| [6, 7, 8].map(|hinge| ik.angles(pose)[3 * hinge]);
+                    for (after, before) in flexions(&pose).iter().zip(flexions(&held)) {
+                        assert!(*after > before, "{} {name}: {after} after {before}", model.name);
+                    }
+                }
             }
         }
     }

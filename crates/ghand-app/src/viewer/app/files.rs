@@ -13,7 +13,7 @@ use crate::light_args::LightArgs;
 use crate::pose_choice::PoseReadingArgs;
 use crate::viewer::app::Viewer;
 use crate::viewer::capture_panel::CapturePanel;
-use crate::viewer::file_dialog::{FileDialog, Outcome};
+use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::picture::Picture;
 use crate::viewer::subject::Subject;
 use crate::viewer::watched_file::WatchedFile;
@@ -34,15 +34,12 @@ impl Viewer {
         for file in dropped {
             self.open(file.path());
         }
-        if let Some(outcome) = self.file_dialog.as_ref().and_then(FileDialog::poll) {
+        if let Some(chosen) = self.file_dialog.as_ref().and_then(FileDialog::poll) {
             self.file_dialog = None;
-            match outcome {
-                Outcome::Chosen(path) => self.open(&path),
-                Outcome::Cancelled => {}
-                Outcome::Unavailable => {
-                    let remedy = "the desktop has no dialog for files; drop the file onto this window";
-                    self.toasts.error(&anyhow::anyhow!(remedy));
-                }
+            match chosen {
+                Some(path) => self.open(&path),
+                // A desktop without a dialog cannot be told from one whose dialog was closed.
+                None => self.toasts.note("No file was chosen. Files can also be dropped onto this window."),
             }
         }
         let now = context.input(|input| input.time);
