@@ -131,7 +131,7 @@ pub fn end(error: &anyhow::Error) -> ! {
 }
 
 /// An error with its causes, joined by ": ". Causes that a message already contains are not repeated.
-fn sentence(error: &anyhow::Error) -> String {
+pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(|c| one_line(&c.to_string())) {
         if text.is_empty() {

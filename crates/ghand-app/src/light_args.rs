@@ -12,15 +12,24 @@ use image::{ImageFormat, ImageReader};
 /// Most bytes of a panorama: 16k x 8k pixels in half precision.
 const MOST_BYTES: u64 = 1 << 30;
 
+/// The light that an avatar has anyway.
+const AS_CAPTURED: &str = "capture";
+
 /// Options for the light.
 #[derive(Debug, Clone, Args)]
 pub struct LightArgs {
     /// Light of the avatar: of its capture, of a studio, or of a panorama of all directions (.exr, .hdr)
-    #[arg(long, value_name = "capture|studio|FILE", default_value = "capture")]
+    #[arg(long, value_name = "capture|studio|FILE", default_value = AS_CAPTURED)]
     light: PathBuf,
     /// Turn the light about the vertical, degrees
     #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = parse_turn)]
     light_turn: f64,
+}
+
+impl Default for LightArgs {
+    fn default() -> Self {
+        LightArgs { light: AS_CAPTURED.into(), light_turn: 0.0 }
+    }
 }
 
 fn parse_turn(text: &str) -> Result<f64, String> {
@@ -31,7 +40,7 @@ fn parse_turn(text: &str) -> Result<f64, String> {
 impl LightArgs {
     /// Whether the avatar's own light is wanted, as it is.
     pub fn is_default(&self) -> bool {
-        self.light == Path::new("capture") && self.light_turn == 0.0
+        self.light == Path::new(AS_CAPTURED) && self.light_turn == 0.0
     }
 
     /// Puts an avatar into the light.

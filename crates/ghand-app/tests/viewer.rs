@@ -9,7 +9,7 @@ use std::fmt::Write;
 use ghand_hand_model::mano::write_mano;
 use ghand_hand_model::procedural::ProceduralHand;
 
-use common::{assert_one_sentence, listing, run, save_avatar};
+use common::{assert_one_sentence, listing, run, save_avatar, small_capture};
 
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
 
@@ -88,7 +88,53 @@ fn a_hand_model_is_shown_as_an_untrained_hand_that_can_be_posed() {
     let [flat, fist] = ["rest", "fist"].map(|pose| {
         shot(pose).enumerate_pixels().filter(|(x, _, p)| *x > 260 && p.0[0] > p.0[2].saturating_add(30)).count()
     });
-    assert!(fist > 2000 && flat > fist, "{flat} pixels of a flat hand, {fist} of a fist");
+    // Both are framed, and a fist is rounder.
+    assert!(flat > 2000 && fist > flat, "{flat} pixels of a flat hand, {fist} of a fist");
+}
+
+#[test]
+fn a_capture_is_seen_through_its_first_camera_in_the_pose_of_its_first_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    small_capture(&folder.path().join("capture"));
+    let shot = |arguments: &[&str]| {
+        let arguments = [&["builtin", "--screenshot", "shot.png", "--size", "560x300"], arguments].concat();
+        let output = run(VIEWER, folder.path(), &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let picture = image::open(folder.path().join("shot.png")).unwrap().into_rgb8();
+        let is_skin = |x: u32, p: &image::Rgb<u8>| x > 262 && p.0[0] > p.0[2].saturating_add(30);
+        picture.enumerate_pixels().filter(|(x, _, p)| is_skin(*x, p)).map(|(x, y, _)| [x, y]).collect::<Vec<_>>()
+    };
+    let (alone, captured) = (shot(&[]), shot(&["--capture", "capture"]));
+    assert_ne!(alone, captured);
+    assert!(captured.len() > 3000, "{} pixels of a hand", captured.len());
+    // The capture's cameras look at its hand: so it is inside their upright picture, which has the window's height.
+    let middle = captured.iter().map(|[x, _]| f64::from(*x)).sum::<f64>() / captured.len() as f64;
+    assert!((middle - 410.0).abs() < 60.0, "{middle}");
+    assert_one_sentence(
+        &run(VIEWER, folder.path(), &["builtin", "--capture", "absent", "--screenshot", "a.png"]),
+        &["absent"],
+    );
+}
+
+#[test]
+fn a_screenshot_has_the_theme_and_scale_that_were_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let shot = |arguments: &[&str]| {
+        let arguments = [&["hand.ghand", "--screenshot", "shot.png"], arguments].concat();
+        let output = run(VIEWER, folder.path(), &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        image::open(folder.path().join("shot.png")).unwrap().into_rgb8()
+    };
+    let dark = shot(&["--size", "600x400"]);
+    let light = shot(&["--size", "600x400", "--theme", "light"]);
+    assert!(dark.get_pixel(590, 5).0.iter().all(|v| *v < 60) && light.get_pixel(590, 5).0.iter().all(|v| *v > 200));
+    // Twice as many pixels show the same.
+    let fine = shot(&["--size", "1200x800", "--scale", "2"]);
+    let [small, large] = [&dark, &image::imageops::resize(&fine, 600, 400, image::imageops::FilterType::Triangle)]
+        .map(|picture| image::imageops::crop_imm(picture, 270, 0, 330, 400).to_image());
+    let off = small.iter().zip(large.iter()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / small.len() as f64;
+    assert!(off < 4.0, "{off}");
 }
 
 #[test]

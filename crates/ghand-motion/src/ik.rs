@@ -13,10 +13,11 @@
 //! consists of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
 //!
 //! A first frame starts from the palm's orientation, once with straight and once with bent fingers, and the better
-//! result is used; other frames start from the previous frame.
+//! result is used; other frames start from the previous frame. [`HandIk::reach`] (`reach`) bends one finger to a point.
 
 mod levenberg_marquardt;
 mod limits;
+mod reach;
 
 use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle, rotation_from_axis_angle_vjp};

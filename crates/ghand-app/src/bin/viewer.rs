@@ -5,23 +5,25 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Parser;
+use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::light_args::LightArgs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
+use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::screenshot::screenshot;
+use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::window;
-use ghand_core::Side;
-use ghand_hand_model::builtin::builtin_hand;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
     /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO; builtin, builtin-left or
-    /// procedural) [default: the avatar trained last in out/train, out/train-2, ..., else the built-in hand]
+    /// procedural) [default: the avatar trained last in out/train, out/train-2, ..., else an avatar that comes with ghand]
     file: Option<PathBuf>,
     /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]
     #[arg(long, value_name = "FILE|NAME")]
@@ -30,14 +32,30 @@ struct Arguments {
     reading: PoseReadingArgs,
     #[command(flatten)]
     light: LightArgs,
+    /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder
+    #[arg(long, value_name = "PATH")]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    capture_options: CaptureOptions,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
     /// Size of the screenshot [default: 1280x800]
     #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "screenshot")]
     size: Option<[u32; 2]>,
+    /// Pixels per point of the screenshot, as on a display of high resolution [default: 1]
+    #[arg(long, value_name = "N", value_parser = parse_scale, requires = "screenshot")]
+    scale: Option<f32>,
+    /// Light or dark [default: the last choice, else dark]
+    #[arg(long, value_name = "THEME")]
+    theme: Option<Theme>,
     #[command(flatten)]
     adapter: AdapterArgs,
+}
+
+fn parse_scale(text: &str) -> Result<f32, String> {
+    let scale = text.parse().ok().filter(|scale| (0.5..=4.0).contains(scale));
+    scale.ok_or_else(|| "must be a number from 0.5 to 4".into())
 }
 
 fn main() -> ExitCode {
@@ -48,7 +66,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
-    let (mut subject, source) = subject(arguments.file.as_deref(), &arguments.light)?;
+    let path = arguments.file.or_else(last_avatar);
+    let (mut subject, source) = subject(path.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -59,18 +78,42 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--pose: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --pose")
         }
     }
+    let capture = match (&arguments.capture, &subject) {
+        (None, _) => None,
+        (Some(path), Subject::Hand(hand)) => Some(CapturePanel::open(path, &arguments.capture_options, hand.model())?),
+        (Some(_), Subject::Scene { .. }) => {
+            bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
+        }
+    };
     let gpu = arguments.adapter.open()?;
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
-    match &arguments.screenshot {
-        Some(path) => screenshot(&mut viewer, arguments.size.unwrap_or(window::WINDOW_SIZE), path),
-        None => window::open(&mut viewer, &format!("ghand - {source}")),
+    if let Some(capture) = capture {
+        viewer.show_capture(capture);
     }
+    if let Some(path) = &arguments.screenshot {
+        viewer.settings_mut().theme = arguments.theme.unwrap_or_default();
+        let size = arguments.size.unwrap_or(window::WINDOW_SIZE);
+        return screenshot(&mut viewer, size, arguments.scale.unwrap_or(1.0), path);
+    }
+    let settings_path = Settings::path();
+    let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
+    settings.theme = arguments.theme.unwrap_or(settings.theme);
+    if let Some(path) = &path {
+        settings.add_recent(path);
+        viewer.watch(path, &arguments.light);
+    }
+    viewer.use_settings(settings, settings_path);
+    window::open(&mut viewer, &format!("ghand - {source}"))
 }
 
 /// What to show, and its source.
 fn subject(path: Option<&Path>, light: &LightArgs) -> anyhow::Result<(Subject, String)> {
-    match path.map(Path::to_owned).or_else(last_avatar) {
-        Some(path) => Ok((Subject::read(&path, light)?, path.display().to_string())),
-        None => Ok((Subject::bare_hand(builtin_hand(Side::Right)?), "no trained avatar yet".into())),
+    match path {
+        Some(path) => Ok((Subject::read(path, light)?, path.display().to_string())),
+        None => {
+            let mut avatar = demo_avatar()?;
+            light.apply_to(&mut avatar)?;
+            Ok((Subject::avatar(avatar), DEMO_AVATAR_NAME.into()))
+        }
     }
 }

@@ -1,11 +1,11 @@
 //! A camera that moves around a point.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DQuat, DVec2, DVec3};
 
-use crate::framing::{Upright, middle, posed_vertices};
+use crate::framing::{Upright, middle};
 
 /// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
 const FIELD_OF_VIEW: f64 = 0.4;
@@ -22,6 +22,21 @@ const FIRST_TURN: DVec2 = DVec2::new(-0.5, 0.15);
 /// The camera stays this far from the poles, radians, where "up" is undefined.
 const POLE_MARGIN: f64 = 0.01;
 
+/// Sides from which a hand is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// The back of the hand.
+    Back,
+    /// The palm.
+    Palm,
+    /// The thumb's side.
+    ThumbSide,
+    /// The little finger's side.
+    LittleFingerSide,
+    /// The fingertips, from beyond them.
+    Fingertips,
+}
+
 /// The viewpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrbitCamera {
@@ -34,27 +49,29 @@ pub struct OrbitCamera {
     upright: Upright,
     /// Bounds of the distance.
     distances: [f64; 2],
+    /// Along the shorter edge of the picture, radians.
+    field_of_view: f64,
+    /// A calibrated camera, whose view is shown until the view moves.
+    calibrated: Option<Camera>,
 }
 
 impl OrbitCamera {
-    /// Sees the whole hand, its back and a little of the thumb's side, fingers up.
-    pub fn facing(model: &HandModel, pose: &Pose) -> OrbitCamera {
-        let points = posed_vertices(model, pose);
-        let target = middle(&points);
-        let upright = Upright::posed(model, pose);
+    /// Sees all of these points (metres, world) of a hand in a pose, its back and a little of the thumb's side, fingers
+    /// up.
+    pub fn facing(model: &HandModel, pose: &Pose, points: &[DVec3]) -> OrbitCamera {
         // The thumb of a left hand is on the other side.
         let yaw = if model.side == Side::Right { FIRST_TURN.x } else { -FIRST_TURN.x };
-        let (pitch, distances) = (FIRST_TURN.y, HAND_DISTANCES);
-        let mut orbit = OrbitCamera { target, distance: 1.0, yaw, pitch, upright, distances };
-        let direction = orbit.direction();
-        // Every point must be inside the cone whose image is the largest circle in the picture.
-        let slope = (0.5 * FIELD_OF_VIEW).tan() * FILL;
-        let needed = points.iter().map(|p| {
-            let offset = *p - target;
-            let depth = offset.dot(direction);
-            (offset - depth * direction).length() / slope + depth
-        });
-        orbit.distance = needed.fold(distances[0], f64::max).min(distances[1]);
+        let mut orbit = OrbitCamera {
+            target: DVec3::ZERO,
+            distance: 1.0,
+            yaw,
+            pitch: FIRST_TURN.y,
+            upright: Upright::posed(model, pose),
+            distances: HAND_DISTANCES,
+            field_of_view: FIELD_OF_VIEW,
+            calibrated: None,
+        };
+        orbit.frame(points);
         orbit
     }
 
@@ -70,6 +87,8 @@ impl OrbitCamera {
             pitch: FIRST_TURN.y,
             upright,
             distances: SCENE_DISTANCES,
+            field_of_view: FIELD_OF_VIEW,
+            calibrated: None,
         }
     }
 
@@ -79,29 +98,111 @@ impl OrbitCamera {
         DQuat::from_axis_angle(up, self.yaw) * DQuat::from_axis_angle(up.cross(back), -self.pitch) * back
     }
 
+    /// Moves, without turning, so that these points (metres, world) fill the picture.
+    pub fn frame(&mut self, points: &[DVec3]) {
+        self.calibrated = None;
+        let axes = self.camera([1, 1]).rotation;
+        // The box around the points in the camera's axes: a fist is then in the middle of the picture.
+        let turned: Vec<DVec3> = points.iter().map(|point| axes * *point).collect();
+        self.target = axes.transpose() * middle(&turned);
+        let direction = self.direction();
+        // Every point must be inside the cone whose image is the largest circle in the picture.
+        let slope = (0.5 * self.field_of_view).tan() * FILL;
+        let needed = points.iter().map(|p| {
+            let offset = *p - self.target;
+            let depth = offset.dot(direction);
+            (offset - depth * direction).length() / slope + depth
+        });
+        self.distance = needed.fold(self.distances[0], f64::max).min(self.distances[1]);
+    }
+
+    /// Turns to a side of a hand in a pose.
+    pub fn look_from(&mut self, preset: Preset, model: &HandModel, pose: &Pose) {
+        let to_thumb = if model.side == Side::Right { -FRAC_PI_2 } else { FRAC_PI_2 };
+        (self.yaw, self.pitch) = match preset {
+            Preset::Back => (0.0, 0.0),
+            Preset::Palm => (PI, 0.0),
+            Preset::ThumbSide => (to_thumb, 0.0),
+            Preset::LittleFingerSide => (-to_thumb, 0.0),
+            Preset::Fingertips => (0.0, FRAC_PI_2 - POLE_MARGIN),
+        };
+        self.upright = Upright::posed(model, pose);
+        self.calibrated = None;
+    }
+
+    /// Shows the view of a calibrated camera. The first movement leaves it for an orbit about the point at `depth` on its
+    /// axis, metres.
+    pub fn show_calibrated(&mut self, camera: &Camera, depth: f64) {
+        let [down, forward] = [1, 2].map(|row| camera.rotation.row(row));
+        self.distance = depth.max(self.distances[0]);
+        self.target = camera.center() + forward * self.distance;
+        self.upright = Upright { up: -down, back: -forward };
+        (self.yaw, self.pitch) = (0.0, 0.0);
+        let edge = f64::from(camera.width.min(camera.height));
+        self.field_of_view = 2.0 * (0.5 * edge / camera.focal.max_element()).atan();
+        self.calibrated = Some(camera.clone());
+    }
+
+    /// Whether the view is that of a calibrated camera.
+    pub fn is_calibrated(&self) -> bool {
+        self.calibrated.is_some()
+    }
+
     /// Rotates by a drag in points.
     pub fn orbit(&mut self, drag: DVec2) {
-        self.yaw = (self.yaw - drag.x * TURN_PER_POINT).rem_euclid(std::f64::consts::TAU);
+        self.turn(-drag.x * TURN_PER_POINT);
         let most = FRAC_PI_2 - POLE_MARGIN;
         self.pitch = (self.pitch + drag.y * TURN_PER_POINT).clamp(-most, most);
+    }
+
+    /// Moves around the target, radians.
+    pub fn turn(&mut self, angle: f64) {
+        self.calibrated = None;
+        self.yaw = (self.yaw + angle).rem_euclid(TAU);
     }
 
     /// Moves by a drag in points, so that a surface at the target's depth follows the pointer; `edge` is the picture's
     /// shorter edge in points.
     pub fn pan(&mut self, drag: DVec2, edge: f64) {
-        let scale = 2.0 * self.distance * (0.5 * FIELD_OF_VIEW).tan() / edge.max(1.0);
+        self.calibrated = None;
+        let scale = 2.0 * self.distance * (0.5 * self.field_of_view).tan() / edge.max(1.0);
         let camera = self.camera([1, 1]);
         self.target -= (camera.rotation.row(0) * drag.x + camera.rotation.row(1) * drag.y) * scale;
     }
 
     /// Moves `factor` times nearer.
     pub fn zoom(&mut self, factor: f64) {
+        self.calibrated = None;
         self.distance = (self.distance / factor).clamp(self.distances[0], self.distances[1]);
+    }
+
+    /// Moves `factor` times nearer, so that what is at `pointer` at the target's depth stays there: points from the
+    /// picture's middle, whose shorter edge is `edge`.
+    pub fn zoom_at(&mut self, factor: f64, pointer: DVec2, edge: f64) {
+        let before = self.distance;
+        self.zoom(factor);
+        // At the new distance, what was under the pointer is farther from the middle.
+        self.pan(pointer * (1.0 - before / self.distance), edge);
+    }
+
+    /// Along the shorter edge of the picture, radians.
+    pub fn field_of_view(&self) -> f64 {
+        self.field_of_view
+    }
+
+    /// Changes the field of view, and the distance with it, so that the target keeps its size.
+    pub fn set_field_of_view(&mut self, angle: f64) {
+        let before = (0.5 * self.field_of_view).tan();
+        self.field_of_view = angle;
+        self.zoom((0.5 * angle).tan() / before);
     }
 
     /// The camera for a picture of this size, pixels.
     pub fn camera(&self, [width, height]: [u32; 2]) -> Camera {
-        let slope = (0.5 * FIELD_OF_VIEW).tan() * f64::from(height) / f64::from(width.min(height));
+        if let Some(camera) = &self.calibrated {
+            return camera.resized(width, height);
+        }
+        let slope = (0.5 * self.field_of_view).tan() * f64::from(height) / f64::from(width.min(height));
         let eye = self.target + self.direction() * self.distance;
         Camera::look_at(eye, self.target, self.upright.up, 2.0 * slope.atan(), width, height)
     }
@@ -115,7 +216,7 @@ mod tests {
 
     fn setup() -> (HandModel, OrbitCamera) {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-        let camera = OrbitCamera::facing(&model, &Pose::rest(model.joint_count()));
+        let camera = OrbitCamera::facing(&model, &Pose::rest(model.joint_count()), &model.vertices);
         (model, camera)
     }
 
@@ -167,5 +268,95 @@ mod tests {
         assert!(orbit.camera([30, 30]).rotation.is_finite());
         orbit.zoom(1e9);
         assert_eq!(orbit.distance, HAND_DISTANCES[0]);
+    }
+
+    #[test]
+    fn zooming_keeps_what_is_under_the_pointer() {
+        let (_, orbit) = setup();
+        let camera = orbit.camera([400, 300]);
+        let pointer = DVec2::new(80.0, -45.0);
+        // The point at the target's depth under the pointer.
+        let slope = (pointer / camera.focal).extend(1.0);
+        let point = camera.center() + camera.rotation.transpose() * (slope * orbit.distance);
+        for factor in [0.5, 1.7, 1e9] {
+            let mut zoomed = orbit.clone();
+            zoomed.zoom_at(factor, pointer, 300.0);
+            let camera = zoomed.camera([400, 300]);
+            assert!((camera.project(point).0 - camera.principal - pointer).length() < 1e-6, "{factor}");
+        }
+    }
+
+    #[test]
+    fn a_fist_fills_the_picture_once_it_is_framed() {
+        let (model, mut orbit) = setup();
+        let pose = ghand_hand_model::named_poses::named_pose("fist", &model).unwrap();
+        let points = crate::framing::posed_vertices(&model, &pose);
+        let extent = |orbit: &OrbitCamera| {
+            let camera = orbit.camera([300, 300]);
+            let places: Vec<DVec2> = points.iter().map(|p| (camera.project(*p).0 - camera.principal) / 150.0).collect();
+            let (low, high) =
+                places.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+            ((low + high).length(), (high - low).max_element(), places.iter().map(|p| p.length()).fold(0.0, f64::max))
+        };
+        let (_, before, _) = extent(&orbit);
+        let direction = orbit.direction();
+        orbit.frame(&points);
+        let (off, after, most) = extent(&orbit);
+        assert!(orbit.direction().distance(direction) < 1e-12);
+        assert!(after > 1.2 * before && off < 0.2 && most <= FILL + 1e-9, "{before} {after} {off} {most}");
+    }
+
+    #[test]
+    fn a_change_of_the_field_of_view_keeps_the_size() {
+        let (_, mut orbit) = setup();
+        let size = |orbit: &OrbitCamera| orbit.camera([300, 300]).focal.x / orbit.distance;
+        let before = size(&orbit);
+        orbit.set_field_of_view(1.2);
+        assert!((size(&orbit) / before - 1.0).abs() < 1e-9 && orbit.field_of_view() == 1.2);
+    }
+
+    #[test]
+    fn presets_show_the_sides_of_either_hand() {
+        let (right, mut orbit) = setup();
+        let left = ProceduralHand { detail: 1, left: true, ..Default::default() }.build().unwrap();
+        for model in [right, left] {
+            let pose = Pose::rest(model.joint_count());
+            let mut seen = |preset| {
+                orbit.look_from(preset, &model, &pose);
+                orbit.frame(&model.vertices);
+                let camera = orbit.camera([300, 300]);
+                let at = |name: &str| camera.camera_from_world(model.joints[model.joint_index(name).unwrap()]);
+                (at("thumb3"), at("index1"), at("pinky1"), at("middle1"), at("wrist"))
+            };
+            let (thumb, _, pinky, middle, wrist) = seen(Preset::Back);
+            let mirror = if model.side == Side::Right { 1.0 } else { -1.0 };
+            // The thumb of the back of a right hand is on the left.
+            assert!(mirror * (pinky.x - thumb.x) > 0.0 && middle.y < wrist.y);
+            let (thumb, _, pinky, ..) = seen(Preset::Palm);
+            assert!(mirror * (pinky.x - thumb.x) < 0.0);
+            let (_, index, pinky, ..) = seen(Preset::ThumbSide);
+            assert!(index.z < pinky.z);
+            let (_, index, pinky, ..) = seen(Preset::LittleFingerSide);
+            assert!(pinky.z < index.z);
+            let (.., middle, wrist) = seen(Preset::Fingertips);
+            assert!(middle.z < wrist.z);
+        }
+    }
+
+    #[test]
+    fn a_calibrated_camera_is_shown_exactly_and_left_without_a_jump() {
+        let (_, mut orbit) = setup();
+        let eye = DVec3::new(0.4, 0.5, -0.3);
+        let mut camera = Camera::look_at(eye, DVec3::ZERO, DVec3::new(0.3, -1.0, 0.1).normalize(), 0.6, 400, 300);
+        camera.principal += DVec2::new(13.0, -8.0);
+        orbit.show_calibrated(&camera, eye.length());
+        assert!(orbit.is_calibrated());
+        assert_eq!(orbit.camera([400, 300]), camera);
+        assert_eq!(orbit.camera([200, 150]), camera.resized(200, 150));
+        orbit.zoom(1.0);
+        let left = orbit.camera([400, 300]);
+        assert!(left.center().distance(eye) < 1e-9 && (left.focal - camera.focal).length() < 1e-6);
+        let turned = left.rotation - camera.rotation;
+        assert!(turned.to_cols_array().iter().all(|v| v.abs() < 1e-9), "{turned}");
     }
 }

@@ -5,15 +5,26 @@ use std::sync::Arc;
 
 use egui::{CollapsingHeader, RichText, Ui};
 use ghand_avatar::{Avatar, Light};
+use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
-use ghand_motion::PoseSequence;
+use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
+use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
+use glam::DVec3;
 
 use crate::bare_hand::BareHand;
+use crate::pose_choice::pose_by_name;
 use crate::shown::Shown;
+use crate::viewer::blend_control::BlendControl;
+use crate::viewer::handles::{HandleDrag, Handles};
 use crate::viewer::light_panel::LightPanel;
+use crate::viewer::pose_history::PoseHistory;
 use crate::viewer::pose_panel::PosePanel;
+use crate::viewer::screen::Screen;
 use crate::viewer::shape_panel::ShapePanel;
 use crate::viewer::timeline::Timeline;
+
+/// The named pose to blend with at first.
+const BLEND_TARGET: &str = "fist";
 
 /// How a hand looks.
 pub enum Look {
@@ -31,6 +42,11 @@ pub struct Hand {
     pub(crate) shape: Vec<f64>,
     pub(crate) timeline: Option<Timeline>,
     pose_panel: PosePanel,
+    blend: BlendControl,
+    history: PoseHistory,
+    handles: Option<Handles>,
+    /// The joint whose slider the user points at.
+    pointed_at: Option<usize>,
     shape_panel: ShapePanel,
     /// `None` if light is part of the colours.
     light_panel: Option<LightPanel>,
@@ -63,8 +79,22 @@ impl Hand {
             Look::Bare(_) => None,
         };
         let pose = Pose::rest(model.joint_count());
-        let shown = Shown::default();
-        Hand { pose, shape, timeline: None, pose_panel, shape_panel, light_panel, views, shown, look }
+        let blend = BlendControl::new(BLEND_TARGET, &pose);
+        Hand {
+            handles: Handles::new(model, &shape),
+            history: PoseHistory::new(pose.clone()),
+            pose,
+            shape,
+            timeline: None,
+            pose_panel,
+            blend,
+            pointed_at: None,
+            shape_panel,
+            light_panel,
+            views,
+            shown: Shown::default(),
+            look,
+        }
     }
 
     /// How it looks in the colours that are shown.
@@ -111,6 +141,120 @@ impl Hand {
         Path::new(name).file_name().map_or_else(|| name.clone(), |n| n.to_string_lossy().into_owned())
     }
 
+    /// Takes a named pose, if the hand's joints are known, and stops a motion.
+    pub fn take_pose(&mut self, name: &str) {
+        if let Ok(pose) = pose_by_name(name, self.model()) {
+            self.pose = pose;
+            self.pause();
+        }
+    }
+
+    /// Goes back to the pose before.
+    pub fn undo(&mut self) {
+        if let Some(before) = self.history.undo(&self.pose) {
+            self.pose.clone_from(before);
+            self.pause();
+        }
+    }
+
+    /// Goes forward to the pose that was undone.
+    pub fn redo(&mut self) {
+        if let Some(after) = self.history.redo(&self.pose) {
+            self.pose.clone_from(after);
+            self.pause();
+        }
+    }
+
+    /// Whether there is something to undo and to redo.
+    pub fn can_undo_and_redo(&self) -> [bool; 2] {
+        [self.history.can_undo(&self.pose), self.history.can_redo(&self.pose)]
+    }
+
+    /// Remembers the pose for undo, unless a motion plays. It should not be called while the user is changing the pose, so
+    /// that a whole drag is one step.
+    pub fn remember_pose(&mut self) {
+        if !self.timeline.as_ref().is_some_and(Timeline::is_playing) {
+            self.history.remember(&self.pose);
+        }
+    }
+
+    /// Takes over pose, shape and motion of another hand with the same joints.
+    pub fn continue_from(&mut self, before: &Hand) {
+        if self.model().joint_names != before.model().joint_names {
+            return;
+        }
+        self.pose.clone_from(&before.pose);
+        self.history.clone_from(&before.history);
+        self.timeline.clone_from(&before.timeline);
+        if self.shape.len() == before.shape.len() {
+            self.shape.clone_from(&before.shape);
+        }
+        if self.views.is_some() {
+            self.shown = before.shown;
+        }
+    }
+
+    /// Its vertices in the present pose and shape, metres, world.
+    pub fn posed_vertices(&self) -> Vec<DVec3> {
+        pose_hand(self.model(), &self.shape, &self.pose)
+            .map_or_else(|_| self.model().vertices.clone(), |posed| posed.vertices)
+    }
+
+    /// The pose and the shape in ghand's own JSON.
+    pub fn pose_json(&self) -> String {
+        let frame = PoseFrame { id: "0000".into(), pose: self.pose.clone(), shape: self.shape.clone() };
+        let joint_names = self.model().joint_names.clone();
+        let sequence = PoseSequence { fps: DEFAULT_FPS, joint_names, frames: vec![frame], warnings: vec![] };
+        poses_json(&sequence, self.model())
+    }
+
+    /// Shows poses from text in any format that has one: the inverse of [`Hand::pose_json`]. Returns remarks for the
+    /// user.
+    ///
+    /// # Errors
+    /// One sentence that says what is wrong with the text; the pose stays.
+    pub fn paste(&mut self, text: &str) -> anyhow::Result<Vec<String>> {
+        let sequence = read_poses_bytes("clipboard", text.as_bytes(), self.model(), &PoseOptions::default())?;
+        let warnings = sequence.warnings.clone();
+        self.show("pasted".into(), sequence);
+        Ok(warnings)
+    }
+
+    /// The handles on its joints, if these are known.
+    pub fn handles(&mut self) -> Option<&Handles> {
+        if self.handles.as_ref().is_some_and(|handles| !handles.fit(&self.shape)) {
+            self.handles = Handles::new(model(&self.look), &self.shape);
+        }
+        self.handles.as_ref()
+    }
+
+    /// Drags a handle by an offset in points. This stops a motion.
+    pub fn drag_handle(&mut self, drag: &mut HandleDrag, screen: &Screen, by: egui::Vec2) {
+        self.pause();
+        if let Some(handles) = &self.handles {
+            handles.drag(drag, &mut self.pose, screen, by);
+        }
+    }
+
+    /// The joint whose slider the user points at.
+    pub fn pointed_at(&self) -> Option<usize> {
+        self.pointed_at
+    }
+
+    /// Plays a named motion, if the hand's joints are known.
+    pub fn play(&mut self, name: &str) {
+        if let Some(timeline) = Timeline::named(name, self.model()) {
+            self.timeline = Some(timeline);
+        }
+    }
+
+    /// Plays the motion, or stops it.
+    pub fn play_or_pause(&mut self) {
+        if let Some(timeline) = &mut self.timeline {
+            timeline.play_or_pause();
+        }
+    }
+
     /// Stops a motion where it is.
     pub fn pause(&mut self) {
         if let Some(timeline) = &mut self.timeline {
@@ -132,13 +276,23 @@ impl Hand {
         }
     }
 
-    /// Shows the controls, and advances the motion that plays.
+    /// Advances the motion that plays.
+    pub fn advance(&mut self, context: &egui::Context) {
+        if let Some(now) = self.timeline.as_mut().and_then(|timeline| timeline.advance(context)) {
+            self.pose = now;
+        }
+    }
+
+    /// Shows the controls.
     pub fn controls(&mut self, ui: &mut Ui) {
         ui.label(RichText::new("Pose").strong());
         let mut posed = self.pose_panel.named_poses(ui, &mut self.pose);
         ui.add_space(4.0);
-        CollapsingHeader::new("Joints").show(ui, |ui| posed |= self.pose_panel.joints(ui, &mut self.pose));
-        if posed {
+        posed |= self.blend.show(ui, self.pose_panel.named(), &mut self.pose);
+        let joints = CollapsingHeader::new("Joints").show(ui, |ui| self.pose_panel.joints(ui, &mut self.pose));
+        let joints = joints.body_returned.unwrap_or_default();
+        self.pointed_at = joints.pointed_at;
+        if posed || joints.moved {
             // Manual posing stops playback.
             self.pause();
         }
@@ -212,7 +366,7 @@ pub(crate) mod tests {
     #[test]
     fn a_pose_file_sets_the_shape_only_if_it_fits_and_reset_clears_it() {
         let mut hand = Hand::bare(builtin_hand(Side::Right).unwrap());
-        let frame = |shape: Vec<f64>| ghand_motion::PoseFrame { id: "0".into(), pose: hand.pose.clone(), shape };
+        let frame = |shape: Vec<f64>| PoseFrame { id: "0".into(), pose: hand.pose.clone(), shape };
         let frames = [vec![0.5; 10], vec![1.0; 3], vec![]].map(frame);
         for (frame, expected) in frames.into_iter().zip([0.5, 0.5, 0.5]) {
             let joint_names = hand.model().joint_names.clone();

@@ -5,13 +5,24 @@
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
 
-/// What a drag does to the view; points.
+/// What a drag does; points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drag {
-    /// The main button rotates it.
+    /// The main button rotates the view.
     Turn(Vec2),
-    /// The other buttons, or the main button with Shift, move it.
+    /// The other buttons, or the main button with Shift, move the view.
     Move(Vec2),
+    /// The main button drags the handle of this number, if it was pressed there.
+    Handle(usize, Vec2),
+}
+
+/// What is at a place where a drag can begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grip {
+    /// The view.
+    View,
+    /// A handle in the view, by its number.
+    Handle(usize),
 }
 
 /// Follows drags from one frame to the next.
@@ -23,14 +34,29 @@ pub struct Drags {
 #[derive(Debug, Clone, Copy)]
 struct Held {
     button: PointerButton,
-    moves: bool,
+    effect: Effect,
     last: Pos2,
 }
 
+#[derive(Debug, Clone, Copy)]
+enum Effect {
+    Turn,
+    Move,
+    Handle(usize),
+}
+
 impl Drags {
-    /// The drags in a frame's events, in order; each is the sum of its movements. A drag begins where `begins_at`
-    /// allows it, and then continues wherever the pointer is. Keys pressed during a drag do not change what it does.
-    pub fn follow(&mut self, events: &[Event], begins_at: impl Fn(Pos2) -> bool) -> Vec<Drag> {
+    /// The handle that is held.
+    pub fn held_handle(&self) -> Option<usize> {
+        match self.held?.effect {
+            Effect::Handle(handle) => Some(handle),
+            Effect::Turn | Effect::Move => None,
+        }
+    }
+
+    /// The drags in a frame's events, in order; each is the sum of its movements. A drag begins where there is a grip,
+    /// and then continues wherever the pointer is. Keys pressed during a drag do not change what it does.
+    pub fn follow(&mut self, events: &[Event], mut grip_at: impl FnMut(Pos2) -> Option<Grip>) -> Vec<Drag> {
         let mut drags = Vec::new();
         let mut sum = Vec2::ZERO;
         for event in events {
@@ -43,8 +69,10 @@ impl Drags {
                         self.held = None;
                     }
                     sum += self.move_to(pos);
-                    if self.held.is_none() && begins_at(pos) {
-                        self.held = Some(Held { button, moves: moves(button, modifiers), last: pos });
+                    if self.held.is_none()
+                        && let Some(grip) = grip_at(pos)
+                    {
+                        self.held = Some(Held { button, effect: effect(button, modifiers, grip), last: pos });
                     }
                 }
                 Event::PointerButton { pos, button, pressed: false, .. } => {
@@ -67,12 +95,20 @@ impl Drags {
 
     fn drag(&self, sum: Vec2) -> Option<Drag> {
         let held = self.held.filter(|_| sum != Vec2::ZERO)?;
-        Some(if held.moves { Drag::Move(sum) } else { Drag::Turn(sum) })
+        Some(match held.effect {
+            Effect::Turn => Drag::Turn(sum),
+            Effect::Move => Drag::Move(sum),
+            Effect::Handle(handle) => Drag::Handle(handle, sum),
+        })
     }
 }
 
-fn moves(button: PointerButton, modifiers: Modifiers) -> bool {
-    button != PointerButton::Primary || modifiers.shift
+fn effect(button: PointerButton, modifiers: Modifiers, grip: Grip) -> Effect {
+    match grip {
+        _ if button != PointerButton::Primary || modifiers.shift => Effect::Move,
+        Grip::View => Effect::Turn,
+        Grip::Handle(handle) => Effect::Handle(handle),
+    }
 }
 
 #[cfg(test)]
@@ -103,9 +139,23 @@ mod tests {
         Drag::Turn(vec2(x, 0.0))
     }
 
-    /// Drags may begin at positions from 100.
+    /// Drags may begin at positions from 100; from 400 there is a handle.
     fn follow(drags: &mut Drags, events: &[Event]) -> Vec<Drag> {
-        drags.follow(events, |pos| pos.x >= A.x)
+        let grip = |pos: Pos2| if pos.x >= 400.0 { Grip::Handle(7) } else { Grip::View };
+        drags.follow(events, |pos| (pos.x >= A.x).then(|| grip(pos)))
+    }
+
+    #[test]
+    fn only_the_main_button_without_shift_drags_a_handle() {
+        let mut drags = Drags::default();
+        assert_eq!(follow(&mut drags, &[press(410.0), at(430.0)]), [Drag::Handle(7, vec2(20.0, 0.0))]);
+        assert_eq!(drags.held_handle(), Some(7));
+        assert_eq!(follow(&mut drags, &[at(50.0), release(50.0)]), [Drag::Handle(7, vec2(-380.0, 0.0))]);
+        assert_eq!(drags.held_handle(), None);
+        let shift = button(true, 410.0, PointerButton::Primary, Modifiers::SHIFT);
+        assert_eq!(follow(&mut drags, &[shift, at(411.0), release(411.0)]), [Drag::Move(vec2(1.0, 0.0))]);
+        let other = button(true, 410.0, PointerButton::Secondary, Modifiers::NONE);
+        assert_eq!(follow(&mut drags, &[other, at(412.0)]), [Drag::Move(vec2(2.0, 0.0))]);
     }
 
     #[test]

@@ -84,6 +84,15 @@ fn in_degrees(range: AngleRange) -> RangeInclusive<f64> {
     rounded(range.low)..=rounded(range.high)
 }
 
+/// What the user does with the sliders of the joints.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct JointsResponse {
+    /// Whether a slider was moved.
+    pub moved: bool,
+    /// The joint of the slider under the pointer, or of the one that has the keyboard.
+    pub pointed_at: Option<usize>,
+}
+
 /// The pose's controls for one hand model.
 pub struct PosePanel {
     named: Vec<(&'static str, Pose)>,
@@ -125,6 +134,11 @@ impl PosePanel {
         PosePanel { named, groups }
     }
 
+    /// The named poses of this model.
+    pub fn named(&self) -> &[(&'static str, Pose)] {
+        &self.named
+    }
+
     /// Shows the named poses. Returns whether the user chose one.
     pub fn named_poses(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
         let mut chosen = false;
@@ -140,26 +154,31 @@ impl PosePanel {
     }
 
     /// Shows the sliders, grouped by finger. They are the joints' angles ([`JointAxes`]) in degrees, or the components of
-    /// axis-angle rotations in model axes. Returns whether the user moved one.
-    pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
-        let mut moved = false;
+    /// axis-angle rotations in model axes.
+    pub fn joints(&self, ui: &mut Ui, pose: &mut Pose) -> JointsResponse {
+        let mut response = JointsResponse::default();
         for group in &self.groups {
             CollapsingHeader::new(group.title).id_salt(("joints", group.title)).show(ui, |ui| {
                 for joint in &group.joints {
                     let Some(rotation) = pose.rotations.get_mut(joint.index) else { continue };
-                    ui.label(&joint.label);
+                    let mut is_pointed_at = ui.label(&joint.label).hovered();
                     for angle in &joint.angles {
                         let mut degrees = angle.get(*rotation);
                         let slider = number_slider(&mut degrees, angle.degrees.clone(), 0, "°").text(angle.label);
-                        if ui.add(slider).changed() {
+                        let slider = ui.add(slider);
+                        is_pointed_at |= slider.hovered() || slider.dragged() || slider.has_focus();
+                        if slider.changed() {
                             angle.set(rotation, degrees);
-                            moved = true;
+                            response.moved = true;
                         }
+                    }
+                    if is_pointed_at {
+                        response.pointed_at = Some(joint.index);
                     }
                 }
             });
         }
-        moved
+        response
     }
 }
 

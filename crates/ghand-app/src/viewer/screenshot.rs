@@ -17,18 +17,18 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// picture that needs more memory takes one more.
 const MOST_RUNS: usize = 8;
 
-/// Runs the user interface at this size (pixels, one per point) until the subject's picture is complete, and writes it
+/// Runs the user interface at this size (pixels) and scale (pixels per point) until the subject's picture is complete, and writes it
 /// as PNG. A motion does not advance.
 ///
 /// # Errors
 /// An error that says why there is no picture, or names the file that could not be written.
-pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], path: &Path) -> anyhow::Result<()> {
+pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], scale: f32, path: &Path) -> anyhow::Result<()> {
     viewer.subject_mut().pause();
-    let rgb = viewer.retry_on_device_loss(|viewer| picture(viewer, size))?;
+    let rgb = viewer.retry_on_device_loss(|viewer| picture(viewer, size, scale))?;
     write_png(path, &rgb)
 }
 
-fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
+fn picture(viewer: &mut Viewer, size: [u32; 2], scale: f32) -> anyhow::Result<RgbImage> {
     // The context sends its textures once, to one renderer.
     let context = &egui::Context::default();
     style(context);
@@ -41,12 +41,12 @@ fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
         "--size: the device can draw at most {largest} x {largest} pixels"
     );
     let mut renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, egui_wgpu::RendererOptions::PREDICTABLE);
-    let mut output = run(viewer, context, size, &mut renderer, 0, &gpu);
+    let mut output = run(viewer, context, (size, scale), &mut renderer, 0, &gpu);
     let mut complete = false;
     for number in 1..MOST_RUNS {
         // One more run after the picture is complete, so that its figures are on the panel.
         let last = complete;
-        output = run(viewer, context, size, &mut renderer, number, &gpu);
+        output = run(viewer, context, (size, scale), &mut renderer, number, &gpu);
         complete = viewer.finish()?;
         if last && complete {
             break;
@@ -62,18 +62,19 @@ fn picture(viewer: &mut Viewer, size: [u32; 2]) -> anyhow::Result<RgbImage> {
 fn run(
     viewer: &mut Viewer,
     context: &egui::Context,
-    [width, height]: [u32; 2],
+    ([width, height], scale): ([u32; 2], f32),
     renderer: &mut egui_wgpu::Renderer,
     number: usize,
     gpu: &Gpu,
 ) -> egui::FullOutput {
-    let input = egui::RawInput {
-        screen_rect: Some(Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32))),
+    let mut input = egui::RawInput {
+        screen_rect: Some(Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale)),
         max_texture_side: Some(gpu.device.limits().max_texture_dimension_2d as usize),
         // Far apart, so that animations have ended.
         time: Some(number as f64),
         ..Default::default()
     };
+    input.viewports.entry(egui::ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
     let mut output = context.run_ui(input, |ui| viewer.ui(ui, renderer));
     for (id, deltas) in output.textures_delta.set.drain() {
         for delta in deltas {

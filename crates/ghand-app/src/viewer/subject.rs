@@ -13,6 +13,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
+use crate::framing::posed_vertices;
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::light_args::LightArgs;
 use crate::shown::Shown;
@@ -97,15 +98,26 @@ impl Subject {
         }
     }
 
-    /// The initial view of it.
+    /// The initial view of it: in its present pose, or, while a motion is shown, at rest, because the flat hand must fit.
     pub fn first_view(&self) -> OrbitCamera {
         match self {
-            // It is the same for every pose, so the flat hand must fit.
             Subject::Hand(hand) => {
                 let model = hand.model();
-                OrbitCamera::facing(model, &Pose::rest(model.joint_count()))
+                if hand.timeline.is_some() {
+                    let rest = Pose::rest(model.joint_count());
+                    OrbitCamera::facing(model, &rest, &posed_vertices(model, &rest))
+                } else {
+                    OrbitCamera::facing(model, &hand.pose, &hand.posed_vertices())
+                }
             }
             Subject::Scene { .. } => OrbitCamera::around_unit_sphere(),
+        }
+    }
+
+    /// Takes over pose, shape and motion of what was shown before, if both are hands with the same joints.
+    pub fn continue_from(&mut self, before: &Subject) {
+        if let (Subject::Hand(hand), Subject::Hand(before)) = (self, before) {
+            hand.continue_from(before);
         }
     }
 
@@ -138,6 +150,13 @@ impl Subject {
         match self {
             Subject::Hand(hand) => &hand.shape,
             Subject::Scene { .. } => &[],
+        }
+    }
+
+    /// Advances a motion that plays.
+    pub fn advance(&mut self, context: &egui::Context) {
+        if let Subject::Hand(hand) = self {
+            hand.advance(context);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egui::{Button, Ui, Vec2};
+use egui::{Button, Context, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
 use ghand_motion::PoseSequence;
 use ghand_motion::motions::{MOTION_NAMES, motion};
@@ -19,6 +19,7 @@ const FRAME: f64 = 1.0 / 60.0;
 const BUTTON_WIDTH: f32 = 52.0;
 
 /// A motion and the current position in it.
+#[derive(Debug, Clone)]
 pub struct Timeline {
     title: String,
     sequence: PoseSequence,
@@ -39,6 +40,17 @@ impl Timeline {
         self.sequence.pose_at(self.seconds)
     }
 
+    /// A motion by name that plays from its beginning; `None` if there is none for this hand.
+    pub fn named(name: &str, model: &HandModel) -> Option<Timeline> {
+        let sequence = motion(name, model, DEFAULT_FPS)?.ok()?;
+        Some(Timeline::new(name.into(), sequence))
+    }
+
+    /// Plays on, or stops at the current position.
+    pub fn play_or_pause(&mut self) {
+        self.playing = !self.playing;
+    }
+
     /// Stops at the current position.
     pub fn pause(&mut self) {
         self.playing = false;
@@ -50,25 +62,41 @@ impl Timeline {
         self.seconds = 0.0;
     }
 
-    /// Shows the list of motions and the controls of the current one, and advances it.
+    /// Whether it plays.
+    pub fn is_playing(&self) -> bool {
+        self.playing
+    }
+
+    /// Advances to the present time if it plays, and returns its pose then.
+    pub fn advance(&mut self, context: &Context) -> Option<Pose> {
+        if !self.playing {
+            self.last_step = None;
+            return None;
+        }
+        self.step_to(context.input(|input| input.time));
+        context.request_repaint_after(Duration::from_secs_f64(FRAME));
+        self.pose()
+    }
+
+    /// Shows the list of motions and the controls of the current one.
     pub fn show(timeline: &mut Option<Timeline>, ui: &mut Ui, model: &HandModel, pose: &mut Pose) {
         ui.horizontal_wrapped(|ui| {
             for name in MOTION_NAMES {
                 let chosen = timeline.as_ref().is_some_and(|timeline| timeline.title == name);
                 if ui.add(Button::new(name).selected(chosen)).clicked()
-                    && let Some(Ok(sequence)) = motion(name, model, DEFAULT_FPS)
+                    && let Some(motion) = Timeline::named(name, model)
                 {
-                    *timeline = Some(Timeline::new(name.into(), sequence));
+                    *timeline = Some(motion);
                 }
             }
         });
         let Some(timeline) = timeline else { return };
-        let mut moved = timeline.playing;
+        let mut moved = false;
         ui.horizontal(|ui| {
             // The same width for both words: otherwise the slider would move away under the pointer.
             let word = if timeline.playing { "Pause" } else { "Play" };
             if ui.add(Button::new(word).min_size(Vec2::new(BUTTON_WIDTH, 0.0))).clicked() {
-                timeline.playing = !timeline.playing;
+                timeline.play_or_pause();
             }
             let end = timeline.sequence.duration();
             ui.spacing_mut().slider_width = 110.0;
@@ -79,12 +107,6 @@ impl Timeline {
             }
             moved |= response.on_hover_text("Position in the motion").changed();
         });
-        if timeline.playing {
-            timeline.step_to(ui.input(|input| input.time));
-            ui.ctx().request_repaint_after(Duration::from_secs_f64(FRAME));
-        } else {
-            timeline.last_step = None;
-        }
         if let (true, Some(now)) = (moved, timeline.pose()) {
             *pose = now;
         }

@@ -31,6 +31,7 @@ impl eframe::App for Window<'_> {
         {
             cli::end(&lost.into());
         }
+        self.remember_window(ui.ctx());
         if let Some(state) = frame.wgpu_render_state().filter(|_| !self.viewer.is_lost()) {
             self.viewer.ui(ui, &mut state.renderer.write());
         }
@@ -39,6 +40,20 @@ impl eframe::App for Window<'_> {
         if self.viewer.is_lost() {
             self.closing = true;
             ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
+    }
+}
+
+impl Window<'_> {
+    fn remember_window(&mut self, context: &egui::Context) {
+        let (rect, maximized) = context.input(|input| {
+            let viewport = input.viewport();
+            (viewport.inner_rect, viewport.maximized.unwrap_or(false))
+        });
+        let settings = self.viewer.settings_mut();
+        settings.maximized = maximized;
+        if let Some(rect) = rect.filter(|_| !maximized) {
+            settings.window_size = Some(rect.size().into());
         }
     }
 }
@@ -60,9 +75,13 @@ impl egui::Plugin for DrawNothingOnceLost {
     }
 }
 
-/// Sets the style of the user interface.
+/// Sets the style of the user interface, in either theme.
 pub fn style(context: &egui::Context) {
-    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        // Ctrl+C copies the pose.
+        style.interaction.selectable_labels = false;
+        style.spacing.item_spacing = egui::vec2(6.0, 5.0);
+    });
 }
 
 /// Fails if no window can be opened.
@@ -85,7 +104,9 @@ pub fn check_display() -> anyhow::Result<()> {
 /// An error that says why there is no window and what to do.
 pub fn open(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     viewer.retry_on_device_loss(|viewer| {
-        run(viewer, title)?;
+        let closed = run(viewer, title);
+        viewer.save_settings();
+        closed?;
         Ok(viewer.gpu().check()?)
     })
 }
@@ -102,7 +123,8 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
     };
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
-            .with_inner_size(WINDOW_SIZE.map(|v| v as f32))
+            .with_inner_size(viewer.settings_mut().window_size.unwrap_or(WINDOW_SIZE.map(|v| v as f32)))
+            .with_maximized(viewer.settings_mut().maximized)
             .with_min_inner_size(SMALLEST_WINDOW)
             .with_title(title),
         wgpu_options: WgpuConfiguration { wgpu_setup: WgpuSetup::Existing(setup), ..Default::default() },

@@ -44,7 +44,7 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
         let variance = (squares / LANDMARK_COUNT as f64).clamp(LEAST_SIGMA * LEAST_SIGMA, MOST_SIGMA * MOST_SIGMA);
         let prior = |x: &[f64; UNKNOWNS]| -> f64 {
             let alone = x[free..].iter().zip(ranges).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
-            let coupled = couplings.iter().map(|c| ((x[free + c.of] - c.ratio * x[free + c.with]) / c.spread).powi(2));
+            let coupled = couplings.iter().map(|c| (c.error(&x[free..]) / c.spread).powi(2));
             variance * (alone.sum::<f64>() + coupled.sum::<f64>())
         };
         let cost = squares + prior(&x);
@@ -57,7 +57,7 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
         for c in couplings {
             let weight = variance / (c.spread * c.spread);
             let (of, with) = (free + c.of, free + c.with);
-            let error = x[of] - c.ratio * x[with];
+            let error = c.error(&x[free..]);
             matrix[of][of] += weight;
             matrix[with][with] += weight * c.ratio * c.ratio;
             matrix[of][with] -= weight * c.ratio;

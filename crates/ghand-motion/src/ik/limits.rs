@@ -58,14 +58,22 @@ fn widened(range: AngleRange, fit: &Fit) -> Range {
     }
 }
 
-/// Two coupled angles: `(of - ratio with) / spread` is likely to be small.
+/// Two coupled angles: `(of - ratio with - offset) / spread` is likely to be small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Coupling {
     /// Indices into the angles of all joints.
     pub of: usize,
     pub with: usize,
     pub ratio: f64,
+    pub offset: f64,
     pub spread: f64,
+}
+
+impl Coupling {
+    /// How far these angles of all joints are from being coupled, radians.
+    pub fn error(&self, angles: &[f64]) -> f64 {
+        angles[self.of] - self.ratio * angles[self.with] - self.offset
+    }
 }
 
 /// The flexion of each finger's last hinge is coupled to that of the hinge before.
@@ -75,6 +83,7 @@ pub(crate) fn couplings() -> Vec<Coupling> {
         of: flexion(finger, 3),
         with: flexion(finger, 2),
         ratio: COUPLED_RATIO,
+        offset: 0.0,
         spread: COUPLED_SPREAD,
     };
     (1..5).map(coupling).collect()

@@ -238,18 +238,23 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     Ok(Recording { side, fps, motion, warnings: vec![] })
 }
 
-/// Writes poses of a hand model as ghand's own JSON, atomically. The file describes the model's skeleton, so that the
-/// poses can drive any other skeleton.
+/// Writes poses of a hand model as ghand's own JSON ([`poses_json`]), atomically.
 ///
 /// # Errors
 /// [`PoseError::Write`] when the file cannot be written; it is then unchanged.
 pub fn write_poses(path: &Path, sequence: &PoseSequence, model: &HandModel) -> Result<(), PoseError> {
+    let json = poses_json(sequence, model);
+    write_atomically(path, json.as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
+}
+
+/// Poses of a hand model as ghand's own JSON. It describes the model's skeleton, so that the poses can drive any other
+/// skeleton.
+pub fn poses_json(sequence: &PoseSequence, model: &HandModel) -> String {
     let frame = |frame: &PoseFrame| {
         let rows: Vec<[f64; 3]> = frame.pose.rotations.iter().map(DVec3::to_array).collect();
         json!({"id": frame.id, "pose": rows, "translation": frame.pose.translation.to_array(), "shape": frame.shape})
     };
     let frames: Vec<serde_json::Value> = sequence.frames.iter().map(frame).collect();
     let model = FileSkeleton::of(model).to_json();
-    let file = json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames});
-    write_atomically(path, file.to_string().as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
+    json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames}).to_string()
 }

@@ -72,7 +72,7 @@ mod tests {
     /// The hand without the panel, because the panel shows times.
     fn shot(viewer: &mut Viewer) -> RgbImage {
         let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
-        screenshot(viewer, [400, 200], file.path()).unwrap();
+        screenshot(viewer, [400, 200], 1.0, file.path()).unwrap();
         let picture = image::open(file.path()).unwrap().into_rgb8();
         image::imageops::crop_imm(&picture, 260, 0, 140, 200).to_image()
     }

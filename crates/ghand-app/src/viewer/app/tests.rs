@@ -1,7 +1,10 @@
 //! The user interface without a window: what it draws, and what its controls and the pointer do.
 
+mod commands;
+mod files;
 mod motion;
 mod pointer;
+mod pose;
 
 use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;
@@ -11,7 +14,9 @@ use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::AdapterChoice;
+use glam::DVec2;
 
+use super::controls::thousands;
 use super::*;
 use crate::pose_choice::pose_by_name;
 use crate::viewer::hand::Hand;

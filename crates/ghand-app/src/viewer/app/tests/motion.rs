@@ -10,7 +10,7 @@ use crate::viewer::screenshot::screenshot;
 
 /// Name of the slider for the position in a motion.
 const PLACE: &str = "Position in the motion";
-const SMALL: Vec2 = vec2(400.0, 300.0);
+const SMALL: Vec2 = vec2(400.0, 520.0);
 
 /// What `--pose` gives for a name or a file.
 fn poses(text: &str) -> PoseSequence {
@@ -48,7 +48,7 @@ impl Headless {
     }
 
     /// Types a number into a slider.
-    fn enter(&mut self, slider: &str, text: &str) {
+    pub(super) fn enter(&mut self, slider: &str, text: &str) {
         self.harness.get_by_role_and_label(Role::SpinButton, slider).click();
         (0..3).for_each(|_| self.harness.step());
         self.frame(vec![Event::Text(text.into())]);
@@ -187,6 +187,6 @@ fn a_screenshot_shows_the_first_frame_of_a_motion() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let mut viewer = Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap();
     let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
-    screenshot(&mut viewer, [300, 200], file.path()).unwrap();
+    screenshot(&mut viewer, [300, 200], 1.0, file.path()).unwrap();
     assert_eq!(viewer.subject.pose(), Some(&sequence.frames[0].pose));
 }

@@ -3,6 +3,7 @@
 use egui::{Modifiers, PointerButton, Pos2, pos2};
 
 use super::*;
+use crate::viewer::app::view::ZOOM_PER_POINT;
 
 const A: Pos2 = pos2(450.0, 200.0);
 const B: Pos2 = pos2(520.0, 170.0);
@@ -121,9 +122,19 @@ fn a_drag_continues_over_the_panel_and_outside_the_window() {
 
 #[test]
 fn turns_of_the_wheel_add_up_between_frames() {
-    let mut expected = viewer().viewer().camera.clone();
+    // Without the panel, the middle of the view is that of the window.
+    let viewer = || {
+        let mut ui = viewer();
+        ui.viewer().settings.panel_shown = false;
+        ui.frame(Vec::new());
+        ui
+    };
+    let mut ui = viewer();
+    let edge = ui.viewer().picture.texture().unwrap().height();
+    let mut expected = ui.viewer().camera.clone();
     // A line is 40 points.
-    expected.zoom((3.0 * 40.0 * ZOOM_PER_POINT).exp());
+    let pointer = by((0.5 * SIZE).to_pos2(), A);
+    expected.zoom_at((3.0 * 40.0 * ZOOM_PER_POINT).exp(), pointer, edge.into());
     for size in [4, 1] {
         let mut ui = viewer();
         let events = [wheel(1.0), wheel(1.0), wheel(-1.0), wheel(2.0)];

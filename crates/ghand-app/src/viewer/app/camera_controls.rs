@@ -1,0 +1,124 @@
+//! Moves the view: presets, framing, the turntable and the cameras of a capture.
+
+use std::f64::consts::TAU;
+
+use egui::{Context, Ui};
+
+use crate::viewer::app::Viewer;
+use crate::viewer::camera::Preset;
+use crate::viewer::capture_panel::CapturePanel;
+use crate::viewer::number_slider::number_slider;
+use crate::viewer::subject::Subject;
+
+/// Seconds of a whole turn of the turntable.
+const TURN_SECS: f64 = 12.0;
+/// The turntable goes on where it was after a longer pause between frames than this, seconds.
+const LONGEST_STEP_SECS: f64 = 1.0;
+/// Names of the presets on the panel.
+const PRESETS: [(&str, Preset); 5] = [
+    ("back", Preset::Back),
+    ("palm", Preset::Palm),
+    ("thumb side", Preset::ThumbSide),
+    ("little side", Preset::LittleFingerSide),
+    ("tips", Preset::Fingertips),
+];
+/// Range of the field of view, degrees: beyond, the near plane cuts the hand, or it needs more distance than there is.
+const FIELDS_OF_VIEW: [f64; 2] = [8.0, 90.0];
+
+impl Viewer {
+    /// Shows the cameras of a capture, and the view of the first of them.
+    pub fn show_capture(&mut self, capture: CapturePanel) {
+        for remark in &capture.remarks {
+            self.toasts.note(remark);
+        }
+        self.capture = Some(capture);
+        self.look_through_camera();
+    }
+
+    /// The controls of the view.
+    pub(super) fn camera_controls(&mut self, ui: &mut Ui) {
+        if self.subject.pose().is_some() {
+            ui.horizontal_wrapped(|ui| {
+                for (name, preset) in PRESETS {
+                    if ui.button(name).clicked() {
+                        self.look_from(preset);
+                    }
+                }
+            });
+        }
+        ui.horizontal(|ui| {
+            let label = ui.label("field of view").id;
+            let mut degrees = self.camera.field_of_view().to_degrees();
+            ui.spacing_mut().slider_width = 84.0;
+            let range = FIELDS_OF_VIEW[0]..=FIELDS_OF_VIEW[1];
+            if ui.add(number_slider(&mut degrees, range, 0, "°")).labelled_by(label).changed() {
+                self.camera.set_field_of_view(degrees.to_radians());
+            }
+        });
+        ui.horizontal(|ui| {
+            if ui.button("Frame").on_hover_text("Fill the view with the subject in its present pose (F)").clicked() {
+                self.frame_subject();
+            }
+            ui.checkbox(&mut self.turntable, "turntable");
+        });
+    }
+
+    /// The controls of a capture, if there is one.
+    pub(super) fn capture_controls(&mut self, ui: &mut Ui) {
+        if let Some(capture) = &mut self.capture {
+            ui.separator();
+            if capture.show(ui) {
+                self.look_through_camera();
+            }
+        }
+    }
+
+    /// Moves the view so that the subject fills it in its present pose.
+    pub(super) fn frame_subject(&mut self) {
+        match &self.subject {
+            Subject::Hand(hand) => self.camera.frame(&hand.posed_vertices()),
+            Subject::Scene { .. } => self.reset_view(),
+        }
+    }
+
+    pub(super) fn look_from(&mut self, preset: Preset) {
+        if let Subject::Hand(hand) = &self.subject {
+            self.camera.look_from(preset, hand.model(), &hand.pose);
+            self.camera.frame(&hand.posed_vertices());
+        }
+    }
+
+    pub(super) fn step_camera(&mut self, by: isize) {
+        if let Some(capture) = &mut self.capture {
+            capture.step_camera(by);
+            self.look_through_camera();
+        }
+    }
+
+    /// Shows the view of the capture's chosen camera, with a hand in the pose of the chosen frame.
+    fn look_through_camera(&mut self) {
+        let Some((camera, frame)) = self.capture.as_ref().and_then(CapturePanel::chosen) else { return };
+        self.turntable = false;
+        let mut middle = glam::DVec3::ZERO;
+        if let Subject::Hand(hand) = &mut self.subject {
+            hand.pause();
+            hand.pose.clone_from(&frame.pose);
+            middle = crate::framing::middle(&hand.posed_vertices());
+        }
+        self.camera.show_calibrated(camera, camera.camera_from_world(middle).z);
+    }
+
+    /// Turns the turntable.
+    pub(super) fn advance_turntable(&mut self, context: &Context) {
+        let now = context.input(|input| input.time);
+        let passed = now - self.turntable_time.replace(now).unwrap_or(now);
+        if self.turntable {
+            if passed <= LONGEST_STEP_SECS {
+                self.camera.turn(passed / TURN_SECS * TAU);
+            }
+            context.request_repaint();
+        } else {
+            self.turntable_time = None;
+        }
+    }
+}

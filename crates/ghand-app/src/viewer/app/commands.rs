@@ -1,0 +1,221 @@
+//! Runs commands, from the menu, the keyboard or the palette.
+
+use std::path::PathBuf;
+
+use egui::{Button, Context, MenuBar, Ui, ViewportCommand};
+use ghand_hand_model::named_poses::POSE_NAMES;
+use ghand_motion::motions::MOTION_NAMES;
+
+use crate::viewer::app::Viewer;
+use crate::viewer::app::files::file_name;
+use crate::viewer::camera::Preset;
+use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
+use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
+use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::hand::Hand;
+use crate::viewer::help_overlay::help_overlay;
+use crate::viewer::subject::Subject;
+
+/// What an entry of the palette does.
+#[derive(Debug, Clone, PartialEq)]
+enum Action {
+    Run(CommandId),
+    Pose(&'static str),
+    Motion(&'static str),
+    Open(PathBuf),
+}
+
+impl Viewer {
+    /// Runs the commands whose keys were pressed, unless the palette or the help is open.
+    pub(super) fn run_pressed(&mut self, context: &Context) {
+        if self.palette.is_some() || self.help_shown {
+            // The same keys close them.
+            for asked in pressed(context) {
+                match asked {
+                    Pressed::Command(CommandId::ShowHelp) => self.help_shown = false,
+                    Pressed::Command(CommandId::ShowPalette) => self.palette = None,
+                    Pressed::Command(_) | Pressed::Pasted(_) => {}
+                }
+            }
+            return;
+        }
+        for asked in pressed(context) {
+            match asked {
+                Pressed::Command(id) => self.run(id, context),
+                Pressed::Pasted(text) => self.paste(&text),
+            }
+        }
+    }
+
+    /// Runs a command, if it is available now.
+    pub fn run(&mut self, id: CommandId, context: &Context) {
+        if !self.is_available(id) {
+            return;
+        }
+        match id {
+            CommandId::Open => self.file_dialog = Some(FileDialog::open(context)),
+            CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
+            CommandId::Undo => self.edit_hand(Hand::undo),
+            CommandId::Redo => self.edit_hand(Hand::redo),
+            CommandId::CopyPose => {
+                if let Subject::Hand(hand) = &self.subject {
+                    context.copy_text(hand.pose_json());
+                    self.toasts.note("The pose is on the clipboard.");
+                }
+            }
+            CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
+            CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
+            CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
+            CommandId::ResetAll => self.reset_all(),
+            CommandId::Frame => self.frame_subject(),
+            CommandId::ResetView => self.reset_view(),
+            CommandId::ViewBack => self.look_from(Preset::Back),
+            CommandId::ViewPalm => self.look_from(Preset::Palm),
+            CommandId::ViewThumbSide => self.look_from(Preset::ThumbSide),
+            CommandId::ViewLittleFingerSide => self.look_from(Preset::LittleFingerSide),
+            CommandId::ViewFingertips => self.look_from(Preset::Fingertips),
+            CommandId::Turntable => self.turntable = !self.turntable,
+            CommandId::PreviousCamera => self.step_camera(-1),
+            CommandId::NextCamera => self.step_camera(1),
+            CommandId::Measure => {
+                self.measure = !self.measure;
+                self.clear_times();
+            }
+            CommandId::SwitchTheme => {
+                self.settings.theme = self.settings.theme.next();
+                self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
+            }
+            CommandId::ShowPanel => self.settings.panel_shown = !self.settings.panel_shown,
+            CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
+            CommandId::ShowHelp => self.help_shown = true,
+        }
+    }
+
+    /// Whether a command can do anything now.
+    fn is_available(&self, id: CommandId) -> bool {
+        match id {
+            CommandId::Open => self.file_dialog.is_none(),
+            CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
+            CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
+            CommandId::CopyPose
+            | CommandId::PastePose
+            | CommandId::ShowHandles
+            | CommandId::ViewBack
+            | CommandId::ViewPalm
+            | CommandId::ViewThumbSide
+            | CommandId::ViewLittleFingerSide
+            | CommandId::ViewFingertips => self.subject.pose().is_some(),
+            CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
+            CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
+            _ => true,
+        }
+    }
+
+    fn paste(&mut self, text: &str) {
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        match hand.paste(text) {
+            Ok(remarks) => remarks.into_iter().for_each(|remark| self.toasts.note(remark)),
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    fn edit_hand(&mut self, edit: impl FnOnce(&mut Hand)) {
+        if let Subject::Hand(hand) = &mut self.subject {
+            edit(hand);
+        }
+    }
+
+    /// The menus.
+    pub(super) fn menu_bar(&mut self, ui: &mut Ui) {
+        ui.add_space(2.0);
+        MenuBar::new().ui(ui, |ui| {
+            for menu in Menu::ALL {
+                // A scene has neither a pose nor a motion.
+                if menu == Menu::Pose && self.subject.pose().is_none() {
+                    continue;
+                }
+                ui.menu_button(menu.title(), |ui| {
+                    for command in COMMANDS.iter().filter(|command| command.menu == menu) {
+                        self.menu_item(ui, command);
+                        if command.id == CommandId::Open {
+                            self.recent_menu(ui);
+                        }
+                    }
+                });
+            }
+        });
+    }
+
+    fn menu_item(&mut self, ui: &mut Ui, command: &Command) {
+        let button = Button::new(command.title).shortcut_text(command.shortcut_text(ui.ctx()));
+        let button = match self.is_on(command.id) {
+            Some(on) => button.selected(on),
+            None => button,
+        };
+        if ui.add_enabled(self.is_available(command.id), button).on_hover_text(command.summary).clicked() {
+            ui.close();
+            let context = ui.ctx().clone();
+            self.run(command.id, &context);
+        }
+    }
+
+    /// The state of a command that switches something on and off.
+    fn is_on(&self, id: CommandId) -> Option<bool> {
+        match id {
+            CommandId::Measure => Some(self.measure),
+            CommandId::ShowPanel => Some(self.settings.panel_shown),
+            CommandId::ShowHandles => Some(self.settings.handles_shown),
+            CommandId::Turntable => Some(self.turntable),
+            _ => None,
+        }
+    }
+
+    /// Shows the palette and the help, if they are open.
+    pub(super) fn overlays(&mut self, context: &Context) {
+        if let Some(mut palette) = self.palette.take() {
+            match palette.show(context, &self.palette_entries(context)) {
+                Choice::Open => self.palette = Some(palette),
+                Choice::Closed => {}
+                Choice::Chosen(Action::Run(id)) => self.run(id, context),
+                Choice::Chosen(Action::Pose(name)) => self.edit_hand(|hand| hand.take_pose(name)),
+                Choice::Chosen(Action::Open(path)) => self.open(&path),
+                Choice::Chosen(Action::Motion(name)) => self.edit_hand(|hand| hand.play(name)),
+            }
+        }
+        self.help_shown = self.help_shown && help_overlay(context);
+        self.toasts.show(context);
+    }
+
+    fn palette_entries(&self, context: &Context) -> Vec<Entry<Action>> {
+        let is_listed = |command: &&Command| command.id != CommandId::ShowPalette && self.is_available(command.id);
+        let mut entries: Vec<Entry<Action>> = COMMANDS
+            .iter()
+            .filter(is_listed)
+            .map(|command| Entry {
+                title: command.title.into(),
+                remark: command.shortcut_text(context),
+                summary: command.summary.into(),
+                action: Action::Run(command.id),
+            })
+            .collect();
+        if self.subject.pose().is_some() {
+            let entry = |kind: &str, name: &str, summary: &str, action| Entry {
+                title: format!("{kind}: {name}"),
+                remark: String::new(),
+                summary: summary.into(),
+                action,
+            };
+            let poses = POSE_NAMES.iter().map(|name| entry("Pose", name, "Takes this pose.", Action::Pose(name)));
+            let motions =
+                MOTION_NAMES.iter().map(|name| entry("Motion", name, "Plays this motion.", Action::Motion(name)));
+            entries.extend(poses.chain(motions));
+        }
+        entries.extend(self.settings.recent.iter().map(|path| Entry {
+            title: format!("Open: {}", file_name(path)),
+            remark: String::new(),
+            summary: path.display().to_string(),
+            action: Action::Open(path.clone()),
+        }));
+        entries
+    }
+}

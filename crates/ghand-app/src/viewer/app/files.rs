@@ -1,0 +1,163 @@
+//! Opens files, in a window that stays usable: dropped ones, chosen ones, recent ones, and those that change on disk.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use egui::{Align2, Color32, Context, FontId, Rect, Ui};
+
+use crate::capture_args::CaptureOptions;
+use crate::file_kind::{FileKind, file_kind};
+use crate::hand_model_file::is_hand_name;
+use crate::light_args::LightArgs;
+use crate::pose_choice::PoseReadingArgs;
+use crate::viewer::app::Viewer;
+use crate::viewer::capture_panel::CapturePanel;
+use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::picture::Picture;
+use crate::viewer::subject::Subject;
+use crate::viewer::watched_file::WatchedFile;
+
+/// Interval of looks at the watched file.
+const LOOK: Duration = Duration::from_secs(1);
+
+impl Viewer {
+    /// Reads the subject again, in this light, whenever this file changes.
+    pub fn watch(&mut self, path: &Path, light: &LightArgs) {
+        self.light = light.clone();
+        self.watched = (!is_hand_name(path)).then(|| WatchedFile::new(path));
+    }
+
+    /// Opens files that were dropped or chosen, and the watched one if it has changed.
+    pub(super) fn open_files(&mut self, context: &Context) {
+        let dropped = context.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
+        for file in dropped {
+            self.open(file.path());
+        }
+        if let Some(chosen) = self.file_dialog.as_ref().and_then(FileDialog::poll) {
+            self.file_dialog = None;
+            match chosen {
+                Some(path) => self.open(&path),
+                // A desktop without a dialog cannot be told from one whose dialog was closed.
+                None => self.toasts.note("No file was chosen. Files can also be dropped onto this window."),
+            }
+        }
+        let now = context.input(|input| input.time);
+        if let Some(watched) = &mut self.watched {
+            context.request_repaint_after(LOOK);
+            if watched.has_changed(now) {
+                self.reload();
+            }
+        }
+    }
+
+    /// Opens a file of any kind: an avatar, a hand model or a scene becomes the subject, poses are shown by the present
+    /// hand, a capture's cameras are offered. If it cannot be opened, a message says why and nothing changes.
+    pub fn open(&mut self, path: &Path) {
+        match self.try_open(path) {
+            Ok(()) => {
+                self.settings.add_recent(path);
+                self.save_settings();
+            }
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    fn try_open(&mut self, path: &Path) -> anyhow::Result<()> {
+        let is_capture = path.is_dir() || path.file_name().is_some_and(|name| name == "capture.json");
+        match file_kind(path) {
+            _ if is_capture => self.open_capture(path),
+            FileKind::Avatar | FileKind::Ply => self.open_subject(path),
+            // An archive or a pickle may also have poses.
+            FileKind::HandModel => match self.open_subject(path) {
+                Ok(()) => Ok(()),
+                Err(error) => self.open_poses(path).map_err(|_| error),
+            },
+            FileKind::Other => self.open_poses(path),
+        }
+    }
+
+    fn open_capture(&mut self, path: &Path) -> anyhow::Result<()> {
+        let Subject::Hand(hand) = &self.subject else { anyhow::bail!("a scene has no place in a capture") };
+        let capture = CapturePanel::open(path, &CaptureOptions::default(), hand.model())?;
+        self.show_capture(capture);
+        Ok(())
+    }
+
+    fn open_poses(&mut self, path: &Path) -> anyhow::Result<()> {
+        let Subject::Hand(hand) = &mut self.subject else {
+            anyhow::bail!("{}: a scene of Gaussians cannot be posed; open an avatar first", path.display())
+        };
+        let text = path.to_str().context("the file's name is not text")?;
+        let sequence = PoseReadingArgs::default().load(text, hand.model())?;
+        for warning in &sequence.warnings {
+            self.toasts.note(warning);
+        }
+        let name = path.file_name().map_or_else(|| text.to_owned(), |name| name.to_string_lossy().into_owned());
+        hand.show(name, sequence);
+        Ok(())
+    }
+
+    fn open_subject(&mut self, path: &Path) -> anyhow::Result<()> {
+        let subject = Subject::read(path, &LightArgs::default())?;
+        self.show_subject(subject, path)?;
+        self.watch(path, &LightArgs::default());
+        self.capture = None;
+        self.reset_view();
+        Ok(())
+    }
+
+    /// Reads the watched file again; pose, shape, motion and view stay.
+    fn reload(&mut self) {
+        let Some(path) = self.watched.as_ref().map(|watched| watched.path().to_owned()) else { return };
+        let reloaded = Subject::read(&path, &self.light).and_then(|mut subject| {
+            subject.continue_from(&self.subject);
+            self.show_subject(subject, &path)
+        });
+        match reloaded {
+            Ok(()) => self.toasts.note(format!("{} has changed and was read again.", file_name(&path))),
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    /// Shows another subject, if the device can hold it.
+    fn show_subject(&mut self, subject: Subject, path: &Path) -> anyhow::Result<()> {
+        let picture = Picture::new(&self.gpu, &subject, [self.largest_edge; 2])?;
+        (self.picture, self.uploaded) = (picture, subject.shown());
+        self.subject = subject;
+        self.source = path.display().to_string();
+        (self.shown, self.failure, self.handle_drag) = (None, None, None);
+        (self.detail, self.too_many) = (1.0, u32::MAX);
+        Ok(())
+    }
+
+    /// The menu of recent files.
+    pub(super) fn recent_menu(&mut self, ui: &mut Ui) {
+        let recent = self.settings.recent.clone();
+        ui.add_enabled_ui(!recent.is_empty(), |ui| {
+            ui.menu_button("Open recent", |ui| {
+                for path in recent {
+                    if ui.button(file_name(&path)).on_hover_text(path.display().to_string()).clicked() {
+                        ui.close();
+                        self.open(&path);
+                    }
+                }
+            });
+        });
+    }
+
+    /// Says over the view what dropping files does, while they are held there.
+    pub(super) fn drop_hint(&self, ui: &Ui, rect: Rect) {
+        if ui.input(|input| input.raw.hovered_files.is_empty()) {
+            return;
+        }
+        ui.painter().rect_filled(rect, 0.0, Color32::from_black_alpha(160));
+        let text = "Drop an avatar, hand model, scene, poses or capture";
+        ui.painter().text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(20.0), Color32::WHITE);
+    }
+}
+
+/// The last part of a path.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,105 @@
+//! Files are opened, watched and refused.
+
+use std::path::Path;
+
+use super::*;
+use crate::viewer::hand::tests::untrained_avatar;
+use crate::viewer::watched_file::WatchedFile;
+
+fn viewer() -> Headless {
+    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.6);
+    ui.frame(Vec::new());
+    ui
+}
+
+fn messages(ui: &Headless, part: &str) -> usize {
+    ui.harness.query_all_by_label_contains(part).count()
+}
+
+/// Saves an avatar whose hand has a name.
+fn save(path: &Path, name: &str) {
+    let mut avatar = untrained_avatar();
+    avatar.template.name = name.into();
+    avatar.save(path).unwrap();
+}
+
+#[test]
+fn files_of_any_kind_are_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let avatar = folder.path().join("a.ghand");
+    save(&avatar, "anna");
+    let mut ui = viewer();
+    ui.viewer().open(&avatar);
+    ui.frame(Vec::new());
+    assert!(ui.harness.query_by_label("anna").is_some());
+    let fist = pose_by_name("fist", ui.hand().model()).unwrap();
+    ui.hand().pose.clone_from(&fist);
+    let poses = folder.path().join("fist.json");
+    std::fs::write(&poses, ui.hand().pose_json()).unwrap();
+    ui.viewer().subject.reset();
+    ui.viewer().open(&poses);
+    let off = |(a, b): (&glam::DVec3, &glam::DVec3)| a.distance(*b);
+    assert!(ui.hand().pose.rotations.iter().zip(&fist.rotations).map(off).all(|off| off < 1e-12));
+    let recent = ui.viewer().settings.recent.clone();
+    assert_eq!(recent, [poses, avatar]);
+}
+
+#[test]
+fn a_file_that_cannot_be_opened_changes_nothing_but_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let bad = [
+        file("cut.ghand", &[40, 0, 0, 0, 0, 0, 0, 0, b'{', b'"']),
+        file("empty.ply", b""),
+        file("notes.txt", b"to do"),
+        file("model.glb", b"glTF\x02\0\0\0"),
+        file("poses.json", b"{\"frames\":[]}"),
+        file("poses.npz", b"PK\x03\x04"),
+        folder.path().join("absent.ghand"),
+        folder.path().to_owned(),
+    ];
+    let mut ui = viewer();
+    let before = ui.viewer().subject.name();
+    for path in bad {
+        ui.viewer().open(&path);
+        ui.frame(Vec::new());
+        ui.frame(Vec::new());
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(messages(&ui, &name) > 0, "nothing is said about {name}");
+        assert_eq!(ui.viewer().subject.name(), before);
+        assert!(ui.viewer().settings.recent.is_empty());
+        ui.viewer().toasts = Toasts::default();
+    }
+    assert!(ui.viewer().failure.is_none());
+}
+
+#[test]
+fn a_file_that_changes_is_read_again_and_pose_and_view_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ghand");
+    save(&path, "anna");
+    let mut ui = viewer();
+    ui.viewer().open(&path);
+    ui.click("fist");
+    ui.viewer().camera.orbit(DVec2::new(50.0, 10.0));
+    let (camera, pose) = (ui.viewer().camera.clone(), ui.hand().pose.clone());
+    let settle = |ui: &mut Headless| (0..6).for_each(|_| _ = ui.frame(Vec::new()));
+    settle(&mut ui);
+    save(&path, "a longer name");
+    settle(&mut ui);
+    assert_eq!(ui.viewer().subject.name(), "a longer name");
+    assert_eq!((&ui.viewer().camera.clone(), &ui.hand().pose), (&camera, &pose));
+    // A broken file is told once, and the hand stays.
+    std::fs::write(&path, "broken").unwrap();
+    settle(&mut ui);
+    assert_eq!(messages(&ui, "a.ghand: "), 1);
+    assert_eq!(ui.viewer().subject.name(), "a longer name");
+    save(&path, "mended");
+    settle(&mut ui);
+    assert_eq!(ui.viewer().subject.name(), "mended");
+    assert!(ui.viewer().watched.as_ref().map(WatchedFile::path) == Some(&path));
+}
