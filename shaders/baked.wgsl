@@ -114,6 +114,14 @@ fn mean(p: u32) -> Unposed {
                    unpack4x8unorm(word(2u, p)).xyz, unpack4x8snorm(word(3u, p)).xyz);
 }
 
+// Two numbers of half precision. Not `unpack2x16float`, which not every device has; the smallest may become 0.
+fn halves(word: u32) -> vec2<f32> {
+    let bits = vec2(word & 0xffffu, word >> 16u);
+    // An f32 has 112 more in its exponent.
+    let magnitude = bitcast<vec2<f32>>((bits & vec2(0x7fffu)) << vec2(13u)) * 5.192296858534828e33;
+    return select(magnitude, -magnitude, (bits & vec2(0x8000u)) != vec2(0u));
+}
+
 // The values of an entry, before its factors.
 struct Values {
     offset: vec3<f32>,
@@ -128,9 +136,9 @@ fn values(entry: u32, lane: u32) -> Values {
         return Values(first.xyz, first.w, unpack4x8snorm(words[at + GROUP]).xyz);
     }
     if VALUE_WORDS == 4u {
-        let b = unpack2x16float(words[at + GROUP]);
-        return Values(vec3(unpack2x16float(words[at]), b.x), b.y,
-                      vec3(unpack2x16float(words[at + 2u * GROUP]), unpack2x16float(words[at + 3u * GROUP]).x));
+        let b = halves(words[at + GROUP]);
+        return Values(vec3(halves(words[at]), b.x), b.y,
+                      vec3(halves(words[at + 2u * GROUP]), halves(words[at + 3u * GROUP]).x));
     }
     let first = vec4(words[at], words[at + GROUP], words[at + 2u * GROUP], words[at + 3u * GROUP]);
     let color = vec3(words[at + 4u * GROUP], words[at + 5u * GROUP], words[at + 6u * GROUP]);

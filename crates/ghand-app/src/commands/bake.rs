@@ -14,6 +14,7 @@ use ghand_core::Pose;
 use ghand_files::atomic_file::{check_writable, write_atomically};
 use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;
@@ -139,8 +140,10 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let (bake, judge, chosen) = gpu.retry_on_device_loss("baking", |gpu| {
         let fitted: Vec<Pose> = poses.fitted.iter().map(|named| named.pose.clone()).collect();
         say!("computing {} poses", fitted.len());
-        let bake = Bake::new(gpu, &avatar, &fitted, args.rank.into(), |_| ())
-            .with_context(|| args.avatar.display().to_string())?;
+        let bar = ProgressBar::new(fitted.len() as u64);
+        let bake = Bake::new(gpu, &avatar, &fitted, args.rank.into(), |done| bar.set_position(done as u64));
+        bar.finish_and_clear();
+        let bake = bake.with_context(|| args.avatar.display().to_string())?;
         let judge = match &capture {
             Some(capture) => Judge::with_images(gpu, &avatar, capture, &args.split)?,
             None => Judge::without_images(gpu, &avatar, &poses.held_out)?,
