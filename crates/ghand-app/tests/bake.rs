@@ -89,11 +89,11 @@ fn what_cannot_be_baked_is_one_sentence() {
             &["--out", "x.ghand", "--max-loss-db", "1e-9", "--rank", "1"],
             &["--max-loss-db", "cannot be reached", "the least loss is"],
         ),
-        (&["--out", "x.ghand", "--max-mb", "0.001"], &["--max-mb", "too small", "without any component"]),
+        (&["--out", "x.ghand", "--max-mb", "0.001"], &["--max-mb 0.001", "too small", "without any component"]),
         (&["--out", "x.ghand", "--fit", "12"], &["too few", "--poses"]),
         (&["--out", "x.png"], &["--out x.png", ".ghand"]),
         (&["--out", "hand.ghand"], &["exists already", "--force"]),
-        (&["--out", "no/such/x.ghand"], &["no/such/x.ghand"]),
+        (&["--out", "hand.ghand/x.ghand"], &["--out hand.ghand/x.ghand", "cannot be written"]),
     ];
     for (arguments, parts) in cases {
         let with_few = if arguments.contains(&"--fit") { vec![] } else { few.to_vec() };

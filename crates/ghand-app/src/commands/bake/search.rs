@@ -95,7 +95,7 @@ fn largest_within(bake: &Bake, precision: Precision, bytes: usize) -> anyhow::Re
     if none > bytes {
         let [least, wanted] = [none, bytes].map(|bytes| bytes as f64 * 1e-6);
         bail!(
-            "--max-mb {wanted:.2}: is too small for this avatar's Gaussians; without any component it has {least:.2} MB"
+            "--max-mb {wanted}: is too small for this avatar's Gaussians; without any component it has {least:.2} MB"
         );
     }
     let (mut fits, mut too_many) = (0, bake.blocks() + 1);
