@@ -13,6 +13,10 @@ use super::measure::Measured;
 use super::variants::KNOBS;
 use crate::commands::render::write_png;
 
+/// Room that a name takes in the plot: dB, and times its place.
+const NAME_HEIGHT: f64 = 0.12;
+const NAME_WIDTH: f64 = 1.4;
+
 const FILES: [&str; 5] = ["tradeoff.md", "tradeoff.csv", "tradeoff.json", "tradeoff.png", "tradeoff.svg"];
 
 /// Contents of `tradeoff.json`.
@@ -140,19 +144,30 @@ impl Report {
     }
 
     fn plot(&self) -> ScatterPlot {
-        let point = |m: &Measured| Point {
-            // Names of the others would hide those that matter.
-            name: if m.best { m.name.clone() } else { String::new() },
-            group: KNOBS.iter().position(|knob| *knob == m.knob).unwrap_or(0),
-            at: [m.frame_ms, m.psnr],
-            across: m.frame_ms_range,
-            best: m.best,
-        };
+        let mut named: Vec<&Measured> = vec![];
+        let mut points = vec![];
+        for m in &self.variants {
+            // Of those that lie side by side only the fastest: names would hide each other, and those that matter.
+            let beside = |other: &&Measured| {
+                (other.psnr - m.psnr).abs() < NAME_HEIGHT && m.frame_ms < NAME_WIDTH * other.frame_ms
+            };
+            let is_named = (m.best || m.knob == KNOBS[0]) && !named.iter().any(beside);
+            if is_named {
+                named.push(m);
+            }
+            points.push(Point {
+                name: if is_named { m.name.clone() } else { String::new() },
+                group: KNOBS.iter().position(|knob| *knob == m.knob).unwrap_or(0),
+                at: [m.frame_ms, m.psnr],
+                across: m.frame_ms_range,
+                best: m.best,
+            });
+        }
         ScatterPlot {
             title: format!("Speed and accuracy, {}, {}", self.capture, self.adapter),
             axes: ["ms a frame".into(), "PSNR, dB".into()],
             groups: KNOBS.map(str::to_owned).to_vec(),
-            points: self.variants.iter().map(point).collect(),
+            points,
         }
     }
 
