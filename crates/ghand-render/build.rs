@@ -16,7 +16,8 @@ fn main() {
 }
 
 fn write_sources() -> Result<(), Box<dyn Error>> {
-    let shaders = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
+    // When it runs, not when it was compiled: checkouts can share a build folder.
+    let shaders = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("../../shaders");
     println!("cargo::rerun-if-changed={}", shaders.display());
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut table = String::from("&[\n");

@@ -7,7 +7,7 @@ use ghand_avatar::bake::FEWEST_POSES;
 use ghand_avatar::{Avatar, AvatarConfig, AvatarFileError, Bake, BakeError, GaussianShape, PropertyTables, Scene};
 use ghand_core::Pose;
 use ghand_hand_model::procedural::ProceduralHand;
-use ghand_render::deform::baked::{BakedTables, Precision};
+use ghand_render::deform::baked::{BakedTables, GROUP, Precision};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use glam::DVec3;
@@ -239,18 +239,38 @@ fn poses_far_from_those_that_were_fitted_do_not_explode() {
     let gpu = gpu();
     let avatar = flat_avatar();
     let joints = avatar.template.joint_count();
-    let bake = Bake::new(&gpu, &avatar, &poses(1, 100, joints, 0.3), 8, |_| ()).unwrap();
-    let baked = bake.avatar(bake.blocks(), Precision::U8);
-    let t = tables(&baked);
-    // What the components of a Gaussian can add at their limits, at most.
-    for pose in poses(5, 10, joints, 3.0) {
-        let local: Vec<_> = pose.rotations.iter().map(|v| ghand_core::rotation::rotation_from_axis_angle(*v)).collect();
-        for (term, component) in t.terms(&local).iter().zip(&t.components) {
-            assert!((f64::from(component.limits[0])..=f64::from(component.limits[1])).contains(term));
-        }
-        let rows = table(&gpu, &baked, &pose);
-        assert!(rows.iter().all(|v| v.is_finite()));
-    }
+    let fitted = poses(1, 100, joints, 0.3);
+    let bake = Bake::new(&gpu, &avatar, &fitted, 8, |_| ()).unwrap();
+    let baked = bake.avatar(bake.blocks(), Precision::F32);
+    let free = {
+        let mut free = tables(&baked).clone();
+        free.components.iter_mut().for_each(|component| component.limits = [-1e9, 1e9]);
+        free
+    };
+    // How far components move a Gaussian that joints do not: at the rest skeleton, with the terms of another pose.
+    let moved = |tables: &BakedTables, poses: &[Pose]| {
+        let of_pose = |pose: &Pose| {
+            let local: Vec<_> =
+                pose.rotations.iter().map(|v| ghand_core::rotation::rotation_from_axis_angle(*v)).collect();
+            let terms = tables.terms(&local);
+            let offset = |p: usize| {
+                let group = &tables.groups[p / GROUP];
+                let entries = group.first_entry as usize..(group.first_entry + group.entries) as usize;
+                let parts =
+                    entries.map(|e| tables.values_of(e, p % GROUP).0 * terms[tables.entries[e].component as usize]);
+                parts.sum::<DVec3>().length()
+            };
+            (0..tables.count).map(offset).fold(0.0, f64::max)
+        };
+        poses.iter().map(of_pose).fold(0.0, f64::max)
+    };
+    let extreme = poses(5, 20, joints, 3.0);
+    let [seen, held, unheld] =
+        [moved(tables(&baked), &fitted), moved(tables(&baked), &extreme), moved(&free, &extreme)];
+    println!("{seen} m over the poses that were fitted, {held} m in extreme ones, {unheld} m without limits");
+    assert_eq!(moved(&free, &fitted), seen, "limits change nothing of what was fitted");
+    assert!(held < 3.0 * seen && unheld > 2.0 * held, "{seen}, {held}, {unheld}");
+    assert!(extreme.iter().all(|pose| table(&gpu, &baked, pose).iter().all(|v| v.is_finite())));
 }
 
 #[test]

@@ -53,7 +53,7 @@ pub struct CurvePoint {
     pub stage: u32,
     /// Wall-clock time of the run, seconds.
     pub seconds: f64,
-    /// L1 over the crops, as a mean over the last images up to here.
+    /// L1 over the crops, as a mean over the images since the last point that has one.
     pub l1: Option<f64>,
     /// PSNR of some images that training does not see, dB, as a mean.
     pub held_out_psnr: Option<f64>,

@@ -9,6 +9,7 @@ use std::sync::OnceLock;
 use epaint_default_fonts::UBUNTU_LIGHT;
 use image::RgbImage;
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
@@ -127,6 +128,37 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     low - room..high + room
 }
 
+/// A chart of numbers over numbers.
+type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Draws the grid and the axes, with what they are: below, at the left.
+fn draw_axes<B: DrawingBackend>(chart: &mut Chart<'_, B>, axes: &[String; 2]) -> Result<(), String> {
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(FAINT)
+        .axis_style(INK)
+        .label_style((FONT, 13).into_font().color(&INK))
+        .axis_desc_style((FONT, 14).into_font().color(&INK))
+        .x_label_formatter(&|x| if x.fract() == 0.0 { format!("{x:.0}") } else { format!("{x}") })
+        .x_desc(&axes[0])
+        .y_desc(&axes[1])
+        .draw()
+        .map_err(|e| e.to_string())
+}
+
+/// Draws the names of what is on a chart.
+fn draw_legend<'a, B: DrawingBackend + 'a>(chart: &mut Chart<'a, B>, at: SeriesLabelPosition) -> Result<(), String> {
+    chart
+        .configure_series_labels()
+        .position(at)
+        .background_style(WHITE.mix(0.85))
+        .border_style(FAINT)
+        .label_font((FONT, 13).into_font().color(&INK))
+        .draw()
+        .map_err(|e| e.to_string())
+}
+
 impl LinePlot {
     /// As pixels.
     ///
@@ -155,31 +187,14 @@ impl LinePlot {
             .y_label_area_size(64)
             .build_cartesian_2d(0.0..range(points().map(|p| p.0)).end, range(points().map(|p| p.1)))
             .map_err(|e| text(&e))?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(FAINT)
-            .axis_style(INK)
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .x_label_formatter(&|x| if x.fract() == 0.0 { format!("{x:.0}") } else { format!("{x}") })
-            .x_desc(&self.axes[0])
-            .y_desc(&self.axes[1])
-            .draw()
-            .map_err(|e| text(&e))?;
+        draw_axes(&mut chart, &self.axes)?;
         for (series, color) in self.series.iter().zip(COLORS.into_iter().cycle()) {
             let line = LineSeries::new(series.points.iter().copied(), color.stroke_width(2));
             let legend = move |(x, y): (i32, i32)| PathElement::new(vec![(x, y), (x + 18, y)], color.stroke_width(2));
             chart.draw_series(line).map_err(|e| text(&e))?.label(&series.name).legend(legend);
         }
         if self.series.len() > 1 {
-            chart
-                .configure_series_labels()
-                .background_style(WHITE.mix(0.85))
-                .border_style(FAINT)
-                .label_font((FONT, 13).into_font().color(&INK))
-                .draw()
-                .map_err(|e| text(&e))?;
+            draw_legend(&mut chart, SeriesLabelPosition::MiddleRight)?;
         }
         Ok(())
     }

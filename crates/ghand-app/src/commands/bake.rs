@@ -137,7 +137,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let poses = PoseSet::gather(&args.poses, &avatar, capture.as_ref().map(|capture| (capture, args.split.as_str())))?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let (bake, judge, chosen) = gpu.retry_on_device_loss("baking", |gpu| {
+    let (bake, judge, chosen, worst, pictures) = gpu.retry_on_device_loss("baking", |gpu| {
         let fitted: Vec<Pose> = poses.fitted.iter().map(|named| named.pose.clone()).collect();
         say!("computing {} poses", fitted.len());
         let bar = ProgressBar::new(fitted.len() as u64);
@@ -149,13 +149,14 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             None => Judge::without_images(gpu, &avatar, &poses.held_out)?,
         };
         let chosen = search::smallest(gpu, &bake, &judge, goal(args), args.precision.map(Precision::from))?;
-        anyhow::Ok((bake, judge, chosen))
+        let worst = worst_pose(gpu, &avatar, &chosen.avatar, &poses.extreme, bake.order())?;
+        let pictures = [
+            pictures::side_by_side(gpu, &avatar, &chosen.avatar, &worst.pose)?,
+            pictures::heat_map(gpu, &avatar, &chosen.avatar, bake.order(), &poses.held_out)?,
+        ];
+        anyhow::Ok((bake, judge, chosen, worst, pictures))
     })?;
-    let worst = worst_pose(&gpu, &avatar, &chosen.avatar, &poses.extreme, bake.order())?;
-    let [worst_picture, heat_map] = [
-        pictures::side_by_side(&gpu, &avatar, &chosen.avatar, &worst.pose)?,
-        pictures::heat_map(&gpu, &avatar, &chosen.avatar, bake.order(), &poses.held_out)?,
-    ];
+    let [worst_picture, heat_map] = pictures;
     let report = report(args, &bake, &poses, &chosen, worst)?;
     chosen.avatar.save(&args.out)?;
     let json = serde_json::to_vec_pretty(&report)?;

@@ -22,6 +22,7 @@ use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::turntable;
+use crate::pose_choice::PoseReadingArgs;
 use crate::say;
 
 /// Options of `ghand bench`.
@@ -61,6 +62,25 @@ struct SplatArgs {
     #[arg(long, default_value_t = 20, value_name = "N", value_parser = parse_count)]
     frames: u32,
     /// One JSON object instead of lines of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// A motion that is played, and how it is timed.
+#[derive(Debug, Args)]
+struct MotionArgs {
+    /// The motion, as for `ghand render`; it begins again when it is over
+    #[arg(long, value_name = "FILE|NAME", default_value = "count")]
+    pose: String,
+    #[command(flatten)]
+    reading: PoseReadingArgs,
+    /// Image size in pixels [default: 334x512]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<[u32; 2]>,
+    /// Number of timed frames, after a few warm-up frames
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = parse_count)]
+    frames: u32,
+    /// JSON instead of lines of text
     #[arg(long)]
     json: bool,
 }

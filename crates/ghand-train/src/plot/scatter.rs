@@ -4,7 +4,7 @@ use image::RgbImage;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::{COLORS, FAINT, FONT, INK, PlotError, SIZE, pixels, range, svg};
+use super::{COLORS, FONT, INK, PlotError, SIZE, draw_axes, draw_legend, pixels, range, svg};
 
 /// A point.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,17 +68,7 @@ impl ScatterPlot {
             .y_label_area_size(64)
             .build_cartesian_2d(0.0..end, range(self.points.iter().map(|point| point.at[1])))
             .map_err(|e| text(&e))?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(FAINT)
-            .axis_style(INK)
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .x_desc(&self.axes[0])
-            .y_desc(&self.axes[1])
-            .draw()
-            .map_err(|e| text(&e))?;
+        draw_axes(&mut chart, &self.axes)?;
         let mut best: Vec<(f64, f64)> = self.points.iter().filter(|p| p.best).map(|p| (p.at[0], p.at[1])).collect();
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
         chart.draw_series(LineSeries::new(best, INK.mix(0.35).stroke_width(1))).map_err(|e| text(&e))?;
@@ -102,14 +92,7 @@ impl ScatterPlot {
             chart.draw_series(names).map_err(|e| text(&e))?;
         }
         if self.groups.len() > 1 {
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::LowerRight)
-                .background_style(WHITE.mix(0.85))
-                .border_style(FAINT)
-                .label_font((FONT, 13).into_font().color(&INK))
-                .draw()
-                .map_err(|e| text(&e))?;
+            draw_legend(&mut chart, SeriesLabelPosition::LowerRight)?;
         }
         Ok(())
     }

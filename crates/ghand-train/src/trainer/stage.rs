@@ -176,9 +176,10 @@ impl Trainer<'_> {
             if !stage.refine_poses && passed(self.fraction(stage, done, began)) > passed(fraction) {
                 (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             }
-            if done.is_multiple_of(LOSS_EVERY) || held_out_psnr.is_some() {
+            let l1 = losses.mean.filter(|_| done.is_multiple_of(LOSS_EVERY));
+            if l1.is_some() || held_out_psnr.is_some() {
                 let (iteration, stage, seconds) = (stage.done + done, stage.number, self.seconds());
-                self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1: losses.mean, held_out_psnr });
+                self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
             }
             progress(&Progress {
                 iteration: stage.done + done,

@@ -54,7 +54,7 @@ pub fn side_by_side(gpu: &Gpu, exact: &Avatar, baked: &Avatar, pose: &NamedPose)
     Ok(sheet)
 }
 
-/// Posed centres of an avatar's Gaussians, metres, N, and their normals.
+/// Posed centres of an avatar's Gaussians, metres, N.
 fn posed(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> anyhow::Result<Vec<DVec3>> {
     scene.set_pose(gpu, 0, 0, pose)?;
     let table = scene.posed_table(gpu, 0)?;
@@ -113,16 +113,12 @@ pub fn heat_map(
     Ok(sheet)
 }
 
-/// The normal of the mesh's nearest vertex for each point, of unit length.
+/// The normal of the mesh's nearest vertex for each point.
 fn normals(model: &HandModel, points: &[DVec3]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; model.vertices.len()];
-    for face in &model.faces {
-        let [a, b, c] = face.map(|v| model.vertices[v as usize]);
-        face.iter().for_each(|v| normals[*v as usize] += (b - a).cross(c - a));
-    }
+    let normals = model.vertex_normals(&model.vertices);
     let nearest = |p: &DVec3| {
         let distances = model.vertices.iter().map(|v| v.distance_squared(*p)).enumerate();
         distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(v, _)| v)
     };
-    points.iter().map(|p| normals[nearest(p)].normalize_or(DVec3::Z)).collect()
+    points.iter().map(|p| normals[nearest(p)]).collect()
 }

@@ -5,12 +5,12 @@ use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_avatar::bake::FEWEST_POSES;
 use ghand_capture::Capture;
-use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::joint_limits::random_pose;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
-use glam::{DMat3, DQuat, DVec3};
+use ghand_motion::pose_sequence::between;
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -91,13 +91,13 @@ impl PoseSet {
         };
         let extreme: Vec<NamedPose> = (0..EXTREME).map_while(|k| random(&mut rng, k)).collect();
         let randoms = (RANDOM_PART * args.fit as f64) as usize;
-        let between = (BETWEEN_PART * args.fit as f64) as usize;
-        let mut fitted = evenly(&natural, args.fit.saturating_sub(randoms + between));
+        let blends = (BETWEEN_PART * args.fit as f64) as usize;
+        let mut fitted = evenly(&natural, args.fit.saturating_sub(randoms + blends));
         fitted.extend((0..randoms).map_while(|k| random(&mut rng, EXTREME + k)));
         if natural.len() > 1 {
-            fitted.extend((0..between).map(|k| {
+            fitted.extend((0..blends).map(|k| {
                 let [a, b] = [0, 1].map(|_| &natural[rng.random_range(0..natural.len())].pose);
-                named(format!("between {k}"), blend(a, b, rng.random_range(0.2..0.8)))
+                named(format!("between {k}"), between(a, b, rng.random_range(0.2..0.8)))
             }));
         }
         if fitted.len() < FEWEST_POSES {
@@ -145,13 +145,4 @@ fn training_poses(capture: &Capture, avatar: &Avatar, split: &str) -> Vec<NamedP
 fn evenly(poses: &[NamedPose], count: usize) -> Vec<NamedPose> {
     let chosen = count.min(poses.len());
     (0..chosen).map(|k| poses[k * poses.len() / chosen].clone()).collect()
-}
-
-/// A pose between two, joint by joint.
-fn blend(a: &Pose, b: &Pose, part: f64) -> Pose {
-    let between = |(a, b): (&DVec3, &DVec3)| {
-        let [a, b] = [a, b].map(|v| DQuat::from_mat3(&rotation_from_axis_angle(*v)));
-        axis_angle_from_rotation(&DMat3::from_quat(a.slerp(b, part).normalize()))
-    };
-    Pose { rotations: a.rotations.iter().zip(&b.rotations).map(between).collect(), translation: DVec3::ZERO }
 }

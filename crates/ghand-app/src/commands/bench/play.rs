@@ -8,33 +8,20 @@ use clap::Args;
 use ghand_avatar::{Avatar, Scene};
 use ghand_render::splat::Purpose;
 
-use super::{DEFAULT_SIZE, Times, WARM_UP};
-use crate::cli::{AdapterArgs, parse_count, parse_size};
+use super::{DEFAULT_SIZE, MotionArgs, Times, WARM_UP};
+use crate::cli::AdapterArgs;
 use crate::framing::turntable;
 use crate::light_args::LightArgs;
-use crate::pose_choice::PoseReadingArgs;
 use crate::say;
 
 #[derive(Debug, Args)]
 pub(super) struct PlayArgs {
     /// The avatar, a .ghand file; its light must be apart from its skin
     avatar: PathBuf,
-    /// The motion, as for `ghand render`; it begins again when it is over
-    #[arg(long, value_name = "FILE|NAME", default_value = "count")]
-    pose: String,
     #[command(flatten)]
-    reading: PoseReadingArgs,
+    motion: MotionArgs,
     #[command(flatten)]
     light: LightArgs,
-    /// Image size in pixels [default: 334x512]
-    #[arg(long, value_parser = parse_size, value_name = "WxH")]
-    size: Option<[u32; 2]>,
-    /// Number of timed frames, after a few warm-up frames
-    #[arg(long, default_value_t = 100, value_name = "N", value_parser = parse_count)]
-    frames: u32,
-    /// One JSON object instead of lines of text
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(serde::Serialize)]
@@ -59,9 +46,9 @@ pub(super) fn run(args: &PlayArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
     ensure!(lit.light.is_some(), "{}: its colours contain the light", args.avatar.display());
     args.light.apply_to(&mut lit)?;
     let unlit = Avatar { light: None, ..lit.clone() };
-    let sequence = args.reading.load(&args.pose, &lit.model)?;
+    let sequence = args.motion.reading.load(&args.motion.pose, &lit.model)?;
     let poses: Vec<_> = sequence.frames.iter().map(|frame| &frame.pose).collect();
-    let size = args.size.unwrap_or(DEFAULT_SIZE);
+    let size = args.motion.size.unwrap_or(DEFAULT_SIZE);
     let cameras = turntable(&lit.model, &poses, 1, size);
     let camera = cameras.first().and_then(|views| views.first()).context("the motion has no frames")?;
     let gpu = adapter.open()?;
@@ -74,7 +61,7 @@ pub(super) fn run(args: &PlayArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
     // With light, without, and setting the pose with light.
     let mut times = [vec![], vec![], vec![]];
     let mut ratios = vec![];
-    for (frame, pose) in poses.iter().cycle().take(WARM_UP + args.frames as usize).enumerate() {
+    for (frame, pose) in poses.iter().cycle().take(WARM_UP + args.motion.frames as usize).enumerate() {
         let mut now = [[0.0; 2]; 2];
         // The order alternates, in case the second profits from the first.
         for k in [frame % 2, 1 - frame % 2] {
@@ -103,7 +90,7 @@ pub(super) fn run(args: &PlayArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         lit_pose_ms,
         ratio: Times::of(ratios).median,
     };
-    if args.json {
+    if args.motion.json {
         say!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }

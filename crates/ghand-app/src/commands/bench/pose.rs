@@ -8,10 +8,9 @@ use clap::Args;
 use ghand_avatar::{Avatar, Scene};
 use ghand_render::splat::Purpose;
 
-use super::{DEFAULT_SIZE, Times, WARM_UP};
-use crate::cli::{AdapterArgs, parse_count, parse_size};
+use super::{DEFAULT_SIZE, MotionArgs, Times, WARM_UP};
+use crate::cli::AdapterArgs;
 use crate::framing::turntable;
-use crate::pose_choice::PoseReadingArgs;
 use crate::say;
 
 #[derive(Debug, Args)]
@@ -19,20 +18,8 @@ pub(super) struct PoseArgs {
     /// The avatars, .ghand files; the others are compared with the first
     #[arg(required = true, value_name = "AVATAR")]
     avatars: Vec<PathBuf>,
-    /// The motion, as for `ghand render`; it begins again when it is over
-    #[arg(long, value_name = "FILE|NAME", default_value = "count")]
-    pose: String,
     #[command(flatten)]
-    reading: PoseReadingArgs,
-    /// Image size in pixels [default: 334x512]
-    #[arg(long, value_parser = parse_size, value_name = "WxH")]
-    size: Option<[u32; 2]>,
-    /// Number of timed frames of each avatar, after a few warm-up frames
-    #[arg(long, default_value_t = 100, value_name = "N", value_parser = parse_count)]
-    frames: u32,
-    /// One JSON array instead of lines of text
-    #[arg(long)]
-    json: bool,
+    motion: MotionArgs,
 }
 
 #[derive(serde::Serialize)]
@@ -55,14 +42,14 @@ struct Report {
 pub(super) fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let avatars = args.avatars.iter().map(|path| Ok(Avatar::load(path)?)).collect::<anyhow::Result<Vec<_>>>()?;
     let first = avatars.first().context("there is no avatar")?;
-    let motion = args.reading.load(&args.pose, &first.model)?;
+    let motion = args.motion.reading.load(&args.motion.pose, &first.model)?;
     let poses: Vec<_> = motion.frames.into_iter().map(|frame| frame.pose).collect();
-    ensure!(!poses.is_empty(), "{}: has no poses", args.pose);
+    ensure!(!poses.is_empty(), "{}: has no poses", args.motion.pose);
     let joints = first.template.joint_count();
     for (path, avatar) in args.avatars.iter().zip(&avatars) {
         ensure!(avatar.template.joint_count() == joints, "{}: has other joints than the first", path.display());
     }
-    let [width, height] = args.size.unwrap_or(DEFAULT_SIZE);
+    let [width, height] = args.motion.size.unwrap_or(DEFAULT_SIZE);
     let camera = turntable(&first.model, &[&poses[0]], 1, [width, height]).into_iter().flatten().next();
     let camera = camera.context("there is no view to render")?;
     let gpu = adapter.open()?;
@@ -72,7 +59,7 @@ pub(super) fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         scene.set_view(&gpu, &camera, [0.0; 3])?;
         scenes.push((scene, vec![], vec![]));
     }
-    for k in 0..args.frames as usize + WARM_UP {
+    for k in 0..args.motion.frames as usize + WARM_UP {
         let pose = &poses[k % poses.len()];
         for (scene, pose_ms, frame_ms) in &mut scenes {
             let start = Instant::now();
@@ -107,11 +94,11 @@ pub(super) fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
             frame_ms,
         });
     }
-    if args.json {
+    if args.motion.json {
         say!("{}", serde_json::to_string(&reports)?);
         return Ok(());
     }
-    say!("adapter: {}; {width}x{height}; medians of {} frames", gpu.info.name, args.frames);
+    say!("adapter: {}; {width}x{height}; medians of {} frames", gpu.info.name, args.motion.frames);
     for r in &reports {
         say!(
             "{}: {} Gaussians, pose {:.3} ms ({:.1} times), frame {:.2} ms ({:.2} times)",

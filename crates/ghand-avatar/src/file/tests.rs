@@ -1,0 +1,158 @@
+//! Files of avatars: what is written is read, and what is damaged is rejected.
+
+use super::*;
+use crate::properties::direct::table_lengths;
+use ghand_hand_model::procedural::ProceduralHand;
+
+/// A small avatar in a light from directions.
+fn lit() -> Avatar {
+    let mut avatar = small();
+    let samples = sample_surface(&avatar.model, 16).unwrap();
+    let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
+    avatar.light = Some(AvatarLight::new(
+        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
+        Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
+        &samples,
+    ));
+    avatar
+}
+
+#[test]
+fn a_light_is_read_as_it_was_written_and_a_damaged_one_is_rejected() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    lit().save(&path).unwrap();
+    let read = Avatar::load(&path).unwrap();
+    assert_eq!(read.light, lit().light);
+    assert!(read.light.is_some());
+    type Damage = (&'static str, fn(&mut AvatarLight));
+    let spoil: [Damage; 12] = [
+        ("light.roughness", |l| l.gloss.as_mut().unwrap().roughness = 0.0),
+        ("light.roughness", |l| l.gloss.as_mut().unwrap().roughness = f64::NAN),
+        ("light.gloss", |l| l.gloss.as_mut().unwrap().strengths[1][2] = -0.1),
+        ("light.gloss", |l| l.gloss.as_mut().unwrap().strengths.truncate(2)),
+        ("light.coefficients", |l| l.light.coefficients[3][1] = -0.1),
+        ("light.coefficients", |l| l.light.coefficients[3][1] = f32::NAN),
+        ("light.coefficients", |l| l.light.coefficients.truncate(9)),
+        ("light.turn", |l| l.light.turn.w = 2.0),
+        ("light.turn", |l| l.light.turn.x = f64::NAN),
+        ("light.faces", |l| l.faces[2] = 1 << 30),
+        ("light.faces", |l| l.faces.truncate(3)),
+        ("light.barycentric", |l| l.barycentric[0][0] = f32::INFINITY),
+    ];
+    for (field, spoil) in spoil {
+        let mut avatar = lit();
+        spoil(avatar.light.as_mut().unwrap());
+        let error = avatar.save(&path).unwrap_err();
+        assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+    }
+}
+
+/// The bytes of an avatar's file without one of its tensors.
+fn without_tensor(avatar: &Avatar, name: &str) -> Vec<u8> {
+    let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+    let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let all = SafeTensors::deserialize(&bytes).unwrap();
+    assert!(all.tensor(name).is_ok(), "{name}");
+    let others = all.tensors().into_iter().filter(|(other, _)| other != name);
+    serialize(others, header.metadata().clone()).unwrap()
+}
+
+#[test]
+fn files_from_before_a_light_could_be_turned_have_an_unturned_one() {
+    let read = from_bytes(Path::new("a"), &without_tensor(&lit(), "light.turn")).unwrap().light.unwrap();
+    let mut expected = lit().light.unwrap();
+    expected.light.turn = DQuat::IDENTITY;
+    assert_eq!(read, expected);
+}
+
+#[test]
+fn what_training_saw_is_optional_and_not_negative() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    let mut avatar = small();
+    assert_eq!(avatar.seen, None);
+    let seen: Vec<f32> = (0..avatar.template.len()).map(|p| p as f32 / 7.0).collect();
+    avatar.seen = Some(seen.clone());
+    avatar.save(&path).unwrap();
+    assert_eq!(Avatar::load(&path).unwrap().seen, Some(seen));
+    let without = without_tensor(&avatar, "seen");
+    assert_eq!(from_bytes(Path::new("a"), &without).unwrap(), small());
+    type Damage = fn(&mut Vec<f32>);
+    let spoil: [Damage; 3] = [|seen| seen[2] = -0.5, |seen| seen[2] = f32::NAN, |seen| seen.truncate(3)];
+    for spoil in spoil {
+        spoil(avatar.seen.as_mut().unwrap());
+        let error = avatar.save(&path).unwrap_err();
+        assert!(matches!(&error, AvatarFileError::Unreadable { field, .. } if field == "seen"), "{error}");
+        avatar.seen = Some(vec![1.0; avatar.template.len()]);
+    }
+}
+
+#[test]
+fn avatars_without_light_keep_the_version_that_older_programs_read() {
+    let text = |avatar: Avatar| String::from_utf8_lossy(&avatar.to_bytes(Path::new("a")).unwrap()).into_owned();
+    assert!(text(small()).contains(r#"\"version\":2"#) && text(lit()).contains(r#"\"version\":3"#));
+    assert!(!text(small()).contains("light"));
+}
+
+#[test]
+fn a_file_says_only_that_an_avatar_is_antialiased_so_that_older_files_are_not() {
+    let read_back = |avatar: Avatar| {
+        let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+        let says = String::from_utf8_lossy(&bytes).contains("antialias");
+        (says, from_bytes(Path::new("a"), &bytes).unwrap().config.antialias)
+    };
+    let mut antialiased = small();
+    antialiased.config.antialias = true;
+    assert_eq!([read_back(small()), read_back(antialiased)], [(false, false), (true, true)]);
+}
+
+fn small() -> Avatar {
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    let config = AvatarConfig { uv_resolution: 16, ..Default::default() };
+    Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap()
+}
+
+#[test]
+fn an_unreadable_avatar_is_not_written_and_the_old_file_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    small().save(&path).unwrap();
+    let before = std::fs::read(&path).unwrap();
+    fn tables(avatar: &mut Avatar) -> &mut DirectTables {
+        let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
+        tables
+    }
+    type Damage = (&'static str, fn(&mut Avatar));
+    let spoil: [Damage; 12] = [
+        ("response_bias", |a| tables(a).response[0] = f32::INFINITY),
+        ("response_gain", |a| *tables(a).response.last_mut().unwrap() = f32::NAN),
+        ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[0.5, 0.25])),
+        ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[f32::NAN, 0.5])),
+        ("response_limits", |a| tables(a).response_limits[6..8].copy_from_slice(&[0.5, f32::INFINITY])),
+        ("shape_basis", |a| tables(a).shape_basis[5] = f32::NAN),
+        ("appearance", |a| tables(a).appearance[5] = f32::NEG_INFINITY),
+        ("joints", |a| a.template.joints[3].y = f64::NAN),
+        ("mesh", |a| a.model.faces[0] = [u32::MAX; 3]),
+        ("mesh", |a| a.model.weights[0] = -1.0),
+        ("config", |a| {
+            a.config.color_components = 65;
+            let [_, _, _, appearance, response, limits] = table_lengths(a.template.len(), 16, &a.config);
+            tables(a).appearance.resize(appearance, 0.0);
+            tables(a).response.resize(response, 0.0);
+            tables(a).response_limits.resize(limits, 0.0);
+        }),
+        ("avatar", |a| tables(a).regressor.truncate(7)),
+    ];
+    for (field, spoil) in spoil {
+        let mut avatar = small();
+        spoil(&mut avatar);
+        let error = avatar.save(&path).unwrap_err();
+        assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+        let sentence = error.to_string();
+        assert!(sentence.contains("hand.ghand: not written") && !sentence.contains('\n'), "{sentence}");
+        assert!(std::fs::read(&path).unwrap() == before, "{field}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+    Avatar::load(&path).unwrap();
+}
