@@ -11,5 +11,6 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod stress;
 pub mod tradeoff;
 pub mod train;

@@ -15,6 +15,7 @@ pub mod lpips_args;
 pub mod mesh_picture;
 pub mod pictures;
 pub mod pose_choice;
+pub mod quality;
 pub mod runtime_dir;
 pub mod scene_framing;
 pub mod shown;

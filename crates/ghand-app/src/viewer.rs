@@ -17,6 +17,7 @@ pub mod number_slider;
 pub mod picture;
 pub mod pose_history;
 pub mod pose_panel;
+pub mod quality_choice;
 pub mod scene;
 pub mod screen;
 pub mod screenshot;

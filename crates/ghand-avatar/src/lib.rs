@@ -10,6 +10,7 @@ pub mod neighbors;
 pub mod ply;
 pub mod posed_avatar;
 pub mod properties;
+pub mod reference;
 pub mod scene;
 mod seen;
 pub mod template;

@@ -25,7 +25,7 @@ struct Gesture {
 const STRAIGHT: [f64; 4] = [0.0; 4];
 // Of a fist. Flexed farther, the tips would be inside the palm, and the skin of two bones inside each other.
 const INDEX: [f64; 4] = [66.0, 76.0, 68.0, -6.0];
-const MIDDLE: [f64; 4] = [80.0, 80.0, 51.0, 0.0];
+const MIDDLE: [f64; 4] = [79.0, 80.0, 51.0, 0.0];
 const RING: [f64; 4] = [74.0, 82.0, 49.0, 1.0];
 const LITTLE: [f64; 4] = [74.0, 76.0, 34.0, -3.0];
 
@@ -55,7 +55,7 @@ fn gesture(name: &str) -> Option<Gesture> {
             [INDEX_TO_THUMB, [34.0, 32.0, 18.0, 0.0], [27.0, 28.0, 16.0, 0.0], [22.0, 25.0, 15.0, 0.0]],
             THUMB_TO_INDEX,
         ),
-        "point" => ([STRAIGHT, MIDDLE, RING, LITTLE], [38.0, 26.0, 12.0, 40.0, 46.0]),
+        "point" => ([STRAIGHT, MIDDLE, RING, LITTLE], [38.0, 26.0, 12.0, 38.0, 46.0]),
         "victory" => ([sideways(9.0), sideways(-8.0), RING, LITTLE], [38.0, 12.0, 9.0, 40.0, 46.0]),
         "three" => ([sideways(7.0), STRAIGHT, sideways(6.0), [79.0, 59.0, 28.0, -6.0]], [38.0, -9.0, -5.0, 40.0, 61.0]),
         "four" => ([sideways(6.0), STRAIGHT, sideways(5.0), sideways(10.0)], [1.0, -12.0, 12.0, 40.0, 51.0]),

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
 use ghand_app::commands::{
-    ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, tradeoff,
+    ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, stress, tradeoff,
 };
 
 /// Work with animatable hand avatars
@@ -42,6 +42,8 @@ enum Command {
     Ablate(ablate::AblateArgs),
     /// Measure what speed costs in accuracy: an avatar as it is, baked, simplified, drawn smaller
     Tradeoff(tradeoff::TradeoffArgs),
+    /// Draw extreme hands, poses and views, and compare the device with exact mathematics, from the pose to the picture and back
+    Stress(stress::StressArgs),
     /// Time the stages of a frame
     Bench(bench::BenchArgs),
 }
@@ -59,6 +61,7 @@ fn main() -> ExitCode {
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Ablate(args) => ablate::run(args, &arguments.adapter),
         Command::Tradeoff(args) => tradeoff::run(args, &arguments.adapter),
+        Command::Stress(args) => stress::run(args, &arguments.adapter),
         Command::Bench(args) => bench::run(args, &arguments.adapter),
     })
 }

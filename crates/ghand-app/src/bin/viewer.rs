@@ -8,15 +8,19 @@ use clap::Parser;
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
+use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::light_args::LightArgs;
 use ghand_app::pose_choice::PoseReadingArgs;
+use ghand_app::quality::{self, Quality};
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
+use ghand_app::viewer::quality_choice::QualityChoice;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::window;
+use ghand_render::Gpu;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]
@@ -32,6 +36,9 @@ struct Arguments {
     reading: PoseReadingArgs,
     #[command(flatten)]
     light: LightArgs,
+    /// How an avatar is played: `exact`, or baked; on this adapter as `ghand tradeoff` has measured it
+    #[arg(long, value_enum, default_value_t)]
+    quality: Quality,
     /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder
     #[arg(long, value_name = "PATH")]
     capture: Option<PathBuf>,
@@ -67,7 +74,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         window::check_display()?;
     }
     let path = arguments.file.or_else(last_avatar);
-    let (mut subject, source) = subject(path.as_deref(), &arguments.light)?;
+    let mut gpu = arguments.adapter.open()?;
+    let (shown, choice) = played(&mut gpu, path.as_deref(), arguments.quality)?;
+    let (mut subject, source) = subject(shown.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -85,10 +94,13 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
     };
-    let gpu = arguments.adapter.open()?;
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     if let Some(capture) = capture {
         viewer.show_capture(capture);
+    }
+    if let Some(path) = &path {
+        viewer.watch(path, &arguments.light);
+        viewer.play_as(choice);
     }
     if let Some(path) = &arguments.screenshot {
         viewer.settings_mut().theme = arguments.theme.unwrap_or_default();
@@ -100,10 +112,20 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     settings.theme = arguments.theme.unwrap_or(settings.theme);
     if let Some(path) = &path {
         settings.add_recent(path);
-        viewer.watch(path, &arguments.light);
     }
     viewer.use_settings(settings, settings_path);
     window::open(&mut viewer, &format!("ghand - {source}"))
+}
+
+/// The file that is shown of a file in a preset.
+fn played(gpu: &mut Gpu, path: Option<&Path>, quality: Quality) -> anyhow::Result<(Option<PathBuf>, QualityChoice)> {
+    let avatar = path.filter(|path| file_kind(path) == FileKind::Avatar);
+    let (Some(avatar), true) = (avatar, quality != Quality::Exact) else {
+        return Ok((path.map(Path::to_owned), QualityChoice::exact(avatar)));
+    };
+    let playback = quality::playback(gpu, quality)?;
+    let prepared = gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, avatar, quality, playback))?;
+    Ok((Some(prepared), QualityChoice::prepared(avatar, quality, playback)))
 }
 
 /// What to show, and its source.

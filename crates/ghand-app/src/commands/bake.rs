@@ -2,7 +2,7 @@
 
 mod judge;
 mod pictures;
-pub(super) mod pose_set;
+pub mod pose_set;
 mod search;
 
 use std::path::PathBuf;

@@ -17,6 +17,7 @@ use crate::light_args::LightArgs;
 pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
+use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
 
@@ -61,6 +62,9 @@ pub struct RenderArgs {
     show: Shown,
     #[command(flatten)]
     light: LightArgs,
+    /// How the avatar is played: `exact`, or baked; every pixel is drawn
+    #[arg(long, value_enum, default_value_t)]
+    quality: Quality,
     #[command(flatten)]
     format: FormatArgs,
     /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, not
@@ -80,7 +84,7 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
-    let avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
+    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
     let sequence = args.reading.load(&args.pose, &avatar.model)?;
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;
@@ -115,6 +119,12 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
     }
     let mut gpu = adapter.open()?;
+    if args.quality != Quality::Exact {
+        let playback = quality::playback(&gpu, args.quality)?;
+        let played =
+            gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, &args.avatar, args.quality, playback))?;
+        avatar = args.show.apply_to(Avatar::load(&played)?, &args.light)?;
+    }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {

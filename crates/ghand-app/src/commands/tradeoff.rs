@@ -13,6 +13,7 @@ use ghand_avatar::Avatar;
 use crate::capture_args::CaptureArgs;
 use crate::cli::{AdapterArgs, parse_count};
 use crate::commands::bake::pose_set::PoseSetArgs;
+use crate::quality::QualityPresets;
 use crate::say;
 use measure::Measured;
 
@@ -71,6 +72,10 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let report = report::Report::new(&gpu, path, args, measured);
     report.write(&args.out)?;
     say!("{}", report.table());
+    if let Some(path) = QualityPresets::path() {
+        report.keep_presets(&path)?;
+        say!("the presets of --quality on this adapter: {}", path.display());
+    }
     say!("figures and plot: {}", args.out.join("tradeoff.md").display());
     Ok(())
 }

@@ -19,6 +19,7 @@ use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::lpips_args::{LpipsArgs, check_image_sizes};
+use crate::quality::{self, Quality};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
@@ -71,6 +72,9 @@ pub struct TrainArgs {
     /// Keep a checkpoint of every so many iterations, beside the last two, and after the run; 0 keeps none
     #[arg(long, value_name = "N", default_value_t = 0)]
     keep_checkpoints: u64,
+    /// Bake the avatar for this preset of `viewer` and `ghand render` as well
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
     /// Train even if the capture cannot give an avatar, such as one in millimetres; its problems become warnings.
     #[arg(long)]
     ignore_checks: bool,
@@ -121,6 +125,7 @@ impl TrainArgs {
             preset: self.settings.preset().into(),
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
+            quality: self.quality,
         })
     }
 
@@ -370,6 +375,12 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     print_table(&metrics);
     say!("avatar: {}", avatar_path.display());
+    if let Some(quality) = args.quality.or(record.quality) {
+        let playback = quality::playback(&gpu, quality)?;
+        let played =
+            gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, &avatar_path, quality, playback))?;
+        say!("for --quality {}: {}", quality.name(), played.display());
+    }
     if outlines.is_some() {
         say!("alignment: {}", folder.file(ALIGN_FILE).display());
     }

@@ -22,6 +22,7 @@ use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::handles::HandleDrag;
 use crate::viewer::navigation::Drags;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
+use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::settings::Settings;
 use crate::viewer::subject::Subject;
 use crate::viewer::toasts::Toasts;
@@ -67,6 +68,7 @@ pub struct Viewer {
     /// Where the settings are kept; `None` if they are not.
     settings_path: Option<PathBuf>,
     watched: Option<WatchedFile>,
+    quality: QualityChoice,
     /// The light in which the watched file is read.
     light: LightArgs,
     file_dialog: Option<FileDialog>,
@@ -111,6 +113,7 @@ impl Viewer {
             settings: Settings::default(),
             settings_path: None,
             watched: None,
+            quality: QualityChoice::exact(None),
             light: LightArgs::default(),
             file_dialog: None,
             palette: None,
@@ -171,6 +174,7 @@ impl Viewer {
         let progress = self.collect();
         ui.ctx().set_theme(self.settings.theme.preference());
         self.open_files(ui.ctx());
+        self.take_quality();
         self.run_pressed(ui.ctx());
         if self.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {

@@ -25,7 +25,9 @@ pub struct CutOffs {
 
 impl Default for CutOffs {
     fn default() -> Self {
-        CutOffs { alpha_min: ALPHA_MIN, alpha_max: ALPHA_MAX, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
+        // As the device rounds it: two contributions of just this much leave 1e-4 of the light, less on the device.
+        let alpha_max = f64::from(ALPHA_MAX as f32);
+        CutOffs { alpha_min: ALPHA_MIN, alpha_max, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
     }
 }
 

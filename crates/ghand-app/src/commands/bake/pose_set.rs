@@ -26,11 +26,17 @@ pub struct PoseSetArgs {
     #[command(flatten)]
     reading: PoseReadingArgs,
     /// Number of poses to fit
-    #[arg(long, value_name = "N", default_value_t = 400)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_FIT)]
     fit: usize,
     /// Seed of the random poses
     #[arg(long, default_value_t = 1)]
     seed: u64,
+}
+
+impl Default for PoseSetArgs {
+    fn default() -> Self {
+        PoseSetArgs { poses: vec![], reading: PoseReadingArgs::default(), fit: DEFAULT_FIT, seed: 1 }
+    }
 }
 
 /// A pose and where it comes from.
@@ -52,6 +58,8 @@ pub struct PoseSet {
     pub extreme: Vec<NamedPose>,
 }
 
+/// Poses to fit.
+const DEFAULT_FIT: usize = 400;
 /// Frames per second at which motions are sampled.
 const MOTION_FPS: f64 = 5.0;
 /// Every so many of the natural poses are held out.

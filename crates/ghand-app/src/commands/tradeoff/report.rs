@@ -12,6 +12,7 @@ use super::TradeoffArgs;
 use super::measure::Measured;
 use super::variants::KNOBS;
 use crate::commands::render::write_png;
+use crate::quality::{Playback, Quality, QualityPresets};
 
 /// Room that a name takes in the plot: dB, and times its place.
 const NAME_HEIGHT: f64 = 0.12;
@@ -28,7 +29,8 @@ pub struct Report {
     /// Images compared, and rounds of timing.
     images: u32,
     rounds: u32,
-    /// By name: the most accurate variant, the fastest that is nearly as accurate, the fastest that still looks alike.
+    /// The presets on this adapter: the avatar as it is, the fastest variant that is nearly as accurate, and the fastest that
+    /// still looks alike.
     recommended: Vec<Recommended>,
     /// The fastest first.
     variants: Vec<Measured>,
@@ -37,12 +39,14 @@ pub struct Report {
 /// A variant with a reason.
 #[derive(Debug, Serialize)]
 struct Recommended {
-    name: &'static str,
+    quality: Quality,
     variant: String,
+    #[serde(flatten)]
+    playback: Playback,
 }
 
-/// What each recommendation may lose, dB.
-const RECOMMENDED: [(&str, f64); 3] = [("exact", 0.0), ("balanced", 0.1), ("fast", 1.0)];
+/// What each preset may lose of the avatar's PSNR, dB.
+const PRESETS: [(Quality, f64); 2] = [(Quality::Balanced, 0.1), (Quality::Fast, 1.0)];
 
 /// Makes the folder, unless it has files of an earlier run that may not be replaced.
 ///
@@ -58,12 +62,15 @@ pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
 impl Report {
     pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, mut variants: Vec<Measured>) -> Report {
         variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
-        let most = variants.iter().map(|m| m.psnr).fold(f64::NEG_INFINITY, f64::max);
-        let fastest = |(name, loss): (&'static str, f64)| {
-            let variant = variants.iter().find(|m| m.psnr >= most - loss)?;
-            Some(Recommended { name, variant: variant.name.clone() })
+        let exact = variants.iter().find(|m| m.playback == Some(Playback::EXACT));
+        let least = exact.map_or(f64::INFINITY, |m| m.psnr);
+        let fastest = |(quality, loss): (Quality, f64)| {
+            let m = variants.iter().find(|m| m.playback.is_some() && m.psnr >= least - loss)?;
+            Some(Recommended { quality, variant: m.name.clone(), playback: m.playback? })
         };
-        let recommended = RECOMMENDED.into_iter().filter_map(fastest).collect();
+        let exact =
+            exact.map(|m| Recommended { quality: Quality::Exact, variant: m.name.clone(), playback: Playback::EXACT });
+        let recommended = exact.into_iter().chain(PRESETS.into_iter().filter_map(fastest)).collect();
         let name = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Report {
             adapter: gpu.info.name.clone(),
@@ -74,6 +81,16 @@ impl Report {
             recommended,
             variants,
         }
+    }
+
+    /// Keeps the presets for this adapter in the user's file.
+    ///
+    /// # Errors
+    /// An error that names the file.
+    pub fn keep_presets(&self, path: &Path) -> anyhow::Result<()> {
+        let mut presets = QualityPresets::read(path)?;
+        self.recommended.iter().for_each(|r| presets.set(&self.adapter, r.quality, r.playback));
+        presets.write(path)
     }
 
     /// A Markdown table, the fastest first.
@@ -99,7 +116,7 @@ impl Report {
             );
         }
         for r in &self.recommended {
-            text += &format!("\n{}: {}\n", r.name, r.variant);
+            text += &format!("\n`--quality {}`: {}\n", r.quality.name(), r.variant);
         }
         text
     }

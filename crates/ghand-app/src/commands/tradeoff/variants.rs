@@ -10,6 +10,7 @@ use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
 
 use crate::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use crate::quality::{Playback, RANK};
 use crate::say;
 
 /// An avatar in one of its forms.
@@ -24,6 +25,8 @@ pub struct Variant {
     pub image_scale: f64,
     /// Size of its file, bytes.
     pub bytes: usize,
+    /// How the first avatar is played so; `None` if presets cannot say it.
+    pub playback: Option<Playback>,
 }
 
 /// The knobs, in the order of legends.
@@ -32,7 +35,7 @@ pub const KNOBS: [&str; 5] = ["exact", "baked", "precision", "antialias", "image
 /// Parts of the blocks that baked variants keep.
 const KEPT: [(usize, usize); 5] = [(1, 1), (1, 4), (1, 16), (1, 64), (0, 1)];
 /// Most components of a joint.
-const RANKS: [usize; 2] = [6, 2];
+const RANKS: [usize; 2] = [RANK, 2];
 /// Image scales below 1.
 const SCALES: [f64; 2] = [0.75, 0.5];
 
@@ -62,21 +65,23 @@ pub fn variants(
     split: &str,
 ) -> anyhow::Result<Vec<Variant>> {
     let mut all = vec![];
-    for (file, avatar) in avatars {
+    for (number, (file, avatar)) in avatars.iter().enumerate() {
         let exact = Arc::new(avatar.clone());
-        let mut add =
-            |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64| -> anyhow::Result<()> {
-                let name = if file.is_empty() { text } else { format!("{file}: {text}") };
-                all.push(Variant { name, knob, bytes: avatar.file_size()?, avatar: avatar.clone(), image_scale });
-                Ok(())
-            };
-        add("exact".into(), "exact", &exact, 1.0)?;
+        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>| {
+            let name = if file.is_empty() { text } else { format!("{file}: {text}") };
+            let image_scale = playback.map_or(1.0, |playback| playback.image_scale);
+            let (bytes, playback) = (avatar.file_size()?, playback.filter(|_| number == 0));
+            all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, playback });
+            anyhow::Ok(())
+        };
+        let unbaked = |image_scale: f64| Some(Playback { kept: None, image_scale });
+        add("exact".into(), "exact", &exact, unbaked(1.0))?;
         let antialias = !avatar.config.antialias;
         let config = AvatarConfig { antialias, ..avatar.config.clone() };
         let other = Arc::new(Avatar { config, ..avatar.clone() });
-        add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, 1.0)?;
+        add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, None)?;
         for scale in SCALES {
-            add(format!("image x {scale}"), "image scale", &exact, scale)?;
+            add(format!("image x {scale}"), "image scale", &exact, unbaked(scale))?;
         }
         if matches!(avatar.tables, PropertyTables::Baked(_)) {
             continue;
@@ -88,7 +93,7 @@ pub fn variants(
             let bake = Bake::new(gpu, avatar, &fitted, rank, |_| ())?;
             let make = |keep: usize, precision: Precision| Arc::new(bake.avatar(keep, precision));
             if rank != RANKS[0] {
-                add(format!("baked, rank {rank}"), "baked", &make(bake.blocks(), Precision::U8), 1.0)?;
+                add(format!("baked, rank {rank}"), "baked", &make(bake.blocks(), Precision::U8), None)?;
                 continue;
             }
             for (part, of) in KEPT {
@@ -97,16 +102,18 @@ pub fn variants(
                     (0, _) => "baked, mean only".into(),
                     _ => format!("baked, {part}/{of}"),
                 };
-                let baked = make(bake.blocks() * part / of, Precision::U8);
-                add(text, "baked", &baked, 1.0)?;
+                let kept = part as f64 / of as f64;
+                let baked = make((kept * bake.blocks() as f64).round() as usize, Precision::U8);
+                let playback = |image_scale: f64| Some(Playback { kept: Some(kept), image_scale });
+                add(text, "baked", &baked, playback(1.0))?;
                 if (part, of) == (1, 16) {
                     for scale in SCALES {
-                        add(format!("baked, {part}/{of}, image x {scale}"), "image scale", &baked, scale)?;
+                        add(format!("baked, {part}/{of}, image x {scale}"), "image scale", &baked, playback(scale))?;
                     }
                 }
             }
             for (name, precision) in [("f16", Precision::F16), ("f32", Precision::F32)] {
-                add(format!("baked, all, {name}"), "precision", &make(bake.blocks(), precision), 1.0)?;
+                add(format!("baked, all, {name}"), "precision", &make(bake.blocks(), precision), None)?;
             }
         }
     }

@@ -6,6 +6,7 @@ use egui::{Button, Context, MenuBar, Ui, ViewportCommand};
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
+use crate::quality::Quality;
 use crate::viewer::app::Viewer;
 use crate::viewer::app::files::file_name;
 use crate::viewer::camera::Preset;
@@ -77,6 +78,9 @@ impl Viewer {
             CommandId::Turntable => self.turntable = !self.turntable,
             CommandId::PreviousCamera => self.step_camera(-1),
             CommandId::NextCamera => self.step_camera(1),
+            CommandId::PlayFast => self.choose_quality(Quality::Fast, context),
+            CommandId::PlayBalanced => self.choose_quality(Quality::Balanced, context),
+            CommandId::PlayExact => self.choose_quality(Quality::Exact, context),
             CommandId::Measure => {
                 self.measure = !self.measure;
                 self.clear_times();
@@ -95,6 +99,7 @@ impl Viewer {
     fn is_available(&self, id: CommandId) -> bool {
         match id {
             CommandId::Open => self.file_dialog.is_none(),
+            CommandId::PlayFast | CommandId::PlayBalanced | CommandId::PlayExact => !self.quality.is_busy(),
             CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
             CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
             CommandId::CopyPose
@@ -166,6 +171,9 @@ impl Viewer {
             CommandId::ShowPanel => Some(self.settings.panel_shown),
             CommandId::ShowHandles => Some(self.settings.handles_shown),
             CommandId::Turntable => Some(self.turntable),
+            CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
+            CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
+            CommandId::PlayExact => Some(self.quality.chosen() == Quality::Exact),
             _ => None,
         }
     }

@@ -11,10 +11,12 @@ use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
 use crate::light_args::LightArgs;
 use crate::pose_choice::PoseReadingArgs;
+use crate::quality::Quality;
 use crate::viewer::app::Viewer;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::picture::Picture;
+use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::subject::Subject;
 use crate::viewer::watched_file::WatchedFile;
 
@@ -26,6 +28,35 @@ impl Viewer {
     pub fn watch(&mut self, path: &Path, light: &LightArgs) {
         self.light = light.clone();
         self.watched = (!is_hand_name(path)).then(|| WatchedFile::new(path));
+        self.quality = QualityChoice::exact((file_kind(path) == FileKind::Avatar).then_some(path));
+    }
+
+    /// Says in which preset the watched avatar is shown.
+    pub fn play_as(&mut self, quality: QualityChoice) {
+        self.quality = quality;
+    }
+
+    /// Prepares the avatar for a preset, beside the user interface.
+    pub(super) fn choose_quality(&mut self, quality: Quality, context: &Context) {
+        self.quality.choose(&self.gpu, quality, context);
+        self.toasts.note(format!("Preparing `{}` ...", quality.name()));
+    }
+
+    /// Shows the avatar as it was prepared for a preset; pose, shape, motion and view stay.
+    pub(super) fn take_quality(&mut self) {
+        let shown = self.quality.poll().and_then(|prepared| {
+            let Some(file) = prepared else { return Ok(false) };
+            let Some(path) = file else { return Ok(true) };
+            let mut subject = Subject::read(&path, &self.light)?;
+            subject.continue_from(&self.subject);
+            self.show_subject(subject, &path)?;
+            Ok(true)
+        });
+        match shown {
+            Ok(false) => {}
+            Ok(true) => self.toasts.note(format!("Played as `{}`.", self.quality.chosen().name())),
+            Err(error) => self.toasts.error(&error),
+        }
     }
 
     /// Opens files that were dropped or chosen, and the watched one if it has changed.
@@ -46,7 +77,10 @@ impl Viewer {
         if let Some(watched) = &mut self.watched {
             context.request_repaint_after(LOOK);
             if watched.has_changed(now) {
-                self.reload();
+                match self.quality.chosen() {
+                    Quality::Exact => self.reload(),
+                    baked => self.choose_quality(baked, context),
+                }
             }
         }
     }

@@ -5,6 +5,7 @@ mod files;
 mod motion;
 mod pointer;
 mod pose;
+mod quality;
 
 use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;

@@ -1,0 +1,60 @@
+//! Presets from fast to exact.
+
+use std::time::{Duration, Instant};
+
+use ghand_avatar::PropertyTables;
+
+use super::*;
+use crate::light_args::LightArgs;
+use crate::quality::{Quality, playback};
+use crate::viewer::command::CommandId;
+use crate::viewer::hand::Look;
+
+fn is_baked(ui: &mut Headless) -> bool {
+    matches!(ui.hand().look(), Look::Avatar(avatar) if matches!(avatar.tables, PropertyTables::Baked(_)))
+}
+
+/// Runs a command that prepares the avatar, and frames until it has.
+fn choose(ui: &mut Headless, id: CommandId) {
+    let context = ui.harness.ctx.clone();
+    ui.viewer().run(id, &context);
+    assert!(ui.viewer().quality.is_busy());
+    let start = Instant::now();
+    while ui.viewer().quality.is_busy() {
+        assert!(start.elapsed() < Duration::from_secs(120), "the avatar is not baked");
+        std::thread::sleep(Duration::from_millis(20));
+        ui.frame(Vec::new());
+    }
+}
+
+#[test]
+fn an_avatar_is_played_in_a_preset_and_exactly_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ghand");
+    let hand = small_hand();
+    let Look::Avatar(avatar) = hand.look() else { panic!("no avatar") };
+    avatar.save(&path).unwrap();
+    let mut ui = Headless::new(Subject::read(&path, &LightArgs::default()).unwrap(), SIZE, 1.0);
+    ui.viewer().watch(&path, &LightArgs::default());
+    let gpu = ui.viewer().gpu.clone();
+    let fast = playback(&gpu, Quality::Fast).unwrap();
+    ui.hand().take_pose("fist");
+    ui.frame(Vec::new());
+
+    choose(&mut ui, CommandId::PlayFast);
+    let pose = ui.hand().pose.clone();
+    assert_eq!(ui.viewer().quality.chosen(), Quality::Fast);
+    assert_eq!((is_baked(&mut ui), ui.viewer().quality.image_scale()), (fast.kept.is_some(), fast.image_scale as f32));
+    assert!(pose != ghand_core::Pose::rest(pose.rotations.len()), "the pose stays");
+    // The baked avatar is beside the other, for the next time.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1 + usize::from(fast.kept.is_some()));
+
+    choose(&mut ui, CommandId::PlayExact);
+    assert_eq!((is_baked(&mut ui), ui.viewer().quality.image_scale()), (false, 1.0));
+    assert_eq!(ui.hand().pose, pose);
+
+    // An avatar that cannot be read leaves everything as it was.
+    std::fs::write(&path, "no avatar").unwrap();
+    choose(&mut ui, CommandId::PlayFast);
+    assert_eq!((is_baked(&mut ui), ui.viewer().quality.chosen()), (false, Quality::Exact));
+}
