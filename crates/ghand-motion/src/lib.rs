@@ -1,11 +1,14 @@
 //! Poses that drive a hand, from any source.
 //!
 //! A [`PoseSequence`] drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] transfers
-//! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones.
+//! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones. [`live`] makes poses
+//! of packets that arrive one by one; [`one_euro`] smooths them.
 
 mod error;
 pub mod ik;
+pub mod live;
 pub mod motions;
+pub mod one_euro;
 pub mod pose_sequence;
 pub mod rest_skeleton;
 pub mod retarget;

@@ -42,7 +42,8 @@ use crate::PoseError;
 use crate::rest_skeleton::RestSkeleton;
 pub(crate) use recording::{Motion, Recording};
 pub(crate) use source::{Skipped, Source};
-use to_model::{fitted, mano_rows, retargeted, rows, side_name};
+use to_model::{fitted, retargeted};
+pub(crate) use to_model::{mano_rows, rows, side_name};
 
 /// Default rate, frames per second.
 pub const DEFAULT_FPS: f64 = 30.0;
@@ -172,7 +173,7 @@ pub fn poses_of_value(
 }
 
 /// The content of a file, read by the first reader that recognises its kind.
-fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let readers: [Reader; 5] = [xr::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
     if let Some(recording) = trackers(source, value) {

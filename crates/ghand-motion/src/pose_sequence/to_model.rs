@@ -19,7 +19,7 @@ use crate::retarget::{Retarget, mirrored, mirrored_point};
 
 /// ghand's own rows for the model, and their original hand: unchanged if their skeleton is the model's, else
 /// transferred.
-pub(super) fn rows(
+pub(crate) fn rows(
     source: &Source,
     rows: Rows,
     model: &HandModel,
@@ -186,7 +186,7 @@ fn mano_capture(
 }
 
 /// Poses of MANO's joints. A model with MANO's joints in MANO's axes uses them unchanged.
-pub(super) fn mano_rows(
+pub(crate) fn mano_rows(
     rows: ManoRows,
     side: Side,
     model: &HandModel,
@@ -304,6 +304,6 @@ pub(super) fn fitted(
 }
 
 /// For messages.
-pub(super) fn side_name(side: Side) -> &'static str {
+pub(crate) fn side_name(side: Side) -> &'static str {
     if side == Side::Left { "left" } else { "right" }
 }
