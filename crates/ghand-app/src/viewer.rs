@@ -12,6 +12,7 @@ pub mod hand;
 pub mod handles;
 pub mod help_overlay;
 pub mod light_panel;
+pub mod live;
 pub mod navigation;
 pub mod number_slider;
 pub mod picture;

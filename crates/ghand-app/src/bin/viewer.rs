@@ -16,6 +16,7 @@ use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::quality_choice::QualityChoice;
+use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
@@ -44,6 +45,13 @@ struct Arguments {
     capture: Option<PathBuf>,
     #[command(flatten)]
     capture_options: CaptureOptions,
+    /// Take live poses from trackers and programs on this computer, by WebSocket and UDP on this port; the same as
+    /// "Live poses" in the menu [default port: 4263]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, conflicts_with = "screenshot")]
+    live: Option<Option<u16>>,
+    /// Also let pages of this origin send live poses, such as https://example.org; may be repeated
+    #[arg(long, value_name = "ORIGIN", requires = "live")]
+    live_origin: Vec<String>,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -94,6 +102,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
     };
+    if let (Some(_), Subject::Scene { .. }) = (arguments.live, &subject) {
+        bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
+    }
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     if let Some(capture) = capture {
         viewer.show_capture(capture);
@@ -114,6 +125,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         settings.add_recent(path);
     }
     viewer.use_settings(settings, settings_path);
+    if let Some(port) = arguments.live {
+        viewer.start_live(LiveSettings { port: port.unwrap_or(DEFAULT_PORT), origins: arguments.live_origin });
+    }
     window::open(&mut viewer, &format!("ghand - {source}"))
 }
 

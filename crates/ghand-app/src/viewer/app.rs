@@ -4,6 +4,7 @@ mod camera_controls;
 mod commands;
 mod controls;
 mod files;
+mod live;
 mod recovery;
 mod view;
 
@@ -20,6 +21,7 @@ use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command_palette::CommandPalette;
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::handles::HandleDrag;
+use crate::viewer::live::{Live, LiveSettings};
 use crate::viewer::navigation::Drags;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
 use crate::viewer::quality_choice::QualityChoice;
@@ -78,6 +80,9 @@ pub struct Viewer {
     turntable: bool,
     turntable_time: Option<f64>,
     capture: Option<CapturePanel>,
+    /// Live poses, while their port is open.
+    live: Option<Live>,
+    live_settings: LiveSettings,
     toasts: Toasts,
     /// The handle that is dragged.
     handle_drag: Option<HandleDrag>,
@@ -121,6 +126,8 @@ impl Viewer {
             turntable: false,
             turntable_time: None,
             capture: None,
+            live: None,
+            live_settings: LiveSettings::default(),
             toasts: Toasts::default(),
             handle_drag: None,
             last_frame: None,
@@ -184,11 +191,13 @@ impl Viewer {
             });
         }
         self.subject.advance(ui.ctx());
+        self.advance_live(ui.ctx());
         self.advance_turntable(ui.ctx());
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.view(ui, renderer, progress));
         self.overlays(ui.ctx());
         if let Subject::Hand(hand) = &mut self.subject
             && !ui.input(|input| input.pointer.any_down())
+            && !self.live.as_ref().is_some_and(Live::drives)
         {
             hand.remember_pose();
         }
@@ -201,6 +210,9 @@ impl Viewer {
             Progress::Complete
         });
         let wanted = self.picture.intersections();
+        if let (Progress::Complete, Some(live)) = (progress, &mut self.live) {
+            live.picture_complete();
+        }
         match progress {
             Progress::Busy => {}
             Progress::Incomplete => self.shown = None,

@@ -130,6 +130,13 @@ impl OrbitCamera {
         self.calibrated = None;
     }
 
+    /// Looks along z with y down, as the camera of a tracker does.
+    pub fn look_along_world(&mut self) {
+        (self.yaw, self.pitch) = (0.0, 0.0);
+        self.upright = Upright { up: DVec3::NEG_Y, back: DVec3::NEG_Z };
+        self.calibrated = None;
+    }
+
     /// Shows the view of a calibrated camera. The first movement leaves it for an orbit about the point at `depth` on its
     /// axis, metres.
     pub fn show_calibrated(&mut self, camera: &Camera, depth: f64) {

@@ -14,6 +14,7 @@ pub enum CommandId {
     PastePose,
     ShowHandles,
     Play,
+    LivePoses,
     ResetAll,
     Frame,
     ResetView,
@@ -140,6 +141,13 @@ pub const COMMANDS: &[Command] = &[
         "Shows dots to drag when the pointer is on the hand, or hides them.",
     ),
     command(CommandId::Play, Menu::Pose, "Play or pause", &[key(Key::Space)], "Plays the motion, or stops it."),
+    command(
+        CommandId::LivePoses,
+        Menu::Pose,
+        "Live poses",
+        &[ctrl(Key::L)],
+        "Opens the port through which a tracker or another program drives the hand, or closes it.",
+    ),
     command(
         CommandId::ResetAll,
         Menu::Pose,

@@ -173,7 +173,7 @@ impl Hand {
     /// Remembers the pose for undo, unless a motion plays. It should not be called while the user is changing the pose, so
     /// that a whole drag is one step.
     pub fn remember_pose(&mut self) {
-        if !self.timeline.as_ref().is_some_and(Timeline::is_playing) {
+        if !self.is_playing() {
             self.history.remember(&self.pose);
         }
     }
@@ -274,6 +274,11 @@ impl Hand {
         if let Some(timeline) = &mut self.timeline {
             timeline.rewind();
         }
+    }
+
+    /// Whether a motion plays.
+    pub fn is_playing(&self) -> bool {
+        self.timeline.as_ref().is_some_and(Timeline::is_playing)
     }
 
     /// Advances the motion that plays.

@@ -67,6 +67,7 @@ impl Viewer {
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
             CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
             CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
+            CommandId::LivePoses => self.start_or_stop_live(),
             CommandId::ResetAll => self.reset_all(),
             CommandId::Frame => self.frame_subject(),
             CommandId::ResetView => self.reset_view(),
@@ -105,6 +106,7 @@ impl Viewer {
             CommandId::CopyPose
             | CommandId::PastePose
             | CommandId::ShowHandles
+            | CommandId::LivePoses
             | CommandId::ViewBack
             | CommandId::ViewPalm
             | CommandId::ViewThumbSide
@@ -174,6 +176,7 @@ impl Viewer {
             CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
             CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
             CommandId::PlayExact => Some(self.quality.chosen() == Quality::Exact),
+            CommandId::LivePoses => Some(self.live.is_some()),
             _ => None,
         }
     }

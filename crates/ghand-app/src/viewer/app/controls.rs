@@ -10,6 +10,7 @@ impl Viewer {
         ui.heading(self.subject.name());
         ui.label(RichText::new(&self.source).weak());
         ui.separator();
+        self.live_controls(ui);
         if self.subject.controls(ui) {
             ui.separator();
         }

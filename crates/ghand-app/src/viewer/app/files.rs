@@ -159,6 +159,7 @@ impl Viewer {
         let picture = Picture::new(&self.gpu, &subject, [self.largest_edge; 2])?;
         (self.picture, self.uploaded) = (picture, subject.shown());
         self.subject = subject;
+        self.live_subject_changed();
         self.source = path.display().to_string();
         (self.shown, self.failure, self.handle_drag) = (None, None, None);
         (self.detail, self.too_many) = (1.0, u32::MAX);

@@ -2,6 +2,7 @@
 
 mod commands;
 mod files;
+mod live;
 mod motion;
 mod pointer;
 mod pose;

@@ -101,6 +101,9 @@ impl Viewer {
                     self.show_texture(renderer);
                 }
                 self.shown = Some(shot);
+                if let Some(live) = &mut self.live {
+                    live.picture_started();
+                }
             }
             Err(e) => self.failure = Some(e),
         }
