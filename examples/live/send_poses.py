@@ -118,7 +118,7 @@ def curling_fingers(seconds):
             if number == 0 and part == "phalanx-intermediate":
                 continue
             if part.startswith("phalanx"):
-                turn = product(turn, about(0, (-0.7 if number == 0 else -1.3) * bend))
+                turn = product(turn, about(0, (-0.5 if number == 0 else -1.3) * bend))
             place = [p + length * d for p, d in zip(place, forward(turn))]
             joints[f"{finger}-{part}"] = {"position": place, "orientation": turn}
     return {"handedness": "right", "joints": joints}

@@ -2,6 +2,7 @@
 
 use ghand_core::HandModel;
 use ghand_files::Value;
+use ghand_motion::live::{LiveOptions, LivePoses};
 use ghand_motion::pose_sequence::poses_of_value;
 use ghand_motion::{PoseError, PoseOptions, PoseSequence};
 
@@ -67,4 +68,24 @@ pub fn read_pose_arrays(mut bytes: &[u8], model: &HandModel) -> Result<PoseSeque
         bytes = rest;
     }
     poses_of_value("file", &Value::Map(arrays), model, &PoseOptions::default())
+}
+
+/// Reads lines as the packets of a stream, 30 per second. Returns the number of usable ones.
+///
+/// # Panics
+/// If a pose is not one of the model, or if an error does not name the packet.
+pub fn read_live_packets(bytes: &[u8], model: &HandModel) -> usize {
+    let mut live = LivePoses::default();
+    let mut usable = 0;
+    for (number, packet) in bytes.split(|byte| *byte == b'\n').enumerate() {
+        match live.read(packet, model, number as f64 / 30.0, &LiveOptions::default()) {
+            Ok(live) => {
+                assert!(live.pose.rotations.len() == model.joint_count());
+                assert!(live.pose.check_range(&model.joint_names).is_ok());
+                usable += 1;
+            }
+            Err(error) => assert!(error.to_string().starts_with("packet: "), "{error}"),
+        }
+    }
+    usable
 }

@@ -11,4 +11,5 @@ mod fixtures;
 mod support;
 
 mod captures;
+mod live;
 mod poses;

@@ -13,10 +13,10 @@ use crate::arrays::read_pose_arrays;
 
 /// Number of changed copies per input: enough that every reader gets a few hundred, few enough to take only a few
 /// seconds.
-const CHANGES: usize = 300;
+pub(crate) const CHANGES: usize = 300;
 
 /// Applies one to four changes that typically damage files, or that a fuzzer tries.
-fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
+pub(crate) fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..random.random_range(1..=4) {
         if bytes.is_empty() {
@@ -40,14 +40,20 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
-/// Runs the inputs of a corpus folder and changed copies; all unchanged inputs must be readable except the `hopeless`
-/// ones.
-fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
+/// The inputs of a corpus folder.
+pub(crate) fn inputs(target: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
     // Inputs added by libFuzzer have hashes as names.
     let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some());
     paths.sort();
+    paths
+}
+
+/// Runs the inputs of a corpus folder and changed copies; all unchanged inputs must be readable except the `hopeless`
+/// ones.
+fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
+    let paths = inputs(target);
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
     let check = |bytes: &[u8]| match read(bytes, &model) {

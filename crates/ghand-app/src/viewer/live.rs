@@ -126,11 +126,12 @@ impl Live {
         mailbox.wake(context);
         let packets = mailbox.take();
         self.received.count(mailbox.tally().received);
-        let now = Instant::now();
-        self.rates = [&mut self.received, &mut self.shown].map(|rate| rate.per_second(now));
+        // Asked before the rates are brought up to date: a rate that falls to zero must be shown, too.
         if self.received.is_moving() || self.shown.is_moving() {
             context.request_repaint_after(LOOK);
         }
+        let now = Instant::now();
+        self.rates = [&mut self.received, &mut self.shown].map(|rate| rate.per_second(now));
         if self.driven.as_ref().is_some_and(|pose| *pose != hand.pose || hand.is_playing()) {
             self.pause();
             return Some(LiveEvent::Paused);

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use ghand_motion::live::LARGEST_PACKET;
-use tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tungstenite::handshake::server::{Callback, ErrorResponse, Request, Response};
 use tungstenite::http::StatusCode;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, accept_hdr_with_config};
@@ -181,8 +181,7 @@ fn take_messages(stream: &TcpStream, shared: &Shared) -> tungstenite::Result<()>
         .max_write_buffer_size(LARGEST_PACKET)
         .max_frame_size(Some(LARGEST_PACKET))
         .max_message_size(Some(LARGEST_PACKET));
-    let check = |request: &Request, response| check_origin(request, response, shared);
-    let Ok(mut socket) = accept_hdr_with_config(stream, check, Some(config)) else { return Ok(()) };
+    let Ok(mut socket) = accept_hdr_with_config(stream, OriginCheck(shared), Some(config)) else { return Ok(()) };
     stream.set_read_timeout(None)?;
     loop {
         match socket.read()? {
@@ -194,19 +193,23 @@ fn take_messages(stream: &TcpStream, shared: &Shared) -> tungstenite::Result<()>
     }
 }
 
-#[allow(clippy::result_large_err, reason = "the library gives the type")]
-fn check_origin(request: &Request, response: Response, shared: &Shared) -> Result<Response, ErrorResponse> {
-    let mut origins = request.headers().get_all("Origin").iter();
-    // What is not text is no origin that anyone allows.
-    let origin = origins.next().map(|origin| origin.to_str().unwrap_or_default());
-    if origins.next().is_none() && is_allowed(origin, &shared.origins) {
-        return Ok(response);
+/// Refuses pages from elsewhere while they connect.
+struct OriginCheck<'a>(&'a Shared);
+
+impl Callback for OriginCheck<'_> {
+    fn on_request(self, request: &Request, response: Response) -> Result<Response, ErrorResponse> {
+        let mut origins = request.headers().get_all("Origin").iter();
+        // What is not text is no origin that anyone allows.
+        let origin = origins.next().map(|origin| origin.to_str().unwrap_or_default());
+        if origins.next().is_none() && is_allowed(origin, &self.0.origins) {
+            return Ok(response);
+        }
+        let origin: String = origin.unwrap_or_default().chars().take(80).collect();
+        self.0.mailbox.refuse(format!("a page of {origin} was refused; --live-origin {origin} allows it"));
+        let mut answer = ErrorResponse::new(Some("this page may not send live poses\n".into()));
+        *answer.status_mut() = StatusCode::FORBIDDEN;
+        Err(answer)
     }
-    let origin: String = origin.unwrap_or_default().chars().take(80).collect();
-    shared.mailbox.refuse(format!("a page of {origin} was refused; --live-origin {origin} allows it"));
-    let mut answer = ErrorResponse::new(Some("this page may not send live poses\n".into()));
-    *answer.status_mut() = StatusCode::FORBIDDEN;
-    Err(answer)
 }
 
 #[cfg(test)]
