@@ -102,6 +102,14 @@ fn of_two_hands_the_one_of_the_model_is_taken() {
         let model = procedural(side);
         let read = |packet: &Json| LivePoses::default().read(&bytes(packet), model, 0.0, &AS_SENT).unwrap().pose;
         assert_eq!(read(&both), read(&json!({"handedness": name, "joints": hand})));
+        let points = ["thumbs-up", "point"].map(|pose| landmarks_of(model, &named_pose(pose, model).unwrap()));
+        for (sides, own) in [
+            (["right", "left"], points[usize::from(side == Side::Left)]),
+            (["left", "right"], points[usize::from(side == Side::Right)]),
+        ] {
+            let both = json!({"worldLandmarks": points.map(|hand| hand.map(|p| p.to_array())), "handedness": sides});
+            assert_eq!(read(&both), read(&landmarks_packet(&own, name)));
+        }
     }
 }
 

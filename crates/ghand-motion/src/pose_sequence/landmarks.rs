@@ -39,7 +39,14 @@ const LARGEST_SPAN: f64 = 1.0;
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let found = find(value, &NAMES);
-    if let Some(array) = found.and_then(Value::numbers).filter(|array| matches!(array.shape[..], [_, 21, 3 | 4])) {
+    let sides = find(value, &SIDE_NAMES).map(all_sides).unwrap_or_default();
+    // Two arrays of points are two frames, unless they have two sides.
+    let is_frames = |shape: &[usize]| match *shape {
+        [2, 21, 3 | 4] => !matches!(sides[..], [first, second] if first != second),
+        [_, 21, 3 | 4] => true,
+        _ => false,
+    };
+    if let Some(array) = found.and_then(Value::numbers).filter(|array| is_frames(&array.shape)) {
         let frames: Vec<Value> = Value::Numbers(array.clone()).items().unwrap_or_default();
         return Some(recording(source, value, &frames, |frame| vec![(None, frame.clone())]));
     }
@@ -100,14 +107,15 @@ fn recording(
     let is = |own: &Option<Side>, wanted: Side| own.or(shared).is_none_or(|own| own == wanted);
     let has = |wanted: Side| all.iter().flatten().any(|(own, _)| is(own, wanted));
     let side = if has(source.wanted) { source.wanted } else { crate::retarget::other_side(source.wanted) };
-    let (mut found, mut skipped, mut known_side) = (Vec::new(), Skipped::default(), shared);
+    let (mut found, mut skipped, mut known_side) = (Vec::new(), Skipped::default(), None);
     for (number, (frame, hands)) in frames.iter().zip(&all).enumerate() {
         let id = id_of(frame, number);
         let Some((own, hand)) = hands.iter().find(|(own, _)| is(own, side)) else {
             skipped.add(&id, "has no such hand");
             continue;
         };
-        known_side = known_side.or(*own);
+        // Of a single frame with two hands, the shared side is that of the first.
+        known_side = known_side.or(*own).or(shared);
         match points(hand) {
             Ok(points) => found.push(LandmarkFrame { id, points }),
             Err(problem) => skipped.add(&id, problem),
