@@ -1,14 +1,13 @@
 //! Live poses in the viewer: start, stop, and what they do to the hand.
 
 use egui::{Context, Ui};
-
 use ghand_motion::live::PacketKind;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::live::{Live, LiveEvent, LiveSettings};
 use crate::viewer::subject::Subject;
 
-/// What the user is told who poses the hand while live poses drive it.
+/// Shown when the user or a motion changes the pose while live poses drive the hand.
 const PAUSED: &str = "Live poses are paused, because the pose was changed here. \"Resume\" in the panel follows them.";
 
 impl Viewer {
@@ -29,8 +28,8 @@ impl Viewer {
         }
     }
 
-    /// Takes the newest live pose. With the first one of a tracker, the view becomes that of the tracker: its hand may be
-    /// turned anyhow.
+    /// Takes the newest live pose. With the first one of a tracker, the view becomes that of the tracker: its hand may have
+    /// any orientation.
     pub(super) fn advance_live(&mut self, context: &Context) {
         let (Some(live), Subject::Hand(hand)) = (&mut self.live, &mut self.subject) else { return };
         match live.advance(hand, context) {

@@ -144,7 +144,7 @@ fn a_trackers_hand_is_seen_as_the_tracker_sees_it() {
 }
 
 #[test]
-fn a_port_in_use_is_told_and_another_subject_keeps_or_closes_the_port() {
+fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     let mut ui = viewer();
     let port = ui.viewer().live.as_ref().unwrap().port();
     let mut other = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);
@@ -163,4 +163,14 @@ fn a_port_in_use_is_told_and_another_subject_keeps_or_closes_the_port() {
     ui.press(Modifiers::COMMAND, Key::L);
     other.viewer().start_live(LiveSettings { port, origins: vec![] });
     assert!(other.viewer().live.is_some());
+}
+
+#[test]
+fn a_scene_has_no_live_poses() {
+    let mut ui = viewer();
+    ui.viewer().subject = small_scene();
+    ui.viewer().live_subject_changed();
+    assert!(ui.viewer().live.is_none());
+    ui.press(Modifiers::COMMAND, Key::L);
+    assert!(ui.viewer().live.is_none());
 }
