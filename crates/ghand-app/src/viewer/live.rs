@@ -243,7 +243,8 @@ impl Live {
                 self.options.smooth = Some(smooth);
             }
             let mut moves = !self.options.in_place;
-            let hover = "Lets the hand move through space as the sender says. Otherwise it turns and bends in place.";
+            let hover = "Lets the hand move through space as the sender says; F finds it. Otherwise it turns and \
+                         bends in place.";
             if ui.checkbox(&mut moves, "move in space").on_hover_text(hover).changed() {
                 self.options.in_place = !moves;
             }
