@@ -146,7 +146,7 @@ def main():
     parser.add_argument("--port", type=int, default=4263, help="[default: 4263]")
     parser.add_argument("--udp", action="store_true", help="send datagrams instead of using WebSocket")
     parser.add_argument("--rate", type=float, help="packets per second [default: the file's, else 60]")
-    parser.add_argument("--seconds", type=float, help="stop after this time [default: at the end of the file, or never]")
+    parser.add_argument("--seconds", type=float, help="stop after this time [default: end of the file, or never]")
     parser.add_argument("--loop", action="store_true", help="begin again at the end of the file")
     arguments = parser.parse_args()
     rate, packets = file_packets(arguments.file) if arguments.file else (None, None)

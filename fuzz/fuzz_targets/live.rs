@@ -1,5 +1,5 @@
-//! Any lines, read as the packets of a stream of live poses, give finite poses of the hand model or errors that name the
-//! packet.
+//! Any lines, read as the packets of a stream of live poses, give finite poses of the hand model or errors that name
+//! the packet.
 #![no_main]
 
 use std::sync::LazyLock;

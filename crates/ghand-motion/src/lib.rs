@@ -1,8 +1,8 @@
 //! Poses that drive a hand, from any source.
 //!
 //! A [`PoseSequence`] drives an avatar: [`pose_sequence`] reads it from many kinds of files, [`retarget`] transfers
-//! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones. [`live`] makes poses
-//! of packets that arrive one by one; [`one_euro`] smooths them.
+//! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones. [`live`] makes
+//! poses of packets that arrive one by one; [`one_euro`] smooths them.
 
 mod error;
 pub mod ik;

@@ -4,8 +4,8 @@
 //! or OpenXR, MediaPipe's world landmarks, MANO parameters, or ghand's own pose. If it shows both hands, the model's is
 //! taken. `sent_ms` beside them is when it was sent, milliseconds of Unix time.
 //!
-//! [`LivePoses`] remembers what makes a stream quick and steady: the size of the tracked hand, the last pose, from which
-//! the fit to landmarks starts, and the filter ([`crate::one_euro`]).
+//! [`LivePoses`] remembers what makes a stream quick and steady: the size of the tracked hand, the last pose, from
+//! which the fit to landmarks starts, and the filter ([`crate::one_euro`]).
 
 use std::collections::VecDeque;
 

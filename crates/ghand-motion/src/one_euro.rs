@@ -1,8 +1,8 @@
 //! Smooths the poses of a noisy tracker with the 1€ filter (Casiez, Roussel and Vogel, CHI 2012).
 //!
-//! It is a low-pass filter whose cutoff frequency grows with speed: a hand at rest does not tremble, and a fast one hardly
-//! lags. Each joint's rotation and the hand's position are filtered by themselves; differences of rotations are rotation
-//! vectors, so that no axis is preferred.
+//! It is a low-pass filter whose cutoff frequency grows with speed: a hand at rest does not tremble, and a fast one
+//! hardly lags. Each joint's rotation and the hand's position are filtered by themselves; differences of rotations are
+//! rotation vectors, so that no axis is preferred.
 
 use std::f64::consts::TAU;
 

@@ -11,8 +11,8 @@ use crate::viewer::subject::Subject;
 const PAUSED: &str = "Live poses are paused, because the pose was changed here. \"Resume\" in the panel follows them.";
 
 impl Viewer {
-    /// Opens the port for live poses, now and whenever the user starts them again. If that is impossible, a message says
-    /// why.
+    /// Opens the port for live poses, now and whenever the user starts them again. If that is impossible, a message
+    /// says why.
     pub fn start_live(&mut self, settings: LiveSettings) {
         match Live::open(&settings) {
             Ok(live) => self.live = Some(live),
@@ -28,8 +28,8 @@ impl Viewer {
         }
     }
 
-    /// Takes the newest live pose. With the first one of a tracker, the view becomes that of the tracker: its hand may have
-    /// any orientation.
+    /// Takes the newest live pose. With the first one of a tracker, the view becomes that of the tracker: its hand may
+    /// have any orientation.
     pub(super) fn advance_live(&mut self, context: &Context) {
         let (Some(live), Subject::Hand(hand)) = (&mut self.live, &mut self.subject) else { return };
         match live.advance(hand, context) {

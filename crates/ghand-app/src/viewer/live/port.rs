@@ -101,8 +101,8 @@ impl Drop for LivePort {
 fn refusal(number: u16, error: &io::Error) -> anyhow::Error {
     match error.kind() {
         io::ErrorKind::AddrInUse => anyhow!(
-            "port {number} is already in use, perhaps by another viewer; close that program, or start with another port \
-             (--live=PORT)"
+            "port {number} is already in use, perhaps by another viewer; close that program, or start with another \
+             port (--live=PORT)"
         ),
         io::ErrorKind::PermissionDenied => {
             anyhow!("port {number} is not allowed: {error}; choose one above 1023 (--live=PORT)")
