@@ -1,7 +1,7 @@
 // Normals of the skinned surface: a normal turns as the cross product of two tangents does, by the cofactors of the blended
 // map. CPU twin: `ghand_core::skinning::skin_normals`.
 
-import package::shared::bones::{bone_row, residual_bone_row, residual_weight_row};
+import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
 import package::shared::pose::pose;
@@ -44,16 +44,22 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     var row_z = mat3x4<f32>();
     for (var k = 0u; k < pose.joint_count; k++) {
         let w = weight_row(k, p);
-        let v = residual_weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
         let bz = bone_row(k, 2u);
+        row_x += mat3x4(w * bx.x, w * bx.y, w * bx.z);
+        row_y += mat3x4(w * by.x, w * by.y, w * by.z);
+        row_z += mat3x4(w * bz.x, w * bz.y, w * bz.z);
+        if PLAIN {
+            continue;
+        }
+        let v = residual_weight_row(k, p);
         let rx = residual_bone_row(k, 0u);
         let ry = residual_bone_row(k, 1u);
         let rz = residual_bone_row(k, 2u);
-        row_x += mat3x4(w * bx.x + v * rx.x, w * bx.y + v * rx.y, w * bx.z + v * rx.z);
-        row_y += mat3x4(w * by.x + v * ry.x, w * by.y + v * ry.y, w * by.z + v * ry.z);
-        row_z += mat3x4(w * bz.x + v * rz.x, w * bz.y + v * rz.y, w * bz.z + v * rz.z);
+        row_x += mat3x4(v * rx.x, v * rx.y, v * rx.z);
+        row_y += mat3x4(v * ry.x, v * ry.y, v * ry.z);
+        row_z += mat3x4(v * rz.x, v * rz.y, v * rz.z);
     }
     let rest = mat3x4(rest_normal_row(0u, p), rest_normal_row(1u, p), rest_normal_row(2u, p));
     let x = triple(row_y, row_z, rest);

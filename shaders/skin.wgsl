@@ -1,6 +1,6 @@
 // Corrected linear blend skinning. CPU twin: `ghand_core::skinning`.
 
-import package::shared::bones::{bone_row, residual_bone_row, residual_weight_row};
+import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
 import package::shared::offsets::offset_row;
@@ -34,16 +34,22 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     var row_z = mat4x4<f32>();
     for (var k = 0u; k < pose.joint_count; k++) {
         let w = weight_row(k, p);
-        let v = residual_weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
         let bz = bone_row(k, 2u);
+        row_x += mat4x4(w * bx.x, w * bx.y, w * bx.z, w * bx.w);
+        row_y += mat4x4(w * by.x, w * by.y, w * by.z, w * by.w);
+        row_z += mat4x4(w * bz.x, w * bz.y, w * bz.z, w * bz.w);
+        if PLAIN {
+            continue;
+        }
+        let v = residual_weight_row(k, p);
         let rx = residual_bone_row(k, 0u);
         let ry = residual_bone_row(k, 1u);
         let rz = residual_bone_row(k, 2u);
-        row_x += mat4x4(w * bx.x + v * rx.x, w * bx.y + v * rx.y, w * bx.z + v * rx.z, w * bx.w + v * rx.w);
-        row_y += mat4x4(w * by.x + v * ry.x, w * by.y + v * ry.y, w * by.z + v * ry.z, w * by.w + v * ry.w);
-        row_z += mat4x4(w * bz.x + v * rz.x, w * bz.y + v * rz.y, w * bz.z + v * rz.z, w * bz.w + v * rz.w);
+        row_x += mat4x4(v * rx.x, v * rx.y, v * rx.z, v * rx.w);
+        row_y += mat4x4(v * ry.x, v * ry.y, v * ry.z, v * ry.w);
+        row_z += mat4x4(v * rz.x, v * rz.y, v * rz.z, v * rz.w);
     }
     let x = offset_row(ROW_POINT, p);
     let y = offset_row(ROW_POINT + 1u, p);

@@ -1,7 +1,7 @@
 // Gradient of corrected skinning with respect to points and residual weights, and the moments whose weighted sums are
 // the gradients of the bones. CPU twin: `ghand_core::skinning::skin_vjp`.
 
-import package::shared::bones::{bone_row, residual_bone_row, residual_weight_row};
+import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::d_skin::store_d_skin;
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, quarter};
@@ -46,19 +46,25 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
     var d_z = vec4(0.0);
     for (var k = 0u; k < pose.joint_count; k++) {
         let w = weight_row(k, p);
-        let v = residual_weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
         let bz = bone_row(k, 2u);
+        d_x += w * (dx * bx.x + dy * by.x + dz * bz.x);
+        d_y += w * (dx * bx.y + dy * by.y + dz * bz.y);
+        d_z += w * (dx * bx.z + dy * by.z + dz * bz.z);
+        if PLAIN {
+            continue;
+        }
+        let v = residual_weight_row(k, p);
         let rx = residual_bone_row(k, 0u);
         let ry = residual_bone_row(k, 1u);
         let rz = residual_bone_row(k, 2u);
         let residual_x = dx * rx.x + dy * ry.x + dz * rz.x;
         let residual_y = dx * rx.y + dy * ry.y + dz * rz.y;
         let residual_z = dx * rx.z + dy * ry.z + dz * rz.z;
-        d_x += w * (dx * bx.x + dy * by.x + dz * bz.x) + v * residual_x;
-        d_y += w * (dx * bx.y + dy * by.y + dz * bz.y) + v * residual_y;
-        d_z += w * (dx * bx.z + dy * by.z + dz * bz.z) + v * residual_z;
+        d_x += v * residual_x;
+        d_y += v * residual_y;
+        d_z += v * residual_z;
         let shift = dx * rx.w + dy * ry.w + dz * rz.w;
         store_weight(k, p, stored, residual_x * x + residual_y * y + residual_z * z + shift);
     }

@@ -3,6 +3,9 @@
 
 import package::shared::pose::{CHAIN_POSED, CHAIN_STRIDE, pose};
 
+// Whether skinning is plain: residual weights and the residual chain are not there.
+override PLAIN: bool = false;
+
 // [joints][N]
 @group(0) @binding(3) var<storage, read> residual_weights: array<f32>;
 @group(0) @binding(4) var<storage, read> chain: array<f32>;

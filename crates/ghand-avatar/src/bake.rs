@@ -125,7 +125,13 @@ impl Bake {
             barycentric: self.ordered.order.iter().map(|p| light.barycentric[*p]).collect(),
             ..light.clone()
         };
-        let config = AvatarConfig { shape_bases: 0, color_components: 0, network: None, ..source.config.clone() };
+        let config = AvatarConfig {
+            shape_bases: 0,
+            color_components: 0,
+            network: None,
+            plain_skinning: false,
+            ..source.config.clone()
+        };
         Avatar {
             template,
             config,

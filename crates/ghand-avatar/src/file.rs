@@ -24,7 +24,10 @@ use crate::properties::direct::DirectTables;
 use crate::properties::network::NetworkTables;
 use crate::template::{AvatarConfig, GaussianShape, Template};
 
-/// Version of baked avatars, the newest that this program writes and reads.
+/// Version of avatars with plain skinning, which have no tables of residual terms; the newest that this program writes and
+/// reads.
+const PLAIN_VERSION: u32 = 5;
+/// Version of baked avatars.
 const BAKED_VERSION: u32 = 4;
 /// Version of avatars in a light. Version 1 had no `response_limits`, and its response
 /// depended on the root's rotation; version 2 had no light.
@@ -221,6 +224,7 @@ impl Avatar {
             format: "ghand-avatar".into(),
             version: match (&self.tables, &self.light) {
                 (PropertyTables::Baked(_), _) => BAKED_VERSION,
+                _ if self.config.plain_skinning => PLAIN_VERSION,
                 (_, Some(_)) => LIT_VERSION,
                 (_, None) => UNLIT_VERSION,
             },
@@ -304,16 +308,16 @@ impl<'a> Reader<'a> {
         // The version comes first: an unknown version may have other fields.
         let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match version.get("version").and_then(serde_json::Value::as_u64) {
-            Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(BAKED_VERSION)).contains(&v) => {}
+            Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(PLAIN_VERSION)).contains(&v) => {}
             Some(v) if v < u64::from(UNLIT_VERSION) => {
-                let problem = format!("is {v}, this program reads version {BAKED_VERSION}; train the avatar again");
+                let problem = format!("is {v}, this program reads version {PLAIN_VERSION}; train the avatar again");
                 return Err(invalid("version", problem));
             }
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
                 return Err(invalid(
                     "version",
-                    format!("is {found}, this program reads version {BAKED_VERSION}; use the ghand that wrote it"),
+                    format!("is {found}, this program reads version {PLAIN_VERSION}; use the ghand that wrote it"),
                 ));
             }
         }
@@ -396,6 +400,9 @@ impl<'a> Reader<'a> {
         };
         let vec3 = |v: Vec<f64>| v.chunks_exact(3).map(DVec3::from_slice).collect::<Vec<_>>();
         let joint_positions = vec3(self.doubles("joints", &[Some(joints), Some(3)])?);
+        if config.plain_skinning && meta.property_model != ModelTag::Direct {
+            return Err(self.invalid("config", "only `direct` avatars have plain skinning; train it again"));
+        }
         if config.shape_bases > 64 || config.color_components > 64 {
             return Err(self.invalid("config", "more than 64 bases or colour components"));
         }

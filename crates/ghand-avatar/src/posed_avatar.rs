@@ -66,6 +66,7 @@ impl PosedAvatar {
             basis_count: config.shape_bases,
             coefficients: config.coefficients,
             frames,
+            plain_skinning: config.plain_skinning,
             anchored: config.residual_skeleton == ResidualSkeleton::Anchored,
             zero_sum: config.residual_weights == ResidualWeights::ZeroSum,
             lit_surface,

@@ -138,6 +138,11 @@ impl<'a> DirectTwin<'a> {
         let DirectTables { shape_basis, residual_weights, regressor, appearance, .. } = tables;
         let (template, count) = (&avatar.template, avatar.template.len());
         let basis = widen(shape_basis);
+        // Plain skinning is that with residual weights of 0.
+        let residual = |values: &[f32]| match avatar.config.plain_skinning {
+            true => vec![0.0; template.joint_count() * count],
+            false => widen(values),
+        };
         Some(DirectTwin {
             avatar,
             response: tables.pose_response(avatar.config.channels()),
@@ -145,8 +150,8 @@ impl<'a> DirectTwin<'a> {
             rest: vectors(&widen(&template.rest), 0, count),
             normals: template.normals.as_ref().map(|normals| vectors(&widen(normals), 0, count)),
             shape_basis: (0..avatar.config.shape_bases).flat_map(|i| vectors(&basis, 3 * i, count)).collect(),
-            residual_weights: widen(residual_weights),
-            regressor: widen(regressor),
+            residual_weights: residual(residual_weights),
+            regressor: residual(regressor),
             appearance: widen(appearance),
         })
     }
@@ -246,6 +251,9 @@ impl<'a> DirectTwin<'a> {
         let (d_response, d_features) = self.response.evaluate_vjp(&self.weights, &posed.features, &d_channels, count);
         d.local.iter_mut().zip(response_features_vjp(&d_features)).for_each(|(sum, d_local)| *sum += d_local);
         let d_pose = d.rotations(pose).into_iter().chain([d.translation]).flat_map(|v| v.to_array()).collect();
+        if config.plain_skinning {
+            (d.residual_weights, d.skeleton_regressor) = (vec![], vec![]);
+        }
         TwinGradients {
             tables: [
                 ("shape_basis", d.shape_basis.chunks_exact(count.max(1)).flat_map(rows).collect()),

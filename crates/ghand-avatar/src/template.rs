@@ -70,6 +70,10 @@ pub struct AvatarConfig {
     /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
     #[serde(skip_serializing_if = "is_default")]
     pub antialias: bool,
+    /// Whether skinning is plain linear blend skinning: the avatar has no residual weights and no residual skeleton. Only of
+    /// `direct` avatars.
+    #[serde(skip_serializing_if = "is_default")]
+    pub plain_skinning: bool,
     /// Which joints a Gaussian's residual weights are for.
     #[serde(skip_serializing_if = "is_default")]
     pub residual_support: ResidualSupport,
@@ -92,6 +96,7 @@ impl Default for AvatarConfig {
             residual_skeleton: ResidualSkeleton::default(),
             gaussians: GaussianShape::default(),
             antialias: false,
+            plain_skinning: false,
             residual_support: ResidualSupport::default(),
             offsets: Offsets::default(),
             network: None,

@@ -95,13 +95,18 @@ fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
 fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
     for coefficients in [CoefficientLayout::PerBasis, CoefficientLayout::PerComponent] {
         for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
-            for residual_skeleton in [ResidualSkeleton::Paper, ResidualSkeleton::Anchored] {
+            for (residual_skeleton, plain_skinning) in [
+                (ResidualSkeleton::Paper, false),
+                (ResidualSkeleton::Anchored, false),
+                (ResidualSkeleton::Anchored, true),
+            ] {
                 let config = AvatarConfig {
                     shape_bases: 3,
                     coefficients,
                     color_components: 2,
                     residual_weights,
                     residual_skeleton,
+                    plain_skinning,
                     ..Default::default()
                 };
                 let avatar = random_avatar(0, &config);
@@ -123,6 +128,10 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
                     let d_gaussians = random(10, 7 * COUNT, 1.0);
                     let device = on_device(&avatar, &pose, &d_gaussians);
                     let exact = in_f64(&avatar, &pose, &d_gaussians);
+                    assert_eq!(
+                        exact.parts.iter().filter(|(_, d)| d.is_empty()).count(),
+                        2 * usize::from(plain_skinning)
+                    );
                     for ((name, a), (twins, b)) in device.parts.iter().zip(&exact.parts) {
                         assert_eq!(name, twins);
                         let error = relative_error(a, b);
@@ -131,7 +140,7 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
                             "{residual_weights:?} {residual_skeleton:?} angle {angle} {name}: {error}"
                         );
                         let mut wrong = b.clone();
-                        let last = wrong.len() - 1;
+                        let Some(last) = wrong.len().checked_sub(1) else { continue };
                         wrong[last] += 1e-4 + 1e-3 * b.iter().map(|v| v * v).sum::<f64>().sqrt();
                         assert!(!(relative_error(a, &wrong) <= 2e-5), "{name} is not compared");
                     }
@@ -139,6 +148,44 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
             }
         }
     }
+}
+
+#[test]
+fn plain_skinning_is_skinning_with_residual_terms_of_zero_without_their_tables() {
+    let config = AvatarConfig { shape_bases: 3, color_components: 2, ..Default::default() };
+    let mut corrected = random_avatar(0, &config);
+    let mut plain = corrected.clone();
+    plain.config.plain_skinning = true;
+    let PropertyTables::Direct(tables) = &mut corrected.tables else { unreachable!() };
+    tables.residual_weights.fill(0.0);
+    tables.regressor.fill(0.0);
+    let PropertyTables::Direct(tables) = &mut plain.tables else { unreachable!() };
+    (tables.residual_weights, tables.regressor) = (vec![], vec![]);
+    let vectors: Vec<DVec3> = widen(&random(9, 3 * JOINTS, 1.0)).chunks_exact(3).map(DVec3::from_slice).collect();
+    let pose = Pose { rotations: vectors, translation: DVec3::ZERO };
+    let d_gaussians = random(10, 7 * COUNT, 1.0);
+    let [corrected, plain] = [&corrected, &plain].map(|avatar| on_device(avatar, &pose, &d_gaussians));
+    for ((name, corrected), (_, plain)) in corrected.parts.iter().zip(&plain.parts) {
+        match name.as_str() {
+            "residual_weights" | "skeleton_regressor" => assert!(plain.is_empty() && !corrected.is_empty()),
+            _ => assert!(relative_error(plain, corrected) < 1e-6, "{name}"),
+        }
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ghand");
+    let model = ProceduralHand::default().build().unwrap();
+    let mut tables = 0;
+    let sizes = [false, true].map(|plain_skinning| {
+        let config = AvatarConfig { uv_resolution: 32, plain_skinning, ..Default::default() };
+        let avatar = Avatar::untrained(&model, &config, [0.5; 3], 7).unwrap();
+        avatar.save(&path).unwrap();
+        assert_eq!(Avatar::load(&path).unwrap(), avatar);
+        tables = 2 * avatar.template.len() * avatar.template.joint_count() * size_of::<f32>();
+        std::fs::metadata(&path).unwrap().len() as usize
+    });
+    // Two entries fewer in the header, too.
+    assert!((tables..tables + 400).contains(&(sizes[0] - sizes[1])), "{sizes:?}, {tables}");
 }
 
 #[test]

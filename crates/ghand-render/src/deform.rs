@@ -85,6 +85,8 @@ pub struct DeformTemplate<'a> {
     pub coefficients: CoefficientLayout,
     /// Number of poses in the pose table.
     pub frames: usize,
+    /// Whether skinning is plain: there are no residual weights, no regressor and no residual skeleton.
+    pub plain_skinning: bool,
     /// Whether the residual skeleton is anchored at the rest joints.
     pub anchored: bool,
     /// Whether the mean over joints is subtracted from the residual weights.
@@ -192,7 +194,7 @@ pub struct Deformation {
 /// From properties to posed Gaussians.
 struct PropertyStages {
     blend_shapes: BlendShapes,
-    residual_skeleton: ResidualSkeleton,
+    residual_skeleton: Option<ResidualSkeleton>,
     skin: Skin,
     normals: Option<Normals>,
 }
@@ -239,6 +241,7 @@ impl Deformation {
             joints,
             bases: template.basis_count,
             coefficients: template.coefficients,
+            plain_skinning: template.plain_skinning,
         };
         let buffers = ForwardBuffers {
             pose: buffers::uniform(gpu, "pose", &current),
@@ -258,7 +261,7 @@ impl Deformation {
             skeleton: Skeleton::new(gpu, &buffers),
             posing: Posing::Properties(Box::new(PropertyStages {
                 blend_shapes: BlendShapes::new(gpu, &buffers),
-                residual_skeleton: ResidualSkeleton::new(gpu, &buffers),
+                residual_skeleton: (!template.plain_skinning).then(|| ResidualSkeleton::new(gpu, &buffers)),
                 skin: Skin::new(gpu, &buffers),
                 normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             })),
@@ -419,7 +422,9 @@ impl Deformation {
         match &self.posing {
             Posing::Properties(stages) => {
                 stages.blend_shapes.encode(&mut pass);
-                stages.residual_skeleton.encode(&mut pass);
+                if let Some(residual_skeleton) = &stages.residual_skeleton {
+                    residual_skeleton.encode(&mut pass);
+                }
                 stages.skin.encode(&mut pass);
             }
             Posing::Baked(baked) => baked.encode(&mut pass),
@@ -497,7 +502,7 @@ pub struct DeformationBackward {
     row_bytes: u64,
     skin: SkinBackward,
     shade: Option<ShadeBackward>,
-    residual_skeleton: ResidualSkeletonBackward,
+    residual_skeleton: Option<ResidualSkeletonBackward>,
     blend_shapes: BlendShapesBackward,
     skeleton: SkeletonBackward,
 }
@@ -521,7 +526,7 @@ impl DeformationBackward {
         DeformationBackward {
             skin: SkinBackward::new(gpu, b, &d),
             shade: forward.shade.as_ref().map(|shade| ShadeBackward::new(gpu, shade, b, &d)),
-            residual_skeleton: ResidualSkeletonBackward::new(gpu, b, &d),
+            residual_skeleton: (!sizes.plain_skinning).then(|| ResidualSkeletonBackward::new(gpu, b, &d)),
             blend_shapes: BlendShapesBackward::new(gpu, b, &d),
             skeleton: SkeletonBackward::new(gpu, b, &d),
             place: forward.place,
@@ -578,8 +583,13 @@ impl DeformationBackward {
     /// Encodes the gradients from the points to all other properties, and the residual skeleton's part of the local
     /// rotations' gradient.
     pub fn encode_property_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
+        if self.residual_skeleton.is_none() {
+            encoder.clear_buffer(&self.buffers.d_local, 0, None);
+        }
         let mut pass = compute_pass(encoder, "property gradients");
-        self.residual_skeleton.encode(&mut pass);
+        if let Some(residual_skeleton) = &self.residual_skeleton {
+            residual_skeleton.encode(&mut pass);
+        }
         self.blend_shapes.encode(&mut pass);
     }
 

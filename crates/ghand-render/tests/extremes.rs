@@ -342,16 +342,27 @@ fn a_million_gaussians() {
         .into_iter()
         .map(|g| Gaussian { mean: rounded(g.mean + DVec3::Z), ..g })
         .collect();
-    let gpu = gpu();
-    let options = SplatOptions { purpose: Purpose::Images, ..Default::default() };
-    let mut splatter = Splatter::new(&gpu, options, count, [96, 96]).unwrap();
-    gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table(&gaussians, &SplatModel::HAND)));
-    splatter.set_view(&gpu, View::new(&camera, count, BACKGROUND, 1.0)).unwrap();
-    let image = splatter.render(&gpu).unwrap();
+    let (gpu, model, numbers) = (gpu(), SplatModel::HAND, table(&gaussians, &SplatModel::HAND));
     let background = DVec3::from(BACKGROUND.map(f64::from));
     let scene =
         Scene { gaussians: &gaussians, camera: &camera, background, antialias: false, cuts: CutOffs::default() };
-    let (error, flips) = compare_images(&image.rgba, &scene.rasterize(), 2e-3);
-    println!("1,000,000 Gaussians: image {error:.1e}, {flips} of {} pixels flipped", image.rgba.len());
-    assert!(error <= 1e-3 && flips * 20 <= image.rgba.len(), "{error}, {flips} flips");
+    let twin = scene.rasterize();
+    let mut weights = random_weights(7, twin.len());
+    let image = render_table(&gpu, model, &numbers, &camera, 1.0, &weights).image;
+    let (error, flips) = compare_images(&image, &twin, 2e-3);
+    println!("1,000,000 Gaussians: image {error:.1e}, {flips} of {} pixels flipped", image.len());
+    assert!(error <= 1e-3 && flips * 20 <= image.len(), "{error}, {flips} flips");
+
+    // Without the pixels that rounding has decided otherwise.
+    for (pixel, weight) in weights.iter_mut().enumerate() {
+        if compare_images(&image[pixel..=pixel], &twin[pixel..=pixel], FLIP).1 > 0 {
+            *weight = [0.0; 4];
+        }
+    }
+    let gradient = render_table(&gpu, model, &numbers, &camera, 1.0, &weights).gradient;
+    let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
+    let expected = gradient_table(&gaussians, &scene.rasterize_vjp(&d_image).0, &model);
+    let error = gradient_error(model, &expected, &gradient, 0.0);
+    println!("1,000,000 Gaussians: gradients {error:.1e}");
+    assert!(error <= 1e-3, "{error}");
 }

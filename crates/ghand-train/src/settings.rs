@@ -404,7 +404,10 @@ impl TrainSettings {
             Components::Weights => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored),
             _ => (self.residual_weights, self.residual_skeleton),
         };
+        let plain_skinning =
+            self.model == Model::Direct && matches!(self.components, Components::Baseline | Components::Hgbs);
         AvatarConfig {
+            plain_skinning,
             uv_resolution: self.uv_resolution,
             shape_bases,
             coefficients,

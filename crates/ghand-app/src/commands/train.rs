@@ -66,12 +66,12 @@ pub struct TrainArgs {
     resume: bool,
     #[command(flatten)]
     settings: SettingsArgs,
-    /// Time between two checkpoints, from which an interrupted run goes on
-    #[arg(long, value_name = "TIME", default_value = "1m", value_parser = humantime::parse_duration)]
-    checkpoint_every: Duration,
-    /// Keep a checkpoint of every so many iterations, beside the last two, and after the run; 0 keeps none
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    keep_checkpoints: u64,
+    /// Time between two checkpoints, from which an interrupted run goes on [default: 1m]
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    checkpoint_every: Option<Duration>,
+    /// Keep a checkpoint of every so many iterations, beside the last two, and after the run [default: 0, none]
+    #[arg(long, value_name = "N")]
+    keep_checkpoints: Option<u64>,
     /// Bake the avatar for this preset of `viewer` and `ghand render` as well
     #[arg(long, value_enum)]
     quality: Option<Quality>,
@@ -126,6 +126,8 @@ impl TrainArgs {
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
             quality: self.quality,
+            checkpoint_every: self.checkpoint_every,
+            keep_checkpoints: self.keep_checkpoints,
         })
     }
 
@@ -174,6 +176,8 @@ impl TrainArgs {
     }
 }
 
+/// The usual time between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// The usual name of the split for training.
 const DEFAULT_SPLIT: &str = "train";
 /// The usual name of the split for evaluation.
@@ -270,7 +274,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
     }
     interruption.stop_first();
-    let checkpoints = Checkpoints::new(&folder.checkpoints(), args.checkpoint_every, args.keep_checkpoints);
+    let every = args.checkpoint_every.or(record.checkpoint_every).unwrap_or(CHECKPOINT_EVERY);
+    let kept = args.keep_checkpoints.or(record.keep_checkpoints).unwrap_or(0);
+    let checkpoints = Checkpoints::new(&folder.checkpoints(), every, kept);
     let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
     let trained = match train(trainer, settings.iterations, &folder.checkpoints()) {
         Ok(trained) => trained,
@@ -371,7 +377,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         })
     })?;
     if !stopped_early {
-        folder.end(args.keep_checkpoints > 0);
+        folder.end(kept > 0);
     }
     print_table(&metrics);
     say!("avatar: {}", avatar_path.display());

@@ -1,6 +1,7 @@
 //! How a run was started, kept beside its checkpoints, so that `train --resume` needs no other options.
 
 use std::path::Path;
+use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use ghand_files::atomic_file::write_atomically;
@@ -41,6 +42,12 @@ pub struct RunRecord {
     /// What the avatar is baked for in the end.
     #[serde(default)]
     pub quality: Option<Quality>,
+    /// Time between two checkpoints, if it was given.
+    #[serde(default)]
+    pub checkpoint_every: Option<Duration>,
+    /// Of every how many iterations a checkpoint is kept, if it was given.
+    #[serde(default)]
+    pub keep_checkpoints: Option<u64>,
 }
 
 impl RunRecord {

@@ -19,7 +19,9 @@ impl Normals {
         let normals = buffers::zeroed(gpu, "normals", rest_normals.len());
         let all = [&[("rest_normals", &rest), ("normals", &normals)], &b.named()[..]].concat();
         Normals {
-            skin_normals: Module::new(gpu, "normals").stage(gpu, "skin_normals", &[]).bind(gpu, &all),
+            skin_normals: Module::new(gpu, "normals")
+                .stage(gpu, "skin_normals", &b.properties.sizes.skinning())
+                .bind(gpu, &all),
             count: b.properties.sizes.gaussians as u32,
             normals,
         }

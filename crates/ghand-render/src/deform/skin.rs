@@ -12,7 +12,7 @@ pub struct Skin {
 
 impl Skin {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> Skin {
-        let skin = Module::new(gpu, "skin").stage(gpu, "skin", &[]).bind(gpu, &b.named());
+        let skin = Module::new(gpu, "skin").stage(gpu, "skin", &b.properties.sizes.skinning()).bind(gpu, &b.named());
         Skin { skin, count: b.properties.sizes.gaussians as u32 }
     }
 
@@ -31,7 +31,9 @@ pub struct SkinBackward {
 impl SkinBackward {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> SkinBackward {
         let all = [&b.named()[..], &d.named()[..]].concat();
-        let skin = Module::new(gpu, "skin_backward").stage(gpu, "skin_backward", &[]).bind(gpu, &all);
+        let skin = Module::new(gpu, "skin_backward")
+            .stage(gpu, "skin_backward", &b.properties.sizes.skinning())
+            .bind(gpu, &all);
         SkinBackward { skin, count: b.properties.sizes.gaussians as u32 }
     }
 

@@ -156,6 +156,7 @@ impl Run {
             basis_count: BASES,
             coefficients: kind.coefficients,
             frames: 2,
+            plain_skinning: false,
             anchored: kind.skeleton == ResidualSkeleton::Anchored,
             zero_sum: kind.weights == ResidualWeights::ZeroSum,
             lit_surface: None,

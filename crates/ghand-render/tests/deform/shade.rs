@@ -65,6 +65,7 @@ impl Case {
             basis_count: 1,
             coefficients: CoefficientLayout::PerBasis,
             frames: 3,
+            plain_skinning: false,
             anchored: true,
             zero_sum: false,
             lit_surface: Some(LitSurface {

@@ -69,11 +69,16 @@ impl PoseProperties {
         let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
         let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
         let rows = p.sizes.coefficients.rows();
+        // Plain skinning is that with residual weights of 0.
+        let residual = |buffer: &wgpu::Buffer| match p.sizes.plain_skinning {
+            true => Ok(vec![0.0; joints * n]),
+            false => buffers::read(gpu, buffer, joints * n).map(wide),
+        };
         Ok(PoseProperties {
             shape_basis: vectors(&wide(buffers::read(gpu, &p.shape_basis, 3 * bases * n)?), n),
             coefficients: buffers::read(gpu, &p.coefficients, rows * bases * n)?,
-            residual_weights: wide(buffers::read(gpu, &p.residual_weights, joints * n)?),
-            regressor: wide(buffers::read(gpu, &p.regressor, joints * n)?),
+            residual_weights: residual(&p.residual_weights)?,
+            regressor: residual(&p.regressor)?,
         })
     }
 }

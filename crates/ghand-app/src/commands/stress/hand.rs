@@ -233,6 +233,7 @@ fn config(draw: &mut Draw) -> AvatarConfig {
         color_components: draw.one(&[0, 1, 3]),
         residual_weights: draw.one(&[ResidualWeights::Paper, ResidualWeights::ZeroSum]),
         residual_skeleton: draw.one(&[ResidualSkeleton::Paper, ResidualSkeleton::Anchored]),
+        plain_skinning: draw.chance(0.3),
         gaussians: draw.one(&[GaussianShape::Round, GaussianShape::Flat]),
         antialias: draw.chance(0.5),
         ..AvatarConfig::default()

@@ -180,7 +180,7 @@ impl PropertyModel for DirectModel {
                 let respond_backward = module.stage(gpu, "respond_backward", &[]).bind(gpu, &all);
                 let response_backward = module.stage(gpu, "response_backward", &[]).bind(gpu, &all);
                 let local = |values| LocalWeights::new(gpu, deformation.weights(), values, self.joints, self.count);
-                let is_local = self.config.residual_support == ResidualSupport::Local;
+                let is_local = self.config.residual_support == ResidualSupport::Local && !self.config.plain_skinning;
                 let local_weights = is_local.then(|| [&gradients[1], &self.tables[1]].map(local));
                 (gradients, respond_backward, coefficient_sums, color_sums, response_backward, local_weights)
             })?;

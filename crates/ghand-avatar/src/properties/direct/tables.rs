@@ -13,9 +13,9 @@ pub(super) const APPEARANCE_ROWS: usize = 4;
 pub struct DirectTables {
     /// S, `[n * 3][N]`, metres.
     pub shape_basis: Vec<f32>,
-    /// W^, `[n_b][N]`.
+    /// W^, `[n_b][N]`; empty if skinning is plain.
     pub residual_weights: Vec<f32>,
-    /// R, `[n_b][N]`.
+    /// R, `[n_b][N]`; empty if skinning is plain.
     pub regressor: Vec<f32>,
     /// Scale logit, base colour logits (3), colour components (3 each), `[4 + 3 m][N]`.
     pub appearance: Vec<f32>,
@@ -28,10 +28,11 @@ pub struct DirectTables {
 /// Lengths of the tables of [`DirectTables`], in the order of its fields.
 pub fn table_lengths(count: usize, joints: usize, config: &AvatarConfig) -> [usize; 6] {
     let channels = config.channels();
+    let residual = if config.plain_skinning { 0 } else { joints * count };
     [
         3 * config.shape_bases * count,
-        joints * count,
-        joints * count,
+        residual,
+        residual,
         (APPEARANCE_ROWS + 3 * config.color_components) * count,
         channels + channels * joints * 9,
         channels * joints * 2,

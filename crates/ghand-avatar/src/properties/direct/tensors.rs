@@ -12,8 +12,10 @@ impl DirectTables {
         let (count, joints) = (template.len(), template.joint_count());
         let channels = config.channels();
         out.add("shape_basis", Dtype::F32, &[config.shape_bases, 3, count], &self.shape_basis);
-        out.add("residual_weights", Dtype::F32, &[joints, count], &self.residual_weights);
-        out.add("skeleton_regressor", Dtype::F32, &[joints, count], &self.regressor);
+        if !config.plain_skinning {
+            out.add("residual_weights", Dtype::F32, &[joints, count], &self.residual_weights);
+            out.add("skeleton_regressor", Dtype::F32, &[joints, count], &self.regressor);
+        }
         out.add("appearance", Dtype::F32, &[self.appearance.len() / count.max(1), count], &self.appearance);
         out.add("response_bias", Dtype::F32, &[channels], &self.response[..channels]);
         out.add("response_gain", Dtype::F32, &[channels, joints, 9], &self.response[channels..]);
@@ -37,10 +39,14 @@ impl DirectTables {
             return Err(reader.invalid("response_limits", format!("{problem}; train the avatar again")));
         }
         let appearance_rows = table_lengths(count, joints, config)[3] / count;
+        let residual = |name: &str| match config.plain_skinning {
+            true => Ok(vec![]),
+            false => reader.floats(name, &[Some(joints), Some(count)]),
+        };
         Ok(DirectTables {
             shape_basis: reader.floats("shape_basis", &[Some(config.shape_bases), Some(3), Some(count)])?,
-            residual_weights: reader.floats("residual_weights", &[Some(joints), Some(count)])?,
-            regressor: reader.floats("skeleton_regressor", &[Some(joints), Some(count)])?,
+            residual_weights: residual("residual_weights")?,
+            regressor: residual("skeleton_regressor")?,
             appearance: reader.floats("appearance", &[Some(appearance_rows), Some(count)])?,
             response: [bias, gain].concat(),
             response_limits,

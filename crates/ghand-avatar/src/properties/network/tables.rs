@@ -39,6 +39,7 @@ pub(super) fn property_sizes(template: &Template, config: &AvatarConfig) -> Prop
         joints: template.joint_count(),
         bases: config.shape_bases,
         coefficients: config.coefficients,
+        plain_skinning: false,
     }
 }
 

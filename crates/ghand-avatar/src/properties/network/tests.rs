@@ -57,8 +57,13 @@ const MAX_SCALE: f32 = 0.02;
 
 impl Case {
     fn new(sizes: NetworkSizes, gaussians: usize) -> Case {
-        let properties =
-            PropertySizes { gaussians, joints: 3, bases: 2, coefficients: CoefficientLayout::PerComponent };
+        let properties = PropertySizes {
+            gaussians,
+            joints: 3,
+            bases: 2,
+            coefficients: CoefficientLayout::PerComponent,
+            plain_skinning: false,
+        };
         let (networks, list) = Networks::new(&sizes, properties);
         let parameters = list.parameters.iter().enumerate().map(|(k, p)| {
             let values = random(100 + k as u64, p.len(), 0.5);
@@ -217,8 +222,13 @@ fn count(list: &[Parameter], part: Part) -> usize {
 
 #[test]
 fn every_part_has_the_papers_number_of_parameters() {
-    let properties =
-        PropertySizes { gaussians: 87_779, joints: 16, bases: 8, coefficients: CoefficientLayout::PerComponent };
+    let properties = PropertySizes {
+        gaussians: 87_779,
+        joints: 16,
+        bases: 8,
+        coefficients: CoefficientLayout::PerComponent,
+        plain_skinning: false,
+    };
     let (_, list) = Networks::new(&NetworkSizes::paper(), properties);
     let list = list.parameters;
     // 4 x 4 kernels; down 3, 32, 64, 128, 256, 256; up 256, 128, 64, 32, 64 from those and what was skipped.
