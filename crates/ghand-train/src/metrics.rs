@@ -38,25 +38,40 @@ pub(crate) fn psnr_of(sum: f64, values: usize) -> f64 {
     -10.0 * mean.max((0.5f64 / 255.0).powi(2) / values.max(1) as f64).log10()
 }
 
+/// PSNR of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Psnr {
+    /// Over all pixels, dB, on 8-bit values.
+    pub whole: f64,
+    /// Over the truth's mask, dB.
+    pub hand: f64,
+}
+
+/// PSNR of an 8-bit picture against a truth (red, green, blue, mask) of the same size.
+pub fn psnr(picture: &[[u8; 3]], truth: &[[u8; 4]]) -> Psnr {
+    let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
+    for (p, t) in picture.iter().zip(truth) {
+        let error = squared_error(*p, *t);
+        sum += error;
+        if t[3] >= 128 {
+            hand_sum += error;
+            hand += 3;
+        }
+    }
+    Psnr { whole: psnr_of(sum, 3 * picture.len()), hand: psnr_of(hand_sum, hand) }
+}
+
 /// Similarity of 8-bit pictures to one truth (red, green, blue, mask) of the same size.
 pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth: &[[u8; 4]]) -> [ImageSimilarity; N] {
     let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
     let bands = bands_of(truth, size);
     pictures.map(|picture| {
-        let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
-        for (p, t) in picture.iter().zip(truth) {
-            let error = squared_error(*p, *t);
-            sum += error;
-            if t[3] >= 128 {
-                hand_sum += error;
-                hand += 3;
-            }
-        }
+        let psnr = psnr(picture, truth);
         let mut errors = ErrorBands::default();
         errors.add(&bands, picture, truth);
         ImageSimilarity {
-            psnr: psnr_of(sum, 3 * picture.len()),
-            psnr_hand: psnr_of(hand_sum, hand),
+            psnr: psnr.whole,
+            psnr_hand: psnr.hand,
             ssim: mean_ssim(size[0] as usize, picture, &colors),
             flip: mean_flip(size, picture, &colors),
             lpips: None,

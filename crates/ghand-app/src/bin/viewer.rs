@@ -15,6 +15,7 @@ use ghand_app::quality::{self, Quality};
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
+use ghand_app::viewer::comparison::Comparison;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
 use ghand_app::viewer::quality_choice::QualityChoice;
 use ghand_app::viewer::screenshot::screenshot;
@@ -45,6 +46,9 @@ struct Arguments {
     capture: Option<PathBuf>,
     #[command(flatten)]
     capture_options: CaptureOptions,
+    /// What is shown of the picture and the capture's image of the same view
+    #[arg(long, value_enum, default_value_t, requires = "capture")]
+    compare: Comparison,
     /// Take live poses from trackers and programs on this computer, by WebSocket and UDP on this port; the same as
     /// "Live poses" in the menu [default port: 4263]
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, conflicts_with = "screenshot")]
@@ -108,6 +112,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     if let Some(capture) = capture {
         viewer.show_capture(capture);
+        viewer.compare(arguments.compare);
     }
     if let Some(path) = &path {
         viewer.watch(path, &arguments.light);

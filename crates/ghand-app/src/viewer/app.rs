@@ -6,6 +6,7 @@ mod controls;
 mod files;
 mod live;
 mod recovery;
+mod truth;
 mod view;
 
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::light_args::LightArgs;
 use crate::shown::Shown;
+use crate::viewer::app::truth::TruthView;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command_palette::CommandPalette;
@@ -80,6 +82,7 @@ pub struct Viewer {
     turntable: bool,
     turntable_time: Option<f64>,
     capture: Option<CapturePanel>,
+    truth: TruthView,
     /// Live poses, while their port is open.
     live: Option<Live>,
     live_settings: LiveSettings,
@@ -126,6 +129,7 @@ impl Viewer {
             turntable: false,
             turntable_time: None,
             capture: None,
+            truth: TruthView::default(),
             live: None,
             live_settings: LiveSettings::default(),
             toasts: Toasts::default(),
@@ -163,16 +167,17 @@ impl Viewer {
         &self.gpu
     }
 
-    /// Waits for the picture. Returns whether it is complete; if not, the user interface must run once more.
+    /// Waits for the picture. Returns whether all is complete; if not, the user interface must run once more.
     ///
     /// # Errors
     /// [`RenderError`] if the picture could not be rendered.
     pub fn finish(&mut self) -> Result<bool, RenderError> {
         self.gpu.wait()?;
         self.collect();
+        self.wait_for_truth();
         match self.failure.take() {
             Some(failure) => Err(failure),
-            None => Ok(self.shown.is_some()),
+            None => Ok(self.shown.is_some() && !self.comparison_is_busy()),
         }
     }
 

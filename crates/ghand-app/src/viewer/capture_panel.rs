@@ -1,9 +1,11 @@
 //! The cameras and frames of a capture: the view of each camera, the hand in the pose of each frame.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::ensure;
 use egui::{ComboBox, RichText, Ui};
+use ghand_capture::Capture;
 use ghand_core::{Camera, HandModel};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
@@ -15,7 +17,7 @@ use crate::viewer::number_slider::number_slider;
 #[derive(Debug, Clone)]
 pub struct CapturePanel {
     name: String,
-    cameras: Vec<Camera>,
+    capture: Arc<Capture>,
     frames: Vec<PoseFrame>,
     camera: usize,
     frame: usize,
@@ -50,17 +52,28 @@ impl CapturePanel {
         ensure!(!own.frames.is_empty(), "{origin}: has no poses");
         remarks.extend(own.warnings);
         let name = path.file_name().map_or(origin.clone(), |name| name.to_string_lossy().into_owned());
-        Ok(CapturePanel { name, cameras: capture.cameras, frames: own.frames, camera: 0, frame: 0, remarks })
+        Ok(CapturePanel { name, capture: Arc::new(capture), frames: own.frames, camera: 0, frame: 0, remarks })
     }
 
     /// The chosen camera and frame.
     pub fn chosen(&self) -> Option<(&Camera, &PoseFrame)> {
-        Some((self.cameras.get(self.camera)?, self.frames.get(self.frame)?))
+        Some((self.capture.cameras.get(self.camera)?, self.frames.get(self.frame)?))
+    }
+
+    /// The capture.
+    pub fn capture(&self) -> &Arc<Capture> {
+        &self.capture
+    }
+
+    /// Indices of the chosen camera and frame in the capture.
+    pub fn chosen_indices(&self) -> Option<(usize, usize)> {
+        let (_, frame) = self.chosen()?;
+        Some((self.camera, self.capture.frame_index(&frame.id)?))
     }
 
     /// Goes some cameras forward, or back; the first follows the last.
     pub fn step_camera(&mut self, by: isize) {
-        let count = self.cameras.len() as isize;
+        let count = self.capture.cameras.len() as isize;
         self.camera = (self.camera as isize + by).rem_euclid(count.max(1)) as usize;
     }
 
@@ -75,9 +88,9 @@ impl CapturePanel {
                 self.step_camera(-1);
                 chosen = true;
             }
-            let text = self.cameras.get(self.camera).map(|camera| camera.id.clone()).unwrap_or_default();
+            let text = self.capture.cameras.get(self.camera).map(|camera| camera.id.clone()).unwrap_or_default();
             let list = ComboBox::from_id_salt("camera").selected_text(text).width(100.0).show_ui(ui, |ui| {
-                for (k, camera) in self.cameras.iter().enumerate() {
+                for (k, camera) in self.capture.cameras.iter().enumerate() {
                     chosen |= ui.selectable_value(&mut self.camera, k, &camera.id).clicked();
                 }
             });

@@ -2,6 +2,8 @@
 
 use egui::{Event, Key, KeyboardShortcut, Modifiers};
 
+use crate::viewer::comparison::Comparison;
+
 /// Names a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the list of commands says what each does")]
@@ -32,6 +34,7 @@ pub enum CommandId {
     Measure,
     SwitchTheme,
     ShowPanel,
+    Compare(Comparison),
     ShowPalette,
     ShowHelp,
 }
@@ -45,13 +48,15 @@ pub enum Menu {
     Pose,
     /// The camera and the interface.
     View,
+    /// What the view shows of the subject.
+    Layers,
     /// What explains the rest.
     Help,
 }
 
 impl Menu {
     /// All menus in their order.
-    pub const ALL: [Menu; 4] = [Menu::File, Menu::Pose, Menu::View, Menu::Help];
+    pub const ALL: [Menu; 5] = [Menu::File, Menu::Pose, Menu::View, Menu::Layers, Menu::Help];
 
     /// Its title.
     pub fn title(self) -> &'static str {
@@ -59,6 +64,7 @@ impl Menu {
             Menu::File => "File",
             Menu::Pose => "Pose",
             Menu::View => "View",
+            Menu::Layers => "Layers",
             Menu::Help => "Help",
         }
     }
@@ -99,6 +105,10 @@ const fn command(
     summary: &'static str,
 ) -> Command {
     Command { id, title, menu, shortcuts, summary }
+}
+
+const fn compare(comparison: Comparison, title: &'static str) -> Command {
+    command(CommandId::Compare(comparison), Menu::Layers, title, &[], comparison.summary())
 }
 
 /// All commands, in the order of the menus.
@@ -249,6 +259,11 @@ pub const COMMANDS: &[Command] = &[
         &[key(Key::N)],
         "Shows or hides the panel, for more room in a narrow window.",
     ),
+    compare(Comparison::Picture, "Capture: picture alone"),
+    compare(Comparison::Truth, "Capture: truth"),
+    compare(Comparison::Split, "Capture: split"),
+    compare(Comparison::Flicker, "Capture: flicker"),
+    compare(Comparison::Difference, "Capture: difference"),
     command(
         CommandId::ShowPalette,
         Menu::Help,

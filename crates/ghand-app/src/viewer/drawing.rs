@@ -10,7 +10,7 @@ use ghand_render::splat::Counters;
 use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
-use crate::bare_hand::{BareHand, studio_light};
+use crate::bare_hand::{BareHand, PosedMesh, studio_light};
 use crate::viewer::picture::PictureInputs;
 
 /// Samples per pixel along each axis.
@@ -64,18 +64,28 @@ impl Drawing {
     ) -> Result<Layer, RenderError> {
         match self {
             Drawing::Gaussians(scene) => {
-                if let Some(light) = &inputs.light {
-                    scene.avatars_mut().iter_mut().for_each(|avatar| avatar.set_light(light));
-                }
-                if let Some(pose) = &inputs.pose {
-                    scene.set_pose(gpu, 0, 0, pose)?;
-                }
+                set_inputs(scene, gpu, inputs)?;
                 scene.set_view(gpu, &inputs.camera, inputs.background)?;
                 scene.encode(gpu, encoder)?;
                 let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
                 Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
             }
             Drawing::Mesh(mesh) => mesh.encode(encoder, inputs),
+        }
+    }
+
+    /// Renders an image over its background, waits for it and reads it: row-major display values.
+    ///
+    /// # Errors
+    /// As [`Drawing::encode`].
+    pub fn read(&mut self, gpu: &Gpu, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
+        match self {
+            Drawing::Gaussians(scene) => {
+                set_inputs(scene, gpu, inputs)?;
+                let image = scene.render(gpu, 0, &inputs.camera, inputs.background)?;
+                Ok(image.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect())
+            }
+            Drawing::Mesh(mesh) => mesh.read(inputs),
         }
     }
 
@@ -107,18 +117,41 @@ impl Drawing {
     }
 }
 
+/// Sets the light and the pose of a scene.
+fn set_inputs(scene: &mut Scene, gpu: &Gpu, inputs: &PictureInputs) -> Result<(), RenderError> {
+    if let Some(light) = &inputs.light {
+        scene.avatars_mut().iter_mut().for_each(|avatar| avatar.set_light(light));
+    }
+    inputs.pose.as_ref().map_or(Ok(()), |pose| scene.set_pose(gpu, 0, 0, pose))
+}
+
 impl MeshDrawing {
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, inputs: &PictureInputs) -> Result<Layer, RenderError> {
+    fn posed(&self, inputs: &PictureInputs) -> Result<PosedMesh, RenderError> {
         let Some(pose) = &inputs.pose else { return Err(RenderError::Invalid("a hand needs a pose".into())) };
-        let posed = self.hand.posed(&inputs.shape, pose).map_err(|e| RenderError::Invalid(e.to_string()))?;
-        let instance = self.hand.instance(&posed);
-        let style = MeshStyle { supersample: SUPERSAMPLE, shading: studio_light(&inputs.camera), wireframe: None };
+        self.hand.posed(&inputs.shape, pose).map_err(|e| RenderError::Invalid(e.to_string()))
+    }
+
+    fn read(&self, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
+        let posed = self.posed(inputs)?;
+        let (instance, style) = (self.hand.instance(&posed), mesh_style(&inputs.camera));
+        let image = self.renderer.render(&instance, &inputs.camera, &style).map_err(render_error)?;
+        let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * inputs.background[c]);
+        Ok(image.rgba.iter().map(over).collect())
+    }
+
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, inputs: &PictureInputs) -> Result<Layer, RenderError> {
+        let posed = self.posed(inputs)?;
+        let (instance, style) = (self.hand.instance(&posed), mesh_style(&inputs.camera));
         // Without the empty part of the picture: most of the time goes into pixels.
         let (origin, size) = part_with(instance.positions, &inputs.camera);
         let camera = inputs.camera.cropped(origin[0] as i32, origin[1] as i32, size[0], size[1]);
         let image = self.renderer.encode(encoder, &instance, &camera, &style).map_err(render_error)?;
         Ok(Layer { image, origin, size, is_premultiplied: true })
     }
+}
+
+fn mesh_style(camera: &Camera) -> MeshStyle {
+    MeshStyle { supersample: SUPERSAMPLE, shading: studio_light(camera), wireframe: None }
 }
 
 /// The part of a picture, left column and top row, columns and rows, that shows points; at least one pixel.

@@ -30,7 +30,7 @@ pub fn help_overlay(context: &Context) -> bool {
         ui.separator();
         ScrollArea::vertical().max_height(room.y - 80.0).show(ui, |ui| {
             ui.columns(columns, |uis| {
-                let places = if columns == 2 { [0, 0, 1, 1] } else { [0; 4] };
+                let places = if columns == 2 { [0, 0, 1, 1, 1] } else { [0; 5] };
                 for (menu, place) in Menu::ALL.into_iter().zip(places) {
                     if let Some(ui) = uis.get_mut(place) {
                         commands(ui, menu);

@@ -167,6 +167,11 @@ impl Picture {
         self.frame_ms.get()
     }
 
+    /// Whether a picture is being rendered.
+    pub fn is_busy(&self) -> bool {
+        self.pending.is_some()
+    }
+
     /// Forgets the times so far.
     pub fn clear_times(&mut self) {
         self.frame_ms.clear();
@@ -239,6 +244,15 @@ impl Picture {
         });
         self.pending = Some(Pending { done, started });
         Ok(renewed)
+    }
+
+    /// Renders a picture beside the one that the texture shows, waits for it and reads it: row-major display values. The
+    /// previous picture must not be [`Progress::Busy`].
+    ///
+    /// # Errors
+    /// As [`Picture::render`].
+    pub fn read(&mut self, gpu: &Gpu, shot: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
+        self.drawing.read(gpu, shot)
     }
 
     /// Binds an image of the size and background of `shot`.

@@ -32,6 +32,7 @@ impl Viewer {
             self.toasts.note(remark);
         }
         self.capture = Some(capture);
+        self.truth.forget_images();
         self.look_through_camera();
     }
 
@@ -66,10 +67,11 @@ impl Viewer {
     /// The controls of a capture, if there is one.
     pub(super) fn capture_controls(&mut self, ui: &mut Ui) {
         if let Some(capture) = &mut self.capture {
-            ui.separator();
             if capture.show(ui) {
                 self.look_through_camera();
             }
+            self.truth_controls(ui);
+            ui.separator();
         }
     }
 
@@ -96,7 +98,7 @@ impl Viewer {
     }
 
     /// Shows the view of the capture's chosen camera, with a hand in the pose of the chosen frame.
-    fn look_through_camera(&mut self) {
+    pub(super) fn look_through_camera(&mut self) {
         let Some((camera, frame)) = self.capture.as_ref().and_then(CapturePanel::chosen) else { return };
         self.turntable = false;
         let mut middle = glam::DVec3::ZERO;

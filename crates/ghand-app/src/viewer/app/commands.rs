@@ -91,6 +91,7 @@ impl Viewer {
                 self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
             }
             CommandId::ShowPanel => self.settings.panel_shown = !self.settings.panel_shown,
+            CommandId::Compare(comparison) => self.compare(comparison),
             CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
             CommandId::ShowHelp => self.help_shown = true,
         }
@@ -113,6 +114,7 @@ impl Viewer {
             | CommandId::ViewLittleFingerSide
             | CommandId::ViewFingertips => self.subject.pose().is_some(),
             CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
+            CommandId::Compare(_) => self.comparable().is_some(),
             CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
             _ => true,
         }
@@ -176,6 +178,7 @@ impl Viewer {
             CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
             CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
             CommandId::PlayExact => Some(self.quality.chosen() == Quality::Exact),
+            CommandId::Compare(comparison) => Some(self.truth.comparison == comparison),
             CommandId::LivePoses => Some(self.live.is_some()),
             _ => None,
         }

@@ -11,6 +11,7 @@ impl Viewer {
         ui.label(RichText::new(&self.source).weak());
         ui.separator();
         self.live_controls(ui);
+        self.capture_controls(ui);
         if self.subject.controls(ui) {
             ui.separator();
         }
@@ -34,7 +35,6 @@ impl Viewer {
         });
         let hint = "Drag to rotate, right-drag to move, scroll to zoom. F1 lists all keys.";
         ui.label(RichText::new(hint).weak());
-        self.capture_controls(ui);
         ui.separator();
         self.figures(ui);
     }

@@ -162,6 +162,7 @@ impl Viewer {
         self.live_subject_changed();
         self.source = path.display().to_string();
         (self.shown, self.failure, self.handle_drag) = (None, None, None);
+        self.truth.forget_comparison();
         (self.detail, self.too_many) = (1.0, u32::MAX);
         Ok(())
     }

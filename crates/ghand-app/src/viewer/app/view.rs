@@ -35,7 +35,7 @@ impl Viewer {
             shape: self.subject.shape().to_vec(),
             light: self.subject.light().cloned(),
             camera: self.camera.camera(size),
-            background: self.background(ui).map(|v| f32::from(v) / 255.0),
+            background: self.background_of_truth().unwrap_or_else(|| self.background(ui).map(|v| f32::from(v) / 255.0)),
         };
         let outdated =
             |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
@@ -62,6 +62,7 @@ impl Viewer {
             let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
+        self.draw_truth(ui, rect);
         self.draw_handles(ui, rect);
         self.drop_hint(ui, rect);
         if !self.settings.panel_shown {
@@ -90,6 +91,7 @@ impl Viewer {
     pub(super) fn upload(&mut self) -> Result<(), RenderError> {
         self.uploaded = self.subject.shown();
         self.shown = None;
+        self.truth.forget_comparison();
         self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
         Ok(())
     }
@@ -128,7 +130,12 @@ impl Viewer {
         let events: Vec<Event> = ui.input(|i| i.events.clone());
         let screen = self.screen(rect, ui.ctx().pixels_per_point());
         // Ignores presses on a popup over the view.
-        let in_view = |pos| rect.contains(pos) && ui.ctx().layer_id_at(pos).is_none_or(|layer| layer == ui.layer_id());
+        let split_line = self.split_line(rect, ui.ctx().pixels_per_point());
+        let in_view = |pos| {
+            rect.contains(pos)
+                && ui.ctx().layer_id_at(pos).is_none_or(|layer| layer == ui.layer_id())
+                && split_line.is_none_or(|line| !line.contains(pos))
+        };
         let mut drags = std::mem::take(&mut self.drags);
         let found = drags
             .follow(&events, |pos| in_view(pos).then(|| self.handle_at(&screen, pos).map_or(Grip::View, Grip::Handle)));
@@ -206,7 +213,7 @@ impl Viewer {
     }
 
     /// The panel's size in pixels, reduced if that is too many.
-    fn picture_size(&self, rect: Rect, pixels_per_point: f32) -> [u32; 2] {
+    pub(super) fn picture_size(&self, rect: Rect, pixels_per_point: f32) -> [u32; 2] {
         let pixels = rect.size() * pixels_per_point;
         let shrink =
             (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0) * self.detail * self.quality.image_scale();

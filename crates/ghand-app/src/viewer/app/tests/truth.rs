@@ -1,0 +1,145 @@
+//! The picture is compared with the capture's image of the same view.
+
+use std::path::Path;
+
+use egui::{PointerButton, Pos2, Rect, pos2};
+use egui_kittest::kittest::NodeT;
+use ghand_synthetic::SyntheticOptions;
+use ghand_train::metrics::quantize;
+use ghand_train::synthetic_scene::make_capture;
+
+use super::*;
+use crate::capture_args::CaptureOptions;
+use crate::viewer::capture_panel::CapturePanel;
+use crate::viewer::picture::PictureInputs;
+
+/// The built-in hand in front of the first camera of a small capture.
+fn viewer(folder: &Path) -> Headless {
+    let mut ui = Headless::new(Subject::avatar(untrained_avatar()), vec2(760.0, 900.0), 0.3);
+    let options =
+        SyntheticOptions { views: 2, train_frames: 2, test_frames: 0, width: 60, height: 80, ..Default::default() };
+    make_capture(&ui.viewer().gpu, &options, folder).unwrap();
+    let model = ui.hand().model().clone();
+    let panel = CapturePanel::open(folder, &CaptureOptions::default(), &model).unwrap();
+    ui.viewer().show_capture(panel);
+    settle(&mut ui);
+    ui
+}
+
+/// Shows frames until the comparison is done.
+fn settle(ui: &mut Headless) {
+    for _ in 0..10 {
+        ui.frame(Vec::new());
+        if ui.viewer().finish().unwrap() {
+            ui.frame(Vec::new());
+            return;
+        }
+    }
+    panic!("the comparison does not end");
+}
+
+/// Replaces the capture's image of the view by the picture.
+fn put_picture_into_capture(ui: &mut Headless) {
+    let viewer = ui.viewer();
+    let panel = viewer.capture.as_ref().unwrap();
+    let (camera, capture) = (panel.chosen().unwrap().0.clone(), panel.capture().clone());
+    let (camera_index, frame) = panel.chosen_indices().unwrap();
+    let background = capture.background.map(|v| v as f32);
+    let inputs = PictureInputs { camera: camera.clone(), background, ..viewer.shown.clone().unwrap() };
+    let picture = viewer.picture.read(&viewer.gpu, &inputs).unwrap();
+    let bytes = picture.into_iter().flat_map(quantize).collect();
+    let image = image::RgbImage::from_raw(camera.width, camera.height, bytes).unwrap();
+    image.save(capture.image_file(camera_index, frame).unwrap()).unwrap();
+}
+
+/// What the panel says of the PSNR of the image, dB.
+fn psnr(ui: &Headless) -> f64 {
+    let labels: Vec<String> =
+        ui.harness.query_all_by_label_contains(" dB").filter_map(|label| label.accesskit_node().value()).collect();
+    labels.first().expect("no PSNR").trim_end_matches(" dB").parse().unwrap()
+}
+
+#[test]
+fn a_picture_differs_from_the_capture_but_not_from_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer(folder.path());
+    ui.click("difference");
+    settle(&mut ui);
+    let other = psnr(&ui);
+    assert!((5.0..40.0).contains(&other), "{other} dB");
+    assert!(ui.harness.query_by_label_contains("display values").is_some(), "the legend is missing");
+    put_picture_into_capture(&mut ui);
+    ui.viewer().truth.forget_images();
+    settle(&mut ui);
+    // Half a grey level in one of 60 x 80 x 3 values.
+    assert!(psnr(&ui) > 90.0, "{} dB", psnr(&ui));
+}
+
+#[test]
+fn the_truth_is_read_only_when_it_is_asked_for_and_not_beside_the_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer(folder.path());
+    assert!(ui.viewer().truth.texture().is_none());
+    ui.click("truth");
+    settle(&mut ui);
+    assert_eq!(ui.viewer().truth.texture(), Some((0, 0)));
+    ui.viewer().step_camera(1);
+    settle(&mut ui);
+    assert_eq!(ui.viewer().truth.texture(), Some((1, 0)));
+    ui.viewer().camera.orbit(DVec2::new(30.0, 0.0));
+    settle(&mut ui);
+    assert!(ui.harness.query_by_label_contains(" dB").is_none());
+    ui.click("Back to the camera");
+    settle(&mut ui);
+    assert!(ui.viewer().camera.is_calibrated() && psnr(&ui) > 0.0);
+}
+
+#[test]
+fn a_missing_or_broken_image_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer(folder.path());
+    let capture = ui.viewer().capture.as_ref().unwrap().capture().clone();
+    let missing = capture.image_file(0, 0).unwrap();
+    std::fs::remove_file(&missing).unwrap();
+    std::fs::write(capture.image_file(1, 0).unwrap(), "broken").unwrap();
+    ui.click("split");
+    settle(&mut ui);
+    let name = missing.file_name().unwrap().to_string_lossy().into_owned();
+    assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 1);
+    ui.viewer().toasts = Toasts::default();
+    settle(&mut ui);
+    assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 0);
+    ui.viewer().step_camera(1);
+    settle(&mut ui);
+    assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 1);
+    assert!(ui.viewer().failure.is_none());
+}
+
+#[test]
+fn the_line_of_the_split_is_dragged_and_the_view_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer(folder.path());
+    ui.click("split");
+    settle(&mut ui);
+    let line: Rect = ui.harness.get_by_label("Line between picture and truth").rect();
+    let (from, to) = (line.center(), line.center() + vec2(60.0, 0.0));
+    let button = |pos: Pos2, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Default::default(),
+    };
+    for events in [
+        vec![Event::PointerMoved(from)],
+        vec![button(from, true)],
+        vec![Event::PointerMoved(pos2(from.x + 30.0, from.y))],
+        vec![Event::PointerMoved(to)],
+        vec![button(to, false)],
+    ] {
+        ui.frame(events);
+    }
+    ui.frame(Vec::new());
+    let moved = ui.harness.get_by_label("Line between picture and truth").rect().center();
+    assert!((moved.x - to.x).abs() < 1.0, "{moved} instead of {to}");
+    assert!(ui.viewer().camera.is_calibrated());
+}
