@@ -13,10 +13,15 @@ impl Avatar {
     /// what it never saw, then Viridis by the logarithm of its weight, from a thousandth of the median to ten times as much.
     /// `None` if the avatar does not know.
     pub fn colored_by_seen(&self) -> Option<Avatar> {
-        let seen = self.seen.as_ref()?;
+        let colors = self.seen_colors()?;
         let mut avatar = Avatar { light: None, ..self.clone() };
-        avatar.tables.set_constant_colors(&colors(seen));
+        avatar.tables.set_constant_colors(&colors);
         Some(avatar)
+    }
+
+    /// The colours of [`Avatar::colored_by_seen`], N, display values.
+    pub fn seen_colors(&self) -> Option<Vec<[f64; 3]>> {
+        self.seen.as_deref().map(colors)
     }
 }
 

@@ -16,7 +16,9 @@ use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::comparison::Comparison;
+use ghand_app::viewer::layer::Layer;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
+use ghand_app::viewer::overlay::Overlay;
 use ghand_app::viewer::quality_choice::QualityChoice;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::settings::{Settings, Theme};
@@ -46,6 +48,15 @@ struct Arguments {
     capture: Option<PathBuf>,
     #[command(flatten)]
     capture_options: CaptureOptions,
+    /// What the colours of an avatar show
+    #[arg(long, value_enum, default_value_t)]
+    layer: Layer,
+    /// The joint of `--layer weights` [default: the first]
+    #[arg(long, value_name = "NAME")]
+    joint: Option<String>,
+    /// Lines over the view
+    #[arg(long, value_enum, value_name = "NAMES", value_delimiter = ',')]
+    overlay: Vec<Overlay>,
     /// What is shown of the picture and the capture's image of the same view
     #[arg(long, value_enum, default_value_t, requires = "capture")]
     compare: Comparison,
@@ -114,6 +125,17 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         viewer.show_capture(capture);
         viewer.compare(arguments.compare);
     }
+    if arguments.layer != Layer::Skin && !viewer.has_layer(arguments.layer) {
+        bail!("--layer {}: {source} does not have it; give an avatar that does", arguments.layer.name());
+    }
+    if let Some(joint) = arguments.joint.filter(|joint| !viewer.choose_joint(joint)) {
+        bail!("--joint {joint}: {source} has no such joint");
+    }
+    viewer.show_layer(arguments.layer);
+    Overlay::ALL
+        .into_iter()
+        .filter(|overlay| arguments.overlay.contains(overlay))
+        .for_each(|o| viewer.toggle_overlay(o));
     if let Some(path) = &path {
         viewer.watch(path, &arguments.light);
         viewer.play_as(choice);

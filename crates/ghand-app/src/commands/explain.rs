@@ -9,7 +9,7 @@ mod page;
 mod pose_properties;
 mod sections;
 mod skeleton_picture;
-mod statistics;
+pub(crate) mod statistics;
 mod surface_normals;
 
 use std::path::PathBuf;

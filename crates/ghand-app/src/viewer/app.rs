@@ -4,6 +4,7 @@ mod camera_controls;
 mod commands;
 mod controls;
 mod files;
+mod layers;
 mod live;
 mod recovery;
 mod truth;
@@ -16,7 +17,7 @@ use egui::{CentralPanel, Frame, Panel, ScrollArea, Ui};
 use ghand_render::{Gpu, RenderError};
 
 use crate::light_args::LightArgs;
-use crate::shown::Shown;
+use crate::viewer::app::layers::LayerView;
 use crate::viewer::app::truth::TruthView;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::capture_panel::CapturePanel;
@@ -52,8 +53,6 @@ pub struct Viewer {
     subject: Subject,
     source: String,
     picture: Picture,
-    /// What the colours on the device show.
-    uploaded: Shown,
     camera: OrbitCamera,
     drags: Drags,
     /// Colour behind the subject; `None` for that of the theme.
@@ -83,6 +82,7 @@ pub struct Viewer {
     turntable_time: Option<f64>,
     capture: Option<CapturePanel>,
     truth: TruthView,
+    layers: LayerView,
     /// Live poses, while their port is open.
     live: Option<Live>,
     live_settings: LiveSettings,
@@ -101,13 +101,12 @@ impl Viewer {
     pub fn new(gpu: &Gpu, subject: Subject, source: String) -> Result<Viewer, RenderError> {
         let largest_edge = if gpu.is_cpu() { LARGEST_PICTURE_CPU } else { LARGEST_PICTURE };
         let picture = Picture::new(gpu, &subject, [largest_edge; 2])?;
-        let (camera, uploaded) = (subject.first_view(), subject.shown());
+        let camera = subject.first_view();
         Ok(Viewer {
             gpu: gpu.clone(),
             subject,
             source,
             picture,
-            uploaded,
             camera,
             drags: Drags::default(),
             background: None,
@@ -130,6 +129,7 @@ impl Viewer {
             turntable_time: None,
             capture: None,
             truth: TruthView::default(),
+            layers: LayerView::default(),
             live: None,
             live_settings: LiveSettings::default(),
             toasts: Toasts::default(),

@@ -3,6 +3,8 @@
 use egui::{Event, Key, KeyboardShortcut, Modifiers};
 
 use crate::viewer::comparison::Comparison;
+use crate::viewer::layer::Layer;
+use crate::viewer::overlay::Overlay;
 
 /// Names a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -34,6 +36,8 @@ pub enum CommandId {
     Measure,
     SwitchTheme,
     ShowPanel,
+    ShowLayer(Layer),
+    DrawOverlay(Overlay),
     Compare(Comparison),
     ShowPalette,
     ShowHelp,
@@ -109,6 +113,14 @@ const fn command(
 
 const fn compare(comparison: Comparison, title: &'static str) -> Command {
     command(CommandId::Compare(comparison), Menu::Layers, title, &[], comparison.summary())
+}
+
+const fn layer(layer: Layer, title: &'static str) -> Command {
+    command(CommandId::ShowLayer(layer), Menu::Layers, title, &[], layer.summary())
+}
+
+const fn overlay(overlay: Overlay, title: &'static str) -> Command {
+    command(CommandId::DrawOverlay(overlay), Menu::Layers, title, &[], overlay.summary())
 }
 
 /// All commands, in the order of the menus.
@@ -259,6 +271,14 @@ pub const COMMANDS: &[Command] = &[
         &[key(Key::N)],
         "Shows or hides the panel, for more room in a narrow window.",
     ),
+    layer(Layer::Skin, "Layer: skin"),
+    layer(Layer::Albedo, "Layer: albedo"),
+    layer(Layer::Views, "Layer: views in training"),
+    layer(Layer::Weights, "Layer: skinning weights"),
+    layer(Layer::Offset, "Layer: offset"),
+    layer(Layer::Depth, "Layer: depth"),
+    overlay(Overlay::Skeleton, "Skeleton"),
+    overlay(Overlay::Wireframe, "Wireframe"),
     compare(Comparison::Picture, "Capture: picture alone"),
     compare(Comparison::Truth, "Capture: truth"),
     compare(Comparison::Split, "Capture: split"),

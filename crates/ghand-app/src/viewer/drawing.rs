@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ghand_avatar::Scene;
-use ghand_core::Camera;
+use ghand_core::{Camera, Pose};
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
 use ghand_render::splat::Counters;
 use ghand_render::{Gpu, RenderError};
@@ -15,6 +15,18 @@ use crate::viewer::picture::PictureInputs;
 
 /// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 2;
+
+/// The colours of an avatar's Gaussians.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum GaussianColors {
+    /// Its own in its light.
+    #[default]
+    Own,
+    /// Its own without light.
+    Unlit,
+    /// These display values, `[3][N]`.
+    Given(Vec<f32>),
+}
 
 /// A subject on the device.
 pub enum Drawing {
@@ -52,7 +64,7 @@ impl Drawing {
         Ok(Drawing::Mesh(Box::new(MeshDrawing { hand, renderer })))
     }
 
-    /// Encodes an image.
+    /// Encodes an image. Colours are those of Gaussians; a mesh has its own.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or lacks memory, or the pose, the shape or the size does not fit.
@@ -61,12 +73,19 @@ impl Drawing {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         inputs: &PictureInputs,
+        colors: &GaussianColors,
     ) -> Result<Layer, RenderError> {
         match self {
             Drawing::Gaussians(scene) => {
                 set_inputs(scene, gpu, inputs)?;
                 scene.set_view(gpu, &inputs.camera, inputs.background)?;
-                scene.encode(gpu, encoder)?;
+                if *colors == GaussianColors::Own {
+                    scene.encode(gpu, encoder)?;
+                } else {
+                    scene.pose_only(gpu, 0, Some(inputs.camera.center()))?;
+                    set_colors(scene, gpu, encoder, colors);
+                    scene.splatter().forward(encoder);
+                }
                 let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
                 Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
             }
@@ -74,7 +93,20 @@ impl Drawing {
         }
     }
 
-    /// Renders an image over its background, waits for it and reads it: row-major display values.
+    /// The Gaussians of an avatar in a pose, metres, world, N; none of a mesh. Waits for them.
+    ///
+    /// # Errors
+    /// As [`Drawing::encode`].
+    pub fn posed_gaussians(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Vec<DVec3>, RenderError> {
+        let Drawing::Gaussians(scene) = self else { return Ok(Vec::new()) };
+        scene.set_pose(gpu, 0, 0, pose)?;
+        let table = scene.posed_table(gpu, 0)?;
+        let mut rows = table.chunks_exact(scene.splatter().count().max(1));
+        let [x, y, z] = [(); 3].map(|()| rows.next().unwrap_or_default());
+        Ok(x.iter().zip(y).zip(z).map(|((x, y), z)| glam::Vec3::new(*x, *y, *z).as_dvec3()).collect())
+    }
+
+    /// Renders an image in the avatar's own colours over its background, waits for it and reads it: row-major display values.
     ///
     /// # Errors
     /// As [`Drawing::encode`].
@@ -123,6 +155,22 @@ fn set_inputs(scene: &mut Scene, gpu: &Gpu, inputs: &PictureInputs) -> Result<()
         scene.avatars_mut().iter_mut().for_each(|avatar| avatar.set_light(light));
     }
     inputs.pose.as_ref().map_or(Ok(()), |pose| scene.set_pose(gpu, 0, 0, pose))
+}
+
+/// Replaces the colours of posed Gaussians.
+fn set_colors(scene: &Scene, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, colors: &GaussianColors) {
+    let (splatter, row_bytes) = (scene.splatter(), (size_of::<f32>() * scene.splatter().count()) as u64);
+    let first = splatter.options().model.color_row() as u64 * row_bytes;
+    match (colors, scene.avatars().first()) {
+        (GaussianColors::Unlit, Some(avatar)) => {
+            let unlit = &avatar.deformation.properties().color;
+            encoder.copy_buffer_to_buffer(unlit, 0, splatter.gaussians(), first, 3 * row_bytes);
+        }
+        (GaussianColors::Given(colors), Some(_)) => {
+            gpu.queue.write_buffer(splatter.gaussians(), first, bytemuck::cast_slice(colors));
+        }
+        _ => {}
+    }
 }
 
 impl MeshDrawing {

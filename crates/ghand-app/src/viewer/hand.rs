@@ -13,7 +13,6 @@ use glam::DVec3;
 
 use crate::bare_hand::BareHand;
 use crate::pose_choice::pose_by_name;
-use crate::shown::Shown;
 use crate::viewer::blend_control::BlendControl;
 use crate::viewer::handles::{HandleDrag, Handles};
 use crate::viewer::light_panel::LightPanel;
@@ -50,9 +49,6 @@ pub struct Hand {
     shape_panel: ShapePanel,
     /// `None` if light is part of the colours.
     light_panel: Option<LightPanel>,
-    /// The avatar in colours of what training saw; `None` if it does not know.
-    views: Option<Look>,
-    shown: Shown,
 }
 
 impl Hand {
@@ -74,10 +70,6 @@ impl Hand {
             Look::Avatar(avatar) => avatar.light.as_ref().map(|lit| LightPanel::new(&lit.light)),
             Look::Bare(_) => None,
         };
-        let views = match &look {
-            Look::Avatar(avatar) => avatar.colored_by_seen().map(|avatar| Look::Avatar(Box::new(avatar))),
-            Look::Bare(_) => None,
-        };
         let pose = Pose::rest(model.joint_count());
         let blend = BlendControl::new(BLEND_TARGET, &pose);
         Hand {
@@ -91,23 +83,21 @@ impl Hand {
             pointed_at: None,
             shape_panel,
             light_panel,
-            views,
-            shown: Shown::default(),
             look,
         }
     }
 
-    /// How it looks in the colours that are shown.
+    /// How it looks.
     pub fn look(&self) -> &Look {
-        match (self.shown, &self.views) {
-            (Shown::Views, Some(views)) => views,
-            _ => &self.look,
-        }
+        &self.look
     }
 
-    /// What its colours show.
-    pub fn shown(&self) -> Shown {
-        self.shown
+    /// The avatar, if it is one.
+    pub fn avatar(&self) -> Option<&Avatar> {
+        match &self.look {
+            Look::Avatar(avatar) => Some(avatar),
+            Look::Bare(_) => None,
+        }
     }
 
     /// The light on it, if light is apart from its skin.
@@ -189,9 +179,6 @@ impl Hand {
         if self.shape.len() == before.shape.len() {
             self.shape.clone_from(&before.shape);
         }
-        if self.views.is_some() {
-            self.shown = before.shown;
-        }
     }
 
     /// Its vertices in the present pose and shape, metres, world.
@@ -262,12 +249,11 @@ impl Hand {
         }
     }
 
-    /// Resets the pose to the rest pose, the shape to the mean one, the light to the first one, the colours to skin, and a
-    /// motion to its beginning.
+    /// Resets the pose to the rest pose, the shape to the mean one, the light to the first one, and a motion to its
+    /// beginning.
     pub fn reset(&mut self) {
         self.pose = Pose::rest(self.model().joint_count());
         self.shape.fill(0.0);
-        self.shown = Shown::default();
         if let Some(panel) = &mut self.light_panel {
             panel.reset();
         }
@@ -304,17 +290,7 @@ impl Hand {
         if !self.shape.is_empty() {
             CollapsingHeader::new("Shape").show(ui, |ui| self.shape_panel.sliders(ui, &mut self.shape));
         }
-        if self.views.is_some() {
-            ui.separator();
-            ui.label(RichText::new("Show").strong());
-            ui.horizontal(|ui| {
-                ui.selectable_value(&mut self.shown, Shown::Skin, "skin");
-                let hover = "How much the training views saw of each place, on a logarithmic scale: dark violet for \
-                             nothing, green for as much as of most, yellow for ten times as much.";
-                ui.selectable_value(&mut self.shown, Shown::Views, "views").on_hover_text(hover);
-            });
-        }
-        if let (Some(panel), Shown::Skin) = (&mut self.light_panel, self.shown) {
+        if let Some(panel) = &mut self.light_panel {
             ui.separator();
             ui.label(RichText::new("Light").strong());
             panel.show(ui);
@@ -344,28 +320,6 @@ pub(crate) mod tests {
     pub(crate) fn untrained_avatar() -> Avatar {
         let model = builtin_hand(Side::Right).unwrap();
         Avatar::untrained(&model, &AvatarConfig::default(), [0.86, 0.65, 0.54], 0).unwrap()
-    }
-
-    #[test]
-    fn what_training_saw_is_shown_if_it_is_known() {
-        use egui_kittest::Harness;
-        use egui_kittest::kittest::Queryable;
-
-        let mut avatar = untrained_avatar();
-        let controls = |ui: &mut Ui, hand: &mut Hand| hand.controls(ui);
-        assert!(Harness::new_ui_state(controls, Hand::new(avatar.clone())).query_by_label("views").is_none());
-        avatar.seen = Some((0..avatar.template.len()).map(|p| p as f32).collect());
-        let mut ui = Harness::new_ui_state(controls, Hand::new(avatar.clone()));
-        let shown = |hand: &Hand| match hand.look() {
-            Look::Avatar(shown) => shown.as_ref().clone(),
-            Look::Bare(_) => panic!("no avatar"),
-        };
-        assert!(shown(ui.state()) == avatar);
-        ui.get_by_label("views").click();
-        ui.run();
-        assert!(shown(ui.state()) == avatar.colored_by_seen().unwrap());
-        ui.state_mut().reset();
-        assert!(shown(ui.state()) == avatar);
     }
 
     #[test]

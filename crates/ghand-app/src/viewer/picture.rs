@@ -10,8 +10,9 @@ use ghand_render::bindings::Bindings;
 use ghand_render::splat::Counters;
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError, shader_sources};
+use glam::DVec3;
 
-use crate::viewer::drawing::{Drawing, Layer};
+use crate::viewer::drawing::{Drawing, GaussianColors, Layer};
 use crate::viewer::subject::Subject;
 
 /// Format of the texture: display values, as the user interface expects.
@@ -92,6 +93,7 @@ struct Target {
 /// A subject on the device, with the texture that shows it.
 pub struct Picture {
     drawing: Drawing,
+    colors: GaussianColors,
     pipeline: wgpu::RenderPipeline,
     bindings: Bindings,
     /// `place` and `background` of `picture.wgsl`.
@@ -133,6 +135,7 @@ impl Picture {
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
         Picture {
             drawing,
+            colors: GaussianColors::Own,
             pipeline,
             bindings: Bindings::new("picture", &["cover", "picture"]),
             place,
@@ -209,7 +212,7 @@ impl Picture {
         if let Some(clock) = &self.clock {
             clock.start(&mut encoder);
         }
-        let layer = self.drawing.encode(gpu, &mut encoder, shot)?;
+        let layer = self.drawing.encode(gpu, &mut encoder, shot, &self.colors)?;
         let group = self.bind(gpu, &layer, shot);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -246,7 +249,20 @@ impl Picture {
         Ok(renewed)
     }
 
-    /// Renders a picture beside the one that the texture shows, waits for it and reads it: row-major display values. The
+    /// Sets the colours of Gaussians for the pictures that are rendered from now on.
+    pub fn set_colors(&mut self, colors: GaussianColors) {
+        self.colors = colors;
+    }
+
+    /// See [`Drawing::posed_gaussians`].
+    ///
+    /// # Errors
+    /// As [`Picture::render`].
+    pub fn posed_gaussians(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Vec<DVec3>, RenderError> {
+        self.drawing.posed_gaussians(gpu, pose)
+    }
+
+    /// Renders a picture beside the one that the texture shows, waits for it and reads it, without layers: row-major display values. The
     /// previous picture must not be [`Progress::Busy`].
     ///
     /// # Errors

@@ -16,7 +16,6 @@ use crate::file_kind::{FileKind, file_kind};
 use crate::framing::posed_vertices;
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::light_args::LightArgs;
-use crate::shown::Shown;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::Drawing;
 use crate::viewer::hand::{Hand, Look};
@@ -134,14 +133,6 @@ impl Subject {
         match self {
             Subject::Hand(hand) => hand.light(),
             Subject::Scene { .. } => None,
-        }
-    }
-
-    /// What its colours show.
-    pub fn shown(&self) -> Shown {
-        match self {
-            Subject::Hand(hand) => hand.shown(),
-            Subject::Scene { .. } => Shown::default(),
         }
     }
 

@@ -91,6 +91,8 @@ impl Viewer {
                 self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
             }
             CommandId::ShowPanel => self.settings.panel_shown = !self.settings.panel_shown,
+            CommandId::ShowLayer(layer) => self.show_layer(layer),
+            CommandId::DrawOverlay(overlay) => self.toggle_overlay(overlay),
             CommandId::Compare(comparison) => self.compare(comparison),
             CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
             CommandId::ShowHelp => self.help_shown = true,
@@ -114,6 +116,8 @@ impl Viewer {
             | CommandId::ViewLittleFingerSide
             | CommandId::ViewFingertips => self.subject.pose().is_some(),
             CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
+            CommandId::ShowLayer(layer) => self.has_layer(layer),
+            CommandId::DrawOverlay(_) => self.subject.pose().is_some(),
             CommandId::Compare(_) => self.comparable().is_some(),
             CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
             _ => true,
@@ -178,6 +182,8 @@ impl Viewer {
             CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
             CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
             CommandId::PlayExact => Some(self.quality.chosen() == Quality::Exact),
+            CommandId::ShowLayer(layer) => Some(self.layer() == layer),
+            CommandId::DrawOverlay(overlay) => Some(self.has_overlay(overlay)),
             CommandId::Compare(comparison) => Some(self.truth.comparison == comparison),
             CommandId::LivePoses => Some(self.live.is_some()),
             _ => None,

@@ -12,6 +12,7 @@ impl Viewer {
         ui.separator();
         self.live_controls(ui);
         self.capture_controls(ui);
+        self.layer_controls(ui);
         if self.subject.controls(ui) {
             ui.separator();
         }
@@ -83,6 +84,7 @@ impl Viewer {
     /// Everything as at the start.
     pub(super) fn reset_all(&mut self) {
         self.subject.reset();
+        self.layers.reset();
         self.reset_view();
         self.background = None;
     }

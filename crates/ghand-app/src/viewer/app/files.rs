@@ -157,12 +157,13 @@ impl Viewer {
     /// Shows another subject, if the device can hold it.
     fn show_subject(&mut self, subject: Subject, path: &Path) -> anyhow::Result<()> {
         let picture = Picture::new(&self.gpu, &subject, [self.largest_edge; 2])?;
-        (self.picture, self.uploaded) = (picture, subject.shown());
+        self.picture = picture;
         self.subject = subject;
         self.live_subject_changed();
         self.source = path.display().to_string();
         (self.shown, self.failure, self.handle_drag) = (None, None, None);
         self.truth.forget_comparison();
+        self.layers.forget_subject();
         (self.detail, self.too_many) = (1.0, u32::MAX);
         Ok(())
     }

@@ -104,6 +104,11 @@ impl Viewer {
         self.comparable().filter(|_| self.truth.comparison != Comparison::Picture)
     }
 
+    /// Whether the view shows the difference instead of the picture.
+    pub(super) fn shows_difference(&self) -> bool {
+        self.truth.comparison == Comparison::Difference && self.compared_pair().is_some()
+    }
+
     /// Waits for an image that is being read.
     pub(super) fn wait_for_truth(&mut self) {
         self.truth.reader.wait();

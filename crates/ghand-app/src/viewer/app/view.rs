@@ -23,12 +23,7 @@ impl Viewer {
     pub(super) fn view(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer, mut progress: Progress) {
         let rect = ui.max_rect();
         self.navigate(ui, rect);
-        if self.uploaded != self.subject.shown() {
-            match self.upload() {
-                Ok(()) => progress = Progress::Complete,
-                Err(e) => self.failure = Some(e),
-            }
-        }
+        self.follow_layer();
         let size = self.picture_size(rect, ui.ctx().pixels_per_point());
         let shot = PictureInputs {
             pose: self.subject.pose().cloned(),
@@ -63,6 +58,7 @@ impl Viewer {
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
         self.draw_truth(ui, rect);
+        self.draw_layers(ui, rect);
         self.draw_handles(ui, rect);
         self.drop_hint(ui, rect);
         if !self.settings.panel_shown {
@@ -87,17 +83,18 @@ impl Viewer {
         }
     }
 
-    /// Puts the subject on the device in the colours that are shown now.
+    /// Puts the subject on the device.
     pub(super) fn upload(&mut self) -> Result<(), RenderError> {
-        self.uploaded = self.subject.shown();
         self.shown = None;
         self.truth.forget_comparison();
+        self.layers.forget_subject();
         self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
         Ok(())
     }
 
     fn render(&mut self, shot: PictureInputs, renderer: &mut egui_wgpu::Renderer) {
-        match self.picture.render(&self.gpu, &shot) {
+        let rendered = self.color_picture(&shot).and_then(|()| self.picture.render(&self.gpu, &shot));
+        match rendered {
             Ok(renewed) => {
                 if renewed {
                     self.show_texture(renderer);
@@ -208,7 +205,7 @@ impl Viewer {
         }
     }
 
-    fn screen(&self, rect: Rect, pixels_per_point: f32) -> Screen {
+    pub(super) fn screen(&self, rect: Rect, pixels_per_point: f32) -> Screen {
         Screen { rect, camera: self.camera.camera(self.picture_size(rect, pixels_per_point)) }
     }
 

@@ -1,0 +1,176 @@
+//! Shows layers of the subject and lines over it.
+
+use egui::{ComboBox, Rect, RichText, Ui};
+use ghand_avatar::Avatar;
+use ghand_core::Pose;
+use ghand_render::RenderError;
+use glam::DVec3;
+
+use crate::viewer::app::Viewer;
+use crate::viewer::drawing::GaussianColors;
+use crate::viewer::layer::{Layer, LayerInputs};
+use crate::viewer::legend::Legend;
+use crate::viewer::overlay::Overlay;
+use crate::viewer::picture::PictureInputs;
+use crate::viewer::subject::Subject;
+
+/// What is shown of the subject.
+#[derive(Default)]
+pub(super) struct LayerView {
+    chosen: Layer,
+    /// The joint whose weights are shown.
+    joint: usize,
+    overlays: Vec<Overlay>,
+    /// The layer and the joint of the picture.
+    shown: (Layer, usize),
+    /// The posed Gaussians of the last pose, metres, world.
+    posed: Option<(Pose, Vec<DVec3>)>,
+    legend: Option<Legend>,
+}
+
+impl LayerView {
+    /// Forgets what belongs to another subject or device.
+    pub(super) fn forget_subject(&mut self) {
+        (self.posed, self.legend) = (None, None);
+    }
+
+    /// As at the start.
+    pub(super) fn reset(&mut self) {
+        (self.chosen, self.overlays) = (Layer::Skin, Vec::new());
+    }
+}
+
+impl Viewer {
+    /// Chooses what the colours show.
+    pub fn show_layer(&mut self, layer: Layer) {
+        self.layers.chosen = layer;
+    }
+
+    /// Chooses the joint whose weights are shown, and whether there is such a joint.
+    pub fn choose_joint(&mut self, name: &str) -> bool {
+        let Subject::Hand(hand) = &self.subject else { return false };
+        let found = hand.model().joint_index(name);
+        self.layers.joint = found.unwrap_or(self.layers.joint);
+        found.is_some()
+    }
+
+    /// Draws lines over the view, or stops.
+    pub fn toggle_overlay(&mut self, overlay: Overlay) {
+        if self.has_overlay(overlay) {
+            self.layers.overlays.retain(|other| *other != overlay);
+        } else {
+            self.layers.overlays.push(overlay);
+        }
+    }
+
+    pub(super) fn has_overlay(&self, overlay: Overlay) -> bool {
+        self.layers.overlays.contains(&overlay)
+    }
+
+    fn avatar(&self) -> Option<&Avatar> {
+        match &self.subject {
+            Subject::Hand(hand) => hand.avatar(),
+            Subject::Scene { .. } => None,
+        }
+    }
+
+    /// Whether the subject has what a layer shows.
+    pub fn has_layer(&self, layer: Layer) -> bool {
+        self.avatar().is_some_and(|avatar| layer.is_available(avatar))
+    }
+
+    /// The layer that is shown: skin if the subject lacks the chosen one.
+    pub(super) fn layer(&self) -> Layer {
+        if self.has_layer(self.layers.chosen) { self.layers.chosen } else { Layer::Skin }
+    }
+
+    /// The controls.
+    pub(super) fn layer_controls(&mut self, ui: &mut Ui) {
+        let Subject::Hand(hand) = &self.subject else { return };
+        let names = hand.model().joint_names.clone();
+        ui.label(RichText::new("Show").strong());
+        let layer = self.layer();
+        ui.horizontal_wrapped(|ui| {
+            for other in Layer::ALL {
+                if !self.has_layer(other) {
+                    continue;
+                }
+                if ui.selectable_label(layer == other, other.name()).on_hover_text(other.summary()).clicked() {
+                    self.show_layer(other);
+                }
+            }
+        });
+        if layer == Layer::Weights {
+            ui.horizontal(|ui| {
+                let label = ui.label("joint").id;
+                let text = names.get(self.layers.joint).cloned().unwrap_or_default();
+                let list = ComboBox::from_id_salt("joint of the weights").selected_text(text).show_ui(ui, |ui| {
+                    for (joint, name) in names.iter().enumerate() {
+                        ui.selectable_value(&mut self.layers.joint, joint, name);
+                    }
+                });
+                list.response.labelled_by(label);
+            });
+        }
+        ui.horizontal(|ui| {
+            for overlay in Overlay::ALL {
+                let mut on = self.has_overlay(overlay);
+                if ui.checkbox(&mut on, overlay.name()).on_hover_text(overlay.summary()).changed() {
+                    self.toggle_overlay(overlay);
+                }
+            }
+        });
+        ui.separator();
+    }
+
+    /// Has the picture rendered again if another layer was chosen.
+    pub(super) fn follow_layer(&mut self) {
+        let now = (self.layer(), self.layers.joint);
+        if self.layers.shown != now {
+            self.layers.shown = now;
+            self.layers.legend = None;
+            self.shown = None;
+        }
+    }
+
+    /// Gives the picture the colours of the layer for these inputs.
+    pub(super) fn color_picture(&mut self, inputs: &PictureInputs) -> Result<(), RenderError> {
+        let layer = self.layer();
+        let colors = match (layer, &inputs.pose) {
+            (Layer::Albedo, _) => GaussianColors::Unlit,
+            (layer, Some(pose)) if layer.has_numbers() => {
+                if self.layers.posed.as_ref().is_none_or(|(of, _)| of != pose) {
+                    let posed = self.picture.posed_gaussians(&self.gpu, pose)?;
+                    self.layers.posed = Some((pose.clone(), posed));
+                }
+                let posed = self.layers.posed.as_ref().map(|(_, posed)| posed.as_slice()).unwrap_or_default();
+                let inputs = LayerInputs { pose, camera: &inputs.camera, posed, joint: self.layers.joint };
+                let colored = self.avatar().and_then(|avatar| layer.colors(avatar, &inputs));
+                colored.map_or(GaussianColors::Own, |colored| {
+                    self.layers.legend = Some(colored.legend);
+                    GaussianColors::Given(colored.colors)
+                })
+            }
+            _ => GaussianColors::Own,
+        };
+        self.picture.set_colors(colors);
+        Ok(())
+    }
+
+    /// Draws lines and the legend over the picture.
+    pub(super) fn draw_layers(&mut self, ui: &Ui, rect: Rect) {
+        let screen = self.screen(rect, ui.ctx().pixels_per_point());
+        if let Subject::Hand(hand) = &self.subject {
+            let painter = ui.painter().with_clip_rect(rect);
+            let pointer = ui.input(|input| input.pointer.hover_pos());
+            for overlay in Overlay::ALL.into_iter().rev().filter(|overlay| self.has_overlay(*overlay)) {
+                overlay.draw(&painter, hand.model(), (&hand.shape, &hand.pose), &screen, pointer);
+            }
+        }
+        if let Some(legend) =
+            self.layers.legend.as_ref().filter(|_| self.layer().has_numbers() && !self.shows_difference())
+        {
+            legend.show(ui, rect);
+        }
+    }
+}
