@@ -72,7 +72,8 @@ pub fn picture(
         values.iter().zip(undecided).filter(|(_, undecided)| !**undecided).map(|(v, _)| *v).collect()
     };
     let allowed = typical(decided(&changes)) + BLENDED;
-    let flipped = errors.iter().zip(undecided).map(|(error, undecided)| *undecided || !(*error <= 20.0 * allowed));
+    let flipped =
+        errors.iter().zip(undecided).map(|(error, undecided)| *undecided || error.is_nan() || *error > 20.0 * allowed);
     let decided = decided(&errors);
     let roundings = (!decided.is_empty()).then(|| typical(decided) / allowed);
     (roundings, flipped.collect())
@@ -102,7 +103,7 @@ mod tests {
         let decided = vec![false; 100];
         let (error, flipped) = picture(&image, &exact, &exact, &decided);
         assert!(error == Some(0.0) && flipped.iter().filter(|f| **f).count() == 1 && flipped[7]);
-        assert!(picture(&vec![[0.501; 4]; 100], &exact, &exact, &decided).0.unwrap() > 500.0);
-        assert_eq!(picture(&image, &exact, &exact, &vec![true; 100]).0, None);
+        assert!(picture(&[[0.501; 4]; 100], &exact, &exact, &decided).0.unwrap() > 500.0);
+        assert_eq!(picture(&image, &exact, &exact, &[true; 100]).0, None);
     }
 }

@@ -107,7 +107,7 @@ impl Report {
         self.views.entry(outcome.view.name()).or_default().add(&outcome);
         let mut problems: Vec<String> = outcome.problem.iter().cloned().collect();
         for (stage, (roundings, bound)) in outcome.roundings.iter().zip(BOUNDS).enumerate() {
-            if roundings.is_some_and(|roundings| !(roundings <= bound)) {
+            if roundings.is_some_and(|roundings| roundings.is_nan() || roundings > bound) {
                 let table = outcome.worst_table.iter().filter(|_| stage == 3).map(|name| format!(" ({name})"));
                 let table: String = table.collect();
                 problems.push(format!("{}{table}: {:.0} roundings", STAGES[stage], roundings.unwrap_or(f64::NAN)));
