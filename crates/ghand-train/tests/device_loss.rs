@@ -95,7 +95,7 @@ fn a_run_that_loses_its_device_ends_with_the_same_avatar() {
         // The comparison detects a single changed number.
         let mut wrong = whole.avatar.tables.clone();
         let PropertyTables::Direct(tables) = &mut wrong else { unreachable!() };
-        tables.regressor[3] += f32::EPSILON;
+        tables.shape_basis[3] += f32::EPSILON;
         assert!(wrong != whole.avatar.tables);
     });
 }
