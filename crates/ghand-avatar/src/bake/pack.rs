@@ -182,7 +182,11 @@ fn store_values(precision: Precision, values: &[f64], out: &mut Vec<u32>) -> [f3
     let factors = match precision {
         Precision::F32 => [1.0; 3],
         // Half precision would lose offsets, which are below a millimetre.
-        Precision::F16 | Precision::U8 => factors.map(|factor| if factor > 0.0 { factor as f32 } else { 1.0 }),
+        // A factor that f32 cannot hold, or that a device takes for 0, would make infinities of what is divided by it.
+        Precision::F16 | Precision::U8 => factors.map(|factor| {
+            let factor = factor as f32;
+            if factor >= f32::MIN_POSITIVE { factor } else { 1.0 }
+        }),
     };
     let stored = |lane: usize, value: usize| match value {
         VALUES.. => 0.0,

@@ -27,7 +27,7 @@ pub const STAGES: [&str; 5] = [
     "pose to picture",
 ];
 /// Most roundings of each stage that count as correct.
-pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 1000.0, 50.0];
+pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 50.0];
 
 /// Factors on the cut-offs of blending: what they change is decided by rounding.
 const LOWER: f64 = 0.99;
@@ -151,7 +151,7 @@ impl<'a> Subject<'a> {
         let exact_posed = exact(avatar, &pose).context("the hand has no twin")?;
         let camera = view_kind.draw(&mut draw, &exact_posed);
         let full = self.hand.full.as_ref().and_then(|full| exact(full, &pose));
-        outcome.packing = full.map(|full| packing(&full, &exact_posed));
+        outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &exact_posed));
         outcome.inputs = Some(Inputs { avatar: avatar.clone(), pose: pose.clone(), camera: camera.clone() });
 
         let count = avatar.template.len();
@@ -197,7 +197,8 @@ impl<'a> Subject<'a> {
         let (error, flipped) = picture(&image, &drawn[0], &drawn[1], &undecided);
         outcome.flipped = flipped.iter().filter(|f| **f).count() as f64 / flipped.len() as f64;
         outcome.undecided = !is_sorted;
-        if is_sorted {
+        // Where products overflow, a Gaussian may be drawn or not.
+        if is_sorted && self.hand.kind != HandKind::Overflow {
             outcome.roundings[1] = error;
         }
 
