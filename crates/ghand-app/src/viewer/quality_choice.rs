@@ -21,7 +21,16 @@ pub struct QualityChoice {
 #[derive(Debug)]
 struct Baking {
     quality: Quality,
-    done: Receiver<anyhow::Result<(Playback, PathBuf)>>,
+    done: Receiver<anyhow::Result<(Playback, Option<PathBuf>)>>,
+}
+
+/// An avatar that is ready to be played in a preset.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The file to show; `None` if what is shown has none and stays.
+    pub file: Option<PathBuf>,
+    quality: Quality,
+    playback: Playback,
 }
 
 impl QualityChoice {
@@ -59,7 +68,7 @@ impl QualityChoice {
             let prepare = || {
                 let playback = quality::playback(&gpu, quality)?;
                 let path = avatar.map(|path| quality::prepare(&gpu, &path, quality, playback)).transpose()?;
-                Ok((playback, path.unwrap_or_default()))
+                Ok((playback, path))
             };
             // A closed channel means that the viewer no longer waits.
             let _ = sender.send(prepare());
@@ -68,11 +77,11 @@ impl QualityChoice {
         self.baking = Some(Baking { quality, done });
     }
 
-    /// The file to show now, once it has been prepared; `Some(None)` if what is shown stays.
+    /// The avatar, once it has been prepared.
     ///
     /// # Errors
-    /// Why the avatar could not be prepared; the preset stays as it was.
-    pub fn poll(&mut self) -> anyhow::Result<Option<Option<PathBuf>>> {
+    /// Why it could not be prepared.
+    pub fn poll(&mut self) -> anyhow::Result<Option<Prepared>> {
         let Some(baking) = &self.baking else { return Ok(None) };
         let done = match baking.done.try_recv() {
             Err(TryRecvError::Empty) => return Ok(None),
@@ -81,8 +90,12 @@ impl QualityChoice {
         };
         let quality = baking.quality;
         self.baking = None;
-        let (playback, path) = done?;
-        (self.chosen, self.playback) = (quality, playback);
-        Ok(Some((!path.as_os_str().is_empty()).then_some(path)))
+        let (playback, file) = done?;
+        Ok(Some(Prepared { file, quality, playback }))
+    }
+
+    /// Says that what was prepared is shown now.
+    pub fn show(&mut self, prepared: &Prepared) {
+        (self.chosen, self.playback) = (prepared.quality, prepared.playback);
     }
 }

@@ -45,11 +45,13 @@ impl Viewer {
     /// Shows the avatar as it was prepared for a preset; pose, shape, motion and view stay.
     pub(super) fn take_quality(&mut self) {
         let shown = self.quality.poll().and_then(|prepared| {
-            let Some(file) = prepared else { return Ok(false) };
-            let Some(path) = file else { return Ok(true) };
-            let mut subject = Subject::read(&path, &self.light)?;
-            subject.continue_from(&self.subject);
-            self.show_subject(subject, &path)?;
+            let Some(prepared) = prepared else { return Ok(false) };
+            if let Some(path) = &prepared.file {
+                let mut subject = Subject::read(path, &self.light)?;
+                subject.continue_from(&self.subject);
+                self.show_subject(subject, path)?;
+            }
+            self.quality.show(&prepared);
             Ok(true)
         });
         match shown {

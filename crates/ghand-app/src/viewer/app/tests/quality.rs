@@ -1,5 +1,6 @@
 //! Presets from fast to exact.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ghand_avatar::PropertyTables;
@@ -12,6 +13,13 @@ use crate::viewer::hand::Look;
 
 fn is_baked(ui: &mut Headless) -> bool {
     matches!(ui.hand().look(), Look::Avatar(avatar) if matches!(avatar.tables, PropertyTables::Baked(_)))
+}
+
+/// A viewer of an avatar's file.
+fn viewer(path: &Path) -> Headless {
+    let mut ui = Headless::new(Subject::read(path, &LightArgs::default()).unwrap(), SIZE, 1.0);
+    ui.viewer().watch(path, &LightArgs::default());
+    ui
 }
 
 /// Runs a command that prepares the avatar, and frames until it has.
@@ -34,8 +42,7 @@ fn an_avatar_is_played_in_a_preset_and_exactly_again() {
     let hand = small_hand();
     let Look::Avatar(avatar) = hand.look() else { panic!("no avatar") };
     avatar.save(&path).unwrap();
-    let mut ui = Headless::new(Subject::read(&path, &LightArgs::default()).unwrap(), SIZE, 1.0);
-    ui.viewer().watch(&path, &LightArgs::default());
+    let mut ui = viewer(&path);
     let gpu = ui.viewer().gpu.clone();
     let fast = playback(&gpu, Quality::Fast).unwrap();
     ui.hand().take_pose("fist");
@@ -57,4 +64,11 @@ fn an_avatar_is_played_in_a_preset_and_exactly_again() {
     std::fs::write(&path, "no avatar").unwrap();
     choose(&mut ui, CommandId::PlayFast);
     assert_eq!((is_baked(&mut ui), ui.viewer().quality.chosen()), (false, Quality::Exact));
+
+    avatar.save(&path).unwrap();
+    let mut ui = viewer(&path);
+    choose(&mut ui, CommandId::PlayFast);
+    std::fs::write(&path, "no avatar").unwrap();
+    choose(&mut ui, CommandId::PlayExact);
+    assert_eq!((is_baked(&mut ui), ui.viewer().quality.chosen()), (fast.kept.is_some(), Quality::Fast));
 }
