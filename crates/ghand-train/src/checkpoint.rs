@@ -15,11 +15,12 @@ use crate::exposure::ExposureFit;
 use crate::light_fit::LightFit;
 use crate::light_training::LightState;
 use crate::settings::TrainSettings;
+use crate::trainer::simplification::Simplification;
 
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
 /// Version of the format that this program writes and reads.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes before the CBOR.
 const HEADER: usize = MAGIC.len() + 8;
 /// Maximum file size, bytes.
@@ -74,6 +75,8 @@ pub struct Prepared {
     pub correction: ColorCorrection,
     /// Steps of the first stage without a finite gradient.
     pub skipped_steps: u64,
+    /// How simple the avatar may be, with `simplify=auto`.
+    pub simplification: Option<Simplification>,
 }
 
 impl Prepared {

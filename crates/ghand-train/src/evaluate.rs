@@ -17,6 +17,7 @@ use crate::lpips::{Backbone, Lpips, LpipsError};
 use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use crate::protocol::{PosedView, Protocol, given_views};
 use crate::settings::{Components, Model};
+use crate::trainer::simplification::Simplification;
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
@@ -221,6 +222,8 @@ pub struct Metrics {
     pub skipped_steps: u64,
     /// Number of Gaussians.
     pub gaussians: usize,
+    /// What `simplify=auto` tried and took; `null` without it.
+    pub simplification: Option<Simplification>,
 }
 
 /// The part of [`Metrics`] that needs images.

@@ -46,7 +46,7 @@ pub use checkpoints::Checkpoints;
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use protocol::Protocol;
 pub use settings::{
-    Align, Components, ExposureChoice, FrameGain, GlossChoice, LightChoice, Model, Network, SettingsError,
+    Align, Components, ExposureChoice, FrameGain, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;

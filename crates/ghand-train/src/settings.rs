@@ -95,6 +95,18 @@ pub enum Antialias {
     Off,
 }
 
+/// Whether the avatar is as set, or as simple as its images allow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Simplify {
+    /// As set.
+    #[default]
+    Off,
+    /// Short trainings choose the resolution, the shape bases, the colour components and the other parts:
+    /// [`crate::trainer::simplification`].
+    Auto,
+}
+
 /// The property model of the avatar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -146,6 +158,8 @@ pub struct TrainSettings {
     pub network: Network,
     /// The parts of the method that the avatar has.
     pub components: Components,
+    /// Whether resolution, bases and components are as set, or as few as frames left out require.
+    pub simplify: Simplify,
     /// Images of a frame in each iteration, with `model=network`: they share one pass of the networks.
     pub images_per_step: usize,
     /// How the poses are refined before the avatar is trained.
@@ -248,6 +262,7 @@ impl Default for TrainSettings {
             model: Model::default(),
             network: Network::default(),
             components: Components::default(),
+            simplify: Simplify::default(),
             images_per_step: 1,
             align: Align::default(),
             light: LightChoice::default(),
@@ -431,6 +446,7 @@ impl TrainSettings {
         TrainSettings {
             model: Model::Direct,
             components: Components::Hgbs,
+            simplify: Simplify::Off,
             images_per_step: 1,
             uv_resolution: self.pose_uv_resolution,
             shape_bases: 1,

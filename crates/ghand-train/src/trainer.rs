@@ -1,5 +1,6 @@
 //! A training run: two stages over the views of a split.
 
+pub mod simplification;
 mod stage;
 mod view_order;
 
@@ -23,10 +24,11 @@ use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
 use crate::lpips::Lpips;
 use crate::memory_check;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, TrainSettings};
+use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Simplify, TrainSettings};
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
 use crate::views::TrainViews;
+use simplification::Simplification;
 use stage::Stage;
 
 /// The progress of a run.
@@ -70,6 +72,10 @@ pub struct Trained {
     pub light: Option<LightFit>,
     /// What was found of the cameras' exposures, unless `exposure=same`.
     pub exposure: Option<ExposureFit>,
+    /// The settings with what `simplify=auto` changed.
+    pub settings: TrainSettings,
+    /// What `simplify=auto` tried.
+    pub simplification: Option<Simplification>,
     /// Iterations done, of both stages: fewer than in the settings if the run was told to stop, or its time was over.
     pub iterations: u64,
     /// Whether it was told to stop.
@@ -129,6 +135,8 @@ struct Watched {
 
 /// Number of those images.
 const WATCHED_VIEWS: usize = 4;
+/// How often they are taken while the avatar is trained.
+const PREVIEWS: u32 = 10;
 
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
@@ -275,7 +283,7 @@ impl<'a> Trainer<'a> {
         Trainer { lpips, ..self }
     }
 
-    /// Number of Gaussians of the avatar.
+    /// Number of Gaussians of the avatar, unless `simplify=auto` chooses it.
     pub fn gaussians(&self) -> usize {
         self.gaussians
     }
@@ -311,6 +319,7 @@ impl<'a> Trainer<'a> {
                 refine_poses: true,
                 reduction: self.settings.pose_image_reduction,
                 scale_weight: self.settings.scale_weight,
+                previews: 0,
             };
             let first = gpu
                 .retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))
@@ -323,15 +332,21 @@ impl<'a> Trainer<'a> {
         if reached < 2 {
             self.find_light(&mut gpu)?;
         }
+        if reached < 2 && self.settings.simplify == Simplify::Auto {
+            self.prepared.simplification = self.simplify(&mut gpu).map_err(name_setting)?;
+        }
+        let simplification = &self.prepared.simplification;
+        let settings = simplification.as_ref().map_or(Ok(self.settings.clone()), |s| s.apply(&self.settings))?;
         let stage = Stage {
             number: 2,
-            settings: self.settings.clone(),
+            settings: settings.clone(),
             iterations: self.settings.iterations - pose_iterations,
             part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
             reduction: 1,
             scale_weight: 0.0,
+            previews: PREVIEWS,
         };
         let done =
             gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
@@ -339,7 +354,7 @@ impl<'a> Trainer<'a> {
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
         let seconds = self.seconds();
-        let Prepared { poses, alignment, mut light, exposure, skipped_steps, .. } = self.prepared;
+        let Prepared { poses, alignment, mut light, exposure, skipped_steps, simplification, .. } = self.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;
         if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
             fit.set_trained(trained);
@@ -352,6 +367,8 @@ impl<'a> Trainer<'a> {
             alignment,
             light,
             exposure,
+            settings,
+            simplification,
             iterations,
             stopped,
             skipped_steps,

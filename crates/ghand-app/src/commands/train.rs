@@ -12,7 +12,7 @@ use ghand_train::light_fit::LightFit;
 use ghand_train::presets::Preset;
 use ghand_train::protocol::given_views;
 use ghand_train::report::report;
-use ghand_train::{Align, Checkpoints, Protocol, TrainError, TrainSettings, Trainer};
+use ghand_train::{Align, Checkpoints, Protocol, Simplify, TrainError, TrainSettings, Trainer};
 
 use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
@@ -249,9 +249,12 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
     let train_split = capture.split(&record.split)?.clone();
     let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?.with_lpips(lpips.clone());
-    let gaussians = trainer.gaussians();
+    let gaussians = match settings.simplify {
+        Simplify::Off => format!("{} Gaussians", trainer.gaussians()),
+        Simplify::Auto => "as many Gaussians as they require".into(),
+    };
     say!(
-        "training: {} cameras, {} frames, {} images, {gaussians} Gaussians, {} iterations",
+        "training: {} cameras, {} frames, {} images, {gaussians}, {} iterations",
         train_split.cameras.len(),
         train_split.frames.len(),
         train_split.views.len(),
@@ -296,6 +299,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if stopped_early {
         say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
     }
+    if let Some(simplification) = &trained.simplification {
+        say!("{}", simplification.summary());
+    }
     if trained.skipped_steps > 0 {
         say!("{} steps were skipped, because a gradient in them was not finite", trained.skipped_steps);
     }
@@ -338,8 +344,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let metrics = Metrics {
         images,
         preset: record.preset.clone(),
-        model: settings.model,
-        components: settings.components,
+        model: trained.settings.model,
+        components: trained.settings.components,
         poses: poses.to_string(),
         pose_error_deg,
         alignment,
@@ -349,7 +355,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         iterations: trained.iterations,
         stopped_early,
         skipped_steps: trained.skipped_steps,
-        gaussians,
+        gaussians: trained.avatar.template.len(),
+        simplification: trained.simplification.clone(),
     };
     let outlines = match &trained.alignment {
         Some(alignment) => Some(alignment_picture(&start, &train_split, alignment)?),

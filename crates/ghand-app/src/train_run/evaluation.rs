@@ -262,6 +262,7 @@ mod tests {
             stopped_early: false,
             skipped_steps: 0,
             gaussians: 1,
+            simplification: None,
         }
     }
 

@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use ghand_files::atomic_file::write_atomically;
 use ghand_train::evaluate::{Metrics, SimilarityMetrics};
+use ghand_train::trainer::simplification::Simplification;
 use ghand_train::{CurvePoint, TrainSettings};
 use image::{ImageFormat, RgbImage};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -89,6 +90,7 @@ impl Page<'_> {
                             (row("avatar", &images.avatar))
                         }
                     }
+                    @if let Some(simplification) = &m.simplification { (simplification_table(simplification)) }
                     h2 { "Training" }
                     div.plots { @for plot in &plots { (PreEscaped(plot)) } }
                     @if let Some(error) = &m.pose_error_deg {
@@ -140,6 +142,30 @@ fn row(name: &str, m: &SimilarityMetrics) -> Markup {
             td { (format!("{:.2}", m.psnr_hand)) }
             td { (format!("{:.4}", m.ssim)) }
             td { (format!("{:.4}", m.flip)) }
+        }
+    }
+}
+
+/// What short trainings showed of how simple the avatar may be.
+fn simplification_table(found: &Simplification) -> Markup {
+    html! {
+        h2 { "What the images require" }
+        p {
+            "Trials of " (found.iterations) " iterations that left out " (found.frames_left_out) " frames, judged by "
+            (found.images) " images of these. The avatar has what is printed in bold; the first line is as set."
+        }
+        table {
+            tr { th { "other than the settings" } th { "Gaussians" } th { "PSNR, dB" } th { "ms an iteration" } th { "MB" } }
+            @for (k, trial) in found.trials.iter().enumerate() {
+                @let changes = if trial.changes.is_empty() { "nothing".to_owned() } else { trial.changes.join(", ") };
+                tr {
+                    td { @if k == found.taken { strong { (changes) } } @else { (changes) } }
+                    td { (trial.gaussians) }
+                    td { (format!("{:.2}", trial.psnr)) }
+                    td { (format!("{:.1}", trial.iteration_ms)) }
+                    td { (format!("{:.1}", trial.bytes as f64 / 1e6)) }
+                }
+            }
         }
     }
 }

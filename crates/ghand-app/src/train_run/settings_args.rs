@@ -15,6 +15,10 @@ pub struct SettingsArgs {
     /// Settings to start from: `quick`, `standard` or `paper` [default: standard]
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
+    /// What gives the Gaussians their properties: `direct`, free tables, or `network`, the paper's networks; `auto` is the
+    /// preset's, with as few Gaussians, bases and components as frames left out of short trainings require (simplify=auto)
+    #[arg(long, value_name = "NAME", value_parser = ["direct", "network", "auto"])]
+    model: Option<String>,
     /// TOML file of settings, which change the preset's; as --print-config prints them
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -38,7 +42,13 @@ const LARGEST_CONFIG: u64 = 1 << 20;
 impl SettingsArgs {
     /// Whether any of these options is given.
     pub fn any_given(&self) -> bool {
-        let given = [self.preset.is_some(), self.config.is_some(), !self.set.is_empty(), self.seed.is_some()];
+        let given = [
+            self.preset.is_some(),
+            self.model.is_some(),
+            self.config.is_some(),
+            !self.set.is_empty(),
+            self.seed.is_some(),
+        ];
         given.contains(&true) || self.max_time.is_some()
     }
 
@@ -61,6 +71,9 @@ impl SettingsArgs {
             let bytes = bytes.ok_or_else(|| anyhow!("{name}: is too large for a file of settings"))?;
             let text = String::from_utf8(bytes).map_err(|_| anyhow!("{name}: is not text"))?;
             settings.set_all(&text).map_err(|error| anyhow!("{name}: {error}"))?;
+        }
+        if let Some(model) = &self.model {
+            settings.set(&if model == "auto" { "simplify=auto".into() } else { format!("model={model}") })?;
         }
         for assignment in &self.set {
             settings.set(assignment)?;

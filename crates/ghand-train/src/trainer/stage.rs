@@ -26,8 +26,6 @@ use crate::views::TrainView;
 const REFERENCE_VIEWS: usize = 8;
 /// Iterations whose mean loss is a point of the curve. After as many the learned numbers are checked.
 const LOSS_EVERY: u64 = 25;
-/// How often the watched images are taken in a stage.
-const PREVIEWS: f64 = 10.0;
 /// Number of views that say how much training saw of each Gaussian.
 const SEEN_VIEWS: usize = 60;
 
@@ -44,6 +42,8 @@ pub(super) struct Stage {
     /// The images are this many times smaller than the capture's.
     pub reduction: u32,
     pub scale_weight: f64,
+    /// How often the watched images are taken, evenly over the stage, and at its end once more.
+    pub previews: u32,
 }
 
 /// The result of a stage.
@@ -56,8 +56,10 @@ pub(super) struct StageResult {
     pub stopped: bool,
     /// Its steps without a finite gradient, which changed nothing.
     pub skipped_steps: u64,
-    /// The watched images at its end.
+    /// The watched images at its end, and their mean PSNR.
     pub previews: Vec<Preview>,
+    /// See `previews`.
+    pub held_out_psnr: Option<f64>,
 }
 
 /// Pose response, rest joints, poses.
@@ -172,7 +174,7 @@ impl Trainer<'_> {
             }
             let mut previews = vec![];
             let mut held_out_psnr = None;
-            let passed = |fraction: f64| (fraction * PREVIEWS).floor();
+            let passed = |fraction: f64| (fraction * f64::from(stage.previews)).floor();
             if !stage.refine_poses && passed(self.fraction(stage, done, began)) > passed(fraction) {
                 (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             }
@@ -199,9 +201,9 @@ impl Trainer<'_> {
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
-        let (mut seen, mut previews) = (None, vec![]);
+        let (mut seen, mut held_out_psnr, mut previews) = (None, None, vec![]);
         if !stage.refine_poses {
-            previews = self.previews(gpu, &mut step, background)?.1;
+            (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
             if settings.unseen == Unseen::Fill {
                 tables.fill_unseen(&weights, &neighbors(&avatar.template));
@@ -218,7 +220,15 @@ impl Trainer<'_> {
         let light = step.light()?.cloned();
         let avatar = Avatar { tables, seen, light, provenance, ..avatar };
         let skipped_steps = skipped.total;
-        Ok(StageResult { avatar, poses, iterations: done, stopped: told_to_stop, skipped_steps, previews })
+        Ok(StageResult {
+            avatar,
+            poses,
+            iterations: done,
+            stopped: told_to_stop,
+            skipped_steps,
+            previews,
+            held_out_psnr,
+        })
     }
 
     /// The device's part of a stage.

@@ -1,0 +1,266 @@
+//! An avatar as simple as its images allow (`simplify=auto`).
+//!
+//! Short trainings leave some frames out and are judged by the images of these. The first is as set; then one part after
+//! the other is left out or made smaller, as long as that costs little.
+
+use std::cell::RefCell;
+use std::time::Instant;
+
+use ghand_capture::{Split, SplitView};
+use ghand_core::Pose;
+use ghand_hand_model::surface::sample_surface;
+use ghand_render::Gpu;
+use serde::{Deserialize, Serialize};
+
+use super::stage::Stage;
+use super::{Trainer, Watched};
+use crate::checkpoint::Prepared;
+use crate::memory_check;
+use crate::settings::{Components, SettingsError, TrainSettings, Unseen};
+use crate::train_error::TrainError;
+use crate::views::TrainViews;
+
+/// One frame in so many is left out, if there are enough.
+const HOLD_OUT: usize = 4;
+/// Fewer frames cannot be divided: the avatar is as set.
+const LEAST_FRAMES: usize = 4;
+/// Most images that trials are judged by.
+const JUDGED_IMAGES: usize = 24;
+/// A trial has this part of the run's iterations, within these bounds.
+const PART_OF_RUN: u64 = 6;
+const ITERATIONS: [u64; 2] = [40, 250];
+/// What all that is left out may cost together, dB.
+const MOST_LOSS: f64 = 0.2;
+/// Coarser rasters are tried in steps of this factor, down to this one.
+const COARSER: f64 = 0.85;
+const COARSEST: u32 = 16;
+
+/// A short training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// What it has other than the settings, as `key=value`.
+    pub changes: Vec<String>,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Mean PSNR of the images left out, dB.
+    pub psnr: f64,
+    /// Median time of an iteration, milliseconds.
+    pub iteration_ms: f64,
+    /// Size of the avatar's file, bytes.
+    pub bytes: usize,
+}
+
+/// What was tried, and what was taken of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Simplification {
+    /// Number of frames left out.
+    pub frames_left_out: usize,
+    /// Number of their images by which the trials were judged.
+    pub images: usize,
+    /// Iterations of each trial.
+    pub iterations: u64,
+    /// The trials in their order; the first one is as set.
+    pub trials: Vec<Trial>,
+    /// Index of the one that was taken.
+    pub taken: usize,
+}
+
+impl Simplification {
+    /// The settings with what was taken.
+    ///
+    /// # Errors
+    /// [`SettingsError`] if they are not those that were tried.
+    pub fn apply(&self, settings: &TrainSettings) -> Result<TrainSettings, SettingsError> {
+        let mut simplified = settings.clone();
+        for change in self.trials.get(self.taken).map_or(&[][..], |trial| &trial.changes) {
+            simplified.set(change)?;
+        }
+        Ok(simplified)
+    }
+
+    /// What was taken, and what that saves, in one line.
+    pub fn summary(&self) -> String {
+        let Some((taken, set)) = self.trials.get(self.taken).zip(self.trials.first()) else { return String::new() };
+        let what = if taken.changes.is_empty() { "as set".into() } else { taken.changes.join(", ") };
+        format!(
+            "as the images require: {what}; {} Gaussians instead of {}, {:.1} ms an iteration instead of {:.1}, {:.1} MB \
+             instead of {:.1}, {:+.2} dB in {} images of {} frames left out",
+            taken.gaussians,
+            set.gaussians,
+            taken.iteration_ms,
+            set.iteration_ms,
+            taken.bytes as f64 / 1e6,
+            set.bytes as f64 / 1e6,
+            taken.psnr - set.psnr,
+            self.images,
+            self.frames_left_out,
+        )
+    }
+}
+
+/// Iterations of a trial in a run of so many.
+fn trial_iterations(run: u64) -> u64 {
+    (run / PART_OF_RUN).clamp(ITERATIONS[0], ITERATIONS[1])
+}
+
+impl Trainer<'_> {
+    /// Finds out how simple the avatar may be; `None` if there are too few frames to tell.
+    pub(super) fn simplify(&self, gpu: &mut Gpu) -> Result<Option<Simplification>, TrainError> {
+        let Some(mut trials) = Trials::new(self)? else {
+            log::warn!("simplify=auto: there are too few frames to leave some out, so the avatar is as set");
+            return Ok(None);
+        };
+        let set = &self.settings;
+        trials.run(gpu, set, &[])?;
+        for (key, values) in self.simpler() {
+            for value in values {
+                let mut changes = trials.taken().changes.clone();
+                changes.retain(|change| !change.starts_with(&format!("{key}=")));
+                changes.push(format!("{key}={value}"));
+                if !trials.run(gpu, set, &changes)? {
+                    break;
+                }
+            }
+        }
+        let found = trials.finish();
+        log::info!("{}", found.summary());
+        Ok(Some(found))
+    }
+
+    /// Settings with simpler and simpler values.
+    fn simpler(&self) -> Vec<(&'static str, Vec<String>)> {
+        let TrainSettings { components, color_components, shape_bases, uv_resolution, .. } = self.settings;
+        let mut parts = vec![];
+        if matches!(components, Components::Full | Components::Weights) {
+            parts.push(("components", vec!["hgbs".to_owned()]));
+        }
+        if color_components > 0 {
+            parts.push(("color_components", vec!["0".into()]));
+        }
+        if components != Components::Baseline {
+            let halved = std::iter::successors(Some(shape_bases / 2), |bases| Some(bases / 2));
+            parts.push(("shape_bases", halved.take_while(|bases| *bases > 0).map(|bases| bases.to_string()).collect()));
+        }
+        let coarser = std::iter::successors(Some(f64::from(uv_resolution) * COARSER), |side| Some(side * COARSER));
+        let coarser = coarser.map(|side| side.round() as u32).take_while(|side| *side >= COARSEST);
+        parts.push(("uv_resolution", coarser.map(|side| side.to_string()).collect()));
+        parts
+    }
+}
+
+/// A trainer of trials, and those done.
+struct Trials<'a> {
+    trainer: Trainer<'a>,
+    frames_left_out: usize,
+    iterations: u64,
+    done: Vec<Trial>,
+    /// Index of the simplest one that costs little.
+    taken: usize,
+}
+
+impl<'a> Trials<'a> {
+    /// `None` if there are too few frames with images.
+    fn new(run: &Trainer<'a>) -> Result<Option<Trials<'a>>, TrainError> {
+        let mut frames: Vec<usize> = run.split.views.iter().map(|view| view.position).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        if frames.len() < LEAST_FRAMES {
+            return Ok(None);
+        }
+        let left_out: Vec<usize> = frames.iter().copied().skip(HOLD_OUT / 2).step_by(HOLD_OUT).collect();
+        let (judged, trained): (Vec<SplitView>, Vec<SplitView>) =
+            run.split.views.iter().partition(|view| left_out.contains(&view.position));
+        // Evenly over the frames, another camera each time.
+        let count = judged.len().min(JUDGED_IMAGES);
+        let judged: Vec<SplitView> = (0..count).map(|k| judged[k * judged.len() / count]).collect();
+        let poses: Vec<Pose> = judged.iter().map(|view| run.prepared.poses[view.position].clone()).collect();
+        let margin = run.settings.crop_margin;
+        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, margin);
+        let split = Split { views: trained.clone(), ..run.split.clone() };
+        let trainer = Trainer {
+            gpu: run.gpu,
+            capture: run.capture.clone(),
+            split,
+            split_name: run.split_name.clone(),
+            settings: run.settings.clone(),
+            views: views(trained)?,
+            gaussians: 0,
+            training_set: 0,
+            prepared: Prepared { alignment: None, ..run.prepared.clone() },
+            watched: Some(Watched { views: views(judged)?, poses }),
+            curve: RefCell::default(),
+            stop: run.stop,
+            checkpoints: RefCell::default(),
+            state: RefCell::default(),
+            started: Instant::now(),
+            earlier: 0.0,
+            lpips: None,
+        };
+        let iterations = trial_iterations(run.settings.iterations);
+        Ok(Some(Trials { trainer, frames_left_out: left_out.len(), iterations, done: vec![], taken: 0 }))
+    }
+
+    /// Tries the settings with some changes, and takes them if they cost little; whether they are taken.
+    fn run(&mut self, gpu: &mut Gpu, set: &TrainSettings, changes: &[String]) -> Result<bool, TrainError> {
+        let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
+        changes.iter().try_for_each(|change| settings.set(change))?;
+        settings.iterations = self.iterations;
+        let gaussians = sample_surface(&self.trainer.capture.template, settings.uv_resolution)?.len();
+        memory_check::check(gaussians, self.trainer.capture.template.joint_count(), &settings)?;
+        let stage = Stage {
+            number: 2,
+            iterations: self.iterations,
+            part_of_time: 1.0,
+            done: 0,
+            refine_poses: false,
+            reduction: 1,
+            scale_weight: 0.0,
+            previews: 0,
+            settings: settings.clone(),
+        };
+        self.trainer.settings = settings;
+        let mut last = Instant::now();
+        let mut times = vec![];
+        let trainer = &self.trainer;
+        let result = gpu.retry_on_device_loss("a trial", |gpu| {
+            trainer.run(gpu, &stage, &mut |_| {
+                times.push(1e3 * last.elapsed().as_secs_f64());
+                last = Instant::now();
+            })
+        })?;
+        if result.stopped {
+            return Err(TrainError::Stopped { iteration: 0, iterations: set.iterations });
+        }
+        times.sort_by(f64::total_cmp);
+        let trial = Trial {
+            changes: changes.to_vec(),
+            gaussians,
+            psnr: result.held_out_psnr.unwrap_or(f64::NAN),
+            iteration_ms: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
+            bytes: result.avatar.file_size().unwrap_or_default(),
+        };
+        log::info!(
+            "trial: {}: {gaussians} Gaussians, {:.2} dB, {:.1} ms an iteration",
+            if changes.is_empty() { "as set".into() } else { changes.join(", ") },
+            trial.psnr,
+            trial.iteration_ms
+        );
+        // A trial that is not a number is not taken.
+        let is_good = self.done.first().is_none_or(|set| trial.psnr >= set.psnr - MOST_LOSS);
+        self.done.push(trial);
+        if is_good {
+            self.taken = self.done.len() - 1;
+        }
+        Ok(is_good)
+    }
+
+    fn taken(&self) -> &Trial {
+        &self.done[self.taken]
+    }
+
+    fn finish(self) -> Simplification {
+        let images = self.trainer.watched.as_ref().map_or(0, |watched| watched.views.len());
+        let Trials { frames_left_out, iterations, done: trials, taken, .. } = self;
+        Simplification { frames_left_out, images, iterations, trials, taken }
+    }
+}
