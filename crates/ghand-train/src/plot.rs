@@ -1,6 +1,7 @@
 //! Plots: curves over a run, means with intervals, points over two axes, and panels of curves; and text in pictures.
 
 mod label;
+mod logarithmic;
 mod panels;
 mod scatter;
 
@@ -15,6 +16,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 pub use label::{label, label_width};
+pub use logarithmic::{LogPanel, LogPlot};
 pub use panels::{Panel, PanelPlot};
 pub use scatter::{Point, ScatterPlot};
 

@@ -30,8 +30,8 @@ pub const STAGES: [&str; 5] = [
 pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 50.0];
 
 /// Factors on the cut-offs of blending: what they change is decided by rounding.
-const LOWER: f64 = 0.99;
-const HIGHER: f64 = 1.01;
+pub const LOWER: f64 = 0.99;
+pub const HIGHER: f64 = 1.01;
 /// Gaussians whose depths differ by less than this many units in the last place can be drawn in either order.
 const ORDER_UNITS: f64 = 4.0;
 
@@ -154,14 +154,8 @@ impl<'a> Subject<'a> {
         outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &exact_posed));
         outcome.inputs = Some(Inputs { avatar: avatar.clone(), pose: pose.clone(), camera: camera.clone() });
 
-        let count = avatar.template.len();
-        self.scene.set_pose(gpu, 0, 0, &pose)?;
-        self.scene.set_view(gpu, &camera, BACKGROUND)?;
-        self.scene.set_frame(gpu, 0);
-        self.scene.run_frame(gpu, |_, _| {})?;
-        let image = self.scene.splatter().read_image(gpu)?.rgba;
+        let (image, table) = self.draw(gpu, &pose, &camera)?;
         let model = self.scene.splatter().options().model;
-        let table: Vec<f32> = buffers::read(gpu, self.scene.splatter().gaussians(), model.rows() * count)?;
         if !all_finite(image.as_flattened()) {
             outcome.problem = Some("a pixel is not finite".into());
             return Ok(outcome);
@@ -182,16 +176,12 @@ impl<'a> Subject<'a> {
             (of_moved.splats(OPACITY.into()), &moved_camera),
             (exact_posed.splats(OPACITY.into()), &camera),
         ];
-        let draw_twin = |(splats, camera, cut): (&[Gaussian], &Camera, f64)| {
-            let cuts = CutOffs::default();
-            let [alpha_min, transmittance_min] = [cuts.alpha_min, cuts.transmittance_min].map(|limit| limit * cut);
-            SplatTwin { cuts: CutOffs { alpha_min, transmittance_min, ..cuts }, ..twin(splats, camera, &model) }
-                .rasterize()
-        };
         let [of_device, of_moved, of_exact] = twins.each_ref().map(|(splats, camera)| (&splats[..], *camera));
         let views = [(of_device, 1.0), (of_moved, 1.0), (of_exact, 1.0), (of_device, LOWER), (of_device, HIGHER)];
-        let drawn: Vec<_> =
-            views.into_par_iter().map(|((splats, camera), cut)| draw_twin((splats, camera, cut))).collect();
+        let drawn: Vec<_> = views
+            .into_par_iter()
+            .map(|((splats, camera), cut)| twin_of(splats, camera, model.antialias, cut).rasterize())
+            .collect();
         let undecided = undecided([&drawn[3], &drawn[0], &drawn[4]]);
         let is_sorted = is_order_decided(of_device.0, &camera);
         let (error, flipped) = picture(&image, &drawn[0], &drawn[1], &undecided);
@@ -210,14 +200,15 @@ impl<'a> Subject<'a> {
             .par_iter()
             .map(|(splats, camera)| twin(splats, camera, &model).rasterize_vjp(&d_image).0)
             .collect();
-        let device = self.gradients(gpu, &weights, model.rows() * count)?;
+        let device = self.gradients(gpu, &weights, table.len())?;
         // Tables with numbers that are not finite have such gradients, too; training does not take such steps.
         let checked = if self.hand.kind.is_comparable() { device.len() } else { 1 };
         if !device[..checked].iter().all(|(_, values)| all_finite(values)) {
             outcome.problem = Some("a gradient is not finite".into());
             return Ok(outcome);
         }
-        let [exact_parts, moved_parts] = [&gradients[0], &gradients[1]].map(|all| gradient_parts(all, &model));
+        let [exact_parts, moved_parts] =
+            [&gradients[0], &gradients[1]].map(|all| gradient_parts(all, thickness(&model)));
         let (_, d_table) = &device[0];
         let d_device = PosedGaussians::from_table(&widen(d_table), shape);
         let device_parts = [rows(&d_device.means), d_device.scales.clone(), rows(&d_device.colors)];
@@ -257,9 +248,25 @@ impl<'a> Subject<'a> {
         Ok(outcome)
     }
 
+    /// The picture in a pose and a view, and the table of posed Gaussians.
+    pub fn draw(&mut self, gpu: &Gpu, pose: &Pose, camera: &Camera) -> anyhow::Result<(Vec<[f32; 4]>, Vec<f32>)> {
+        self.scene.set_pose(gpu, 0, 0, pose)?;
+        self.scene.set_view(gpu, camera, BACKGROUND)?;
+        self.scene.set_frame(gpu, 0);
+        self.scene.run_frame(gpu, |_, _| {})?;
+        let image = self.scene.splatter().read_image(gpu)?.rgba;
+        let length = self.scene.splatter().options().model.rows() * self.hand.avatar.template.len();
+        Ok((image, buffers::read(gpu, self.scene.splatter().gaussians(), length)?))
+    }
+
     /// The device's gradients of a loss with these weights of the picture's values: of the Gaussians' table, of the
     /// learned tables and of the pose.
-    fn gradients(&mut self, gpu: &Gpu, weights: &[[f32; 4]], length: usize) -> anyhow::Result<Vec<(String, Vec<f32>)>> {
+    pub fn gradients(
+        &mut self,
+        gpu: &Gpu,
+        weights: &[[f32; 4]],
+        length: usize,
+    ) -> anyhow::Result<Vec<(String, Vec<f32>)>> {
         let (splatter, avatars) = self.scene.splatter_and_avatars_mut();
         let posed = avatars.first_mut().context("the scene has no avatar")?;
         gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(weights));
@@ -282,9 +289,16 @@ impl<'a> Subject<'a> {
     }
 }
 
-fn twin<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, model: &SplatModel) -> SplatTwin<'a> {
+/// The twin of a picture, with this factor on the cut-offs of blending.
+pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, antialias: bool, cut: f64) -> SplatTwin<'a> {
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    SplatTwin { gaussians, camera, background, antialias: model.antialias, cuts: CutOffs::default() }
+    let cuts = CutOffs::default();
+    let [alpha_min, transmittance_min] = [cuts.alpha_min, cuts.transmittance_min].map(|limit| limit * cut);
+    SplatTwin { gaussians, camera, background, antialias, cuts: CutOffs { alpha_min, transmittance_min, ..cuts } }
+}
+
+fn twin<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, model: &SplatModel) -> SplatTwin<'a> {
+    twin_of(gaussians, camera, model.antialias, 1.0)
 }
 
 /// Whether the depths of all Gaussians differ enough to sort them.
@@ -298,10 +312,14 @@ fn is_order_decided(gaussians: &[Gaussian], camera: &Camera) -> bool {
     depths.array_windows().all(|[near, far]| far - near > ORDER_UNITS * unit(*far))
 }
 
-/// Gradients of centres, sizes and colours.
-fn gradient_parts(gradient: &[Gaussian], model: &SplatModel) -> [Vec<f64>; 3] {
+/// How thick Gaussians are, as a part of their width.
+fn thickness(model: &SplatModel) -> f64 {
     use ghand_render::splat::{FLATNESS, Shape};
-    let thickness = if model.shape == Shape::Flat { FLATNESS } else { 1.0 };
+    if model.shape == Shape::Flat { FLATNESS } else { 1.0 }
+}
+
+/// Gradients of centres, sizes and colours.
+pub fn gradient_parts(gradient: &[Gaussian], thickness: f64) -> [Vec<f64>; 3] {
     let means: Vec<DVec3> = gradient.iter().map(|d| d.mean).collect();
     let colors: Vec<DVec3> = gradient.iter().filter_map(|d| d.coefficients().first().copied()).collect();
     let size = |d: &Gaussian| d.scales.x + d.scales.y + thickness * d.scales.z;

@@ -106,7 +106,7 @@ impl HandKind {
     }
 
     /// Size of a hand, metres.
-    fn size(self) -> f32 {
+    pub fn size(self) -> f32 {
         match self {
             HandKind::Tiny => 1e-6,
             HandKind::Huge => 100.0,
@@ -203,7 +203,10 @@ impl Hand {
         let config = config(&mut draw);
         let mut avatar = match kind {
             HandKind::Human => human(&mut draw, &config)?,
-            _ => random(&mut draw, kind, &config),
+            _ => {
+                let count = draw.0.random_range(1..=MOST_GAUSSIANS);
+                random(&mut draw, kind, &config, count)
+            }
         };
         set_tables(&mut draw, kind, &mut avatar);
         let baked = kind.is_comparable() && draw.chance(0.3);
@@ -253,9 +256,16 @@ fn human(draw: &mut Draw, config: &AvatarConfig) -> anyhow::Result<Avatar> {
     Ok(avatar)
 }
 
+/// A usual hand of so many round Gaussians.
+pub fn usual_hand(draw: &mut Draw, count: usize) -> Avatar {
+    let config = AvatarConfig { gaussians: GaussianShape::Round, ..config(draw) };
+    let mut avatar = random(draw, HandKind::Usual, &config, count);
+    set_tables(draw, HandKind::Usual, &mut avatar);
+    avatar
+}
+
 /// A hand of random numbers.
-fn random(draw: &mut Draw, kind: HandKind, config: &AvatarConfig) -> Avatar {
-    let count = draw.0.random_range(1..=MOST_GAUSSIANS);
+fn random(draw: &mut Draw, kind: HandKind, config: &AvatarConfig, count: usize) -> Avatar {
     let joint_count = match kind {
         HandKind::OneJoint => 1,
         HandKind::LongChain => 25,
