@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Parser;
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
@@ -67,6 +67,13 @@ struct Arguments {
     /// Also let pages of this origin send live poses, such as https://example.org; may be repeated
     #[arg(long, value_name = "ORIGIN", requires = "live")]
     live_origin: Vec<String>,
+    /// The initial view: a side of the hand (back, palm, thumb-side, little-finger-side, fingertips) or a view saved in the
+    /// viewer
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+    /// As in a drawing, without perspective
+    #[arg(long)]
+    orthographic: bool,
     /// Write a picture of the viewer to this PNG file instead of opening a window; needs no display
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -140,13 +147,22 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         viewer.watch(path, &arguments.light);
         viewer.play_as(choice);
     }
+    let settings_path = Settings::path();
+    let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
+    viewer.settings_mut().views.clone_from(&settings.views);
+    if let Some(name) = &arguments.view {
+        viewer.go_to_view(name).context("--view")?;
+    }
+    if arguments.orthographic {
+        viewer.show_orthographic();
+    }
     if let Some(path) = &arguments.screenshot {
+        // The panel of a screenshot does not depend on who takes it.
+        viewer.settings_mut().views.clear();
         viewer.settings_mut().theme = arguments.theme.unwrap_or_default();
         let size = arguments.size.unwrap_or(window::WINDOW_SIZE);
         return screenshot(&mut viewer, size, arguments.scale.unwrap_or(1.0), path);
     }
-    let settings_path = Settings::path();
-    let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
     settings.theme = arguments.theme.unwrap_or(settings.theme);
     if let Some(path) = &path {
         settings.add_recent(path);

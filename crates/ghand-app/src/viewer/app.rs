@@ -7,6 +7,7 @@ mod files;
 mod layers;
 mod live;
 mod recovery;
+mod saved_views;
 mod truth;
 mod view;
 
@@ -25,6 +26,7 @@ use crate::viewer::command_palette::CommandPalette;
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::handles::HandleDrag;
 use crate::viewer::live::{Live, LiveSettings};
+use crate::viewer::name_dialog::NameDialog;
 use crate::viewer::navigation::Drags;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
 use crate::viewer::quality_choice::QualityChoice;
@@ -77,6 +79,8 @@ pub struct Viewer {
     file_dialog: Option<FileDialog>,
     palette: Option<CommandPalette>,
     help_shown: bool,
+    /// Asks under which name the view is to be saved.
+    naming_view: Option<NameDialog>,
     /// Whether the view turns by itself, and when it last did, in the user interface's seconds.
     turntable: bool,
     turntable_time: Option<f64>,
@@ -125,6 +129,7 @@ impl Viewer {
             file_dialog: None,
             palette: None,
             help_shown: false,
+            naming_view: None,
             turntable: false,
             turntable_time: None,
             capture: None,

@@ -48,6 +48,8 @@ pub struct LayerInputs<'a> {
     pub pose: &'a Pose,
     /// The camera.
     pub camera: &'a Camera,
+    /// Depth of the plane from which depths are counted, metres: see [`crate::viewer::camera::OrbitCamera::apparent_depth`].
+    pub depth_from: f64,
     /// The posed Gaussians, metres, world, N.
     pub posed: &'a [DVec3],
     /// The joint whose weights are shown.
@@ -126,8 +128,11 @@ impl Layer {
                 Some(of_numbers(&millimetres, [0.0, limit], legend))
             }
             Layer::Depth => {
-                let depths: Vec<f64> =
-                    inputs.posed.iter().map(|point| inputs.camera.camera_from_world(*point).z).collect();
+                let depths: Vec<f64> = inputs
+                    .posed
+                    .iter()
+                    .map(|point| inputs.camera.camera_from_world(*point).z - inputs.depth_from)
+                    .collect();
                 let [low, high] = [0.0, 1.0].map(|part| quantile(depths.iter().copied(), part));
                 let legend = Legend::linear("depth, m", [low, high], false);
                 Some(of_numbers(&depths, [low, high], legend))
@@ -195,7 +200,7 @@ mod tests {
             .collect();
         let camera = Camera::look_at(DVec3::new(0.0, 0.0, -0.6), DVec3::ZERO, DVec3::NEG_Y, 0.5, 64, 64);
         let joint = model.joint_index("index-finger-phalanx-distal").unwrap();
-        let inputs = LayerInputs { pose: &pose, camera: &camera, posed: &posed, joint };
+        let inputs = LayerInputs { pose: &pose, camera: &camera, depth_from: 0.0, posed: &posed, joint };
         let colors = Layer::Weights.colors(&avatar, &inputs).unwrap().colors;
         let nearest = |place: DVec3, away: f64| {
             let wanted = |p: &usize| (posed[*p].distance(place) - away).abs();

@@ -1,4 +1,4 @@
-//! What the viewer remembers from one start to the next: window, theme, panel and recent files.
+//! What the viewer remembers from one start to the next: window, theme, panel, recent files and saved views.
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +7,12 @@ use etcetera::{BaseStrategy, choose_base_strategy};
 use ghand_files::atomic_file::write_atomically;
 use serde::{Deserialize, Serialize};
 
+use crate::viewer::saved_view::{SavedView, view_name};
+
 /// Most recent files that are remembered.
 const MOST_RECENT: usize = 8;
+/// Most views that are read from a file.
+const MOST_VIEWS: usize = 200;
 /// Sizes of the window that are believed, points.
 const WINDOW_EDGES: [f32; 2] = [200.0, 20_000.0];
 
@@ -70,6 +74,8 @@ pub struct Settings {
     pub maximized: bool,
     /// The files that were opened last, the newest first.
     pub recent: Vec<PathBuf>,
+    /// The views that the user has saved.
+    pub views: Vec<SavedView>,
 }
 
 impl Default for Settings {
@@ -81,6 +87,7 @@ impl Default for Settings {
             window_size: None,
             maximized: false,
             recent: Vec::new(),
+            views: Vec::new(),
         }
     }
 }
@@ -98,6 +105,8 @@ impl Settings {
         let [low, high] = WINDOW_EDGES;
         settings.window_size = settings.window_size.filter(|size| size.iter().all(|edge| (low..high).contains(edge)));
         settings.recent.truncate(MOST_RECENT);
+        settings.views.retain(|view| view.point.is_usable() && view_name(&view.name).as_ref() == Ok(&view.name));
+        settings.views.truncate(MOST_VIEWS);
         settings
     }
 

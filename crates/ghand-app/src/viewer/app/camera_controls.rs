@@ -5,23 +5,16 @@ use std::f64::consts::TAU;
 use egui::{Context, Ui};
 
 use crate::viewer::app::Viewer;
-use crate::viewer::camera::Preset;
+use crate::viewer::camera::Projection;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::number_slider::number_slider;
+use crate::viewer::preset::Preset;
 use crate::viewer::subject::Subject;
 
 /// Seconds of a whole turn of the turntable.
 const TURN_SECS: f64 = 12.0;
 /// The turntable goes on where it was after a longer pause between frames than this, seconds.
 const LONGEST_STEP_SECS: f64 = 1.0;
-/// Names of the presets on the panel.
-const PRESETS: [(&str, Preset); 5] = [
-    ("back", Preset::Back),
-    ("palm", Preset::Palm),
-    ("thumb side", Preset::ThumbSide),
-    ("little side", Preset::LittleFingerSide),
-    ("tips", Preset::Fingertips),
-];
 /// Range of the field of view, degrees: beyond, the near plane cuts the hand, or it needs more distance than there is.
 const FIELDS_OF_VIEW: [f64; 2] = [8.0, 90.0];
 
@@ -36,23 +29,34 @@ impl Viewer {
         self.look_through_camera();
     }
 
+    /// Gives all depths the same size.
+    pub fn show_orthographic(&mut self) {
+        if self.camera.projection() == Projection::Perspective {
+            self.camera.switch_projection();
+        }
+    }
+
     /// The controls of the view.
     pub(super) fn camera_controls(&mut self, ui: &mut Ui) {
         if self.subject.pose().is_some() {
             ui.horizontal_wrapped(|ui| {
-                for (name, preset) in PRESETS {
-                    if ui.button(name).clicked() {
+                for preset in Preset::ALL {
+                    if ui.button(preset.label()).clicked() {
                         self.look_from(preset);
                     }
                 }
             });
         }
+        self.saved_views(ui);
         ui.horizontal(|ui| {
             let label = ui.label("field of view").id;
             let mut degrees = self.camera.field_of_view().to_degrees();
             ui.spacing_mut().slider_width = 84.0;
             let range = FIELDS_OF_VIEW[0]..=FIELDS_OF_VIEW[1];
-            if ui.add(number_slider(&mut degrees, range, 0, "°")).labelled_by(label).changed() {
+            // An orthographic view has none.
+            let slider = number_slider(&mut degrees, range, 0, "°");
+            let is_perspective = self.camera.projection() == Projection::Perspective;
+            if ui.add_enabled(is_perspective, slider).labelled_by(label).changed() {
                 self.camera.set_field_of_view(degrees.to_radians());
             }
         });
@@ -61,6 +65,11 @@ impl Viewer {
                 self.frame_subject();
             }
             ui.checkbox(&mut self.turntable, "turntable");
+            let mut orthographic = self.camera.projection() == Projection::Orthographic;
+            let hover = "All depths have the same size (O)";
+            if ui.checkbox(&mut orthographic, "ortho").on_hover_text(hover).changed() {
+                self.camera.switch_projection();
+            }
         });
     }
 

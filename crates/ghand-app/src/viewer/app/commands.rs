@@ -9,12 +9,15 @@ use ghand_motion::motions::MOTION_NAMES;
 use crate::quality::Quality;
 use crate::viewer::app::Viewer;
 use crate::viewer::app::files::file_name;
-use crate::viewer::camera::Preset;
+use crate::viewer::camera::Projection;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
 use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::hand::Hand;
 use crate::viewer::help_overlay::help_overlay;
+use crate::viewer::name_dialog::NameDialog;
+use crate::viewer::preset::Preset;
+use crate::viewer::saved_view::SavedView;
 use crate::viewer::subject::Subject;
 
 /// What an entry of the palette does.
@@ -24,12 +27,14 @@ enum Action {
     Pose(&'static str),
     Motion(&'static str),
     Open(PathBuf),
+    View(String),
+    DeleteView(String),
 }
 
 impl Viewer {
     /// Runs the commands whose keys were pressed, unless the palette or the help is open.
     pub(super) fn run_pressed(&mut self, context: &Context) {
-        if self.palette.is_some() || self.help_shown {
+        if self.palette.is_some() || self.help_shown || self.naming_view.is_some() {
             // The same keys close them.
             for asked in pressed(context) {
                 match asked {
@@ -76,6 +81,8 @@ impl Viewer {
             CommandId::ViewThumbSide => self.look_from(Preset::ThumbSide),
             CommandId::ViewLittleFingerSide => self.look_from(Preset::LittleFingerSide),
             CommandId::ViewFingertips => self.look_from(Preset::Fingertips),
+            CommandId::SwitchProjection => self.camera.switch_projection(),
+            CommandId::SaveView => self.naming_view = Some(NameDialog::default()),
             CommandId::Turntable => self.turntable = !self.turntable,
             CommandId::PreviousCamera => self.step_camera(-1),
             CommandId::NextCamera => self.step_camera(1),
@@ -178,6 +185,7 @@ impl Viewer {
             CommandId::Measure => Some(self.measure),
             CommandId::ShowPanel => Some(self.settings.panel_shown),
             CommandId::ShowHandles => Some(self.settings.handles_shown),
+            CommandId::SwitchProjection => Some(self.camera.projection() == Projection::Orthographic),
             CommandId::Turntable => Some(self.turntable),
             CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
             CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
@@ -199,9 +207,12 @@ impl Viewer {
                 Choice::Chosen(Action::Run(id)) => self.run(id, context),
                 Choice::Chosen(Action::Pose(name)) => self.edit_hand(|hand| hand.take_pose(name)),
                 Choice::Chosen(Action::Open(path)) => self.open(&path),
+                Choice::Chosen(Action::View(name)) => self.show_view(&name),
+                Choice::Chosen(Action::DeleteView(name)) => self.delete_view(&name),
                 Choice::Chosen(Action::Motion(name)) => self.edit_hand(|hand| hand.play(name)),
             }
         }
+        self.name_view(context);
         self.help_shown = self.help_shown && help_overlay(context);
         self.toasts.show(context);
     }
@@ -229,6 +240,17 @@ impl Viewer {
             let motions =
                 MOTION_NAMES.iter().map(|name| entry("Motion", name, "Plays this motion.", Action::Motion(name)));
             entries.extend(poses.chain(motions));
+        }
+        for SavedView { name, .. } in &self.settings.views {
+            let entry = |title: String, summary: &str, action| Entry {
+                title,
+                remark: String::new(),
+                summary: summary.into(),
+                action,
+            };
+            entries.push(entry(format!("View: {name}"), "Shows this saved view.", Action::View(name.clone())));
+            let delete = Action::DeleteView(name.clone());
+            entries.push(entry(format!("Delete view: {name}"), "Deletes this saved view.", delete));
         }
         entries.extend(self.settings.recent.iter().map(|path| Entry {
             title: format!("Open: {}", file_name(path)),

@@ -144,7 +144,13 @@ impl Viewer {
                     self.layers.posed = Some((pose.clone(), posed));
                 }
                 let posed = self.layers.posed.as_ref().map(|(_, posed)| posed.as_slice()).unwrap_or_default();
-                let inputs = LayerInputs { pose, camera: &inputs.camera, posed, joint: self.layers.joint };
+                let inputs = LayerInputs {
+                    pose,
+                    camera: &inputs.camera,
+                    depth_from: self.camera.apparent_depth(),
+                    posed,
+                    joint: self.layers.joint,
+                };
                 let colored = self.avatar().and_then(|avatar| layer.colors(avatar, &inputs));
                 colored.map_or(GaussianColors::Own, |colored| {
                     self.layers.legend = Some(colored.legend);

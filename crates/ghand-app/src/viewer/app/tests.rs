@@ -7,6 +7,7 @@ mod motion;
 mod pointer;
 mod pose;
 mod quality;
+mod saved_views;
 mod truth;
 
 use egui::{Event, Vec2, vec2};

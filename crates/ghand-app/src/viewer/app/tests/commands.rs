@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 
 use super::*;
-use crate::viewer::camera::Preset;
+use crate::viewer::preset::Preset;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);

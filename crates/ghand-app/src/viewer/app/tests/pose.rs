@@ -9,7 +9,7 @@ use ghand_motion::ik::HandIk;
 use super::*;
 use crate::viewer::screen::Screen;
 
-const WIDE: Vec2 = vec2(760.0, 500.0);
+pub(super) const WIDE: Vec2 = vec2(760.0, 500.0);
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), WIDE, 0.1);
@@ -23,7 +23,7 @@ impl Headless {
     }
 
     /// Where the landmarks are on the screen.
-    fn landmarks(&mut self) -> Vec<Pos2> {
+    pub(super) fn landmarks(&mut self) -> Vec<Pos2> {
         let ik = HandIk::new(&RestSkeleton::of(self.hand().model()).unwrap());
         let pose = self.pose();
         let rect = egui::Rect::from_min_max(egui::pos2(260.0, 0.0), WIDE.to_pos2());
@@ -33,7 +33,7 @@ impl Headless {
     }
 
     /// Drags from one place to another with the main button.
-    fn drag(&mut self, from: Pos2, to: Pos2) {
+    pub(super) fn drag(&mut self, from: Pos2, to: Pos2) {
         let button = |pos, pressed| Event::PointerButton {
             pos,
             button: PointerButton::Primary,
