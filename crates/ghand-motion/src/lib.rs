@@ -6,6 +6,7 @@
 
 mod error;
 pub mod ik;
+pub mod key_frames;
 pub mod live;
 pub mod motions;
 pub mod one_euro;
@@ -16,5 +17,6 @@ pub mod retarget;
 mod test_hands;
 
 pub use error::PoseError;
+pub use key_frames::KeyFrames;
 pub use pose_sequence::{PoseFrame, PoseOptions, PoseSequence, read_poses};
 pub use rest_skeleton::RestSkeleton;

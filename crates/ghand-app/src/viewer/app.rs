@@ -8,6 +8,7 @@ mod layers;
 mod live;
 mod recovery;
 mod saved_views;
+mod saving;
 mod truth;
 mod view;
 
@@ -19,6 +20,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::light_args::LightArgs;
 use crate::viewer::app::layers::LayerView;
+use crate::viewer::app::saving::Saving;
 use crate::viewer::app::truth::TruthView;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::capture_panel::CapturePanel;
@@ -77,6 +79,8 @@ pub struct Viewer {
     /// The light in which the watched file is read.
     light: LightArgs,
     file_dialog: Option<FileDialog>,
+    /// The dialog that chooses a file to save to, and what is saved there.
+    save_dialog: Option<(FileDialog, Saving)>,
     palette: Option<CommandPalette>,
     help_shown: bool,
     /// Asks under which name the view is to be saved.
@@ -127,6 +131,7 @@ impl Viewer {
             quality: QualityChoice::exact(None),
             light: LightArgs::default(),
             file_dialog: None,
+            save_dialog: None,
             palette: None,
             help_shown: false,
             naming_view: None,
@@ -192,6 +197,7 @@ impl Viewer {
         ui.ctx().set_theme(self.settings.theme.preference());
         self.open_files(ui.ctx());
         self.take_quality();
+        self.save_chosen();
         self.run_pressed(ui.ctx());
         if self.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {
@@ -200,6 +206,7 @@ impl Viewer {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.controls(ui));
             });
         }
+        self.follow_key_buttons(ui.ctx());
         self.subject.advance(ui.ctx());
         self.advance_live(ui.ctx());
         self.advance_turntable(ui.ctx());

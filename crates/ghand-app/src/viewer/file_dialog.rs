@@ -14,7 +14,6 @@ pub struct FileDialog {
 impl FileDialog {
     /// Opens the dialog. The user interface is drawn again once the user has chosen.
     pub fn open(context: &Context) -> FileDialog {
-        let (sender, chosen) = channel();
         let dialog = rfd::AsyncFileDialog::new()
             .set_title("Open")
             .add_filter(
@@ -24,6 +23,18 @@ impl FileDialog {
             .add_filter("All files", &["*"])
             // Must be made on the main thread on some desktops; waiting for it need not be there.
             .pick_file();
+        FileDialog::wait(context, dialog)
+    }
+
+    /// Opens the dialog that chooses a new file of one kind: its name, what it is and how it may end, the usual ending first.
+    pub fn save(context: &Context, name: &str, kind: &str, endings: &[&str]) -> FileDialog {
+        let dialog =
+            rfd::AsyncFileDialog::new().set_title("Save").set_file_name(name).add_filter(kind, endings).save_file();
+        FileDialog::wait(context, dialog)
+    }
+
+    fn wait(context: &Context, dialog: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static) -> FileDialog {
+        let (sender, chosen) = channel();
         let context = context.clone();
         std::thread::spawn(move || {
             let path = pollster::block_on(dialog).map(|file| file.path().to_owned());

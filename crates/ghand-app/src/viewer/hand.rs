@@ -8,19 +8,20 @@ use ghand_avatar::{Avatar, Light};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
-use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
+use ghand_motion::{KeyFrames, PoseFrame, PoseOptions, PoseSequence};
 use glam::DVec3;
 
 use crate::bare_hand::BareHand;
 use crate::pose_choice::pose_by_name;
 use crate::viewer::blend_control::BlendControl;
 use crate::viewer::handles::{HandleDrag, Handles};
+use crate::viewer::history::History;
 use crate::viewer::light_panel::LightPanel;
-use crate::viewer::pose_history::PoseHistory;
 use crate::viewer::pose_panel::PosePanel;
 use crate::viewer::screen::Screen;
 use crate::viewer::shape_panel::ShapePanel;
 use crate::viewer::timeline::Timeline;
+use crate::viewer::timeline_panel::{KeyRequest, timeline_panel};
 
 /// The named pose to blend with at first.
 const BLEND_TARGET: &str = "fist";
@@ -33,6 +34,14 @@ pub enum Look {
     Bare(Arc<BareHand>),
 }
 
+/// What undo returns to.
+#[derive(Debug, Clone, PartialEq)]
+struct Edit {
+    pose: Pose,
+    /// The keys, if the motion consists of them.
+    keys: Option<KeyFrames>,
+}
+
 /// A hand, its pose and shape, and their controls.
 pub struct Hand {
     look: Look,
@@ -42,10 +51,12 @@ pub struct Hand {
     pub(crate) timeline: Option<Timeline>,
     pose_panel: PosePanel,
     blend: BlendControl,
-    history: PoseHistory,
+    history: History<Edit>,
     handles: Option<Handles>,
     /// The joint whose slider the user points at.
     pointed_at: Option<usize>,
+    /// What the user asks of the motion's keys.
+    key_request: Option<KeyRequest>,
     shape_panel: ShapePanel,
     /// `None` if light is part of the colours.
     light_panel: Option<LightPanel>,
@@ -74,7 +85,8 @@ impl Hand {
         let blend = BlendControl::new(BLEND_TARGET, &pose);
         Hand {
             handles: Handles::new(model, &shape),
-            history: PoseHistory::new(pose.clone()),
+            history: History::new(Edit { pose: pose.clone(), keys: None }),
+            key_request: None,
             pose,
             shape,
             timeline: None,
@@ -139,33 +151,115 @@ impl Hand {
         }
     }
 
-    /// Goes back to the pose before.
+    fn present(&self) -> Edit {
+        Edit { pose: self.pose.clone(), keys: self.timeline.as_ref().and_then(Timeline::keys).cloned() }
+    }
+
+    /// Goes back to the pose and the keys before.
     pub fn undo(&mut self) {
-        if let Some(before) = self.history.undo(&self.pose) {
-            self.pose.clone_from(before);
-            self.pause();
+        if let Some(before) = self.history.undo(&self.present()).cloned() {
+            self.take(before);
         }
     }
 
-    /// Goes forward to the pose that was undone.
+    /// Goes forward to the pose and the keys that were undone.
     pub fn redo(&mut self) {
-        if let Some(after) = self.history.redo(&self.pose) {
-            self.pose.clone_from(after);
-            self.pause();
+        if let Some(after) = self.history.redo(&self.present()).cloned() {
+            self.take(after);
         }
+    }
+
+    fn take(&mut self, edit: Edit) {
+        self.pose = edit.pose;
+        match (edit.keys, &mut self.timeline) {
+            (Some(keys), Some(timeline)) if timeline.keys().is_some() => {
+                timeline.keys_mut().into_iter().for_each(|present| present.clone_from(&keys));
+            }
+            (Some(keys), timeline) => *timeline = Some(Timeline::of_keys(keys)),
+            // A motion that is not made of keys stays.
+            (None, timeline) => *timeline = timeline.take().filter(|timeline| timeline.keys().is_none()),
+        }
+        self.pause();
     }
 
     /// Whether there is something to undo and to redo.
     pub fn can_undo_and_redo(&self) -> [bool; 2] {
-        [self.history.can_undo(&self.pose), self.history.can_redo(&self.pose)]
+        let present = self.present();
+        [self.history.can_undo(&present), self.history.can_redo(&present)]
     }
 
-    /// Remembers the pose for undo, unless a motion plays. It should not be called while the user is changing the pose, so
+    /// Remembers pose and keys for undo, unless a motion plays. It should not be called while the user is changing them, so
     /// that a whole drag is one step.
     pub fn remember_pose(&mut self) {
         if !self.is_playing() {
-            self.history.remember(&self.pose);
+            self.history.remember(&self.present());
         }
+    }
+
+    /// Keeps the present pose as a key at the present position. Without keys they begin here, in place of another motion.
+    pub fn set_key(&mut self) {
+        self.pause();
+        let timeline = match self.timeline.take() {
+            Some(timeline) if timeline.keys().is_some() => timeline,
+            _ => Timeline::of_keys(KeyFrames::default()),
+        };
+        let timeline = self.timeline.insert(timeline);
+        let seconds = timeline.on_frame(timeline.seconds());
+        timeline.go_to(seconds);
+        if let Some(keys) = timeline.keys_mut() {
+            keys.set(seconds, self.pose.clone());
+        }
+    }
+
+    /// Deletes the key at the present position; without any key there is no motion.
+    pub fn delete_key(&mut self) {
+        let Some(timeline) = &mut self.timeline else { return };
+        timeline.pause();
+        let seconds = timeline.seconds();
+        let Some(keys) = timeline.keys_mut() else { return };
+        if let Some(index) = keys.at(seconds) {
+            keys.remove(index);
+        }
+        if keys.keys().is_empty() {
+            self.timeline = None;
+        }
+    }
+
+    /// Goes to the previous key (`by` -1) or the next one (1).
+    pub fn step_key(&mut self, by: i32) {
+        let Some(timeline) = &mut self.timeline else { return };
+        let Some(keys) = timeline.keys() else { return };
+        let now = timeline.seconds();
+        let times = keys.keys().iter().map(|key| key.seconds);
+        let found = match by < 0 {
+            true => times.rev().find(|time| *time < now - 1e-6),
+            false => times.into_iter().find(|time| *time > now + 1e-6),
+        };
+        if let Some(seconds) = found {
+            timeline.go_to(seconds);
+            if let Some(pose) = timeline.pose() {
+                self.pose = pose;
+            }
+        }
+    }
+
+    /// Whether there are keys, and one at the present position.
+    pub fn has_keys_and_one_here(&self) -> [bool; 2] {
+        let timeline = self.timeline.as_ref();
+        let keys = timeline.and_then(Timeline::keys);
+        let seconds = timeline.map_or(0.0, Timeline::seconds);
+        [keys.is_some(), keys.is_some_and(|keys| keys.at(seconds).is_some())]
+    }
+
+    /// The motion as a file of poses, in ghand's own JSON; `None` without one.
+    pub fn motion_json(&self) -> Option<String> {
+        let sequence = self.timeline.as_ref()?.sequence(&self.model().joint_names, &self.shape)?;
+        Some(poses_json(&sequence, self.model()))
+    }
+
+    /// What the user has asked for since with the buttons of the keys.
+    pub fn take_key_request(&mut self) -> Option<KeyRequest> {
+        self.key_request.take()
     }
 
     /// Takes over pose, shape and motion of another hand with the same joints.
@@ -297,7 +391,7 @@ impl Hand {
         }
         ui.separator();
         ui.label(RichText::new("Motion").strong());
-        Timeline::show(&mut self.timeline, ui, model(&self.look), &mut self.pose);
+        self.key_request = timeline_panel(&mut self.timeline, ui, model(&self.look), &mut self.pose);
     }
 }
 

@@ -75,5 +75,11 @@ fn gestures(ui: &mut Ui) {
 /// The keys of a command, each once.
 fn all_shortcuts(context: &Context, command: &Command) -> String {
     let texts: Vec<String> = command.shortcuts.iter().map(|shortcut| context.format_shortcut(shortcut)).collect();
-    texts.join(", ").replace("Questionmark", "?").replace("Comma", ",").replace("Period", ".")
+    texts
+        .join(", ")
+        .replace("Questionmark", "?")
+        .replace("Comma", ",")
+        .replace("Period", ".")
+        .replace("OpenBracket", "[")
+        .replace("CloseBracket", "]")
 }

@@ -72,6 +72,11 @@ impl Viewer {
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
             CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
             CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
+            CommandId::SetKey => self.set_key(),
+            CommandId::DeleteKey => self.edit_hand(Hand::delete_key),
+            CommandId::PreviousKey => self.edit_hand(|hand| hand.step_key(-1)),
+            CommandId::NextKey => self.edit_hand(|hand| hand.step_key(1)),
+            CommandId::SaveMotion => self.choose_motion_file(context),
             CommandId::LivePoses => self.start_or_stop_live(),
             CommandId::ResetAll => self.reset_all(),
             CommandId::Frame => self.frame_subject(),
@@ -126,6 +131,14 @@ impl Viewer {
             CommandId::ShowLayer(layer) => self.has_layer(layer),
             CommandId::DrawOverlay(_) => self.subject.pose().is_some(),
             CommandId::Compare(_) => self.comparable().is_some(),
+            CommandId::SetKey => self.subject.pose().is_some(),
+            CommandId::DeleteKey => matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[1]),
+            CommandId::PreviousKey | CommandId::NextKey => {
+                matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[0])
+            }
+            CommandId::SaveMotion => {
+                self.save_dialog.is_none() && matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some())
+            }
             CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
             _ => true,
         }

@@ -2,6 +2,7 @@
 
 mod commands;
 mod files;
+mod keys;
 mod live;
 mod motion;
 mod pointer;

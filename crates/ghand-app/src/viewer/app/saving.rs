@@ -1,0 +1,82 @@
+//! Saves what the user has made: motions.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use egui::Context;
+use ghand_files::atomic_file::write_atomically;
+
+use crate::viewer::app::Viewer;
+use crate::viewer::app::files::file_name;
+use crate::viewer::command::CommandId;
+use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::subject::Subject;
+use crate::viewer::timeline_panel::KeyRequest;
+
+/// What is saved to the chosen file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Saving {
+    /// The present motion as a file of poses.
+    Motion,
+}
+
+impl Viewer {
+    /// Keeps the pose as a key; says so if another motion had to go for it.
+    pub(super) fn set_key(&mut self) {
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        let other = hand.timeline.as_ref().filter(|timeline| timeline.keys().is_none());
+        let replaced = other.map(|timeline| timeline.title().to_owned());
+        hand.set_key();
+        if let Some(title) = replaced {
+            self.toasts
+                .note(format!("Key frames have begun, in place of {title}. Move in time, pose the hand, press K."));
+        }
+    }
+
+    /// Does what the buttons of the keys ask for.
+    pub(super) fn follow_key_buttons(&mut self, context: &Context) {
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        let command = match hand.take_key_request() {
+            None => return,
+            Some(KeyRequest::Set) => CommandId::SetKey,
+            Some(KeyRequest::Delete) => CommandId::DeleteKey,
+            Some(KeyRequest::Previous) => CommandId::PreviousKey,
+            Some(KeyRequest::Next) => CommandId::NextKey,
+            Some(KeyRequest::Save) => CommandId::SaveMotion,
+        };
+        self.run(command, context);
+    }
+
+    /// Asks where to save the motion.
+    pub(super) fn choose_motion_file(&mut self, context: &Context) {
+        let dialog = FileDialog::save(context, "motion.json", "Poses", &["json"]);
+        self.save_dialog = Some((dialog, Saving::Motion));
+    }
+
+    /// Saves to the file that was chosen.
+    pub(super) fn save_chosen(&mut self) {
+        let Some(chosen) = self.save_dialog.as_ref().and_then(|(dialog, _)| dialog.poll()) else { return };
+        let Some((_, what)) = self.save_dialog.take() else { return };
+        let Some(path) = chosen else {
+            self.toasts.note("No file was chosen; nothing is saved.");
+            return;
+        };
+        let saved = match what {
+            Saving::Motion => self.save_motion(&path),
+        };
+        match saved {
+            Ok(()) => self.toasts.note(format!("{} is saved.", file_name(&path))),
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    /// Saves the motion as a file of poses.
+    ///
+    /// # Errors
+    /// One sentence if there is none or the file cannot be written.
+    pub fn save_motion(&self, path: &Path) -> anyhow::Result<()> {
+        let Subject::Hand(hand) = &self.subject else { anyhow::bail!("a scene has no motion") };
+        let json = hand.motion_json().context("there is no motion to save")?;
+        write_atomically(path, json.as_bytes()).with_context(|| format!("{}: cannot be written", path.display()))
+    }
+}
