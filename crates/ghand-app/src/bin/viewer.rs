@@ -51,9 +51,12 @@ struct Arguments {
     /// What the colours of an avatar show
     #[arg(long, value_enum, default_value_t)]
     layer: Layer,
-    /// The joint of `--layer weights` [default: the first]
+    /// The joint of `--layer weights` and `--layer residual` [default: the first]
     #[arg(long, value_name = "NAME")]
     joint: Option<String>,
+    /// The shape basis of `--layer basis` and `--layer coefficient`, from 1 [default: 1]
+    #[arg(long, value_name = "N")]
+    basis: Option<usize>,
     /// Lines over the view
     #[arg(long, value_enum, value_name = "NAMES", value_delimiter = ',')]
     overlay: Vec<Overlay>,
@@ -132,8 +135,11 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         viewer.show_capture(capture);
         viewer.compare(arguments.compare);
     }
-    if arguments.layer != Layer::Skin && !viewer.has_layer(arguments.layer) {
-        bail!("--layer {}: {source} does not have it; give an avatar that does", arguments.layer.name());
+    if let (true, Some(reason)) = (arguments.layer != Layer::Skin, viewer.missing_layer(arguments.layer)) {
+        bail!("--layer {}: {source} cannot show it: {reason}", arguments.layer.name());
+    }
+    if let Some(number) = arguments.basis.filter(|number| !viewer.choose_basis(*number)) {
+        bail!("--basis {number}: {source} has no such shape basis");
     }
     if let Some(joint) = arguments.joint.filter(|joint| !viewer.choose_joint(joint)) {
         bail!("--joint {joint}: {source} has no such joint");

@@ -1,12 +1,12 @@
 //! `ghand explain`: pictures and numbers of what an avatar has learned: shape bases, blend coefficients, residual skinning
 //! weights and the residual skeleton.
 
-pub(super) mod color_scale;
+pub(crate) mod color_scale;
 mod figures;
 pub(super) mod hand_painter;
 mod output;
 mod page;
-mod pose_properties;
+pub(crate) mod pose_properties;
 mod sections;
 mod skeleton_picture;
 pub(crate) mod statistics;

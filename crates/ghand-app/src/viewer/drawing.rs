@@ -6,11 +6,12 @@ use std::sync::Arc;
 use ghand_avatar::Scene;
 use ghand_core::{Camera, Pose};
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
-use ghand_render::splat::Counters;
+use ghand_render::splat::{Counters, Shape, SplatModel};
 use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
+use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::picture::PictureInputs;
 
 /// Samples per pixel along each axis.
@@ -26,7 +27,13 @@ pub enum GaussianColors {
     Unlit,
     /// These display values, `[3][N]`.
     Given(Vec<f32>),
+    /// Its own in its light, on dots at the centres of the Gaussians.
+    Dots,
 }
+
+/// Standard deviation of a dot at a Gaussian's centre, metres: a small part of the distance between Gaussians, which is about
+/// a millimetre.
+const DOT_SCALE: f32 = 1.5e-4;
 
 /// A subject on the device.
 pub enum Drawing {
@@ -106,6 +113,19 @@ impl Drawing {
         Ok(x.iter().zip(y).zip(z).map(|((x, y), z)| glam::Vec3::new(*x, *y, *z).as_dvec3()).collect())
     }
 
+    /// What an avatar has learned, in a pose; `None` of other subjects. Waits for it.
+    ///
+    /// # Errors
+    /// As [`Drawing::encode`].
+    pub fn properties(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
+        match self {
+            Drawing::Gaussians(scene) if !scene.avatars().is_empty() => {
+                PoseProperties::read(gpu, scene, pose).map(Some)
+            }
+            Drawing::Gaussians(_) | Drawing::Mesh(_) => Ok(None),
+        }
+    }
+
     /// Renders an image in the avatar's own colours over its background, waits for it and reads it: row-major display values.
     ///
     /// # Errors
@@ -168,6 +188,18 @@ fn set_colors(scene: &Scene, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, colo
         }
         (GaussianColors::Given(colors), Some(_)) => {
             gpu.queue.write_buffer(splatter.gaussians(), first, bytemuck::cast_slice(colors));
+        }
+        (GaussianColors::Dots, Some(_)) => {
+            let (model, count) = (splatter.options().model, splatter.count());
+            let scales = vec![DOT_SCALE; count * model.scale_rows()];
+            let place = SplatModel::SCALE_ROW as u64 * row_bytes;
+            gpu.queue.write_buffer(splatter.gaussians(), place, bytemuck::cast_slice(&scales));
+            if model.shape == Shape::Flat {
+                // Without a normal, a flat Gaussian is round.
+                let normals = vec![0f32; 3 * count];
+                let place = model.rotation_row() as u64 * row_bytes;
+                gpu.queue.write_buffer(splatter.gaussians(), place, bytemuck::cast_slice(&normals));
+            }
         }
         _ => {}
     }

@@ -12,6 +12,7 @@ use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError, shader_sources};
 use glam::DVec3;
 
+use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::drawing::{Drawing, GaussianColors, Layer};
 use crate::viewer::subject::Subject;
 
@@ -262,6 +263,14 @@ impl Picture {
         self.drawing.posed_gaussians(gpu, pose)
     }
 
+    /// See [`Drawing::properties`].
+    ///
+    /// # Errors
+    /// As [`Picture::render`].
+    pub fn properties(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
+        self.drawing.properties(gpu, pose)
+    }
+
     /// Renders a picture beside the one that the texture shows, waits for it and reads it, without layers: row-major display values. The
     /// previous picture must not be [`Progress::Busy`].
     ///
@@ -364,7 +373,7 @@ fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use ghand_avatar::Scene;
     use ghand_core::Side;
     use ghand_hand_model::builtin::builtin_hand;
@@ -377,7 +386,8 @@ mod tests {
     use crate::framing::turntable;
     use crate::viewer::hand::tests::untrained_avatar;
 
-    fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
+    /// The texture's pixels as red, green, blue and alpha.
+    pub(crate) fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
         let row = (4 * texture.width()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let words = (row / 4 * texture.height()) as usize;
         let rows = buffers::zeroed(gpu, "rows", words);

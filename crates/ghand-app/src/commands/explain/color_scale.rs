@@ -51,7 +51,7 @@ impl ColorScale {
         let t = value / self.limit;
         match self.colors {
             Colors::Viridis => viridis(t),
-            Colors::Diverging => MIDDLE.lerp(if t < 0.0 { BELOW } else { ABOVE }, t.abs().min(1.0)),
+            Colors::Diverging => diverging(t),
         }
     }
 
@@ -81,6 +81,11 @@ impl ColorScale {
         }
         picture
     }
+}
+
+/// The diverging colour of a number from -1 to 1, display values; numbers beyond have the colours of the ends.
+pub fn diverging(t: f64) -> DVec3 {
+    MIDDLE.lerp(if t < 0.0 { BELOW } else { ABOVE }, t.abs().min(1.0))
 }
 
 /// The next larger one of 1, 1.5, 2, 3, 4, 5, 6, 8 and 10 times a power of ten.

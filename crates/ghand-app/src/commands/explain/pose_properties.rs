@@ -9,7 +9,7 @@ use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_normals};
 use ghand_hand_model::surface::sample_surface;
 use ghand_motion::PoseFrame;
 use ghand_render::splat::Purpose;
-use ghand_render::{Gpu, buffers};
+use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
 /// An avatar with its properties in some poses.
@@ -53,18 +53,31 @@ pub struct ExplainedPose {
 }
 
 /// The properties in one pose, as on the device but in f64.
-struct PoseProperties {
-    shape_basis: Vec<DVec3>,
-    coefficients: Vec<f32>,
-    residual_weights: Vec<f64>,
-    regressor: Vec<f64>,
+#[derive(Debug, Clone)]
+pub struct PoseProperties {
+    /// Shape bases S, `[n][N]`, metres.
+    pub shape_basis: Vec<DVec3>,
+    /// Coefficients, `[n][rows][N]`.
+    pub coefficients: Vec<f32>,
+    /// Numbers of a coefficient.
+    pub rows: usize,
+    /// Residual skinning weights, `[n_b][N]`; zero if skinning is plain.
+    pub residual_weights: Vec<f64>,
+    /// Skeleton regressor, `[n_b][N]`; zero if skinning is plain.
+    pub regressor: Vec<f64>,
 }
 
 impl PoseProperties {
-    fn read(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> anyhow::Result<PoseProperties> {
+    /// Reads those of the first avatar of a scene, and waits for them.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device failed, or the scene has no avatar or one with another number of joints.
+    pub fn read(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> Result<PoseProperties, RenderError> {
         scene.set_pose(gpu, 0, 0, pose)?;
         scene.posed_table(gpu, 0)?;
-        let Some(posed) = scene.avatars().first() else { anyhow::bail!("a scene without an avatar") };
+        let Some(posed) = scene.avatars().first() else {
+            return Err(RenderError::Invalid("a scene without an avatar".into()));
+        };
         let p = posed.deformation.properties();
         let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
         let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
@@ -77,6 +90,7 @@ impl PoseProperties {
         Ok(PoseProperties {
             shape_basis: vectors(&wide(buffers::read(gpu, &p.shape_basis, 3 * bases * n)?), n),
             coefficients: buffers::read(gpu, &p.coefficients, rows * bases * n)?,
+            rows,
             residual_weights: residual(&p.residual_weights)?,
             regressor: residual(&p.regressor)?,
         })
@@ -96,8 +110,8 @@ fn coefficient_vectors(values: &[f32], rows: usize, count: usize) -> Vec<DVec3> 
     bases.flat_map(|row| (0..count).map(move |p| DVec3::from([0, 1, 2].map(|c| at(row, p, c))))).collect()
 }
 
-/// The weights less their mean over the joints.
-fn centred(weights: &[f64], count: usize, joints: usize) -> Vec<f64> {
+/// Weights `[n_b][N]` less their mean over the joints.
+pub fn centred(weights: &[f64], count: usize, joints: usize) -> Vec<f64> {
     let mean = |p: usize| (0..joints).map(|k| weights[k * count + p]).sum::<f64>() / joints.max(1) as f64;
     let means: Vec<f64> = (0..count).map(mean).collect();
     weights.iter().enumerate().map(|(i, weight)| weight - means[i % count.max(1)]).collect()

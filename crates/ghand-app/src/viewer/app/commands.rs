@@ -128,7 +128,7 @@ impl Viewer {
             | CommandId::ViewLittleFingerSide
             | CommandId::ViewFingertips => self.subject.pose().is_some(),
             CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
-            CommandId::ShowLayer(layer) => self.has_layer(layer),
+            CommandId::ShowLayer(_) => self.avatar().is_some(),
             CommandId::DrawOverlay(_) => self.subject.pose().is_some(),
             CommandId::Compare(_) => self.comparable().is_some(),
             CommandId::SetKey => self.subject.pose().is_some(),

@@ -6,10 +6,12 @@ use ghand_core::Pose;
 use ghand_render::RenderError;
 use glam::DVec3;
 
+use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::app::Viewer;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::layer::{Layer, LayerInputs};
 use crate::viewer::legend::Legend;
+use crate::viewer::number_slider::number_slider;
 use crate::viewer::overlay::Overlay;
 use crate::viewer::picture::PictureInputs;
 use crate::viewer::subject::Subject;
@@ -20,18 +22,28 @@ pub(super) struct LayerView {
     chosen: Layer,
     /// The joint whose weights are shown.
     joint: usize,
+    /// The shape basis that is shown, from 0.
+    basis: usize,
     overlays: Vec<Overlay>,
-    /// The layer and the joint of the picture.
-    shown: (Layer, usize),
+    /// The layer, the joint and the basis of the picture.
+    shown: (Layer, usize, usize),
     /// The posed Gaussians of the last pose, metres, world.
     posed: Option<(Pose, Vec<DVec3>)>,
+    /// What was learned, in the last pose.
+    properties: Option<(Pose, PoseProperties)>,
     legend: Option<Legend>,
 }
 
 impl LayerView {
     /// Forgets what belongs to another subject or device.
     pub(super) fn forget_subject(&mut self) {
-        (self.posed, self.legend) = (None, None);
+        (self.posed, self.properties, self.legend) = (None, None, None);
+    }
+
+    /// What the colours of the picture mean, if they mean something.
+    #[cfg(test)]
+    pub(super) fn legend(&self) -> Option<&Legend> {
+        self.legend.as_ref()
     }
 
     /// As at the start.
@@ -41,9 +53,30 @@ impl LayerView {
 }
 
 impl Viewer {
-    /// Chooses what the colours show.
+    /// Chooses what the colours show. If the avatar lacks it, a message says why.
     pub fn show_layer(&mut self, layer: Layer) {
-        self.layers.chosen = layer;
+        match self.avatar().and_then(|avatar| layer.missing(avatar)) {
+            Some(reason) => self.toasts.note(format!("This avatar cannot show {}: {reason}.", layer.name())),
+            None => self.layers.chosen = layer,
+        }
+    }
+
+    /// Chooses the shape basis that is shown, counted from 1, and whether there is such a basis.
+    pub fn choose_basis(&mut self, number: usize) -> bool {
+        let count = self.avatar().map_or(0, |avatar| avatar.config.shape_bases);
+        let found = (1..=count).contains(&number);
+        if found {
+            self.layers.basis = number - 1;
+        }
+        found
+    }
+
+    /// Why the subject cannot show a layer; `None` if it can.
+    pub fn missing_layer(&self, layer: Layer) -> Option<&'static str> {
+        match self.avatar() {
+            Some(avatar) => layer.missing(avatar),
+            None => Some("only avatars have layers"),
+        }
     }
 
     /// Chooses the joint whose weights are shown, and whether there is such a joint.
@@ -67,7 +100,7 @@ impl Viewer {
         self.layers.overlays.contains(&overlay)
     }
 
-    fn avatar(&self) -> Option<&Avatar> {
+    pub(super) fn avatar(&self) -> Option<&Avatar> {
         match &self.subject {
             Subject::Hand(hand) => hand.avatar(),
             Subject::Scene { .. } => None,
@@ -76,7 +109,7 @@ impl Viewer {
 
     /// Whether the subject has what a layer shows.
     pub fn has_layer(&self, layer: Layer) -> bool {
-        self.avatar().is_some_and(|avatar| layer.is_available(avatar))
+        self.missing_layer(layer).is_none()
     }
 
     /// The layer that is shown: skin if the subject lacks the chosen one.
@@ -100,7 +133,7 @@ impl Viewer {
                 }
             }
         });
-        if layer == Layer::Weights {
+        if layer.has_joint() {
             ui.horizontal(|ui| {
                 let label = ui.label("joint").id;
                 let text = names.get(self.layers.joint).cloned().unwrap_or_default();
@@ -111,6 +144,15 @@ impl Viewer {
                 });
                 list.response.labelled_by(label);
             });
+        }
+        let bases = self.avatar().map_or(0, |avatar| avatar.config.shape_bases);
+        if layer.has_basis() && bases > 1 {
+            let mut number = self.layers.basis as f64 + 1.0;
+            ui.spacing_mut().slider_width = 110.0;
+            let slider = number_slider(&mut number, 1.0..=bases as f64, 0, "").step_by(1.0).text("basis");
+            if ui.add(slider).changed() {
+                self.choose_basis(number.round() as usize);
+            }
         }
         ui.horizontal(|ui| {
             for overlay in Overlay::ALL {
@@ -125,7 +167,10 @@ impl Viewer {
 
     /// Has the picture rendered again if another layer was chosen.
     pub(super) fn follow_layer(&mut self) {
-        let now = (self.layer(), self.layers.joint);
+        let bases = self.avatar().map_or(0, |avatar| avatar.config.shape_bases);
+        // Another avatar may have fewer.
+        self.layers.basis = self.layers.basis.min(bases.saturating_sub(1));
+        let now = (self.layer(), self.layers.joint, self.layers.basis);
         if self.layers.shown != now {
             self.layers.shown = now;
             self.layers.legend = None;
@@ -138,18 +183,20 @@ impl Viewer {
         let layer = self.layer();
         let colors = match (layer, &inputs.pose) {
             (Layer::Albedo, _) => GaussianColors::Unlit,
+            (Layer::Centers, _) => {
+                self.layers.legend = Some(Legend::text("centres of the Gaussians"));
+                GaussianColors::Dots
+            }
             (layer, Some(pose)) if layer.has_numbers() => {
-                if self.layers.posed.as_ref().is_none_or(|(of, _)| of != pose) {
-                    let posed = self.picture.posed_gaussians(&self.gpu, pose)?;
-                    self.layers.posed = Some((pose.clone(), posed));
-                }
-                let posed = self.layers.posed.as_ref().map(|(_, posed)| posed.as_slice()).unwrap_or_default();
+                self.read_for_layer(layer, pose)?;
                 let inputs = LayerInputs {
                     pose,
                     camera: &inputs.camera,
                     depth_from: self.camera.apparent_depth(),
-                    posed,
+                    posed: self.layers.posed.as_ref().map(|(_, posed)| posed.as_slice()).unwrap_or_default(),
                     joint: self.layers.joint,
+                    basis: self.layers.basis,
+                    properties: self.layers.properties.as_ref().map(|(_, properties)| properties),
                 };
                 let colored = self.avatar().and_then(|avatar| layer.colors(avatar, &inputs));
                 colored.map_or(GaussianColors::Own, |colored| {
@@ -160,6 +207,19 @@ impl Viewer {
             _ => GaussianColors::Own,
         };
         self.picture.set_colors(colors);
+        Ok(())
+    }
+
+    /// Reads from the device what a layer needs in a pose.
+    fn read_for_layer(&mut self, layer: Layer, pose: &Pose) -> Result<(), RenderError> {
+        if layer.needs_posed() && self.layers.posed.as_ref().is_none_or(|(of, _)| of != pose) {
+            let posed = self.picture.posed_gaussians(&self.gpu, pose)?;
+            self.layers.posed = Some((pose.clone(), posed));
+        }
+        if layer.needs_properties() && self.layers.properties.as_ref().is_none_or(|(of, _)| of != pose) {
+            let properties = self.picture.properties(&self.gpu, pose)?;
+            self.layers.properties = properties.map(|properties| (pose.clone(), properties));
+        }
         Ok(())
     }
 
@@ -174,7 +234,7 @@ impl Viewer {
             }
         }
         if let Some(legend) =
-            self.layers.legend.as_ref().filter(|_| self.layer().has_numbers() && !self.shows_difference())
+            self.layers.legend.as_ref().filter(|_| self.layer() != Layer::Albedo && !self.shows_difference())
         {
             legend.show(ui, rect);
         }

@@ -3,6 +3,7 @@
 mod commands;
 mod files;
 mod keys;
+mod layers;
 mod live;
 mod motion;
 mod pointer;

@@ -30,7 +30,9 @@ impl Viewer {
             shape: self.subject.shape().to_vec(),
             light: self.subject.light().cloned(),
             camera: self.camera.camera(size),
-            background: self.background_of_truth().unwrap_or_else(|| self.background(ui).map(|v| f32::from(v) / 255.0)),
+            background: (self.layer().background())
+                .or_else(|| self.background_of_truth())
+                .unwrap_or_else(|| self.background(ui).map(|v| f32::from(v) / 255.0)),
         };
         let outdated =
             |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
