@@ -1,5 +1,6 @@
 //! The viewer. [`app`] is the user interface, the same in a window and in a screenshot without a display.
 
+pub mod adaptive_detail;
 pub mod app;
 pub mod blend_control;
 pub mod camera;
@@ -9,6 +10,7 @@ pub mod command_palette;
 pub mod comparison;
 pub mod drawing;
 pub mod file_dialog;
+pub mod frame_times;
 pub mod hand;
 pub mod handles;
 pub mod help_overlay;

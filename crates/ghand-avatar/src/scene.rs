@@ -7,7 +7,7 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
-use ghand_render::splat::{Counters, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View};
+use ghand_render::splat::{Counters, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
@@ -177,6 +177,23 @@ impl Scene {
     pub fn encode(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
         encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
         self.splatter.forward(encoder);
+        Ok(())
+    }
+
+    /// As [`Scene::encode`], with the commands that `after` encodes behind the posing (`None`) and behind each stage of the
+    /// drawing.
+    ///
+    /// # Errors
+    /// [`RenderError`] if a property model fails.
+    pub fn encode_staged(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        mut after: impl FnMut(Option<FrameStage>, &mut wgpu::CommandEncoder),
+    ) -> Result<(), RenderError> {
+        encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
+        after(None, encoder);
+        self.splatter.forward_staged(encoder, |stage, encoder| after(Some(stage), encoder));
         Ok(())
     }
 

@@ -379,6 +379,19 @@ impl Splatter {
         FrameStage::FORWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
+    /// As [`Splatter::forward`], but with a pass for each stage, and with the commands that `after` encodes behind it.
+    pub fn forward_staged(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        mut after: impl FnMut(FrameStage, &mut wgpu::CommandEncoder),
+    ) {
+        self.clear(encoder);
+        for stage in FrameStage::FORWARD {
+            self.encode_stage(stage, &mut compute_pass(encoder, stage.name()));
+            after(stage, encoder);
+        }
+    }
+
     /// Encodes clearing the buffers that the forward pass accumulates into.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.shared.counters, Counters::CLEARED_FROM, None);

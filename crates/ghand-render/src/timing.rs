@@ -4,67 +4,76 @@ use std::time::Instant;
 
 use crate::{Gpu, RenderError, buffers};
 
-/// Measures a frame with the device's timestamps, without waiting for it.
+/// Measures the stages of a frame with the device's timestamps, without waiting for them.
 pub struct FrameClock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
+    stages: u32,
     ms_per_tick: f64,
 }
 
 impl FrameClock {
-    /// Bytes that [`FrameClock::finish`] writes: two timestamps.
-    pub const BYTES: u64 = 16;
+    /// Bytes that [`FrameClock::finish`] writes for this many stages: a timestamp before the first and after each.
+    pub const fn bytes(stages: u32) -> u64 {
+        (stages as u64 + 1) * wgpu::QUERY_SIZE as u64
+    }
 
-    /// A clock, if the device supports timestamps.
-    pub fn new(gpu: &Gpu) -> Option<FrameClock> {
+    /// A clock for frames of this many stages, if the device supports timestamps.
+    pub fn new(gpu: &Gpu, stages: u32) -> Option<FrameClock> {
         gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| FrameClock {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("frame clock"),
                 ty: wgpu::QueryType::Timestamp,
-                count: 2,
+                count: stages + 1,
             }),
             resolved: gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("timestamps"),
-                size: FrameClock::BYTES,
+                size: FrameClock::bytes(stages),
                 usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             }),
+            stages,
             ms_per_tick: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
         })
     }
 
     /// Encodes the start of the frame.
     pub fn start(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.mark(encoder, 0);
+    }
+
+    /// Encodes the end of stage number `stage`, counted from 1. Each must have its end in every frame; that of the last is
+    /// [`FrameClock::end`].
+    pub fn mark(&self, encoder: &mut wgpu::CommandEncoder, stage: u32) {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("start of the clock"),
+            label: Some("mark of the clock"),
             timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
                 query_set: &self.queries,
-                beginning_of_pass_write_index: Some(0),
+                beginning_of_pass_write_index: Some(stage),
                 end_of_pass_write_index: None,
             }),
         });
     }
 
-    /// Timestamp writes for the frame's last pass, whose end is the end of the frame.
+    /// Timestamp writes for the frame's last pass, whose end is the end of the last stage.
     pub fn end(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
             beginning_of_pass_write_index: None,
-            end_of_pass_write_index: Some(1),
+            end_of_pass_write_index: Some(self.stages),
         }
     }
 
     /// Encodes the copy of the timestamps to `offset` in a buffer.
     pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, offset: u64) {
-        encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
-        encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, FrameClock::BYTES);
+        encoder.resolve_query_set(&self.queries, 0..self.stages + 1, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, FrameClock::bytes(self.stages));
     }
 
-    /// The frame's time, milliseconds, from the bytes of its timestamps.
-    pub fn milliseconds(&self, stamps: &[u8]) -> Option<f64> {
+    /// The time of each stage, milliseconds, from the bytes of the timestamps.
+    pub fn milliseconds(&self, stamps: &[u8]) -> Vec<f64> {
         let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(stamps);
-        let [start, end] = stamps[..] else { return None };
-        Some(end.saturating_sub(start) as f64 * self.ms_per_tick)
+        stamps.windows(2).map(|ends| ends[1].saturating_sub(ends[0]) as f64 * self.ms_per_tick).collect()
     }
 }
 

@@ -19,6 +19,7 @@ use egui::{CentralPanel, Frame, Panel, ScrollArea, Ui};
 use ghand_render::{Gpu, RenderError};
 
 use crate::light_args::LightArgs;
+use crate::viewer::adaptive_detail::AdaptiveDetail;
 use crate::viewer::app::layers::LayerView;
 use crate::viewer::app::saving::Saving;
 use crate::viewer::app::truth::TruthView;
@@ -64,6 +65,12 @@ pub struct Viewer {
     largest_edge: u32,
     /// Edge of the picture as a fraction of the panel's: less than 1 if the device cannot hold so large a close-up.
     detail: f32,
+    /// Fewer pixels while the picture changes.
+    adaptive: AdaptiveDetail,
+    /// What the picture should show, at any size.
+    wanted: Option<PictureInputs>,
+    /// Part of the edge that the last picture had for being in motion.
+    drawn_scale: f32,
     /// Fewest tile intersections that the device could not hold.
     too_many: u32,
     /// What the picture shows, if it is complete or in progress.
@@ -120,6 +127,9 @@ impl Viewer {
             background: None,
             largest_edge,
             detail: 1.0,
+            adaptive: AdaptiveDetail::default(),
+            wanted: None,
+            drawn_scale: 1.0,
             too_many: u32::MAX,
             shown: None,
             texture: None,
@@ -222,11 +232,15 @@ impl Viewer {
 
     /// Handles a finished picture.
     fn collect(&mut self) -> Progress {
+        let was_busy = self.picture.is_busy();
         let progress = self.picture.poll(&self.gpu).unwrap_or_else(|e| {
             self.failure.get_or_insert(e);
             Progress::Complete
         });
         let wanted = self.picture.intersections();
+        if was_busy && progress == Progress::Complete {
+            self.adaptive.took(self.drawn_scale, self.picture.last_ms());
+        }
         if let (Progress::Complete, Some(live)) = (progress, &mut self.live) {
             live.picture_complete();
         }

@@ -41,6 +41,7 @@ pub enum CommandId {
     PlayBalanced,
     PlayExact,
     Measure,
+    AdaptDetail,
     SwitchTheme,
     ShowPanel,
     ShowLayer(Layer),
@@ -312,6 +313,13 @@ pub const COMMANDS: &[Command] = &[
         "Measure",
         &[key(Key::M)],
         "Renders continuously and shows the times of pictures.",
+    ),
+    command(
+        CommandId::AdaptDetail,
+        Menu::View,
+        "Adapt resolution",
+        &[],
+        "Draws fewer pixels while the picture changes, if the device is slow, and all once it rests.",
     ),
     command(
         CommandId::SwitchTheme,

@@ -6,12 +6,14 @@ use std::sync::Arc;
 use ghand_avatar::Scene;
 use ghand_core::{Camera, Pose};
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
-use ghand_render::splat::{Counters, Shape, SplatModel};
+use ghand_render::splat::{Counters, FrameStage, Shape, SplatModel};
+use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
 use crate::commands::explain::pose_properties::PoseProperties;
+use crate::viewer::frame_times::STAGES;
 use crate::viewer::picture::PictureInputs;
 
 /// Samples per pixel along each axis.
@@ -34,6 +36,10 @@ pub enum GaussianColors {
 /// Standard deviation of a dot at a Gaussian's centre, metres: a small part of the distance between Gaussians, which is about
 /// a millimetre.
 const DOT_SCALE: f32 = 1.5e-4;
+
+/// Numbers of the first and the last stage of [`STAGES`] that ends in a drawing.
+const POSED: u32 = 1;
+const BLENDED: u32 = STAGES.len() as u32 - 1;
 
 /// A subject on the device.
 pub enum Drawing {
@@ -71,7 +77,7 @@ impl Drawing {
         Ok(Drawing::Mesh(Box::new(MeshDrawing { hand, renderer })))
     }
 
-    /// Encodes an image. Colours are those of Gaussians; a mesh has its own.
+    /// Encodes an image, with the ends of all stages but the last. Colours are those of Gaussians; a mesh has its own.
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or lacks memory, or the pose, the shape or the size does not fit.
@@ -81,22 +87,44 @@ impl Drawing {
         encoder: &mut wgpu::CommandEncoder,
         inputs: &PictureInputs,
         colors: &GaussianColors,
+        clock: Option<&FrameClock>,
     ) -> Result<Layer, RenderError> {
+        let mark = |encoder: &mut wgpu::CommandEncoder, stage: u32| {
+            if let Some(clock) = clock {
+                clock.mark(encoder, stage);
+            }
+        };
         match self {
             Drawing::Gaussians(scene) => {
                 set_inputs(scene, gpu, inputs)?;
                 scene.set_view(gpu, &inputs.camera, inputs.background)?;
                 if *colors == GaussianColors::Own {
-                    scene.encode(gpu, encoder)?;
+                    scene.encode_staged(gpu, encoder, |stage, encoder| {
+                        if let Some(number) = stage_number(stage) {
+                            mark(encoder, number);
+                        }
+                    })?;
                 } else {
+                    // The colours are written behind the posing, which is therefore submitted first and not in the times.
                     scene.pose_only(gpu, 0, Some(inputs.camera.center()))?;
                     set_colors(scene, gpu, encoder, colors);
-                    scene.splatter().forward(encoder);
+                    mark(encoder, POSED);
+                    scene.splatter().forward_staged(encoder, |stage, encoder| {
+                        if let Some(number) = stage_number(Some(stage)) {
+                            mark(encoder, number);
+                        }
+                    });
                 }
                 let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
                 Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
             }
-            Drawing::Mesh(mesh) => mesh.encode(encoder, inputs),
+            Drawing::Mesh(mesh) => {
+                // The processor poses a mesh, and drawing it is one stage.
+                (POSED..BLENDED).for_each(|stage| mark(encoder, stage));
+                let layer = mesh.encode(encoder, inputs)?;
+                mark(encoder, BLENDED);
+                Ok(layer)
+            }
         }
     }
 
@@ -166,6 +194,19 @@ impl Drawing {
             Drawing::Gaussians(scene) => ("Gaussians", scene.splatter().count()),
             Drawing::Mesh(mesh) => ("Triangles", mesh.hand.model.faces.len()),
         }
+    }
+}
+
+/// Number of a stage that ends here in [`STAGES`], counted from 1; `None` stands for the posing.
+fn stage_number(stage: Option<FrameStage>) -> Option<u32> {
+    match stage {
+        None => Some(POSED),
+        Some(FrameStage::Project) => Some(2),
+        Some(FrameStage::SortDepth) => Some(3),
+        Some(FrameStage::FindRanges) => Some(4),
+        Some(FrameStage::Rasterize) => Some(BLENDED),
+        // Parts of the lists by tile, and stages of gradients.
+        Some(_) => None,
     }
 }
 

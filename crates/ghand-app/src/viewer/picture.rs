@@ -14,6 +14,7 @@ use glam::DVec3;
 
 use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::drawing::{Drawing, GaussianColors, Layer};
+use crate::viewer::frame_times::{FrameTimes, STAGES, StageTimes};
 use crate::viewer::subject::Subject;
 
 /// Format of the texture: display values, as the user interface expects.
@@ -23,7 +24,7 @@ const TIMES: usize = 60;
 /// Bytes of the counters.
 const COUNTER_BYTES: u64 = size_of::<Counters>() as u64;
 /// Data read back from a frame: the counters, then the clock.
-const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::BYTES;
+const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::bytes(STAGES.len() as u32);
 
 /// Everything that a picture depends on.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +39,21 @@ pub struct PictureInputs {
     pub camera: Camera,
     /// Colour behind the subject, display values.
     pub background: [f32; 3],
+}
+
+impl PictureInputs {
+    /// Whether another picture shows the same, perhaps in another size.
+    pub fn shows_the_same(&self, other: &PictureInputs) -> bool {
+        // Whole pixels change the field of view a little.
+        let field = |camera: &Camera| camera.focal.x / f64::from(camera.width.min(camera.height));
+        let (a, b) = (&self.camera, &other.camera);
+        self.pose == other.pose
+            && self.shape == other.shape
+            && self.light == other.light
+            && self.background == other.background
+            && (a.rotation, a.translation) == (b.rotation, b.translation)
+            && (field(a) / field(b) - 1.0).abs() < 0.01
+    }
 }
 
 /// The state of the last picture.
@@ -105,6 +121,8 @@ pub struct Picture {
     target: Option<Target>,
     pending: Option<Pending>,
     frame_ms: Median,
+    times: FrameTimes,
+    last_ms: f64,
     intersections: u32,
     broken: u32,
 }
@@ -142,10 +160,12 @@ impl Picture {
             place,
             background,
             read_back,
-            clock: FrameClock::new(gpu),
+            clock: FrameClock::new(gpu, STAGES.len() as u32),
             target,
             pending,
             frame_ms,
+            times: FrameTimes::default(),
+            last_ms: 0.0,
             intersections,
             broken,
         }
@@ -179,6 +199,17 @@ impl Picture {
     /// Forgets the times so far.
     pub fn clear_times(&mut self) {
         self.frame_ms.clear();
+        self.times.clear();
+    }
+
+    /// The times of the last pictures by stage.
+    pub fn times(&self) -> &FrameTimes {
+        &self.times
+    }
+
+    /// The device's time of the last picture, milliseconds.
+    pub fn last_ms(&self) -> f64 {
+        self.last_ms
     }
 
     /// The texture, once a picture has been rendered.
@@ -213,7 +244,7 @@ impl Picture {
         if let Some(clock) = &self.clock {
             clock.start(&mut encoder);
         }
-        let layer = self.drawing.encode(gpu, &mut encoder, shot, &self.colors)?;
+        let layer = self.drawing.encode(gpu, &mut encoder, shot, &self.colors, self.clock.as_ref())?;
         let group = self.bind(gpu, &layer, shot);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -316,7 +347,13 @@ impl Picture {
         self.read_back.unmap();
         let (counters, ticks) = bytes.split_at(COUNTER_BYTES as usize);
         let counters: Counters = bytemuck::pod_read_unaligned(counters);
-        self.frame_ms.add(self.clock.as_ref().and_then(|clock| clock.milliseconds(ticks)).unwrap_or(elapsed_ms));
+        // Without timestamps there is only the sum.
+        let whole = [0.0, 0.0, 0.0, 0.0, elapsed_ms, 0.0];
+        let measured = self.clock.as_ref().and_then(|clock| clock.milliseconds(ticks).try_into().ok());
+        let times: StageTimes = measured.unwrap_or(whole);
+        self.last_ms = times.iter().sum();
+        self.frame_ms.add(self.last_ms);
+        self.times.add(times);
         self.intersections = counters.intersections_wanted;
         self.broken = counters.broken;
         match self.drawing.complete_for(gpu, &counters) {

@@ -68,6 +68,8 @@ pub struct Settings {
     pub panel_shown: bool,
     /// Whether handles are shown on the hand.
     pub handles_shown: bool,
+    /// Whether changing pictures have fewer pixels on slow devices.
+    pub adaptive: bool,
     /// Size of the window, points.
     pub window_size: Option<[f32; 2]>,
     /// Whether the window fills the screen.
@@ -84,6 +86,7 @@ impl Default for Settings {
             theme: Theme::default(),
             panel_shown: true,
             handles_shown: true,
+            adaptive: true,
             window_size: None,
             maximized: false,
             recent: Vec::new(),

@@ -98,6 +98,7 @@ impl Viewer {
                 self.measure = !self.measure;
                 self.clear_times();
             }
+            CommandId::AdaptDetail => self.settings.adaptive = !self.settings.adaptive,
             CommandId::SwitchTheme => {
                 self.settings.theme = self.settings.theme.next();
                 self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
@@ -196,6 +197,7 @@ impl Viewer {
     fn is_on(&self, id: CommandId) -> Option<bool> {
         match id {
             CommandId::Measure => Some(self.measure),
+            CommandId::AdaptDetail => Some(self.settings.adaptive),
             CommandId::ShowPanel => Some(self.settings.panel_shown),
             CommandId::ShowHandles => Some(self.settings.handles_shown),
             CommandId::SwitchProjection => Some(self.camera.projection() == Projection::Orthographic),

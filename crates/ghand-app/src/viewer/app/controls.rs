@@ -52,6 +52,9 @@ impl Viewer {
         if self.measure {
             row(ui, "Frame to frame", ms(self.between_frames_ms.get()));
         }
+        if self.measure {
+            self.picture.times().show(ui);
+        }
         let (parts, count) = self.picture.subject_size();
         row(ui, parts, thousands(count));
         if self.picture.broken() > 0 {

@@ -1,5 +1,6 @@
 //! The user interface without a window: what it draws, and what its controls and the pointer do.
 
+mod adaptive;
 mod commands;
 mod files;
 mod keys;

@@ -343,7 +343,7 @@ fn around_region(rect: Rect, region: Rect) -> [Rect; 4] {
 }
 
 /// A word in a corner of an image.
-fn tag(ui: &Ui, corner: Pos2, align: Align2, text: &str) {
+pub(super) fn tag(ui: &Ui, corner: Pos2, align: Align2, text: &str) {
     let offset = egui::vec2(if align == Align2::LEFT_TOP { 14.0 } else { -14.0 }, 12.0);
     let font = FontId::proportional(13.0);
     let galley = ui.painter().layout_no_wrap(text.into(), font, LINE_COLOR);

@@ -7,6 +7,7 @@ use ghand_render::RenderError;
 use glam::DVec2;
 
 use crate::viewer::app::Viewer;
+use crate::viewer::app::truth::tag;
 use crate::viewer::handles::draw_joint;
 use crate::viewer::navigation::{Drag, Grip};
 use crate::viewer::picture::{Picture, PictureInputs, Progress};
@@ -24,16 +25,17 @@ impl Viewer {
         let rect = ui.max_rect();
         self.navigate(ui, rect);
         self.follow_layer();
-        let size = self.picture_size(rect, ui.ctx().pixels_per_point());
-        let shot = PictureInputs {
+        let mut shot = PictureInputs {
             pose: self.subject.pose().cloned(),
             shape: self.subject.shape().to_vec(),
             light: self.subject.light().cloned(),
-            camera: self.camera.camera(size),
+            camera: self.camera.camera(self.picture_size(rect, ui.ctx().pixels_per_point())),
             background: (self.layer().background())
                 .or_else(|| self.background_of_truth())
                 .unwrap_or_else(|| self.background(ui).map(|v| f32::from(v) / 255.0)),
         };
+        self.adapt_detail(&shot, ui);
+        shot.camera = self.camera.camera(self.picture_size(rect, ui.ctx().pixels_per_point()));
         let outdated =
             |viewer: &Viewer| viewer.failure.is_none() && (viewer.measure || viewer.shown.as_ref() != Some(&shot));
         if progress == Progress::Busy && self.gpu.is_cpu() && outdated(self) {
@@ -60,6 +62,7 @@ impl Viewer {
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
         self.draw_truth(ui, rect);
+        self.draw_scale(ui, rect);
         self.draw_layers(ui, rect);
         self.draw_handles(ui, rect);
         self.drop_hint(ui, rect);
@@ -74,6 +77,32 @@ impl Viewer {
                 egui::FontId::proportional(15.0),
                 ui.visuals().error_fg_color,
             );
+        }
+    }
+
+    /// Follows whether the picture changes.
+    fn adapt_detail(&mut self, shot: &PictureInputs, ui: &Ui) {
+        let now = ui.input(|input| input.time);
+        if self.wanted.as_ref().is_none_or(|wanted| !wanted.shows_the_same(shot)) {
+            // A first picture is not a change.
+            if self.wanted.replace(shot.clone()).is_some() {
+                self.adaptive.changed(now);
+            }
+        } else if let Some(left) = self.adaptive.same(now) {
+            ui.ctx().request_repaint_after(Duration::from_secs_f64(left.max(0.01)));
+        }
+    }
+
+    /// Part of the picture's edge that is drawn while the picture changes. Times are measured of whole pictures.
+    fn adaptive_scale(&self) -> f32 {
+        if self.settings.adaptive && !self.measure { self.adaptive.scale() } else { 1.0 }
+    }
+
+    /// Says in the corner that the picture has fewer pixels for now.
+    fn draw_scale(&self, ui: &Ui, rect: Rect) {
+        if self.drawn_scale < 1.0 {
+            let text = format!("{:.0} % resolution while it moves", 100.0 * self.drawn_scale);
+            tag(ui, rect.right_top(), egui::Align2::RIGHT_TOP, &text);
         }
     }
 
@@ -101,6 +130,7 @@ impl Viewer {
                 if renewed {
                     self.show_texture(renderer);
                 }
+                self.drawn_scale = self.adaptive_scale();
                 self.shown = Some(shot);
                 if let Some(live) = &mut self.live {
                     live.picture_started();
@@ -214,8 +244,10 @@ impl Viewer {
     /// The panel's size in pixels, reduced if that is too many.
     pub(super) fn picture_size(&self, rect: Rect, pixels_per_point: f32) -> [u32; 2] {
         let pixels = rect.size() * pixels_per_point;
-        let shrink =
-            (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0) * self.detail * self.quality.image_scale();
+        let shrink = (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0)
+            * self.detail
+            * self.quality.image_scale()
+            * self.adaptive_scale();
         [pixels.x, pixels.y].map(|edge| ((edge * shrink).round() as u32).clamp(1, self.largest_edge))
     }
 }
