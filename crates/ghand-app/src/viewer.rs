@@ -8,6 +8,7 @@ pub mod capture_panel;
 pub mod command;
 pub mod command_palette;
 pub mod comparison;
+pub mod device_message;
 pub mod drawing;
 pub mod file_dialog;
 pub mod frame_times;

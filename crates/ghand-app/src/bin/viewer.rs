@@ -16,6 +16,7 @@ use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
 use ghand_app::viewer::comparison::Comparison;
+use ghand_app::viewer::device_message;
 use ghand_app::viewer::layer::Layer;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
 use ghand_app::viewer::overlay::Overlay;
@@ -107,7 +108,11 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         window::check_display()?;
     }
     let path = arguments.file.or_else(last_avatar);
-    let mut gpu = arguments.adapter.open()?;
+    let opened = arguments.adapter.open();
+    if let (Err(error), None) = (&opened, &arguments.screenshot) {
+        device_message::tell(error);
+    }
+    let mut gpu = opened?;
     let (shown, choice) = played(&mut gpu, path.as_deref(), arguments.quality)?;
     let (mut subject, source) = subject(shown.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
