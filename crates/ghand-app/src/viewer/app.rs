@@ -6,6 +6,7 @@ mod controls;
 mod files;
 mod layers;
 mod live;
+mod output;
 mod recovery;
 mod saved_views;
 mod saving;
@@ -31,6 +32,8 @@ use crate::viewer::handles::HandleDrag;
 use crate::viewer::live::{Live, LiveSettings};
 use crate::viewer::name_dialog::NameDialog;
 use crate::viewer::navigation::Drags;
+use crate::viewer::output::OutputJob;
+use crate::viewer::output_dialog::OutputDialog;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
 use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::settings::Settings;
@@ -92,6 +95,10 @@ pub struct Viewer {
     help_shown: bool,
     /// Asks under which name the view is to be saved.
     naming_view: Option<NameDialog>,
+    /// Asks what to save of the view.
+    output_dialog: Option<OutputDialog>,
+    /// A picture or film that is being saved.
+    output: Option<OutputJob>,
     /// Whether the view turns by itself, and when it last did, in the user interface's seconds.
     turntable: bool,
     turntable_time: Option<f64>,
@@ -145,6 +152,8 @@ impl Viewer {
             palette: None,
             help_shown: false,
             naming_view: None,
+            output_dialog: None,
+            output: None,
             turntable: false,
             turntable_time: None,
             capture: None,
@@ -207,7 +216,7 @@ impl Viewer {
         ui.ctx().set_theme(self.settings.theme.preference());
         self.open_files(ui.ctx());
         self.take_quality();
-        self.save_chosen();
+        self.save_chosen(ui.ctx());
         self.run_pressed(ui.ctx());
         if self.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {

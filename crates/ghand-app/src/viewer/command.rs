@@ -11,6 +11,8 @@ use crate::viewer::overlay::Overlay;
 #[allow(missing_docs, reason = "the list of commands says what each does")]
 pub enum CommandId {
     Open,
+    SavePicture,
+    SaveFilm,
     Quit,
     Undo,
     Redo,
@@ -139,6 +141,20 @@ pub const COMMANDS: &[Command] = &[
         "Open",
         &[ctrl(Key::O)],
         "Opens an avatar, a hand model, a scene, poses or a capture; dropping a file does the same.",
+    ),
+    command(
+        CommandId::SavePicture,
+        Menu::File,
+        "Save picture",
+        &[ctrl_shift(Key::S)],
+        "Saves the view as a picture of any size, also without a background.",
+    ),
+    command(
+        CommandId::SaveFilm,
+        Menu::File,
+        "Save film",
+        &[ctrl_shift(Key::F)],
+        "Saves a turn around the subject, or its motion, as a film.",
     ),
     command(CommandId::Quit, Menu::File, "Quit", &[ctrl(Key::Q)], "Closes the window."),
     command(CommandId::Undo, Menu::Pose, "Undo", &[ctrl(Key::Z)], "Goes back to the pose and the keys before."),

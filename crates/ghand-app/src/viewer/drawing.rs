@@ -4,15 +4,17 @@
 use std::sync::Arc;
 
 use ghand_avatar::Scene;
+use ghand_avatar::scene::OPACITY;
 use ghand_core::{Camera, Pose};
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
-use ghand_render::splat::{Counters, FrameStage, Shape, SplatModel};
+use ghand_render::splat::{Counters, FrameStage, Shape, SplatModel, View};
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
 use crate::commands::explain::pose_properties::PoseProperties;
+use crate::pictures::Picture;
 use crate::viewer::frame_times::STAGES;
 use crate::viewer::picture::PictureInputs;
 
@@ -151,6 +153,39 @@ impl Drawing {
                 PoseProperties::read(gpu, scene, pose).map(Some)
             }
             Drawing::Gaussians(_) | Drawing::Mesh(_) => Ok(None),
+        }
+    }
+
+    /// Fills a picture of any size with an image, in bands if it is large, and waits for it. The picture's background counts, not
+    /// that of the inputs.
+    ///
+    /// # Errors
+    /// As [`Drawing::encode`].
+    pub fn fill(
+        &mut self,
+        gpu: &Gpu,
+        inputs: &PictureInputs,
+        colors: &GaussianColors,
+        picture: &mut Picture,
+    ) -> Result<(), RenderError> {
+        match self {
+            Drawing::Gaussians(scene) => {
+                set_inputs(scene, gpu, inputs)?;
+                scene.pose_only(gpu, 0, Some(inputs.camera.center()))?;
+                let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                set_colors(scene, gpu, &mut encoder, colors);
+                gpu.queue.submit([encoder.finish()]);
+                let count = scene.splatter().count();
+                let view = View::new(&inputs.camera, count, picture.background().color(), OPACITY);
+                scene.splatter_mut().render_bands(gpu, view, |row, band| picture.place([0, row], band))
+            }
+            Drawing::Mesh(mesh) => {
+                let posed = mesh.posed(inputs)?;
+                let (instance, style) = (mesh.hand.instance(&posed), mesh_style(&inputs.camera));
+                let image = mesh.renderer.render(&instance, &inputs.camera, &style).map_err(render_error)?;
+                picture.place_mesh([0; 2], &image);
+                Ok(())
+            }
         }
     }
 

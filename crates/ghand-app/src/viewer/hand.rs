@@ -253,8 +253,14 @@ impl Hand {
 
     /// The motion as a file of poses, in ghand's own JSON; `None` without one.
     pub fn motion_json(&self) -> Option<String> {
-        let sequence = self.timeline.as_ref()?.sequence(&self.model().joint_names, &self.shape)?;
+        let (sequence, _) = self.motion()?;
         Some(poses_json(&sequence, self.model()))
+    }
+
+    /// The motion at a constant rate, and the part of it that repeats, seconds; `None` without one.
+    pub fn motion(&self) -> Option<(PoseSequence, [f64; 2])> {
+        let timeline = self.timeline.as_ref()?;
+        Some((timeline.sequence(&self.model().joint_names, &self.shape)?, timeline.range()))
     }
 
     /// What the user has asked for since with the buttons of the keys.

@@ -286,6 +286,11 @@ impl Picture {
         self.colors = colors;
     }
 
+    /// The colours of Gaussians in the last picture.
+    pub fn colors(&self) -> &GaussianColors {
+        &self.colors
+    }
+
     /// See [`Drawing::posed_gaussians`].
     ///
     /// # Errors

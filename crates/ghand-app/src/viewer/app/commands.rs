@@ -16,6 +16,7 @@ use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::hand::Hand;
 use crate::viewer::help_overlay::help_overlay;
 use crate::viewer::name_dialog::NameDialog;
+use crate::viewer::output_dialog::OutputKind;
 use crate::viewer::preset::Preset;
 use crate::viewer::saved_view::SavedView;
 use crate::viewer::subject::Subject;
@@ -34,7 +35,7 @@ enum Action {
 impl Viewer {
     /// Runs the commands whose keys were pressed, unless the palette or the help is open.
     pub(super) fn run_pressed(&mut self, context: &Context) {
-        if self.palette.is_some() || self.help_shown || self.naming_view.is_some() {
+        if self.palette.is_some() || self.help_shown || self.naming_view.is_some() || self.output_dialog.is_some() {
             // The same keys close them.
             for asked in pressed(context) {
                 match asked {
@@ -60,6 +61,11 @@ impl Viewer {
         }
         match id {
             CommandId::Open => self.file_dialog = Some(FileDialog::open(context)),
+            CommandId::SavePicture => self.ask_for_output(OutputKind::Picture),
+            CommandId::SaveFilm => {
+                let has_motion = matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some());
+                self.ask_for_output(if has_motion { OutputKind::Motion } else { OutputKind::Turntable });
+            }
             CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
             CommandId::Undo => self.edit_hand(Hand::undo),
             CommandId::Redo => self.edit_hand(Hand::redo),
@@ -116,6 +122,8 @@ impl Viewer {
     fn is_available(&self, id: CommandId) -> bool {
         match id {
             CommandId::Open => self.file_dialog.is_none(),
+            // One at a time.
+            CommandId::SavePicture | CommandId::SaveFilm => self.output.is_none() && self.save_dialog.is_none(),
             CommandId::PlayFast | CommandId::PlayBalanced | CommandId::PlayExact => !self.quality.is_busy(),
             CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
             CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
@@ -228,6 +236,7 @@ impl Viewer {
             }
         }
         self.name_view(context);
+        self.show_output(context);
         self.help_shown = self.help_shown && help_overlay(context);
         self.toasts.show(context);
     }

@@ -1,4 +1,4 @@
-//! Saves what the user has made: motions.
+//! Saves to the files that the user chooses.
 
 use std::path::Path;
 
@@ -10,6 +10,7 @@ use crate::viewer::app::Viewer;
 use crate::viewer::app::files::file_name;
 use crate::viewer::command::CommandId;
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::output_dialog::OutputDialog;
 use crate::viewer::subject::Subject;
 use crate::viewer::timeline_panel::KeyRequest;
 
@@ -18,6 +19,8 @@ use crate::viewer::timeline_panel::KeyRequest;
 pub(super) enum Saving {
     /// The present motion as a file of poses.
     Motion,
+    /// A picture or a film of the view.
+    Output(OutputDialog),
 }
 
 impl Viewer {
@@ -54,7 +57,7 @@ impl Viewer {
     }
 
     /// Saves to the file that was chosen.
-    pub(super) fn save_chosen(&mut self) {
+    pub(super) fn save_chosen(&mut self, context: &Context) {
         let Some(chosen) = self.save_dialog.as_ref().and_then(|(dialog, _)| dialog.poll()) else { return };
         let Some((_, what)) = self.save_dialog.take() else { return };
         let Some(path) = chosen else {
@@ -62,10 +65,12 @@ impl Viewer {
             return;
         };
         let saved = match what {
-            Saving::Motion => self.save_motion(&path),
+            Saving::Motion => self.save_motion(&path).map(|()| Some(format!("{} is saved.", file_name(&path)))),
+            // It says so when it is done.
+            Saving::Output(asked) => self.save_output(&asked, &path, context).map(|()| None),
         };
         match saved {
-            Ok(()) => self.toasts.note(format!("{} is saved.", file_name(&path))),
+            Ok(note) => note.into_iter().for_each(|note| self.toasts.note(note)),
             Err(error) => self.toasts.error(&error),
         }
     }

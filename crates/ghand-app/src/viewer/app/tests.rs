@@ -7,6 +7,7 @@ mod keys;
 mod layers;
 mod live;
 mod motion;
+mod output;
 mod pointer;
 mod pose;
 mod quality;

@@ -1,0 +1,140 @@
+//! Saves pictures and films of the view, beside the user interface.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use egui::{Align2, Area, Context, Frame, Id, Order, ProgressBar};
+use ghand_motion::pose_sequence::DEFAULT_FPS;
+
+use crate::pictures::{Background, LONGEST_TURN_SECONDS};
+use crate::viewer::app::Viewer;
+use crate::viewer::app::files::file_name;
+use crate::viewer::app::saving::Saving;
+use crate::viewer::drawing::GaussianColors;
+use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::output::{OutputJob, OutputPlan};
+use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
+use crate::viewer::picture::PictureInputs;
+use crate::viewer::subject::Subject;
+use crate::viewer::subject_copy::SubjectCopy;
+
+/// Size of pictures and films that are offered if there is no picture yet, pixels.
+const SIZE: [u32; 2] = [1280, 800];
+
+impl Viewer {
+    /// Asks what to save of the view.
+    pub(super) fn ask_for_output(&mut self, kind: OutputKind) {
+        let size = self.picture.texture().map_or(SIZE, |texture| [texture.width(), texture.height()]);
+        self.output_dialog = Some(OutputDialog::new(kind, size));
+    }
+
+    /// Shows the question what to save, and the progress of what is being saved.
+    pub(super) fn show_output(&mut self, context: &Context) {
+        let has_motion = matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some());
+        if let Some(mut dialog) = self.output_dialog.take() {
+            match dialog.show(context, has_motion) {
+                Asked::Open => self.output_dialog = Some(dialog),
+                Asked::Closed => {}
+                Asked::Save => {
+                    let ending = dialog.ending();
+                    let name = format!("{}.{ending}", self.subject.name().trim_end_matches(".ply"));
+                    let chooser = FileDialog::save(context, &name, "Pictures and films", &[ending]);
+                    self.save_dialog = Some((chooser, Saving::Output(dialog)));
+                }
+            }
+        }
+        self.show_progress(context);
+        let Some(result) = self.output.as_ref().and_then(OutputJob::poll) else { return };
+        self.output = None;
+        match result {
+            Ok(text) => self.toasts.note(format!("Saved {text}.")),
+            Err(error) => self.toasts.error(&error),
+        }
+    }
+
+    /// Begins to save a picture or a film of the view to a file, in the background.
+    ///
+    /// # Errors
+    /// One sentence if that is impossible.
+    pub fn save_output(&mut self, asked: &OutputDialog, path: &Path, context: &Context) -> anyhow::Result<()> {
+        let path = match path.extension() {
+            Some(_) => path.to_owned(),
+            None => path.with_extension(asked.ending()),
+        };
+        let plan = self.output_plan(asked);
+        self.output = Some(OutputJob::start(&self.gpu, plan, &path, context)?);
+        Ok(())
+    }
+
+    fn output_plan(&self, asked: &OutputDialog) -> OutputPlan {
+        let [r, g, b] = self.shown.as_ref().map_or([0.0; 3], |shown| shown.background);
+        let background = if asked.transparent { Background::Transparent } else { Background::Color([r, g, b]) };
+        let inputs = |camera| PictureInputs {
+            pose: self.subject.pose().cloned(),
+            shape: self.subject.shape().to_vec(),
+            light: self.subject.light().cloned(),
+            camera,
+            background: background.color(),
+        };
+        let (size, camera) = (asked.size, &self.camera);
+        let mut fps = DEFAULT_FPS;
+        let pictures = match asked.kind {
+            OutputKind::Picture => vec![inputs(camera.camera(size))],
+            OutputKind::Turntable => {
+                let count = (LONGEST_TURN_SECONDS * DEFAULT_FPS) as usize;
+                let at = |k: usize| {
+                    let mut turned = camera.clone();
+                    turned.turn(k as f64 / count as f64 * TAU);
+                    inputs(turned.camera(size))
+                };
+                (0..count).map(at).collect()
+            }
+            OutputKind::Motion => {
+                let Subject::Hand(hand) = &self.subject else { return self.empty_plan(background) };
+                let Some((sequence, [from, to])) = hand.motion() else { return self.empty_plan(background) };
+                fps = sequence.fps;
+                let frames = (from * fps).round() as usize..=(to * fps).round() as usize;
+                let view = camera.camera(size);
+                let at = |k: usize| {
+                    let frame = sequence.frames.get(k)?;
+                    Some(PictureInputs { pose: Some(frame.pose.clone()), ..inputs(view.clone()) })
+                };
+                frames.filter_map(at).collect()
+            }
+        };
+        let colors = match (self.picture.colors(), asked.kind) {
+            // The colours of numbers are those of this pose.
+            (GaussianColors::Given(_), OutputKind::Motion) => GaussianColors::Own,
+            (colors, _) => colors.clone(),
+        };
+        OutputPlan { subject: SubjectCopy::new(&self.subject), pictures, colors, background, fps }
+    }
+
+    fn empty_plan(&self, background: Background) -> OutputPlan {
+        let subject = SubjectCopy::new(&self.subject);
+        OutputPlan { subject, pictures: Vec::new(), colors: GaussianColors::Own, background, fps: DEFAULT_FPS }
+    }
+
+    fn show_progress(&mut self, context: &Context) {
+        let Some(job) = &self.output else { return };
+        let (made, count) = job.progress();
+        let name = file_name(job.path());
+        let mut stopped = false;
+        let area = Area::new(Id::unique("output progress")).order(Order::Foreground);
+        area.anchor(Align2::CENTER_BOTTOM, [0.0, -14.0]).show(context, |ui| {
+            Frame::popup(ui.style()).inner_margin(10.0).show(ui, |ui| {
+                ui.set_max_width(360.0f32.min(context.content_rect().width() - 40.0));
+                ui.horizontal(|ui| {
+                    ui.label(format!("Saving {name}"));
+                    let part = made as f32 / count.max(1) as f32;
+                    ui.add(ProgressBar::new(part).desired_width(110.0).text(format!("{made} of {count}")));
+                    stopped = ui.button("Stop").clicked();
+                });
+            });
+        });
+        if stopped {
+            self.output = None;
+            self.toasts.note(format!("{name} is not saved."));
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Asks what to save of the view: a picture, a turn around the subject, or its motion.
+
+use egui::{Align2, Context, DragValue, Id, Modal};
+
+/// Longest edge of a picture, pixels, as of `ghand render`.
+const LONGEST_EDGE: u32 = 16384;
+
+/// What is saved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OutputKind {
+    /// The view as a picture.
+    Picture,
+    /// A film of one turn around the subject.
+    Turntable,
+    /// A film of the motion.
+    Motion,
+}
+
+/// The files that a film can be.
+const FILMS: [&str; 3] = ["gif", "webm", "mp4"];
+
+/// The question, while it is open.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutputDialog {
+    /// What is saved.
+    pub kind: OutputKind,
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Whether there is nothing behind the subject.
+    pub transparent: bool,
+    /// Ending of a film's file.
+    pub film: &'static str,
+}
+
+/// What the user did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    /// Nothing yet.
+    Open,
+    /// Closed the question.
+    Closed,
+    /// Wants it saved.
+    Save,
+}
+
+impl OutputDialog {
+    /// Asks about a picture or a film of this size.
+    pub fn new(kind: OutputKind, size: [u32; 2]) -> OutputDialog {
+        OutputDialog { kind, size, transparent: false, film: FILMS[0] }
+    }
+
+    /// The ending of the file.
+    pub fn ending(&self) -> &'static str {
+        if self.kind == OutputKind::Picture { "png" } else { self.film }
+    }
+
+    /// Shows the question; a motion is offered if there is one.
+    pub fn show(&mut self, context: &Context, has_motion: bool) -> Asked {
+        let mut asked = Asked::Open;
+        let area = Modal::default_area(Id::unique("output")).anchor(Align2::CENTER_TOP, [0.0, 60.0]);
+        let response = Modal::new(Id::unique("output")).area(area).show(context, |ui| {
+            ui.set_width(300.0f32.min(context.content_rect().width() - 40.0));
+            ui.horizontal_wrapped(|ui| {
+                ui.selectable_value(&mut self.kind, OutputKind::Picture, "Picture");
+                ui.selectable_value(&mut self.kind, OutputKind::Turntable, "Turntable film");
+                if has_motion {
+                    ui.selectable_value(&mut self.kind, OutputKind::Motion, "Film of the motion");
+                }
+            });
+            ui.separator();
+            ui.horizontal(|ui| {
+                let label = ui.label("size").id;
+                let edge = |value| DragValue::new(value).range(1..=LONGEST_EDGE).speed(4);
+                let [columns, rows] = &mut self.size;
+                ui.add(edge(columns)).labelled_by(label).on_hover_text("Width, pixels");
+                ui.label("x");
+                ui.add(edge(rows)).labelled_by(label).on_hover_text("Height, pixels");
+                ui.label("pixels");
+            });
+            ui.checkbox(&mut self.transparent, "transparent background");
+            if self.kind != OutputKind::Picture {
+                ui.horizontal(|ui| {
+                    for film in FILMS {
+                        let hover = if film == "gif" { "256 colours" } else { "Needs ffmpeg" };
+                        if ui.selectable_label(self.film == film, film).on_hover_text(hover).clicked() {
+                            self.film = film;
+                        }
+                    }
+                });
+                if self.film == "mp4" && self.transparent {
+                    ui.weak("MP4 has no transparency; choose webm or gif.");
+                }
+            }
+            ui.separator();
+            ui.horizontal(|ui| {
+                let possible = !(self.ending() == "mp4" && self.transparent);
+                if ui.add_enabled(possible, egui::Button::new("Save as ...")).clicked() {
+                    asked = Asked::Save;
+                }
+                if ui.button("Cancel").clicked() {
+                    asked = Asked::Closed;
+                }
+            });
+        });
+        if asked == Asked::Open && response.should_close() { Asked::Closed } else { asked }
+    }
+}
