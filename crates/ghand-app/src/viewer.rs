@@ -40,6 +40,7 @@ pub mod shape_panel;
 pub mod slow_frames;
 pub mod subject;
 pub mod subject_copy;
+pub mod thumbnails;
 pub mod timeline;
 pub mod timeline_panel;
 pub mod toasts;

@@ -218,6 +218,7 @@ impl Viewer {
         self.take_quality();
         self.save_chosen(ui.ctx());
         self.run_pressed(ui.ctx());
+        self.follow_thumbnails(ui.ctx(), progress);
         if self.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {
                 self.menu_bar(ui);

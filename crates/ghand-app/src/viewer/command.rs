@@ -19,6 +19,7 @@ pub enum CommandId {
     CopyPose,
     PastePose,
     ShowHandles,
+    ShowThumbnails,
     Play,
     SetKey,
     DeleteKey,
@@ -185,6 +186,13 @@ pub const COMMANDS: &[Command] = &[
         "Handles",
         &[key(Key::H)],
         "Shows dots to drag when the pointer is on the hand, or hides them.",
+    ),
+    command(
+        CommandId::ShowThumbnails,
+        Menu::Pose,
+        "Pictures of poses",
+        &[],
+        "Shows the named poses as pictures, or as words.",
     ),
     command(CommandId::Play, Menu::Pose, "Play or pause", &[key(Key::Space)], "Plays the motion, or stops it."),
     command(

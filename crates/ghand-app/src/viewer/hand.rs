@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use egui::{CollapsingHeader, RichText, Ui};
+use egui::{CollapsingHeader, Context, RichText, Ui};
 use ghand_avatar::{Avatar, Light};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{KeyFrames, PoseFrame, PoseOptions, PoseSequence};
+use ghand_render::Gpu;
 use glam::DVec3;
 
 use crate::bare_hand::BareHand;
@@ -20,6 +21,8 @@ use crate::viewer::light_panel::LightPanel;
 use crate::viewer::pose_panel::PosePanel;
 use crate::viewer::screen::Screen;
 use crate::viewer::shape_panel::ShapePanel;
+use crate::viewer::subject_copy::SubjectCopy;
+use crate::viewer::thumbnails::Thumbnails;
 use crate::viewer::timeline::Timeline;
 use crate::viewer::timeline_panel::{KeyRequest, timeline_panel};
 
@@ -368,10 +371,40 @@ impl Hand {
     }
 
     /// Advances the motion that plays.
-    pub fn advance(&mut self, context: &egui::Context) {
+    pub fn advance(&mut self, context: &Context) {
         if let Some(now) = self.timeline.as_mut().and_then(|timeline| timeline.advance(context)) {
             self.pose = now;
         }
+    }
+
+    /// Has the pictures of the named poses made, while the view does not need the device.
+    pub fn follow_thumbnails(&mut self, gpu: &Gpu, shown: bool, is_busy: bool, context: &Context) {
+        self.pose_panel.show_thumbnails(shown);
+        let is_begun = self.pose_panel.thumbnails_mut().is_begun();
+        if shown && !is_begun && !is_busy {
+            let poses = self.pose_panel.named().iter().map(|(_, pose)| pose.clone()).collect();
+            let copy = SubjectCopy::of_hand(self);
+            let model = model(&self.look);
+            self.pose_panel.thumbnails_mut().begin(gpu, copy, model, poses, context);
+        }
+        self.pose_panel.thumbnails_mut().advance(is_busy || !shown, context);
+    }
+
+    /// The picture of a named pose, once it is made.
+    #[cfg(test)]
+    pub(crate) fn thumbnail(&mut self, pose: usize) -> Option<&egui::TextureHandle> {
+        self.pose_panel.thumbnails_mut().get(pose)
+    }
+
+    /// Waits until the pictures of the named poses are made, if they are begun. Returns whether all were there already or none
+    /// are shown.
+    pub fn wait_for_thumbnails(&mut self, context: &Context) -> bool {
+        !self.pose_panel.shows_thumbnails() || self.pose_panel.thumbnails_mut().wait(context)
+    }
+
+    /// Forgets the pictures of the named poses: they belong to a user interface that has ended.
+    pub fn forget_thumbnails(&mut self) {
+        *self.pose_panel.thumbnails_mut() = Thumbnails::default();
     }
 
     /// Shows the controls.

@@ -2,7 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use egui::{Button, CollapsingHeader, Ui};
+use egui::{
+    Align2, Button, CollapsingHeader, Color32, FontId, Pos2, Rect, Role, Sense, StrokeKind, TextureHandle, Ui, Vec2,
+    WidgetInfo, pos2, vec2,
+};
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::joint_axes::JointAxes;
 use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
@@ -12,6 +15,7 @@ use glam::DVec3;
 
 use crate::pose_choice::pose_by_name;
 use crate::viewer::number_slider::number_slider;
+use crate::viewer::thumbnails::Thumbnails;
 
 /// Groups of joints in the order of the panel: title, and text that the joints' names contain.
 const GROUPS: [(&str, &[&str]); 6] = [
@@ -22,6 +26,8 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Ring finger", &["ring"]),
     ("Little finger", &["pinky", "little"]),
 ];
+/// Size of a named pose's picture with its name, points: four fit the panel.
+const THUMBNAIL: Vec2 = vec2(57.0, 70.0);
 /// Title of the joints in no other group.
 const OTHERS: &str = "Other joints";
 
@@ -93,8 +99,27 @@ pub struct JointsResponse {
     pub pointed_at: Option<usize>,
 }
 
+/// A button with the picture of a pose above its name. Returns whether it was clicked.
+fn thumbnail_button(ui: &mut Ui, name: &str, picture: Option<&TextureHandle>, is_present: bool) -> bool {
+    let (rect, response) = ui.allocate_exact_size(THUMBNAIL, Sense::click());
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_present, name));
+    let visuals = ui.style().interact_selectable(&response, is_present);
+    ui.painter().rect(rect, 5.0, visuals.weak_bg_fill, visuals.bg_stroke, StrokeKind::Inside);
+    if let Some(picture) = picture {
+        let place = Rect::from_min_size(rect.min, Vec2::splat(rect.width())).shrink(2.0);
+        let whole = Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0));
+        ui.painter().image(picture.id(), place, whole, Color32::WHITE);
+    }
+    let font = FontId::proportional(11.0);
+    let place = rect.center_bottom() - vec2(0.0, 2.0);
+    ui.painter().text(place, Align2::CENTER_BOTTOM, name, font, visuals.text_color());
+    response.clicked()
+}
+
 /// The pose's controls for one hand model.
 pub struct PosePanel {
+    thumbnails: Thumbnails,
+    thumbnails_shown: bool,
     named: Vec<(&'static str, Pose)>,
     groups: Vec<Group>,
 }
@@ -131,7 +156,7 @@ impl PosePanel {
             }
         }
         groups.retain(|g| !g.joints.is_empty());
-        PosePanel { named, groups }
+        PosePanel { thumbnails: Thumbnails::default(), thumbnails_shown: false, named, groups }
     }
 
     /// The named poses of this model.
@@ -143,14 +168,37 @@ impl PosePanel {
     pub fn named_poses(&self, ui: &mut Ui, pose: &mut Pose) -> bool {
         let mut chosen = false;
         ui.horizontal_wrapped(|ui| {
-            for (name, named) in &self.named {
-                if ui.add(Button::new(*name).selected(named == pose)).clicked() {
+            if self.thumbnails_shown {
+                ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
+            }
+            for (number, (name, named)) in self.named.iter().enumerate() {
+                let is_present = named == pose;
+                let clicked = match self.thumbnails_shown {
+                    true => thumbnail_button(ui, name, self.thumbnails.get(number), is_present),
+                    false => ui.add(Button::new(*name).selected(is_present)).clicked(),
+                };
+                if clicked {
                     pose.clone_from(named);
                     chosen = true;
                 }
             }
         });
         chosen
+    }
+
+    /// Whether the named poses have pictures.
+    pub fn show_thumbnails(&mut self, shown: bool) {
+        self.thumbnails_shown = shown;
+    }
+
+    /// See [`PosePanel::show_thumbnails`].
+    pub fn shows_thumbnails(&self) -> bool {
+        self.thumbnails_shown
+    }
+
+    /// The pictures of the named poses.
+    pub fn thumbnails_mut(&mut self) -> &mut Thumbnails {
+        &mut self.thumbnails
     }
 
     /// Shows the sliders, grouped by finger. They are the joints' angles ([`JointAxes`]) in degrees, or the components of

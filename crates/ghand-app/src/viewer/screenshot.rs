@@ -9,6 +9,7 @@ use image::{RgbImage, RgbaImage};
 
 use crate::commands::render::write_png;
 use crate::viewer::app::Viewer;
+use crate::viewer::subject::Subject;
 use crate::viewer::window::style;
 
 /// Format of the target: display values, as egui prefers.
@@ -48,6 +49,9 @@ fn picture(viewer: &mut Viewer, size: [u32; 2], scale: f32) -> anyhow::Result<Rg
         let last = complete;
         output = run(viewer, context, (size, scale), &mut renderer, number, &gpu);
         complete = viewer.finish()?;
+        if let Subject::Hand(hand) = viewer.subject_mut() {
+            complete &= hand.wait_for_thumbnails(context);
+        }
         if last && complete {
             break;
         }

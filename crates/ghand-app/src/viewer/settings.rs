@@ -70,6 +70,8 @@ pub struct Settings {
     pub handles_shown: bool,
     /// Whether changing pictures have fewer pixels on slow devices.
     pub adaptive: bool,
+    /// Whether the named poses have pictures.
+    pub thumbnails_shown: bool,
     /// Size of the window, points.
     pub window_size: Option<[f32; 2]>,
     /// Whether the window fills the screen.
@@ -87,6 +89,7 @@ impl Default for Settings {
             panel_shown: true,
             handles_shown: true,
             adaptive: true,
+            thumbnails_shown: true,
             window_size: None,
             maximized: false,
             recent: Vec::new(),

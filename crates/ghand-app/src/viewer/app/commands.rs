@@ -77,6 +77,7 @@ impl Viewer {
             }
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
             CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
+            CommandId::ShowThumbnails => self.settings.thumbnails_shown = !self.settings.thumbnails_shown,
             CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
             CommandId::SetKey => self.set_key(),
             CommandId::DeleteKey => self.edit_hand(Hand::delete_key),
@@ -130,6 +131,7 @@ impl Viewer {
             CommandId::CopyPose
             | CommandId::PastePose
             | CommandId::ShowHandles
+            | CommandId::ShowThumbnails
             | CommandId::LivePoses
             | CommandId::ViewBack
             | CommandId::ViewPalm
@@ -207,6 +209,7 @@ impl Viewer {
             CommandId::Measure => Some(self.measure),
             CommandId::AdaptDetail => Some(self.settings.adaptive),
             CommandId::ShowPanel => Some(self.settings.panel_shown),
+            CommandId::ShowThumbnails => Some(self.settings.thumbnails_shown),
             CommandId::ShowHandles => Some(self.settings.handles_shown),
             CommandId::SwitchProjection => Some(self.camera.projection() == Projection::Orthographic),
             CommandId::Turntable => Some(self.turntable),

@@ -14,7 +14,7 @@ use crate::viewer::drawing::GaussianColors;
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::output::{OutputJob, OutputPlan};
 use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
-use crate::viewer::picture::PictureInputs;
+use crate::viewer::picture::{PictureInputs, Progress};
 use crate::viewer::subject::Subject;
 use crate::viewer::subject_copy::SubjectCopy;
 
@@ -113,6 +113,21 @@ impl Viewer {
     fn empty_plan(&self, background: Background) -> OutputPlan {
         let subject = SubjectCopy::new(&self.subject);
         OutputPlan { subject, pictures: Vec::new(), colors: GaussianColors::Own, background, fps: DEFAULT_FPS }
+    }
+
+    /// Has pictures of the named poses made while nothing moves.
+    pub(super) fn follow_thumbnails(&mut self, context: &Context, progress: Progress) {
+        let is_shown = self.settings.thumbnails_shown && self.settings.panel_shown;
+        let is_busy = progress == Progress::Busy
+            || self.shown.is_none()
+            || self.turntable
+            || self.measure
+            || self.live.is_some()
+            || context.input(|input| input.pointer.any_down());
+        if let Subject::Hand(hand) = &mut self.subject {
+            let is_busy = is_busy || hand.is_playing();
+            hand.follow_thumbnails(&self.gpu, is_shown, is_busy, context);
+        }
     }
 
     fn show_progress(&mut self, context: &Context) {

@@ -2,6 +2,7 @@
 
 use crate::viewer::app::Viewer;
 use crate::viewer::picture::Median;
+use crate::viewer::subject::Subject;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
@@ -43,6 +44,9 @@ impl Viewer {
         self.detail = 1.0;
         self.too_many = u32::MAX;
         self.texture = None;
+        if let Subject::Hand(hand) = &mut self.subject {
+            hand.forget_thumbnails();
+        }
         self.failure = None;
         self.last_frame = None;
         self.between_frames_ms = Median::default();

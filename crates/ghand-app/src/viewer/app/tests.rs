@@ -12,6 +12,7 @@ mod pointer;
 mod pose;
 mod quality;
 mod saved_views;
+mod thumbnails;
 mod truth;
 
 use egui::{Event, Vec2, vec2};
@@ -48,7 +49,9 @@ impl Headless {
     /// With this many seconds between frames.
     fn new(subject: Subject, size: Vec2, step_secs: f32) -> Headless {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let viewer = Viewer::new(&gpu, subject, "test".into()).unwrap();
+        let mut viewer = Viewer::new(&gpu, subject, "test".into()).unwrap();
+        // Small panels have no room for them.
+        viewer.settings_mut().thumbnails_shown = false;
         let options = egui_wgpu::RendererOptions::PREDICTABLE;
         let renderer = egui_wgpu::Renderer::new(&gpu.device, wgpu::TextureFormat::Rgba8Unorm, options);
         let show = |ui: &mut Ui, state: &mut State| state.viewer.ui(ui, &mut state.renderer);
