@@ -180,20 +180,21 @@ impl Scene {
         Ok(())
     }
 
-    /// As [`Scene::encode`], with the commands that `after` encodes behind the posing (`None`) and behind each stage of the
-    /// drawing.
+    /// As [`Scene::encode`], with the commands of `posed` behind the posing, and a pass for each stage of the drawing, which
+    /// writes these timestamps.
     ///
     /// # Errors
     /// [`RenderError`] if a property model fails.
-    pub fn encode_staged(
+    pub fn encode_timed<'a>(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        mut after: impl FnMut(Option<FrameStage>, &mut wgpu::CommandEncoder),
+        posed: impl FnOnce(&mut wgpu::CommandEncoder),
+        timestamps: impl Fn(FrameStage) -> Option<wgpu::ComputePassTimestampWrites<'a>>,
     ) -> Result<(), RenderError> {
         encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
-        after(None, encoder);
-        self.splatter.forward_staged(encoder, |stage, encoder| after(Some(stage), encoder));
+        posed(encoder);
+        self.splatter.forward_timed(encoder, timestamps);
         Ok(())
     }
 

@@ -379,16 +379,17 @@ impl Splatter {
         FrameStage::FORWARD.iter().for_each(|stage| self.encode_stage(*stage, &mut pass));
     }
 
-    /// As [`Splatter::forward`], but with a pass for each stage, and with the commands that `after` encodes behind it.
-    pub fn forward_staged(
+    /// As [`Splatter::forward`], but with a pass for each stage, which writes these timestamps.
+    pub fn forward_timed<'a>(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        mut after: impl FnMut(FrameStage, &mut wgpu::CommandEncoder),
+        timestamps: impl Fn(FrameStage) -> Option<wgpu::ComputePassTimestampWrites<'a>>,
     ) {
         self.clear(encoder);
         for stage in FrameStage::FORWARD {
-            self.encode_stage(stage, &mut compute_pass(encoder, stage.name()));
-            after(stage, encoder);
+            let descriptor =
+                wgpu::ComputePassDescriptor { label: Some(stage.name()), timestamp_writes: timestamps(stage) };
+            self.encode_stage(stage, &mut encoder.begin_compute_pass(&descriptor));
         }
     }
 

@@ -24,7 +24,7 @@ impl FrameClock {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("frame clock"),
                 ty: wgpu::QueryType::Timestamp,
-                count: stages + 1,
+                count: 2 * (stages + 1),
             }),
             resolved: gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("timestamps"),
@@ -42,26 +42,41 @@ impl FrameClock {
         self.mark(encoder, 0);
     }
 
-    /// Encodes the end of stage number `stage`, counted from 1. Each must have its end in every frame; that of the last is
-    /// [`FrameClock::end`].
+    /// Encodes the end of stage number `stage`, counted from 1, if it does not end with a pass that has [`FrameClock::pass`].
     pub fn mark(&self, encoder: &mut wgpu::CommandEncoder, stage: u32) {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("mark of the clock"),
             timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
                 query_set: &self.queries,
                 beginning_of_pass_write_index: Some(stage),
-                end_of_pass_write_index: None,
+                end_of_pass_write_index: Some(self.flush(stage)),
             }),
         });
+    }
+
+    /// Timestamp writes for the last compute pass of stage number `stage`, counted from 1. Each stage must have its end in
+    /// every frame; that of the last stage is [`FrameClock::end`].
+    pub fn pass(&self, stage: u32) -> wgpu::ComputePassTimestampWrites<'_> {
+        wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: Some(self.flush(stage)),
+            end_of_pass_write_index: Some(stage),
+        }
     }
 
     /// Timestamp writes for the frame's last pass, whose end is the end of the last stage.
     pub fn end(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
-            beginning_of_pass_write_index: None,
+            beginning_of_pass_write_index: Some(self.flush(self.stages)),
             end_of_pass_write_index: Some(self.stages),
         }
+    }
+
+    /// A timestamp that is not read. Mesa's software rasteriser takes the time of one only when the next is written: without
+    /// these, a stage would have the time of the stage behind it, too.
+    fn flush(&self, stage: u32) -> u32 {
+        self.stages + 1 + stage
     }
 
     /// Encodes the copy of the timestamps to `offset` in a buffer.

@@ -6,6 +6,8 @@ use std::process::{Command, Stdio};
 use ghand_render::DeviceError;
 
 const TITLE: &str = "ghand: no graphics driver";
+/// Longest line of a box, characters.
+const COLUMNS: usize = 84;
 
 /// What to install, by system.
 const REMEDIES: &str = if cfg!(target_os = "windows") {
@@ -37,7 +39,7 @@ pub fn tell(error: &DeviceError) {
         return;
     }
     eprintln!("{REMEDIES}");
-    let text = format!("The viewer cannot draw: {error}.\n\n{REMEDIES}");
+    let text = wrapped(&format!("The viewer cannot draw: {error}.\n\n{REMEDIES}"));
     if cfg!(any(target_os = "windows", target_os = "macos")) {
         rfd::MessageDialog::new().set_level(rfd::MessageLevel::Error).set_title(TITLE).set_description(text).show();
         return;
@@ -51,6 +53,24 @@ pub fn tell(error: &DeviceError) {
     }
 }
 
+/// The text in lines of at most [`COLUMNS`] characters: not every box breaks lines.
+fn wrapped(text: &str) -> String {
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        let mut rest = String::new();
+        for word in line.split(' ') {
+            if !rest.is_empty() && rest.chars().count() + 1 + word.chars().count() > COLUMNS {
+                lines.push(std::mem::take(&mut rest));
+            } else if !rest.is_empty() {
+                rest.push(' ');
+            }
+            rest.push_str(word);
+        }
+        lines.push(rest);
+    }
+    lines.join("\n")
+}
+
 /// Programs that show a box, the best first, and their arguments.
 fn boxes(text: &str) -> [(&'static str, Vec<&str>); 4] {
     [
@@ -59,4 +79,18 @@ fn boxes(text: &str) -> [(&'static str, Vec<&str>); 4] {
         ("xmessage", vec!["-center", "-title", TITLE, text]),
         ("notify-send", vec!["--urgency=critical", TITLE, text]),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lines_are_broken_between_words_and_others_stay() {
+        let text = format!("short\n\n{}\nend  of it", "word ".repeat(40).trim_end());
+        let wrapped = wrapped(&text);
+        assert!(wrapped.lines().all(|line| line.len() <= COLUMNS), "{wrapped}");
+        assert_eq!(wrapped.matches("word").count(), 40);
+        assert!(wrapped.starts_with("short\n\nword") && wrapped.ends_with("\nend  of it"));
+    }
 }

@@ -91,40 +91,29 @@ impl Drawing {
         colors: &GaussianColors,
         clock: Option<&FrameClock>,
     ) -> Result<Layer, RenderError> {
-        let mark = |encoder: &mut wgpu::CommandEncoder, stage: u32| {
-            if let Some(clock) = clock {
-                clock.mark(encoder, stage);
-            }
-        };
+        let timestamps = |stage: FrameStage| Some(clock?.pass(number(stage)?));
+        let posed = |encoder: &mut wgpu::CommandEncoder| clock.iter().for_each(|clock| clock.mark(encoder, POSED));
         match self {
             Drawing::Gaussians(scene) => {
                 set_inputs(scene, gpu, inputs)?;
                 scene.set_view(gpu, &inputs.camera, inputs.background)?;
                 if *colors == GaussianColors::Own {
-                    scene.encode_staged(gpu, encoder, |stage, encoder| {
-                        if let Some(number) = stage_number(stage) {
-                            mark(encoder, number);
-                        }
-                    })?;
+                    scene.encode_timed(gpu, encoder, posed, timestamps)?;
                 } else {
                     // The colours are written behind the posing, which is therefore submitted first and not in the times.
                     scene.pose_only(gpu, 0, Some(inputs.camera.center()))?;
                     set_colors(scene, gpu, encoder, colors);
-                    mark(encoder, POSED);
-                    scene.splatter().forward_staged(encoder, |stage, encoder| {
-                        if let Some(number) = stage_number(Some(stage)) {
-                            mark(encoder, number);
-                        }
-                    });
+                    posed(encoder);
+                    scene.splatter().forward_timed(encoder, timestamps);
                 }
                 let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
                 Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
             }
             Drawing::Mesh(mesh) => {
                 // The processor poses a mesh, and drawing it is one stage.
-                (POSED..BLENDED).for_each(|stage| mark(encoder, stage));
+                clock.iter().for_each(|clock| (POSED..BLENDED).for_each(|stage| clock.mark(encoder, stage)));
                 let layer = mesh.encode(encoder, inputs)?;
-                mark(encoder, BLENDED);
+                clock.iter().for_each(|clock| clock.mark(encoder, BLENDED));
                 Ok(layer)
             }
         }
@@ -232,16 +221,15 @@ impl Drawing {
     }
 }
 
-/// Number of a stage that ends here in [`STAGES`], counted from 1; `None` stands for the posing.
-fn stage_number(stage: Option<FrameStage>) -> Option<u32> {
+/// Number in [`STAGES`], counted from 1, of the stage that ends with a pass of the splatter.
+fn number(stage: FrameStage) -> Option<u32> {
     match stage {
-        None => Some(POSED),
-        Some(FrameStage::Project) => Some(2),
-        Some(FrameStage::SortDepth) => Some(3),
-        Some(FrameStage::FindRanges) => Some(4),
-        Some(FrameStage::Rasterize) => Some(BLENDED),
+        FrameStage::Project => Some(2),
+        FrameStage::SortDepth => Some(3),
+        FrameStage::FindRanges => Some(4),
+        FrameStage::Rasterize => Some(BLENDED),
         // Parts of the lists by tile, and stages of gradients.
-        Some(_) => None,
+        FrameStage::Bin | FrameStage::SortTiles | FrameStage::RasterizeBackward | FrameStage::ProjectBackward => None,
     }
 }
 

@@ -28,7 +28,7 @@ pub fn help_overlay(context: &Context) -> bool {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| open &= !ui.button("Close").clicked());
         });
         ui.separator();
-        ScrollArea::vertical().max_height(room.y - 80.0).show(ui, |ui| {
+        ScrollArea::vertical().max_height(room.y - 80.0).min_scrolled_height(room.y - 80.0).show(ui, |ui| {
             ui.columns(columns, |uis| {
                 let places = if columns == 2 { [0, 0, 1, 1, 1] } else { [0; 5] };
                 for (menu, place) in Menu::ALL.into_iter().zip(places) {

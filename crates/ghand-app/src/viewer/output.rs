@@ -39,7 +39,7 @@ pub struct OutputJob {
 }
 
 impl OutputJob {
-    /// Begins to make a picture or a film, as the file's name says. The user interface is drawn again after each picture.
+    /// Begins to make a picture or a film, as the file's name says, on another device of the same adapter. The user interface is drawn again after each picture.
     ///
     /// # Errors
     /// One sentence if the file's name is not that of a picture or a film, or it cannot be written.
@@ -51,9 +51,12 @@ impl OutputJob {
             OutputJob { path: path.into(), count: plan.pictures.len(), made: made.clone(), stop: stop.clone(), done };
         let (gpu, context) = (gpu.clone(), context.clone());
         std::thread::spawn(move || {
-            let result = make(&gpu, &plan, &destination, &stop, || {
-                made.fetch_add(1, Ordering::Relaxed);
-                context.request_repaint();
+            // A device of its own: the window's cannot be resized while another thread keeps it busy.
+            let result = gpu.reopen().map_err(anyhow::Error::from).and_then(|gpu| {
+                make(&gpu, &plan, &destination, &stop, || {
+                    made.fetch_add(1, Ordering::Relaxed);
+                    context.request_repaint();
+                })
             });
             // A closed channel means that the viewer no longer waits.
             let _ = sender.send(result);

@@ -66,6 +66,8 @@ impl QualityChoice {
         let (gpu, avatar, context) = (gpu.clone(), self.avatar.clone(), context.clone());
         std::thread::spawn(move || {
             let prepare = || {
+                // A device of its own: the window's cannot be resized while another thread keeps it busy.
+                let gpu = gpu.reopen()?;
                 let playback = quality::playback(&gpu, quality)?;
                 let path = avatar.map(|path| quality::prepare(&gpu, &path, quality, playback)).transpose()?;
                 Ok((playback, path))

@@ -54,7 +54,7 @@ impl Thumbnails {
         !self.textures.is_empty()
     }
 
-    /// Begins to make the pictures of a hand in poses. Each new one is shown at once.
+    /// Begins to make the pictures of a hand in poses, on another device of the same adapter. Each new one is shown at once.
     pub fn begin(&mut self, gpu: &Gpu, subject: SubjectCopy, model: &HandModel, poses: Vec<Pose>, context: &Context) {
         self.textures = vec![None; poses.len()];
         let (sender, made) = channel();
@@ -62,7 +62,9 @@ impl Thumbnails {
         self.job = Some(Job { made, is_paused: is_paused.clone(), stop: stop.clone() });
         let (gpu, model, context) = (gpu.clone(), model.clone(), context.clone());
         std::thread::spawn(move || {
-            // A device that is lost or full makes no pictures; the buttons have their names.
+            // A device of its own: the window's cannot be resized while another thread keeps it busy. One that is lost or full
+            // makes no pictures; the buttons have their names.
+            let Ok(gpu) = gpu.reopen() else { return };
             let Ok(mut drawing) = subject.on_device(&gpu, [EDGE; 2]) else { return };
             for (number, pose) in poses.into_iter().enumerate() {
                 while is_paused.load(Ordering::Relaxed) && !stop.load(Ordering::Relaxed) {

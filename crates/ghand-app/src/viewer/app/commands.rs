@@ -63,8 +63,7 @@ impl Viewer {
             CommandId::Open => self.file_dialog = Some(FileDialog::open(context)),
             CommandId::SavePicture => self.ask_for_output(OutputKind::Picture),
             CommandId::SaveFilm => {
-                let has_motion = matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some());
-                self.ask_for_output(if has_motion { OutputKind::Motion } else { OutputKind::Turntable });
+                self.ask_for_output(if self.has_motion() { OutputKind::Motion } else { OutputKind::Turntable });
             }
             CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
             CommandId::Undo => self.edit_hand(Hand::undo),
@@ -147,9 +146,7 @@ impl Viewer {
             CommandId::PreviousKey | CommandId::NextKey => {
                 matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[0])
             }
-            CommandId::SaveMotion => {
-                self.save_dialog.is_none() && matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some())
-            }
+            CommandId::SaveMotion => self.save_dialog.is_none() && self.has_motion(),
             CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
             _ => true,
         }

@@ -1,8 +1,11 @@
 //! The panel beside the view.
 
-use egui::{Align, Layout, RichText, Ui};
+use egui::{Align, Area, Frame, Id, Layout, Rect, RichText, Ui, vec2};
 
 use crate::viewer::app::{DARK_BACKGROUND, LIGHT_BACKGROUND, Viewer};
+
+/// Width of the plot of times, points.
+const TIMES_WIDTH: f32 = 260.0;
 
 impl Viewer {
     /// The panel's content.
@@ -52,9 +55,6 @@ impl Viewer {
         if self.measure {
             row(ui, "Frame to frame", ms(self.between_frames_ms.get()));
         }
-        if self.measure {
-            self.picture.times().show(ui);
-        }
         let (parts, count) = self.picture.subject_size();
         row(ui, parts, thousands(count));
         if self.picture.broken() > 0 {
@@ -69,6 +69,26 @@ impl Viewer {
         if ui.checkbox(&mut self.measure, "measure").on_hover_text(hover).changed() {
             self.clear_times();
         }
+    }
+
+    /// Shows over the view the times of the pictures that are measured, where they are seen however far the panel is scrolled.
+    pub(super) fn draw_times(&self, ui: &Ui, view: Rect) {
+        if !self.measure {
+            return;
+        }
+        let at = view.left_top() + if self.settings.panel_shown { vec2(12.0, 12.0) } else { vec2(12.0, 44.0) };
+        let area = Area::new(Id::unique("times")).fixed_pos(at).interactable(false);
+        area.show(ui.ctx(), |ui| {
+            let fill = ui.visuals().window_fill().gamma_multiply(0.92);
+            Frame::popup(ui.style()).fill(fill).inner_margin(10.0).show(ui, |ui| {
+                ui.set_width(TIMES_WIDTH.min(view.width() - 44.0));
+                let median = self.picture.frame_ms().map_or("-".to_owned(), |ms| format!("{ms:.1} ms"));
+                ui.label(format!("Picture: median {median}"));
+                self.picture.times().show(ui);
+                let (parts, count) = self.picture.subject_size();
+                ui.label(RichText::new(format!("{}, {} {parts}", self.gpu.info.name, thousands(count))).weak());
+            });
+        });
     }
 
     /// The colour behind the subject.

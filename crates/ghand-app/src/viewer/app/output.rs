@@ -28,9 +28,15 @@ impl Viewer {
         self.output_dialog = Some(OutputDialog::new(kind, size));
     }
 
+    /// Whether there is a motion to save: one key alone is a pose.
+    pub(super) fn has_motion(&self) -> bool {
+        let Subject::Hand(hand) = &self.subject else { return false };
+        hand.timeline.as_ref().is_some_and(|timeline| timeline.end() > 0.0)
+    }
+
     /// Shows the question what to save, and the progress of what is being saved.
     pub(super) fn show_output(&mut self, context: &Context) {
-        let has_motion = matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some());
+        let has_motion = self.has_motion();
         if let Some(mut dialog) = self.output_dialog.take() {
             match dialog.show(context, has_motion) {
                 Asked::Open => self.output_dialog = Some(dialog),

@@ -63,6 +63,7 @@ impl Viewer {
         }
         self.draw_truth(ui, rect);
         self.draw_scale(ui, rect);
+        self.draw_times(ui, rect);
         self.draw_layers(ui, rect);
         self.draw_handles(ui, rect);
         self.drop_hint(ui, rect);

@@ -34,7 +34,7 @@ fn a_slow_device_draws_fewer_pixels_in_motion_says_so_and_refines_at_rest() {
 
 #[test]
 fn measuring_shows_the_times_of_the_stages() {
-    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(700.0, 1600.0), 0.1);
+    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(700.0, 600.0), 0.1);
     ui.viewer().measure = true;
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(ui.harness.query_by_label_contains("Times of the last").is_some());
