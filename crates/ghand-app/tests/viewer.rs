@@ -26,9 +26,12 @@ fn a_screenshot_shows_panel_and_hand_without_a_display() {
     // The hand is reddish and bright, the rest of the interface grey.
     let skin = picture.enumerate_pixels().filter(|(_, _, p)| p.0[0] > 120 && p.0[0] > p.0[2].saturating_add(30));
     let places: Vec<u32> = skin.map(|(x, _, _)| x).collect();
-    let covered = places.len() as f64 / f64::from(380 * 480);
+    // The pictures of the poses end before the panel's edge.
+    let (view, panel): (Vec<u32>, Vec<u32>) = places.into_iter().partition(|x| *x >= 250);
+    let covered = view.len() as f64 / f64::from(380 * 480);
     assert!((0.05..0.7).contains(&covered), "the hand covers {covered} of its panel");
-    assert!(places.iter().all(|x| *x >= 260), "the hand is drawn over the panel");
+    assert!(view.iter().all(|x| *x >= 260), "the hand is drawn over the panel");
+    assert!(panel.len() > 1000, "the poses have no pictures: {} pixels", panel.len());
     let text = picture.enumerate_pixels().filter(|(x, _, p)| *x < 260 && p.0[0] > 140).count();
     assert!(text > 500, "the panel is empty: {text} bright pixels");
 }
