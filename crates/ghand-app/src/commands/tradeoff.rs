@@ -63,13 +63,14 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             bail!("{}: has other joints than the capture's hand", path.display());
         }
     }
+    let images = capture.split(&args.split)?.views.len().min(args.images as usize);
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let measured: Vec<Measured> = gpu.retry_on_device_loss("the measurement", |gpu| {
         let all = variants::variants(gpu, &avatars, &args.poses, &capture, &args.split)?;
-        measure::measure(gpu, &all, &capture, &args.split, args.images as usize, args.rounds as usize)
+        measure::measure(gpu, &all, &capture, &args.split, images, args.rounds as usize)
     })?;
-    let report = report::Report::new(&gpu, path, args, measured);
+    let report = report::Report::new(&gpu, path, args, images, measured);
     report.write(&args.out)?;
     say!("{}", report.table());
     if let Some(path) = QualityPresets::path() {

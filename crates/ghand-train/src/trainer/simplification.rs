@@ -31,6 +31,8 @@ const PART_OF_RUN: u64 = 6;
 const ITERATIONS: [u64; 2] = [40, 250];
 /// What all that is left out may cost together, dB.
 const MOST_LOSS: f64 = 0.2;
+/// The part of a run's limited time after which no further trial begins.
+const MOST_TIME: f64 = 0.4;
 /// Coarser rasters are tried in steps of this factor, down to this one.
 const COARSER: f64 = 0.85;
 const COARSEST: u32 = 16;
@@ -114,6 +116,9 @@ impl Trainer<'_> {
         trials.run(gpu, set, &[])?;
         for (key, values) in self.simpler() {
             for value in values {
+                if set.max_seconds > 0.0 && self.seconds() > MOST_TIME * set.max_seconds {
+                    break;
+                }
                 let mut changes = trials.taken().changes.clone();
                 changes.retain(|change| !change.starts_with(&format!("{key}=")));
                 changes.push(format!("{key}={value}"));
@@ -227,7 +232,15 @@ impl<'a> Trials<'a> {
                 times.push(1e3 * last.elapsed().as_secs_f64());
                 last = Instant::now();
             })
-        })?;
+        });
+        let result = match result {
+            // Simpler avatars may not be learned at the same rates.
+            Err(TrainError::Diverged { fault, .. }) if !changes.is_empty() => {
+                log::warn!("trial: {}: not taken: {fault}", changes.join(", "));
+                return Ok(false);
+            }
+            result => result?,
+        };
         if result.stopped {
             return Err(TrainError::Stopped { iteration: 0, iterations: set.iterations });
         }

@@ -67,7 +67,7 @@ struct Truth {
     pixels: Vec<[u8; 4]>,
 }
 
-/// Measures all variants on an even selection of a split's images.
+/// Measures all variants on an even selection of a split's images, of which there are at least as many.
 ///
 /// # Errors
 /// An error if an image is unusable or the device failed.
@@ -82,10 +82,9 @@ pub fn measure(
     let split = capture.split(split)?;
     let views = TrainViews::new(capture, split, MARGIN)?;
     let posed = given_views(capture, split);
-    let count = views.len().min(images);
     let mut truths = vec![];
-    for k in 0..count {
-        let index = k * views.len() / count;
+    for k in 0..images {
+        let index = k * views.len() / images;
         let view = views.get(index, 1)?;
         let whole = capture.cameras[view.camera_index].clone();
         truths.push(Truth { pose: posed[index].pose.clone(), crop: view.camera, whole, pixels: view.pixels });

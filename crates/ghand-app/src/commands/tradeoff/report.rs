@@ -27,7 +27,7 @@ pub struct Report {
     capture: String,
     split: String,
     /// Images compared, and rounds of timing.
-    images: u32,
+    images: usize,
     rounds: u32,
     /// The presets on this adapter: the avatar as it is, the fastest variant that is nearly as accurate, and the fastest that
     /// still looks alike.
@@ -60,7 +60,7 @@ pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
 }
 
 impl Report {
-    pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, mut variants: Vec<Measured>) -> Report {
+    pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, images: usize, mut variants: Vec<Measured>) -> Report {
         variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
         let exact = variants.iter().find(|m| m.playback == Some(Playback::EXACT));
         let least = exact.map_or(f64::INFINITY, |m| m.psnr);
@@ -76,7 +76,7 @@ impl Report {
             adapter: gpu.info.name.clone(),
             capture: name,
             split: args.split.clone(),
-            images: args.images,
+            images,
             rounds: args.rounds,
             recommended,
             variants,
