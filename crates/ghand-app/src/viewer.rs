@@ -5,6 +5,7 @@ pub mod app;
 pub mod blend_control;
 pub mod camera;
 pub mod capture_panel;
+pub mod capture_poses;
 pub mod command;
 pub mod command_palette;
 pub mod comparison;

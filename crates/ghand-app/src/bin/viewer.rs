@@ -136,6 +136,10 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
     }
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
+    if let Some(path) = &path {
+        viewer.watch(path, &arguments.light);
+        viewer.play_as(choice);
+    }
     if let Some(capture) = capture {
         viewer.show_capture(capture);
         viewer.compare(arguments.compare);
@@ -154,10 +158,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         .into_iter()
         .filter(|overlay| arguments.overlay.contains(overlay))
         .for_each(|o| viewer.toggle_overlay(o));
-    if let Some(path) = &path {
-        viewer.watch(path, &arguments.light);
-        viewer.play_as(choice);
-    }
     let settings_path = Settings::path();
     let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
     viewer.settings_mut().views.clone_from(&settings.views);

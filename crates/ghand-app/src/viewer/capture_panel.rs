@@ -6,11 +6,12 @@ use std::sync::Arc;
 use anyhow::ensure;
 use egui::{ComboBox, RichText, Ui};
 use ghand_capture::Capture;
-use ghand_core::{Camera, HandModel};
+use ghand_core::{Camera, HandModel, Pose};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
 use crate::capture_args::CaptureOptions;
+use crate::viewer::capture_poses::CapturePoses;
 use crate::viewer::number_slider::number_slider;
 
 /// A capture's cameras, and its poses for the hand that is shown.
@@ -18,7 +19,7 @@ use crate::viewer::number_slider::number_slider;
 pub struct CapturePanel {
     name: String,
     capture: Arc<Capture>,
-    frames: Vec<PoseFrame>,
+    poses: CapturePoses,
     camera: usize,
     frame: usize,
     /// Remarks of the readers.
@@ -52,12 +53,37 @@ impl CapturePanel {
         ensure!(!own.frames.is_empty(), "{origin}: has no poses");
         remarks.extend(own.warnings);
         let name = path.file_name().map_or(origin.clone(), |name| name.to_string_lossy().into_owned());
-        Ok(CapturePanel { name, capture: Arc::new(capture), frames: own.frames, camera: 0, frame: 0, remarks })
+        Ok(CapturePanel {
+            name,
+            capture: Arc::new(capture),
+            poses: CapturePoses::new(own.frames),
+            camera: 0,
+            frame: 0,
+            remarks,
+        })
     }
 
-    /// The chosen camera and frame.
-    pub fn chosen(&self) -> Option<(&Camera, &PoseFrame)> {
-        Some((self.capture.cameras.get(self.camera)?, self.frames.get(self.frame)?))
+    /// Takes the poses of the training frames from the run that trained this avatar, if they are beside its file.
+    ///
+    /// # Errors
+    /// One sentence that names the file if it is broken or belongs to another capture; all poses are as given then.
+    pub fn read_trained_poses(&mut self, avatar: &Path, model: &HandModel) -> anyhow::Result<()> {
+        self.poses.read_trained(avatar, &self.capture, model)
+    }
+
+    /// The poses of the frames.
+    pub fn poses(&self) -> &CapturePoses {
+        &self.poses
+    }
+
+    /// Shows the poses of training where there are any, or all as given.
+    pub fn choose_poses(&mut self, of_training: bool) {
+        self.poses.choose(of_training);
+    }
+
+    /// The chosen camera, and the pose of the chosen frame.
+    pub fn chosen(&self) -> Option<(&Camera, &Pose)> {
+        Some((self.capture.cameras.get(self.camera)?, self.poses.pose(self.frame)?))
     }
 
     /// The capture.
@@ -67,8 +93,8 @@ impl CapturePanel {
 
     /// Indices of the chosen camera and frame in the capture.
     pub fn chosen_indices(&self) -> Option<(usize, usize)> {
-        let (_, frame) = self.chosen()?;
-        Some((self.camera, self.capture.frame_index(&frame.id)?))
+        self.capture.cameras.get(self.camera)?;
+        Some((self.camera, self.capture.frame_index(self.poses.id(self.frame)?)?))
     }
 
     /// Goes some cameras forward, or back; the first follows the last.
@@ -77,7 +103,7 @@ impl CapturePanel {
         self.camera = (self.camera as isize + by).rem_euclid(count.max(1)) as usize;
     }
 
-    /// Shows the controls. Returns whether the user chose a camera or a frame.
+    /// Shows the controls. Returns whether the user chose a camera, a frame or its pose.
     pub fn show(&mut self, ui: &mut Ui) -> bool {
         let mut chosen = false;
         ui.label(RichText::new("Capture").strong());
@@ -100,7 +126,7 @@ impl CapturePanel {
                 chosen = true;
             }
         });
-        let last = self.frames.len().saturating_sub(1);
+        let last = self.poses.len().saturating_sub(1);
         if last > 0 {
             ui.horizontal(|ui| {
                 let label = ui.label("frame").id;
@@ -113,6 +139,25 @@ impl CapturePanel {
                 }
             });
         }
-        chosen
+        chosen | self.show_poses(ui)
+    }
+
+    /// The choice between the poses, if there is one.
+    fn show_poses(&mut self, ui: &mut Ui) -> bool {
+        if !self.poses.has_trained() {
+            return false;
+        }
+        let before = self.poses.are_of_training();
+        let mut of_training = before;
+        ui.horizontal(|ui| {
+            ui.label("poses");
+            let hover =
+                "Poses of the training frames as the training of this avatar refined them; others are as given.";
+            ui.selectable_value(&mut of_training, true, "of training").on_hover_text(hover);
+            ui.selectable_value(&mut of_training, false, "as given").on_hover_text("Poses as in the capture's files.");
+        });
+        self.poses.choose(of_training);
+        ui.label(RichText::new(self.poses.remark(self.frame)).weak());
+        of_training != before
     }
 }

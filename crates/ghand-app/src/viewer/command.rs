@@ -50,6 +50,7 @@ pub enum CommandId {
     ShowLayer(Layer),
     DrawOverlay(Overlay),
     Compare(Comparison),
+    CapturePoses,
     ShowPalette,
     ShowHelp,
 }
@@ -377,6 +378,13 @@ pub const COMMANDS: &[Command] = &[
     compare(Comparison::Split, "Capture: split"),
     compare(Comparison::Flicker, "Capture: flicker"),
     compare(Comparison::Difference, "Capture: difference"),
+    command(
+        CommandId::CapturePoses,
+        Menu::Layers,
+        "Capture: poses of training",
+        &[],
+        "Shows the training frames in the poses that training refined, or as the capture gives them.",
+    ),
     command(
         CommandId::ShowPalette,
         Menu::Help,

@@ -20,13 +20,44 @@ const FIELDS_OF_VIEW: [f64; 2] = [8.0, 90.0];
 
 impl Viewer {
     /// Shows the cameras of a capture, and the view of the first of them.
-    pub fn show_capture(&mut self, capture: CapturePanel) {
+    pub fn show_capture(&mut self, mut capture: CapturePanel) {
+        self.read_trained_poses(&mut capture);
         for remark in &capture.remarks {
             self.toasts.note(remark);
         }
         self.capture = Some(capture);
         self.truth.forget_images();
         self.look_through_camera();
+    }
+
+    /// Reads the poses that training found, if the avatar is from a file and they are beside it.
+    fn read_trained_poses(&mut self, capture: &mut CapturePanel) {
+        let (Some(watched), Subject::Hand(hand)) = (&self.watched, &self.subject) else { return };
+        if hand.avatar().is_none() {
+            return;
+        }
+        if let Err(error) = capture.read_trained_poses(watched.path(), hand.model()) {
+            self.toasts.note(format!("{error:#}"));
+        }
+    }
+
+    /// Reads the poses of training again, because the avatar's file has changed. A hand in the pose of the frame follows it.
+    pub(super) fn renew_trained_poses(&mut self) {
+        let Some(mut capture) = self.capture.take() else { return };
+        let follows = capture.chosen().map(|(_, pose)| pose) == self.subject.pose();
+        self.read_trained_poses(&mut capture);
+        if let (true, Subject::Hand(hand), Some((_, pose))) = (follows, &mut self.subject, capture.chosen()) {
+            hand.pose.clone_from(pose);
+        }
+        self.capture = Some(capture);
+    }
+
+    /// Shows the capture's poses as given instead of those of training, or the other way round.
+    pub(super) fn switch_capture_poses(&mut self) {
+        if let Some(capture) = &mut self.capture {
+            capture.choose_poses(!capture.poses().are_of_training());
+            self.look_through_camera();
+        }
     }
 
     /// Gives all depths the same size.
@@ -108,12 +139,12 @@ impl Viewer {
 
     /// Shows the view of the capture's chosen camera, with a hand in the pose of the chosen frame.
     pub(super) fn look_through_camera(&mut self) {
-        let Some((camera, frame)) = self.capture.as_ref().and_then(CapturePanel::chosen) else { return };
+        let Some((camera, pose)) = self.capture.as_ref().and_then(CapturePanel::chosen) else { return };
         self.turntable = false;
         let mut middle = glam::DVec3::ZERO;
         if let Subject::Hand(hand) = &mut self.subject {
             hand.pause();
-            hand.pose.clone_from(&frame.pose);
+            hand.pose.clone_from(pose);
             middle = crate::framing::middle(&hand.posed_vertices());
         }
         self.camera.show_calibrated(camera, camera.camera_from_world(middle).z);

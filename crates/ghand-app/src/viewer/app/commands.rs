@@ -113,6 +113,7 @@ impl Viewer {
             CommandId::ShowLayer(layer) => self.show_layer(layer),
             CommandId::DrawOverlay(overlay) => self.toggle_overlay(overlay),
             CommandId::Compare(comparison) => self.compare(comparison),
+            CommandId::CapturePoses => self.switch_capture_poses(),
             CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
             CommandId::ShowHelp => self.help_shown = true,
         }
@@ -141,6 +142,7 @@ impl Viewer {
             CommandId::ShowLayer(_) => self.avatar().is_some(),
             CommandId::DrawOverlay(_) => self.subject.pose().is_some(),
             CommandId::Compare(_) => self.comparable().is_some(),
+            CommandId::CapturePoses => self.capture.as_ref().is_some_and(|capture| capture.poses().has_trained()),
             CommandId::SetKey => self.subject.pose().is_some(),
             CommandId::DeleteKey => matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[1]),
             CommandId::PreviousKey | CommandId::NextKey => {
@@ -216,6 +218,9 @@ impl Viewer {
             CommandId::ShowLayer(layer) => Some(self.layer() == layer),
             CommandId::DrawOverlay(overlay) => Some(self.has_overlay(overlay)),
             CommandId::Compare(comparison) => Some(self.truth.comparison == comparison),
+            CommandId::CapturePoses => {
+                Some(self.capture.as_ref().is_some_and(|capture| capture.poses().are_of_training()))
+            }
             CommandId::LivePoses => Some(self.live.is_some()),
             _ => None,
         }

@@ -50,6 +50,7 @@ impl Viewer {
                 let mut subject = Subject::read(path, &self.light)?;
                 subject.continue_from(&self.subject);
                 self.show_subject(subject, path)?;
+                self.renew_trained_poses();
             }
             self.quality.show(&prepared);
             Ok(true)
@@ -151,7 +152,10 @@ impl Viewer {
             self.show_subject(subject, &path)
         });
         match reloaded {
-            Ok(()) => self.toasts.note(format!("{} has changed and was read again.", file_name(&path))),
+            Ok(()) => {
+                self.renew_trained_poses();
+                self.toasts.note(format!("{} has changed and was read again.", file_name(&path)));
+            }
             Err(error) => self.toasts.error(&error),
         }
     }

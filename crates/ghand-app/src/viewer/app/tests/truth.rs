@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
+use egui::accesskit::Role;
 use egui::{PointerButton, Pos2, Rect, pos2};
 use egui_kittest::kittest::NodeT;
+use ghand_motion::pose_sequence::ghand::write_poses;
+use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::metrics::quantize;
 use ghand_train::synthetic_scene::make_capture;
@@ -11,6 +14,7 @@ use ghand_train::synthetic_scene::make_capture;
 use super::*;
 use crate::capture_args::CaptureOptions;
 use crate::viewer::capture_panel::CapturePanel;
+use crate::viewer::command::CommandId;
 use crate::viewer::picture::PictureInputs;
 
 /// The built-in hand in front of the first camera of a small capture.
@@ -24,6 +28,35 @@ fn viewer(folder: &Path) -> Headless {
     ui.viewer().show_capture(panel);
     settle(&mut ui);
     ui
+}
+
+/// An avatar's file that is shown in front of the capture of [`viewer`], beside poses of these frames.
+fn viewer_of_file(folder: &Path, frames: &[&str]) -> Headless {
+    let mut ui = viewer(&folder.join("capture"));
+    let avatar = folder.join("avatar.ghand");
+    untrained_avatar().save(&avatar).unwrap();
+    ui.viewer().open(&avatar);
+    write_trained(&mut ui, folder, frames);
+    ui.viewer().open(&folder.join("capture"));
+    settle(&mut ui);
+    ui
+}
+
+/// Writes a fist as the pose of all these frames, as training writes poses.
+fn write_trained(ui: &mut Headless, folder: &Path, frames: &[&str]) {
+    let model = ui.hand().model().clone();
+    let fist = pose_by_name("fist", &model).unwrap();
+    let frame = |id: &&str| PoseFrame { id: (*id).into(), pose: fist.clone(), shape: vec![] };
+    let frames = frames.iter().map(frame).collect();
+    let sequence = PoseSequence { fps: 30.0, joint_names: model.joint_names.clone(), frames, warnings: vec![] };
+    write_poses(&folder.join("poses.json"), &sequence, &model).unwrap();
+}
+
+/// How far the pose that is shown is from a fist, radians.
+fn off_fist(ui: &mut Headless) -> f64 {
+    let fist = pose_by_name("fist", ui.hand().model()).unwrap();
+    let pairs = ui.hand().pose.rotations.iter().zip(&fist.rotations);
+    pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
 }
 
 /// Shows frames until the comparison is done.
@@ -92,6 +125,60 @@ fn the_truth_is_read_only_when_it_is_asked_for_and_not_beside_the_camera() {
     ui.click("Back to the camera");
     settle(&mut ui);
     assert!(ui.viewer().camera.is_calibrated() && psnr(&ui) > 0.0);
+}
+
+#[test]
+fn training_frames_have_the_poses_of_training_unless_the_user_wants_those_of_the_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer_of_file(folder.path(), &["0000"]);
+    assert!(off_fist(&mut ui) < 1e-9 && ui.harness.query_by_label("shown: as training refined it").is_some());
+    ui.click("as given");
+    settle(&mut ui);
+    assert!(off_fist(&mut ui) > 0.5 && ui.harness.query_by_label("shown: as given, before training").is_some());
+    let context = ui.harness.ctx.clone();
+    ui.viewer().run(CommandId::CapturePoses, &context);
+    assert!(off_fist(&mut ui) < 1e-9);
+    // Training did not have the second frame.
+    ui.harness.get_by_role_and_label(Role::Slider, "frame").focus();
+    ui.frame(Vec::new());
+    ui.press(egui::Modifiers::NONE, egui::Key::ArrowRight);
+    settle(&mut ui);
+    assert!(off_fist(&mut ui) > 0.5);
+    assert!(ui.harness.query_by_label("shown: as given; not a frame of training").is_some());
+}
+
+#[test]
+fn poses_of_training_follow_their_file_with_the_avatar() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer_of_file(folder.path(), &["0001"]);
+    assert!(off_fist(&mut ui) > 0.5);
+    write_trained(&mut ui, folder.path(), &["0000"]);
+    let mut avatar = untrained_avatar();
+    avatar.template.name = "another name".into();
+    avatar.save(&folder.path().join("avatar.ghand")).unwrap();
+    (0..12).for_each(|_| _ = ui.frame(Vec::new()));
+    assert_eq!(ui.viewer().subject.name(), "another name");
+    assert!(off_fist(&mut ui) < 1e-9);
+}
+
+#[test]
+fn poses_that_are_missing_foreign_or_broken_leave_the_capture_as_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer_of_file(folder.path(), &["0000", "of another capture"]);
+    assert!(off_fist(&mut ui) > 0.5 && ui.harness.query_by_label("as given").is_none());
+    assert_eq!(ui.harness.query_all_by_label_contains("\"of another capture\"").count(), 1);
+    let poses = folder.path().join("poses.json");
+    for (content, notes) in [(Some("broken"), 1), (Some("{\"frames\":[]}"), 1), (None, 0)] {
+        match content {
+            Some(content) => std::fs::write(&poses, content).unwrap(),
+            None => std::fs::remove_file(&poses).unwrap(),
+        }
+        ui.viewer().toasts = Toasts::default();
+        ui.viewer().open(&folder.path().join("capture"));
+        settle(&mut ui);
+        assert_eq!(ui.harness.query_all_by_label_contains("poses.json").count(), notes, "{content:?}");
+        assert!(off_fist(&mut ui) > 0.5 && ui.viewer().failure.is_none());
+    }
 }
 
 #[test]
