@@ -2,7 +2,7 @@
 //! It must neither fail nor panic, and must not grow.
 //!
 //! A short run belongs to the tests. A long one:
-//! `SOAK_MINUTES=10 SOAK_SEED=1 cargo test -p ghand-app --test viewer_soak -- --ignored --nocapture`
+//! `SOAK_MINUTES=10 SOAK_SEED=1 cargo test --workspace --test viewer_soak -- --ignored --nocapture`
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
