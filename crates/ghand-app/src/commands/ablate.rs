@@ -108,7 +108,7 @@ struct Report<'a> {
 /// An error that names the file, the option or the setting and its problem; [`Stopped`] if the user has stopped it.
 pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let arms = chosen(&args.arms)?;
-    let settings = args.settings.settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
+    let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
     settings.check()?;
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_files::input_file;
 use ghand_train::presets::{DEFAULT_PRESET, Preset};
-use ghand_train::{Align, TrainSettings};
+use ghand_train::{Align, Simplify, TrainSettings};
 
 /// Settings: a preset's, then those of a file, then single ones.
 #[derive(Debug, Clone, Args)]
@@ -57,6 +57,18 @@ impl SettingsArgs {
         self.preset.as_deref().unwrap_or(DEFAULT_PRESET)
     }
 
+    /// As [`settings`](Self::settings), for a command that compares or times settings as they are.
+    ///
+    /// # Errors
+    /// As there; or an error that refuses `simplify=auto`.
+    pub fn fixed_settings(&self, align: Option<Align>) -> anyhow::Result<TrainSettings> {
+        let settings = self.settings(align)?;
+        if settings.simplify == Simplify::Auto {
+            bail!("simplify=auto (--model auto): only `train` chooses settings; name those that you mean");
+        }
+        Ok(settings)
+    }
+
     /// The settings. Those of `align` may be chosen by how the run starts, unless file or options say so.
     ///
     /// # Errors
@@ -85,5 +97,35 @@ impl SettingsArgs {
             settings.max_seconds = time.as_secs_f64();
         }
         Ok(settings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use ghand_train::Model;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        settings: SettingsArgs,
+    }
+
+    fn parse(options: &[&str]) -> SettingsArgs {
+        Line::try_parse_from([&["train"], options].concat()).unwrap_or_else(|e| panic!("{e}")).settings
+    }
+
+    #[test]
+    fn the_model_is_chosen_by_its_own_option_and_auto_is_only_for_training() {
+        let network = parse(&["--model", "network"]);
+        assert!(network.any_given() && network.fixed_settings(None).unwrap().model == Model::Network);
+        let auto = parse(&["--model", "auto", "--set", "iterations=60"]);
+        let settings = auto.settings(None).unwrap();
+        assert!((settings.model, settings.simplify, settings.iterations) == (Model::Direct, Simplify::Auto, 60));
+        let refusal = auto.fixed_settings(None).unwrap_err().to_string();
+        assert!(refusal.contains("only `train` chooses settings"), "{refusal}");
+        assert!(Line::try_parse_from(["train", "--model", "best"]).is_err());
     }
 }

@@ -55,7 +55,7 @@ struct Report {
 /// Trains an untrained hand on a picture of its own, which is enough for the times.
 pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let start = Instant::now();
-    let mut settings = args.settings.settings(None)?;
+    let mut settings = args.settings.fixed_settings(None)?;
     settings.check()?;
     let model = builtin_hand(Side::Right)?;
     let wanted = args.n.or_else(|| (args.settings.preset() == "paper").then_some(PAPER_GAUSSIANS));
