@@ -98,7 +98,7 @@ impl TexelFrames {
 }
 
 /// At most `most` of some items, evenly spaced, beginning `first` items later and going round.
-fn evenly<T: Clone>(items: &[T], most: usize, first: usize) -> Vec<T> {
+pub(crate) fn evenly<T: Clone>(items: &[T], most: usize, first: usize) -> Vec<T> {
     let count = items.len().min(most);
     (0..count).map(|i| items[(i * items.len() / count + first) % items.len()].clone()).collect()
 }

@@ -17,6 +17,7 @@ use super::{Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::settings::{Components, SettingsError, TrainSettings, Unseen};
+use crate::texel_frames::evenly;
 use crate::train_error::TrainError;
 use crate::views::TrainViews;
 
@@ -175,9 +176,7 @@ impl<'a> Trials<'a> {
         let left_out: Vec<usize> = frames.iter().copied().skip(HOLD_OUT / 2).step_by(HOLD_OUT).collect();
         let (judged, trained): (Vec<SplitView>, Vec<SplitView>) =
             run.split.views.iter().partition(|view| left_out.contains(&view.position));
-        // Evenly over the frames, another camera each time.
-        let count = judged.len().min(JUDGED_IMAGES);
-        let judged: Vec<SplitView> = (0..count).map(|k| judged[k * judged.len() / count]).collect();
+        let judged = evenly(&judged, JUDGED_IMAGES, 0);
         let poses: Vec<Pose> = judged.iter().map(|view| run.prepared.poses[view.position].clone()).collect();
         let margin = run.settings.crop_margin;
         let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, margin);
