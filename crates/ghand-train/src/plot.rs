@@ -161,21 +161,34 @@ fn draw_legend<'a, B: DrawingBackend + 'a>(chart: &mut Chart<'a, B>, at: SeriesL
         .map_err(|e| e.to_string())
 }
 
-impl LinePlot {
-    /// As pixels.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
-        pixels(SIZE, &self.title, |area| self.draw(area))
-    }
+/// Gives plots, which have a size, a title and how they are drawn, their pictures.
+macro_rules! pictures {
+    ($($plot:ty),*) => {$(
+        impl $plot {
+            /// As pixels.
+            ///
+            /// # Errors
+            /// [`PlotError`] if it cannot be drawn.
+            pub fn to_image(&self) -> Result<RgbImage, PlotError> {
+                pixels(self.size(), &self.title, |area| self.draw(area))
+            }
 
-    /// As SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_svg(&self) -> Result<String, PlotError> {
-        svg(SIZE, &self.title, |area| self.draw(area))
+            /// As SVG.
+            ///
+            /// # Errors
+            /// [`PlotError`] if it cannot be drawn.
+            pub fn to_svg(&self) -> Result<String, PlotError> {
+                svg(self.size(), &self.title, |area| self.draw(area))
+            }
+        }
+    )*};
+}
+
+pictures!(LinePlot, IntervalPlot, PanelPlot, ScatterPlot, LogPlot);
+
+impl LinePlot {
+    fn size(&self) -> [u32; 2] {
+        SIZE
     }
 
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
@@ -205,22 +218,6 @@ impl LinePlot {
 impl IntervalPlot {
     fn size(&self) -> [u32; 2] {
         [SIZE[0], 110 + ROW * self.rows.len() as u32]
-    }
-
-    /// As pixels.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
-        pixels(self.size(), &self.title, |area| self.draw(area))
-    }
-
-    /// As SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_svg(&self) -> Result<String, PlotError> {
-        svg(self.size(), &self.title, |area| self.draw(area))
     }
 
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {

@@ -1,10 +1,9 @@
 //! Curves over logarithmic axes, in panels side by side with one vertical axis.
 
-use image::RgbImage;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::{COLORS, FAINT, FONT, INK, PlotError, Series, pixels, svg};
+use super::{COLORS, FAINT, FONT, INK, Series};
 
 /// Curves over one quantity.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +31,7 @@ const TITLE: u32 = 34;
 const LEGEND: u32 = 22;
 
 impl LogPlot {
-    fn size(&self) -> [u32; 2] {
+    pub(super) fn size(&self) -> [u32; 2] {
         let rows = self.panels.len().div_ceil(COLUMNS).max(1) as u32;
         let legend = self.names().len() as u32 * LEGEND + 12;
         [COLUMNS as u32 * PANEL[0], TITLE + rows * PANEL[1] + legend]
@@ -42,23 +41,7 @@ impl LogPlot {
         self.panels.first().map_or(vec![], |panel| panel.series.iter().map(|series| series.name.as_str()).collect())
     }
 
-    /// As pixels.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
-        pixels(self.size(), &self.title, |area| self.draw(area))
-    }
-
-    /// As SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_svg(&self) -> Result<String, PlotError> {
-        svg(self.size(), &self.title, |area| self.draw(area))
-    }
-
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
+    pub(super) fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
         let text = |e: &dyn std::fmt::Display| e.to_string();
         area.fill(&WHITE).map_err(|e| text(&e))?;
         let [_, height] = self.size();

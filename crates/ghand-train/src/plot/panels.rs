@@ -1,11 +1,10 @@
 //! Means with intervals over the same names, in panels one below the other.
 
-use image::RgbImage;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::{COLORS, FAINT, FONT, INK, PlotError, pixels, range, svg};
+use super::{COLORS, FAINT, FONT, INK, range};
 
 /// One quantity.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,27 +35,11 @@ const MOST_NAMES: usize = 12;
 const LEAST_RANGE: f64 = 0.05;
 
 impl PanelPlot {
-    fn size(&self) -> [u32; 2] {
+    pub(super) fn size(&self) -> [u32; 2] {
         [WIDTH, 102 + PANEL * self.panels.len() as u32]
     }
 
-    /// As pixels.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
-        pixels(self.size(), &self.title, |area| self.draw(area))
-    }
-
-    /// As SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_svg(&self) -> Result<String, PlotError> {
-        svg(self.size(), &self.title, |area| self.draw(area))
-    }
-
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
+    pub(super) fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
         let text = |e: &dyn std::fmt::Display| e.to_string();
         area.fill(&WHITE).map_err(|e| text(&e))?;
         let title = (FONT, 18).into_font().color(&INK);

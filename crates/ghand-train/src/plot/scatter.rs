@@ -1,10 +1,9 @@
 //! Points with intervals and names, and the line through the best of them.
 
-use image::RgbImage;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::{COLORS, FONT, INK, PlotError, SIZE, draw_axes, draw_legend, pixels, range, svg};
+use super::{COLORS, FONT, INK, SIZE, draw_axes, draw_legend, range};
 
 /// A point.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,23 +39,11 @@ const HEIGHT: u32 = 560;
 const NAMES: f64 = 0.28;
 
 impl ScatterPlot {
-    /// As pixels.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_image(&self) -> Result<RgbImage, PlotError> {
-        pixels([SIZE[0], HEIGHT], &self.title, |area| self.draw(area))
+    pub(super) fn size(&self) -> [u32; 2] {
+        [SIZE[0], HEIGHT]
     }
 
-    /// As SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] if it cannot be drawn.
-    pub fn to_svg(&self) -> Result<String, PlotError> {
-        svg([SIZE[0], HEIGHT], &self.title, |area| self.draw(area))
-    }
-
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
+    pub(super) fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), String> {
         let text = |e: &dyn std::fmt::Display| e.to_string();
         area.fill(&WHITE).map_err(|e| text(&e))?;
         let across = range(self.points.iter().flat_map(|point| point.across));
