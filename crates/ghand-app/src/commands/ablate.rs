@@ -110,6 +110,9 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let arms = chosen(&args.arms)?;
     let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
     settings.check()?;
+    if args.settings.are_only_printed(&settings) {
+        return Ok(());
+    }
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {

@@ -214,11 +214,9 @@ fn command(record: &RunRecord) -> String {
 /// An error that names the file, the option or the setting and its problem, or says why training has failed;
 /// [`Stopped`] if the user has stopped it.
 pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if args.settings.print_config {
-        say!("{}", args.settings()?.to_toml().trim_end());
+    if args.settings.are_only_printed(&args.settings()?) {
         return Ok(());
     }
-    args.settings()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = args.folder()?;

@@ -9,6 +9,8 @@ use ghand_files::input_file;
 use ghand_train::presets::{DEFAULT_PRESET, Preset};
 use ghand_train::{Align, Simplify, TrainSettings};
 
+use crate::say;
+
 /// Settings: a preset's, then those of a file, then single ones.
 #[derive(Debug, Clone, Args)]
 pub struct SettingsArgs {
@@ -33,7 +35,7 @@ pub struct SettingsArgs {
     max_time: Option<Duration>,
     /// Print all settings as TOML, and do not train
     #[arg(long)]
-    pub print_config: bool,
+    print_config: bool,
 }
 
 /// Largest file of settings, bytes.
@@ -55,6 +57,14 @@ impl SettingsArgs {
     /// Name of the preset.
     pub fn preset(&self) -> &str {
         self.preset.as_deref().unwrap_or(DEFAULT_PRESET)
+    }
+
+    /// Prints the settings if that is all that is asked for.
+    pub fn are_only_printed(&self, settings: &TrainSettings) -> bool {
+        if self.print_config {
+            say!("{}", settings.to_toml().trim_end());
+        }
+        self.print_config
     }
 
     /// As [`settings`](Self::settings), for a command that compares or times settings as they are.
@@ -127,5 +137,6 @@ mod tests {
         let refusal = auto.fixed_settings(None).unwrap_err().to_string();
         assert!(refusal.contains("only `train` chooses settings"), "{refusal}");
         assert!(Line::try_parse_from(["train", "--model", "best"]).is_err());
+        assert!(!auto.are_only_printed(&settings) && parse(&["--print-config"]).are_only_printed(&settings));
     }
 }

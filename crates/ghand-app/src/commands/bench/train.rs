@@ -62,6 +62,9 @@ pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()>
     if let Some(count) = wanted {
         settings.uv_resolution = resolution_for(&model, count)?;
     }
+    if args.settings.are_only_printed(&settings) {
+        return Ok(());
+    }
     let gpu = adapter.open()?;
     let avatar = Avatar::untrained(&model, &settings.avatar(), [0.8, 0.6, 0.5], settings.seed)?;
     let poses = [Pose::rest(model.joint_count())];

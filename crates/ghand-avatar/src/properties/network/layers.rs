@@ -128,12 +128,11 @@ impl Conv {
         let padding = (kernel - 1) / 2;
         let x = padded(x, [padding; 4]);
         if self.stride == 1 {
-            let weight = weight.permute([0, 2, 3, 1]).reshape([outputs, kernel * kernel * inputs]);
-            return product(weight, shifted(x, kernel));
+            return convolved(weight.permute([0, 2, 3, 1]), x);
         }
         // With every 2 x 2 texels as channels of one, it is a 2 x 2 convolution with a stride of 1.
         let weight = weight.reshape([outputs, inputs, 2, 2, 2, 2]).permute([0, 2, 4, 3, 5, 1]);
-        product(weight.reshape([outputs, 16 * inputs]), shifted(space_to_channels(x), 2))
+        convolved(weight.reshape([outputs, 2, 2, 4 * inputs]), space_to_channels(x))
     }
 }
 
@@ -157,12 +156,21 @@ fn channels_to_space(x: Tensor<4>) -> Tensor<4> {
     x.reshape([1, channels / 4, 2 * rows, 2 * columns])
 }
 
-/// The map as each weight of a `kernel` x `kernel` convolution sees it, `[1][kernel * kernel * c][..][..]`.
-fn shifted(x: Tensor<4>, kernel: usize) -> Tensor<4> {
+/// A convolution with a stride of 1, of weights `[outputs][kernel][kernel][inputs]`, rows before columns.
+///
+/// Only what columns see is laid out beside each other for the product, `kernel` times the map; for each row of the
+/// kernel a map comes out, and these are added, each a row further up.
+fn convolved(weight: Tensor<4>, x: Tensor<4>) -> Tensor<4> {
+    let [outputs, kernel, _, inputs] = weight.dims();
     let [_, _, rows, columns] = x.dims();
-    let [rows, columns] = [rows + 1 - kernel, columns + 1 - kernel];
-    let shifts = (0..kernel).flat_map(|y| (0..kernel).map(move |z| (y, z)));
-    Tensor::cat(shifts.map(|(y, z)| x.clone().narrow(2, y, rows).narrow(3, z, columns)).collect(), 1)
+    let columns = columns + 1 - kernel;
+    let beside = Tensor::cat((0..kernel).map(|z| x.clone().narrow(3, z, columns)).collect(), 1);
+    let by_row = product(weight.reshape([outputs * kernel, kernel * inputs]), beside);
+    // With one row more in each, what belongs together has the same number of its map.
+    let rows_of_all = by_row.reshape([1, outputs, kernel * rows, columns]);
+    let skewed = padded(rows_of_all, [0, 0, 0, kernel]).reshape([outputs, kernel, rows + 1, columns]);
+    let rows = rows + 1 - kernel;
+    skewed.narrow(2, 0, rows).sum_dim(1).reshape([1, outputs, rows, columns])
 }
 
 /// `[outputs][inputs]` times a map of that many channels.
