@@ -10,6 +10,7 @@ pub mod demo_avatar;
 pub mod file_kind;
 pub mod framing;
 pub mod hand_model_file;
+pub mod heap;
 pub mod light_args;
 pub mod lpips_args;
 pub mod mesh_picture;
