@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{assert_one_sentence, listing, run, run_in, save_avatar};
-use image::{DynamicImage, RgbImage, RgbaImage};
+use image::{DynamicImage, RgbImage, Rgba32FImage, RgbaImage};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
@@ -32,6 +32,19 @@ fn difference(a: &DynamicImage, b: &DynamicImage) -> (u8, f64) {
     (apart.iter().copied().max().unwrap(), apart.iter().map(|d| f64::from(*d)).sum::<f64>() / apart.len() as f64)
 }
 
+/// Display values of an EXR's linear light; straight colours if they are multiplied by alpha.
+fn encoded(light: &DynamicImage, premultiplied: bool) -> Rgba32FImage {
+    let encode = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    let mut picture = light.to_rgba32f();
+    for image::Rgba([r, g, b, a]) in picture.pixels_mut() {
+        let part = if premultiplied { a.max(1e-6) } else { 1.0 };
+        for value in [r, g, b] {
+            *value = encode(*value / part);
+        }
+    }
+    picture
+}
+
 #[test]
 fn one_picture_can_be_a_file_with_an_extension_in_any_case() {
     let folder = tempfile::tempdir().unwrap();
@@ -45,7 +58,7 @@ fn one_picture_can_be_a_file_with_an_extension_in_any_case() {
     assert_eq!(png.color(), image::ColorType::Rgb8);
     let exr = open(folder.path(), "hand.exr");
     assert_eq!(exr.color(), image::ColorType::Rgba32F);
-    assert!(difference(&png, &DynamicImage::from(exr.to_rgb8())).0 <= 1);
+    assert!(difference(&png, &DynamicImage::from(DynamicImage::from(encoded(&exr, false)).to_rgb8())).0 <= 1);
     said(folder.path(), &["pose", "--picture", "new/mesh.Exr", "--size", "32x32", "--out", "new/mesh.OBJ"]);
     assert_eq!(listing(&folder.path().join("new")), ["mesh.Exr", "mesh.OBJ"]);
 }
@@ -67,7 +80,7 @@ fn a_picture_with_a_transparent_background_composites_over_any_colour() {
             };
             let clear = with("clear", "transparent");
             assert!(clear.color().has_alpha());
-            let floats = clear.into_rgba32f();
+            let floats = if ending == "exr" { encoded(&clear, true) } else { clear.into_rgba32f() };
             let partly = floats.pixels().filter(|p| (0.1..0.9).contains(&p.0[3])).count();
             assert!(floats.get_pixel(0, 0).0[3] == 0.0 && partly > 20, "{partly} pixels are partly covered");
             for (text, color) in [("1,0,0.6", [1.0, 0.0, 0.6]), ("0,1,0", [0.0, 1.0, 0.0])] {
@@ -76,7 +89,9 @@ fn a_picture_with_a_transparent_background_composites_over_any_colour() {
                     let byte = |c: usize| ((p[3] * p[c] + (1.0 - p[3]) * color[c]) * 255.0).round() as u8;
                     image::Rgba([byte(0), byte(1), byte(2), 255])
                 });
-                let opaque = DynamicImage::from(with("opaque", text).to_rgb8());
+                let opaque = with("opaque", text);
+                let opaque = if ending == "exr" { encoded(&opaque, false).into() } else { opaque };
+                let opaque = DynamicImage::from(opaque.to_rgb8());
                 let (worst, _) = difference(&opaque, &DynamicImage::from(over));
                 assert!(worst <= bound, "{command:?} .{ending} over {text}: {worst}");
             }
@@ -188,7 +203,10 @@ fn an_exported_avatar_looks_like_its_rendering() {
     said(folder.path(), &[&["render", "hand.ghand", "--pose", "fist", "--out", "a.exr"], &shared[..]].concat());
     said(folder.path(), &[&["splat", "new/Fist.PLY", "--out", "b.exr"], &shared[..]].concat());
     said(folder.path(), &[&["render", "hand.ghand", "--pose", "open", "--out", "c.exr"], &shared[..]].concat());
-    let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| open(folder.path(), name).into_rgba32f().into_raw());
+    let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| open(folder.path(), name));
+    // A scene's pixels are the numbers that its Gaussians have.
+    let [a, c] = [a, c].map(|light| encoded(&light, false).into_raw());
+    let b = b.into_rgba32f().into_raw();
     let worst = |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
     // An opacity of 0.99999, and a contribution of 1/255 that is drawn by one of them only.
     assert!(worst(&a, &b) <= 1.1 / 255.0, "{}", worst(&a, &b));

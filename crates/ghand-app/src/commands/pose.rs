@@ -175,7 +175,7 @@ fn picture(
     };
     let mut picture = Picture::blank([camera.width, camera.height], look.background, format);
     draw(&adapter.open()?, model, vertices, &camera, &look.style, &mut picture)?;
-    Ok(picture)
+    Ok(picture.in_linear_light())
 }
 
 fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> {

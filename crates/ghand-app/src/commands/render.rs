@@ -54,7 +54,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// A folder for pictures such as frame-0012_view-03.png, which replace those of an earlier render; or one picture
-    /// (.png, .exr) or film (.gif, .webm, .mp4). Missing folders are created
+    /// (.png, .exr in linear light) or film (.gif, .webm, .mp4). Missing folders are created
     #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
     /// What the colours show: skin, or how much the training views saw of each place
@@ -67,8 +67,8 @@ pub struct RenderArgs {
     quality: Quality,
     #[command(flatten)]
     format: FormatArgs,
-    /// Colour behind the hand, display values from 0 to 1; or transparent: colours are not multiplied by alpha, not
-    /// even in EXR
+    /// Colour behind the hand, display values from 0 to 1; or transparent: colours are multiplied by alpha in
+    /// EXR only
     #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
     background: Background,
 }
@@ -134,7 +134,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             scene.set_pose(gpu, 0, 0, pose)?;
             let mut picture = series.blank();
             scene.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
-            series.add(picture)?;
+            series.add(picture.in_linear_light())?;
         }
         Ok(())
     })?;

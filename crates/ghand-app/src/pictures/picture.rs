@@ -53,6 +53,22 @@ impl Picture {
         self.background
     }
 
+    /// The picture as OpenEXR defines colours: linear light, multiplied by alpha over a transparent background. An 8-bit picture
+    /// stays as it is.
+    #[must_use]
+    pub fn in_linear_light(mut self) -> Picture {
+        let transparent = self.background == Background::Transparent;
+        if let Pixels::Floats(pixels) = &mut self.pixels {
+            for [r, g, b, a] in pixels {
+                let part = if transparent { *a } else { 1.0 };
+                for value in [r, g, b] {
+                    *value = part * linear(*value);
+                }
+            }
+        }
+        self
+    }
+
     /// Copies a piece, rendered over the picture's background, to the position of its top left pixel. Parts outside the
     /// picture are dropped.
     pub fn place(&mut self, [left, top]: [u32; 2], piece: &Image) {
@@ -146,6 +162,11 @@ fn straight([r, g, b, a]: [f32; 4]) -> [f32; 4] {
     if a > 0.0 { [r / a, g / a, b / a, a] } else { [0.0; 4] }
 }
 
+/// Linear light of a display value (sRGB, IEC 61966-2-1).
+fn linear(value: f32) -> f32 {
+    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
 fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0).round() as u8
 }
@@ -190,6 +211,31 @@ mod tests {
             let apart = pixels.get_pixel(1, 0).0.iter().zip(expected).map(|(a, b): (&f32, f32)| (a - b).abs());
             assert!(apart.fold(0.0, f32::max) <= bound, "{:?}", pixels.get_pixel(1, 0));
         }
+    }
+
+    #[test]
+    fn an_exr_in_linear_light_is_read_as_the_picture_that_a_png_shows() {
+        for background in [Background::Transparent, Background::Color([0.4, 0.6, 1.0])] {
+            let picture = |format| {
+                let mut picture = Picture::blank([2, 1], background, format);
+                picture.place([0, 0], &piece(background.color()));
+                picture
+            };
+            let floats = decoded(picture(StillFormat::Exr).in_linear_light()).into_rgba32f();
+            let shown = decoded(picture(StillFormat::Png)).into_rgba8();
+            let encode = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+            for (linear, byte) in floats.pixels().zip(shown.pixels()) {
+                let alpha = if background == Background::Transparent { linear.0[3].max(1e-6) } else { 1.0 };
+                for channel in 0..3 {
+                    let apart = encode(linear.0[channel] / alpha) - f32::from(byte.0[channel]) / 255.0;
+                    assert!(apart.abs() <= 0.5 / 255.0 + 1e-5, "{background:?}: {linear:?} {byte:?}");
+                }
+            }
+        }
+        let bytes = Picture::bytes([1, 1], Background::Transparent);
+        assert_eq!(bytes.clone().in_linear_light(), bytes);
+        // A half of display values is a fifth of the light.
+        assert!((linear(0.5) - 0.214_041).abs() < 1e-5);
     }
 
     #[test]

@@ -112,7 +112,7 @@ fn make(
         }
         let mut picture = series.blank();
         drawing.fill(gpu, inputs, &plan.colors, &mut picture)?;
-        series.add(picture)?;
+        series.add(picture.in_linear_light())?;
         made_one();
     }
     series.finish()

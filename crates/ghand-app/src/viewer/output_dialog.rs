@@ -16,6 +16,8 @@ pub enum OutputKind {
     Motion,
 }
 
+/// The files that a picture can be.
+const PICTURES: [&str; 2] = ["png", "exr"];
 /// The files that a film can be.
 const FILMS: [&str; 3] = ["gif", "webm", "mp4"];
 
@@ -28,6 +30,8 @@ pub struct OutputDialog {
     pub size: [u32; 2],
     /// Whether there is nothing behind the subject.
     pub transparent: bool,
+    /// Ending of a picture's file.
+    pub picture: &'static str,
     /// Ending of a film's file.
     pub film: &'static str,
 }
@@ -46,12 +50,12 @@ pub enum Asked {
 impl OutputDialog {
     /// Asks about a picture or a film of this size.
     pub fn new(kind: OutputKind, size: [u32; 2]) -> OutputDialog {
-        OutputDialog { kind, size, transparent: false, film: FILMS[0] }
+        OutputDialog { kind, size, transparent: false, picture: PICTURES[0], film: FILMS[0] }
     }
 
     /// The ending of the file.
     pub fn ending(&self) -> &'static str {
-        if self.kind == OutputKind::Picture { "png" } else { self.film }
+        if self.kind == OutputKind::Picture { self.picture } else { self.film }
     }
 
     /// Shows the question; a motion is offered if there is one.
@@ -78,7 +82,17 @@ impl OutputDialog {
                 ui.label("pixels");
             });
             ui.checkbox(&mut self.transparent, "transparent background");
-            if self.kind != OutputKind::Picture {
+            if self.kind == OutputKind::Picture {
+                ui.horizontal(|ui| {
+                    for picture in PICTURES {
+                        let hover =
+                            if picture == "png" { "8-bit display values" } else { "Linear light in 32-bit floats" };
+                        if ui.selectable_label(self.picture == picture, picture).on_hover_text(hover).clicked() {
+                            self.picture = picture;
+                        }
+                    }
+                });
+            } else {
                 ui.horizontal(|ui| {
                     for film in FILMS {
                         let hover = if film == "gif" { "256 colours" } else { "Needs ffmpeg" };

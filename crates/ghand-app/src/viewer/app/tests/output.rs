@@ -42,6 +42,17 @@ fn the_view_is_saved_as_a_picture_of_any_size_also_transparent() {
     ui.save(&asked, &folder.path().join("clear"));
     let clear = image::open(folder.path().join("clear.png")).unwrap().to_rgba8();
     assert_eq!(clear.get_pixel(0, 0).0, [0; 4]);
+    // An EXR has the light of the same picture.
+    (asked.picture, asked.transparent) = ("exr", false);
+    ui.save(&asked, &folder.path().join("light"));
+    let light = image::open(folder.path().join("light.exr")).unwrap();
+    assert_eq!(light.color(), image::ColorType::Rgba32F);
+    let encode = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    for (linear, byte) in light.to_rgb32f().pixels().zip(opaque.to_rgb8().pixels()) {
+        for (linear, byte) in linear.0.iter().zip(byte.0) {
+            assert!((encode(*linear) - f32::from(byte) / 255.0).abs() < 0.51 / 255.0, "{linear} {byte}");
+        }
+    }
     let model = ui.hand().model();
     let [wrist, knuckle] = ["wrist", "middle1"].map(|name| model.joints[model.joint_index(name).unwrap()]);
     let camera = ui.viewer().camera.camera([300, 170]);
