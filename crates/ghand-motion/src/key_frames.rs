@@ -113,6 +113,22 @@ impl KeyFrames {
         Some(PoseSequence { fps, joint_names: joint_names.to_vec(), frames, warnings: vec![] })
     }
 
+    /// Ids of the frames of a sequence that are at keys, in order.
+    pub fn ids_in(&self, sequence: &PoseSequence) -> Vec<String> {
+        let seconds = |number: usize| number as f64 / sequence.fps;
+        let frames = sequence.frames.iter().enumerate().filter(|(number, _)| self.at(seconds(*number)).is_some());
+        frames.map(|(_, frame)| frame.id.clone()).collect()
+    }
+
+    /// The keys at the frames of a sequence with these ids; others are ignored. `None` without any.
+    pub fn of_sequence(sequence: &PoseSequence, ids: &[String]) -> Option<KeyFrames> {
+        let mut keys = KeyFrames::default();
+        for (number, frame) in sequence.frames.iter().enumerate().filter(|(_, frame)| ids.contains(&frame.id)) {
+            keys.set(number as f64 / sequence.fps, frame.pose.clone());
+        }
+        (!keys.keys.is_empty()).then_some(keys)
+    }
+
     /// Angular velocity of a joint at a key in the joint's own axes, radians per second.
     fn angular_velocity(&self, index: usize, joint: usize) -> DVec3 {
         self.slope(index, |from, to| logarithm(quaternion(from, joint).inverse() * quaternion(to, joint)))
@@ -286,5 +302,11 @@ mod tests {
         for key in keys.keys() {
             assert!(apart(&sequence.pose_at(key.seconds).unwrap(), &key.pose) < 1e-9);
         }
+        assert_eq!(keys.ids_in(&sequence), ["0000", "0010", "0014", "0030"]);
+        let again = KeyFrames::of_sequence(&sequence, &keys.ids_in(&sequence)).unwrap();
+        for (again, key) in again.keys().iter().zip(keys.keys()) {
+            assert!((again.seconds - key.seconds).abs() < 1e-9 && apart(&again.pose, &key.pose) < 1e-9);
+        }
+        assert!(KeyFrames::of_sequence(&sequence, &["none".into()]).is_none());
     }
 }

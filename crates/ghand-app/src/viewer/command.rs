@@ -159,7 +159,13 @@ pub const COMMANDS: &[Command] = &[
         "Saves a turn around the subject, or its motion, as a film.",
     ),
     command(CommandId::Quit, Menu::File, "Quit", &[ctrl(Key::Q)], "Closes the window."),
-    command(CommandId::Undo, Menu::Pose, "Undo", &[ctrl(Key::Z)], "Goes back to the pose and the keys before."),
+    command(
+        CommandId::Undo,
+        Menu::Pose,
+        "Undo",
+        &[ctrl(Key::Z)],
+        "Goes back to pose, shape and keys before the last change.",
+    ),
     command(
         CommandId::Redo,
         Menu::Pose,

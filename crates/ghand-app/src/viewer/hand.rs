@@ -7,7 +7,7 @@ use egui::{CollapsingHeader, Context, RichText, Ui};
 use ghand_avatar::{Avatar, Light};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
-use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
+use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::keyed_poses_json, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{KeyFrames, PoseFrame, PoseOptions, PoseSequence};
 use ghand_render::Gpu;
 use glam::DVec3;
@@ -38,11 +38,25 @@ pub enum Look {
 }
 
 /// What undo returns to.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 struct Edit {
     pose: Pose,
-    /// The keys, if the motion consists of them.
-    keys: Option<KeyFrames>,
+    shape: Vec<f64>,
+    /// The motion at the position where it was then.
+    timeline: Option<Timeline>,
+}
+
+impl Edit {
+    fn keys(&self) -> Option<&KeyFrames> {
+        self.timeline.as_ref().and_then(Timeline::keys)
+    }
+}
+
+impl PartialEq for Edit {
+    /// Choosing a motion is not an edit, and neither is moving in it: only keys are.
+    fn eq(&self, other: &Edit) -> bool {
+        self.pose == other.pose && self.shape == other.shape && self.keys() == other.keys()
+    }
 }
 
 /// A hand, its pose and shape, and their controls.
@@ -88,7 +102,7 @@ impl Hand {
         let blend = BlendControl::new(BLEND_TARGET, &pose);
         Hand {
             handles: Handles::new(model, &shape),
-            history: History::new(Edit { pose: pose.clone(), keys: None }),
+            history: History::new(Edit { pose: pose.clone(), shape: shape.clone(), timeline: None }),
             key_request: None,
             pose,
             shape,
@@ -136,6 +150,12 @@ impl Hand {
         self.timeline = (sequence.frames.len() > 1).then(|| Timeline::new(title, sequence));
     }
 
+    /// Shows a motion of keys at its beginning, as [`Hand::motion_json`] has saved it.
+    pub fn show_keys(&mut self, title: String, sequence: PoseSequence, keys: KeyFrames) {
+        self.show(title.clone(), sequence);
+        self.timeline = Some(Timeline::of_titled_keys(title, keys));
+    }
+
     /// The hand's name.
     pub fn name(&self) -> String {
         // The name of a model from a file is the file's path.
@@ -155,17 +175,17 @@ impl Hand {
     }
 
     fn present(&self) -> Edit {
-        Edit { pose: self.pose.clone(), keys: self.timeline.as_ref().and_then(Timeline::keys).cloned() }
+        Edit { pose: self.pose.clone(), shape: self.shape.clone(), timeline: self.timeline.clone() }
     }
 
-    /// Goes back to the pose and the keys before.
+    /// Goes back to pose, shape and motion before the last edit.
     pub fn undo(&mut self) {
         if let Some(before) = self.history.undo(&self.present()).cloned() {
             self.take(before);
         }
     }
 
-    /// Goes forward to the pose and the keys that were undone.
+    /// Goes forward to pose, shape and motion that were undone.
     pub fn redo(&mut self) {
         if let Some(after) = self.history.redo(&self.present()).cloned() {
             self.take(after);
@@ -174,13 +194,18 @@ impl Hand {
 
     fn take(&mut self, edit: Edit) {
         self.pose = edit.pose;
-        match (edit.keys, &mut self.timeline) {
-            (Some(keys), Some(timeline)) if timeline.keys().is_some() => {
-                timeline.keys_mut().into_iter().for_each(|present| present.clone_from(&keys));
+        if edit.shape.len() == self.shape.len() {
+            self.shape = edit.shape;
+        }
+        match (edit.timeline, &mut self.timeline) {
+            // Where the user is in a motion stays while its keys change.
+            (Some(before), Some(present)) if before.keys().is_some() && present.keys().is_some() => {
+                present.keys_mut().zip(before.keys()).into_iter().for_each(|(keys, before)| keys.clone_from(before));
             }
-            (Some(keys), timeline) => *timeline = Some(Timeline::of_keys(keys)),
-            // A motion that is not made of keys stays.
-            (None, timeline) => *timeline = timeline.take().filter(|timeline| timeline.keys().is_none()),
+            (before, Some(present))
+                if present.keys().is_none() && before.as_ref().is_none_or(|t| t.keys().is_none()) => {}
+            // Keys come back, or what they had replaced.
+            (before, present) => *present = before,
         }
         self.pause();
     }
@@ -191,7 +216,7 @@ impl Hand {
         [self.history.can_undo(&present), self.history.can_redo(&present)]
     }
 
-    /// Remembers pose and keys for undo, unless a motion plays. It should not be called while the user is changing them, so
+    /// Remembers pose, shape and motion for undo, unless a motion plays. It should not be called while the user is changing them, so
     /// that a whole drag is one step.
     pub fn remember_pose(&mut self) {
         if !self.is_playing() {
@@ -254,10 +279,14 @@ impl Hand {
         [keys.is_some(), keys.is_some_and(|keys| keys.at(seconds).is_some())]
     }
 
-    /// The motion as a file of poses, in ghand's own JSON; `None` without one.
+    /// The motion as a file of poses, in ghand's own JSON, with the ids of the frames that are keys; `None` without one.
     pub fn motion_json(&self) -> Option<String> {
         let (sequence, _) = self.motion()?;
-        Some(poses_json(&sequence, self.model()))
+        let keys = self.timeline.as_ref().and_then(Timeline::keys);
+        Some(match keys {
+            Some(keys) => keyed_poses_json(&sequence, &keys.ids_in(&sequence), self.model()),
+            None => poses_json(&sequence, self.model()),
+        })
     }
 
     /// The motion at a constant rate, and the part of it that repeats, seconds; `None` without one.
@@ -422,6 +451,8 @@ impl Hand {
         }
         if !self.shape.is_empty() {
             CollapsingHeader::new("Shape").show(ui, |ui| self.shape_panel.sliders(ui, &mut self.shape));
+        } else if self.avatar().is_some() {
+            ui.label(RichText::new("An avatar has the shape of the hand that it was trained on.").small().weak());
         }
         if let Some(panel) = &mut self.light_panel {
             ui.separator();

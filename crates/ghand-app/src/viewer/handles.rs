@@ -107,6 +107,12 @@ impl Handles {
         })
     }
 
+    /// Where a handle is on the screen.
+    #[cfg(test)]
+    pub(crate) fn place(&self, pose: &Pose, screen: &Screen, landmark: usize) -> Option<Pos2> {
+        self.on_screen(pose, screen).into_iter().find(|(number, ..)| *number == landmark).map(|(_, place, _)| place)
+    }
+
     /// Draws the handles, the one of `hovered` larger.
     pub fn draw(&self, painter: &Painter, pose: &Pose, screen: &Screen, hovered: Option<usize>) {
         for (landmark, place, _) in self.on_screen(pose, screen) {

@@ -1,5 +1,6 @@
 //! A motion and the current position in it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use egui::Context;
@@ -22,8 +23,8 @@ const KEYS: &str = "key frames";
 /// What moves.
 #[derive(Debug, Clone)]
 enum Content {
-    /// Poses at a constant rate.
-    Recorded(PoseSequence),
+    /// Poses at a constant rate, shared with the history of edits.
+    Recorded(Arc<PoseSequence>),
     /// Key frames at whole frames of [`DEFAULT_FPS`], so that a file of these frames meets them.
     Keyed(KeyFrames),
 }
@@ -46,12 +47,17 @@ pub struct Timeline {
 impl Timeline {
     /// A motion that plays from its beginning.
     pub fn new(title: String, sequence: PoseSequence) -> Timeline {
-        Timeline { playing: true, ..Timeline::with(title, Content::Recorded(sequence)) }
+        Timeline { playing: true, ..Timeline::with(title, Content::Recorded(Arc::new(sequence))) }
     }
 
     /// Key frames, at the beginning.
     pub fn of_keys(keys: KeyFrames) -> Timeline {
         Timeline::with(KEYS.into(), Content::Keyed(keys))
+    }
+
+    /// Key frames with a title of their own, at the beginning.
+    pub fn of_titled_keys(title: String, keys: KeyFrames) -> Timeline {
+        Timeline::with(title, Content::Keyed(keys))
     }
 
     fn with(title: String, content: Content) -> Timeline {
@@ -96,7 +102,7 @@ impl Timeline {
     /// The motion at a constant rate, in a shape; `None` if it has no pose.
     pub fn sequence(&self, joint_names: &[String], shape: &[f64]) -> Option<PoseSequence> {
         match &self.content {
-            Content::Recorded(sequence) => Some(sequence.clone()),
+            Content::Recorded(sequence) => Some(sequence.as_ref().clone()),
             Content::Keyed(keys) => keys.sequence(DEFAULT_FPS, joint_names, shape),
         }
     }

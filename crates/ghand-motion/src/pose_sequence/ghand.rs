@@ -6,6 +6,7 @@
 //! The frames alone, as a list or one on each line, and one frame alone are read, too. `hand_model` describes the
 //! skeleton that the rows are for (`file_skeleton.rs`): they are matched to the model's joints by name, or carried over
 //! if the skeleton is another one. A capture's `capture.json` is such a file; its skeleton is that of its hand model.
+//! `"keys":["0000", ...]` names the frames that are the keys of a motion of key frames.
 //! For a MANO model, rotations are measured from its mean pose, unless the file says `"flat_hand_mean":true` or is a
 //! capture.
 //!
@@ -250,11 +251,30 @@ pub fn write_poses(path: &Path, sequence: &PoseSequence, model: &HandModel) -> R
 /// Poses of a hand model as ghand's own JSON. It describes the model's skeleton, so that the poses can drive any other
 /// skeleton.
 pub fn poses_json(sequence: &PoseSequence, model: &HandModel) -> String {
+    document(sequence, model).to_string()
+}
+
+/// Like [`poses_json`], with the ids of the frames that are the keys of the motion. Readers of poses ignore them;
+/// [`key_ids`] reads them.
+pub fn keyed_poses_json(sequence: &PoseSequence, keys: &[String], model: &HandModel) -> String {
+    let mut document = document(sequence, model);
+    document["keys"] = json!(keys);
+    document.to_string()
+}
+
+/// The ids of the frames that are keys, of a file of poses; none if it is not a file with keys.
+pub fn key_ids(path: &Path) -> Vec<String> {
+    let value = Value::read(path).ok();
+    let items = value.as_ref().and_then(|value| value.get("keys")).and_then(Value::items).unwrap_or_default();
+    items.iter().filter_map(|item| item.text().map(str::to_owned)).collect()
+}
+
+fn document(sequence: &PoseSequence, model: &HandModel) -> serde_json::Value {
     let frame = |frame: &PoseFrame| {
         let rows: Vec<[f64; 3]> = frame.pose.rotations.iter().map(DVec3::to_array).collect();
         json!({"id": frame.id, "pose": rows, "translation": frame.pose.translation.to_array(), "shape": frame.shape})
     };
     let frames: Vec<serde_json::Value> = sequence.frames.iter().map(frame).collect();
     let model = FileSkeleton::of(model).to_json();
-    json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames}).to_string()
+    json!({"fps": sequence.fps, "flat_hand_mean": true, "hand_model": model, "frames": frames})
 }

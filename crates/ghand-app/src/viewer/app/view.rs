@@ -88,6 +88,8 @@ impl Viewer {
             // A first picture is not a change.
             if self.wanted.replace(shot.clone()).is_some() {
                 self.adaptive.changed(now);
+                // Another picture may be possible.
+                self.failure = None;
             }
         } else if let Some(left) = self.adaptive.same(now) {
             ui.ctx().request_repaint_after(Duration::from_secs_f64(left.max(0.01)));

@@ -7,7 +7,7 @@ use super::*;
 use crate::viewer::preset::Preset;
 
 fn viewer() -> Headless {
-    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);
+    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(SIZE.x, 460.0), 0.1);
     ui.frame(Vec::new());
     ui
 }

@@ -102,6 +102,40 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
         let worst = now.rotations.iter().zip(&wanted.rotations).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(worst < 1e-9, "{name}: {worst}");
     }
+    // Opened again it has its keys, which can be changed.
+    let mut again = viewer();
+    again.viewer().open(&path);
+    again.frame(Vec::new());
+    assert_eq!(again.key_times(), [0.0, 1.0, 2.0]);
+    for (seconds, between) in [("0.5", ui.hand().timeline.clone()), ("1.7", ui.hand().timeline.clone())] {
+        again.enter(POSITION, seconds);
+        let mut saved = between.unwrap();
+        saved.go_to(seconds.parse().unwrap());
+        let (now, wanted) = (again.hand().pose.clone(), saved.pose().unwrap());
+        let worst = now.rotations.iter().zip(&wanted.rotations).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{seconds} s: {worst}");
+    }
+    again.enter(POSITION, "1");
+    again.press(Modifiers::NONE, Key::Delete);
+    assert_eq!(again.key_times(), [0.0, 2.0]);
     let error = viewer().viewer().save_motion(&path).unwrap_err().to_string();
     assert!(error.contains("no motion"), "{error}");
+}
+
+#[test]
+fn undo_brings_back_the_motion_that_keys_replaced() {
+    let mut ui = viewer();
+    ui.click("grasp");
+    (0..3).for_each(|_| _ = ui.frame(Vec::new()));
+    ui.click("Pause");
+    ui.frame(Vec::new());
+    let title = |ui: &mut Headless| ui.hand().timeline.as_ref().unwrap().title().to_owned();
+    let paused = ui.hand().timeline.as_ref().unwrap().state();
+    ui.press(Modifiers::NONE, Key::K);
+    assert_eq!(title(&mut ui), "key frames");
+    ui.press(Modifiers::COMMAND, Key::Z);
+    assert_eq!(title(&mut ui), "grasp");
+    assert_eq!(ui.hand().timeline.as_ref().unwrap().state(), paused);
+    ui.press(Modifiers::COMMAND, Key::Y);
+    assert_eq!((title(&mut ui), ui.key_times().len()), ("key frames".into(), 1));
 }

@@ -158,3 +158,46 @@ fn the_joint_of_the_slider_under_the_pointer_is_known() {
     (0..2).for_each(|_| _ = ui.frame(vec![Event::PointerMoved(slider.center())]));
     assert_eq!(ui.hand().pointed_at(), Some(0));
 }
+
+#[test]
+fn a_shape_is_undone_and_a_shaped_fingertip_follows_the_pointer() {
+    let model = builtin_hand(Side::Right).unwrap();
+    let mut ui = Headless::new(Subject::bare_hand(model), vec2(760.0, 1600.0), 0.1);
+    ui.frame(Vec::new());
+    ui.click("Shape");
+    let name = ui.hand().model().shape_names[0].replace('-', " ");
+    let [mean, shaped] = ["0", "2"].map(|value| {
+        ui.enter(&name, value);
+        ui.frame(Vec::new());
+        let hand = ui.hand();
+        hand.posed_vertices()
+    });
+    let apart = mean.iter().zip(&shaped).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(apart > 1e-3, "the shape moves nothing: {apart} m");
+    assert_eq!(ui.hand().shape[0], 2.0);
+    // The handles are those of the shape.
+    let view = egui::Rect::from_min_max(egui::pos2(260.0, 0.0), egui::pos2(760.0, 1600.0));
+    let screen = ui.viewer().screen(view, 1.0);
+    let pose = ui.pose();
+    let tip = |ui: &mut Headless, pose: &Pose| ui.hand().handles().unwrap().place(pose, &screen, 8).unwrap();
+    let from = tip(&mut ui, &pose);
+    let to = from + vec2(-6.0, 30.0);
+    ui.drag(from, to);
+    let moved = ui.pose();
+    assert_ne!(moved, pose);
+    let reached = tip(&mut ui, &moved);
+    assert!(reached.distance(to) < 5.0, "{reached:?} instead of {to:?}");
+    ui.press(Modifiers::COMMAND, Key::Z);
+    assert_eq!((ui.pose(), ui.hand().shape[0]), (pose, 2.0));
+    ui.press(Modifiers::COMMAND, Key::Z);
+    assert_eq!(ui.hand().shape[0], 0.0);
+    ui.press(Modifiers::COMMAND, Key::Y);
+    assert_eq!(ui.hand().shape[0], 2.0);
+}
+
+#[test]
+fn an_avatar_says_why_it_has_no_sliders_of_shape() {
+    let mut ui = viewer();
+    ui.frame(Vec::new());
+    assert!(ui.harness.query_by_label_contains("An avatar has the shape").is_some());
+}
