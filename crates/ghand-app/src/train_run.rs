@@ -6,6 +6,7 @@ pub mod folder_lock;
 pub mod full_disk;
 pub mod interruption;
 pub mod live_files;
+pub mod live_viewer;
 pub mod report_page;
 pub mod results;
 pub mod run_folder;

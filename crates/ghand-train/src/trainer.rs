@@ -1,5 +1,6 @@
 //! A training run: two stages over the views of a split.
 
+mod onlooker;
 pub mod simplification;
 mod stage;
 mod view_order;
@@ -7,7 +8,7 @@ mod view_order;
 use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
 use ghand_capture::{Capture, ColorCorrection, Split};
@@ -28,6 +29,7 @@ use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Simplify, T
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
 use crate::views::TrainViews;
+use onlooker::Onlooker;
 use simplification::Simplification;
 use stage::Stage;
 
@@ -119,6 +121,7 @@ pub struct Trainer<'a> {
     curve: RefCell<Vec<CurvePoint>>,
     stop: Option<&'a AtomicBool>,
     checkpoints: RefCell<Option<Checkpoints>>,
+    onlooker: RefCell<Option<Onlooker<'a>>>,
     /// The stage's state that was saved last.
     state: RefCell<Option<StageState>>,
     started: Instant,
@@ -189,6 +192,7 @@ impl<'a> Trainer<'a> {
             curve: RefCell::new(vec![]),
             stop: None,
             checkpoints: RefCell::new(None),
+            onlooker: RefCell::new(None),
             state: RefCell::new(None),
             started: Instant::now(),
             earlier: 0.0,
@@ -221,6 +225,13 @@ impl<'a> Trainer<'a> {
         let views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
         let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
         Ok(Trainer { watched: Some(Watched { views, poses }), ..self })
+    }
+
+    /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
+    /// That changes nothing of what is learned.
+    #[must_use]
+    pub fn show_to(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
+        Trainer { onlooker: RefCell::new(Some(Onlooker::new(every, show))), ..self }
     }
 
     /// Saves checkpoints while it runs: when one is due, when the run is told to stop, and at its end.

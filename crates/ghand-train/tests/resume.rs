@@ -110,3 +110,24 @@ fn a_run_of_limited_time_ends_in_time_with_its_rates_run_down() {
         assert!(!trained.stopped && (1..1_000_000).contains(&trained.iterations), "{}", trained.iterations);
     });
 }
+
+#[test]
+fn an_avatar_that_is_shown_while_it_is_trained_ends_with_the_same_bytes() {
+    with_capture(|gpu, capture| {
+        let stages = TrainSettings { align: Align::Paper, pose_stage: 0.5, ..settings() };
+        let network = TrainSettings { model: Model::Network, iterations: 6, ..stages.clone() };
+        for settings in [stages, network] {
+            let trainer = || Trainer::new(gpu, capture, "train", &settings).unwrap();
+            let alone = trainer().train(|_| ()).unwrap();
+            let mut shown = vec![];
+            let watched = trainer().show_to(Duration::ZERO, |avatar| shown.push(avatar)).train(|_| ()).unwrap();
+            assert!(bytes(&alone) == bytes(&watched), "{:?}", settings.model);
+            assert_eq!(shown.len() as u64, settings.iterations, "one before each iteration");
+            let folder = tempfile::tempdir().unwrap();
+            for (k, avatar) in shown.iter().enumerate() {
+                assert_eq!(avatar.provenance.iterations, k as u64);
+                avatar.save(&folder.path().join("avatar.ghand")).unwrap();
+            }
+        }
+    });
+}

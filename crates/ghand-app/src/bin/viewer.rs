@@ -24,6 +24,7 @@ use ghand_app::viewer::quality_choice::QualityChoice;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
+use ghand_app::viewer::training_run::TrainingRun;
 use ghand_app::viewer::window;
 use ghand_render::Gpu;
 
@@ -31,8 +32,8 @@ use ghand_render::Gpu;
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// An avatar (.ghand), a scene of Gaussians (.ply) or a hand model (.glb, .gltf, MANO; builtin, builtin-left or
-    /// procedural) [default: the avatar trained last in out/train, out/train-2, ..., else an avatar that comes with ghand]
+    /// An avatar (.ghand), the folder of a run of `train`, also while it goes on, a scene of Gaussians (.ply) or a hand model
+    /// (.glb, .gltf, MANO; builtin, builtin-left or procedural) [default: the avatar trained last in out/train, out/train-2, ..., else an avatar that comes with ghand]
     file: Option<PathBuf>,
     /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]
     #[arg(long, value_name = "FILE|NAME")]
@@ -107,7 +108,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
-    let path = arguments.file.or_else(last_avatar);
+    let training = arguments.file.as_deref().and_then(TrainingRun::open);
+    let path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);
     let opened = arguments.adapter.open();
     if let (Err(error), None) = (&opened, &arguments.screenshot) {
         device_message::tell(error);
@@ -139,6 +141,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if let Some(path) = &path {
         viewer.watch(path, &arguments.light);
         viewer.play_as(choice);
+    }
+    if let Some(training) = training {
+        viewer.follow_run(training);
     }
     if let Some(capture) = capture {
         viewer.show_capture(capture);

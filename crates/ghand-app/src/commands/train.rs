@@ -26,6 +26,7 @@ use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_fi
 use crate::train_run::full_disk::when_there_is_room;
 use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
 use crate::train_run::live_files::write_live_files;
+use crate::train_run::live_viewer::LiveViewer;
 use crate::train_run::report_page::{Page, write_report_page};
 use crate::train_run::results::{save_metrics, save_poses};
 use crate::train_run::run_folder::{
@@ -64,6 +65,9 @@ pub struct TrainArgs {
     /// Without one there, begin.
     #[arg(long)]
     resume: bool,
+    /// Show the avatar in the viewer while it is trained, with the curve of its loss and images held out
+    #[arg(long)]
+    viewer: bool,
     #[command(flatten)]
     settings: SettingsArgs,
     /// Time between two checkpoints, from which an interrupted run goes on [default: 1m]
@@ -279,7 +283,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let kept = args.keep_checkpoints.or(record.keep_checkpoints).unwrap_or(0);
     let checkpoints = Checkpoints::new(&folder.checkpoints(), every, kept);
     let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
-    let trained = match train(trainer, settings.iterations, &folder.checkpoints()) {
+    let viewer = if args.viewer { LiveViewer::open(folder.path(), &folder.checkpoints()) } else { None };
+    let trained = match train(trainer, settings.iterations, &folder.checkpoints(), viewer) {
         Ok(trained) => trained,
         Err(error) => {
             if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {

@@ -8,6 +8,7 @@ use ghand_train::checkpoints::{has_checkpoints, remove_checkpoints};
 use crate::say;
 use crate::train_run::folder_lock::{Attempt, FolderLock};
 use crate::train_run::live_files::{CURVES_PLOT, CURVES_TABLE, PREVIEW};
+use crate::train_run::live_viewer::PREVIEW_AVATAR;
 
 /// The default folder of `train`, relative to the current folder. Later runs go to `out/train-2` and so on.
 pub const DEFAULT_FOLDER: &str = "out/train";
@@ -45,7 +46,7 @@ const RESULTS: [&str; 12] = [
     CLEANLINESS_SHEET,
 ];
 /// The folder in a run's folder that has what an interrupted run needs to go on.
-const CHECKPOINTS: &str = "checkpoints";
+pub const CHECKPOINTS: &str = "checkpoints";
 /// How a run was started, in that folder. Without it there is nothing to go on with.
 const RECORD_FILE: &str = "run.json";
 /// Number of folders that are tried after the default one.
@@ -247,7 +248,7 @@ impl RunFolder {
 /// `keep_checkpoints` these stay.
 fn clear(checkpoints: &Path, keep_checkpoints: bool) {
     // What cannot be removed does no harm.
-    for name in [RECORD_FILE, CURVES_TABLE, CURVES_PLOT, PREVIEW] {
+    for name in [RECORD_FILE, CURVES_TABLE, CURVES_PLOT, PREVIEW, PREVIEW_AVATAR] {
         let _ = std::fs::remove_file(checkpoints.join(name));
     }
     if !keep_checkpoints {

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::Stopped;
 use crate::say;
 use crate::train_run::live_files::write_live_files;
+use crate::train_run::live_viewer::LiveViewer;
 
 /// Lines of progress that a run prints without a terminal for a progress bar.
 const PROGRESS_LINES: u64 = 20;
@@ -18,17 +19,22 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 /// Least time between two writings of the files that show how the run goes.
 const LIVE_EVERY: Duration = Duration::from_secs(10);
 
-/// Trains with a progress bar or, without a terminal, with lines, and keeps the files in `live` up to date.
+/// Trains with a progress bar or, without a terminal, with lines, keeps the files in `live` up to date, and shows the avatar in
+/// the viewer, if there is one.
 ///
 /// # Errors
 /// [`Stopped`] if the run was stopped before there was an avatar; the trainer's errors.
-pub fn train(trainer: Trainer, iterations: u64, live: &Path) -> anyhow::Result<Trained> {
+pub fn train(trainer: Trainer, iterations: u64, live: &Path, viewer: Option<LiveViewer>) -> anyhow::Result<Trained> {
     let bar = ProgressBar::new(iterations).with_position(trainer.resumed_at().unwrap_or(0));
     bar.reset_eta();
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {per_sec} {elapsed} (left {eta})")?);
     let start = Instant::now();
     let (mut last_line, mut last_stage, mut last_written) = (start, 0, start);
     let mut previews = vec![];
+    let trainer = match viewer {
+        Some(viewer) => trainer.show_to(LIVE_EVERY, move |avatar| viewer.show(avatar)),
+        None => trainer,
+    };
     let trained = trainer.train(|p| {
         let loss = p.l1.map_or(String::new(), |l1| format!(" L1 {l1:.4}"));
         let held_out = p.curve.iter().rev().find_map(|point| point.held_out_psnr);

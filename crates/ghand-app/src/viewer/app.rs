@@ -39,6 +39,7 @@ use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::settings::Settings;
 use crate::viewer::subject::Subject;
 use crate::viewer::toasts::Toasts;
+use crate::viewer::training_run::TrainingRun;
 use crate::viewer::watched_file::WatchedFile;
 
 /// Longest edge of the picture, pixels, on a graphics card.
@@ -85,6 +86,8 @@ pub struct Viewer {
     /// Where the settings are kept; `None` if they are not.
     settings_path: Option<PathBuf>,
     watched: Option<WatchedFile>,
+    /// The run of training whose avatar is shown.
+    run: Option<TrainingRun>,
     quality: QualityChoice,
     /// The light in which the watched file is read.
     light: LightArgs,
@@ -145,6 +148,7 @@ impl Viewer {
             settings: Settings::default(),
             settings_path: None,
             watched: None,
+            run: None,
             quality: QualityChoice::exact(None),
             light: LightArgs::default(),
             file_dialog: None,

@@ -195,6 +195,7 @@ impl<'a> Trials<'a> {
             curve: RefCell::default(),
             stop: run.stop,
             checkpoints: RefCell::default(),
+            onlooker: RefCell::default(),
             state: RefCell::default(),
             started: Instant::now(),
             earlier: 0.0,

@@ -129,6 +129,7 @@ impl Trainer<'_> {
             if told_to_stop {
                 break;
             }
+            self.show_onlooker(gpu, &step, &avatar, stage.done + done)?;
             let rounds = settings.pose_prior_rounds;
             if stage.refine_poses && is_prior_round(done, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
@@ -229,6 +230,25 @@ impl Trainer<'_> {
             previews,
             held_out_psnr,
         })
+    }
+
+    /// Shows the avatar that a step has learned so far, if somebody looks on and the last one is old. `start` is the
+    /// stage's first avatar.
+    fn show_onlooker(&self, gpu: &Gpu, step: &Step, start: &Avatar, iterations: u64) -> Result<(), RenderError> {
+        let mut onlooker = self.onlooker.borrow_mut();
+        let Some(onlooker) = onlooker.as_mut().filter(|onlooker| onlooker.is_due()) else { return Ok(()) };
+        let (_, joints, _) = self.read_hand(gpu, step)?;
+        let joints = joints.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
+        let mut avatar = Avatar {
+            template: Template { joints, ..start.template.clone() },
+            tables: step.tables(gpu)?,
+            light: step.light()?.cloned(),
+            provenance: Provenance { iterations, ..start.provenance.clone() },
+            ..start.clone()
+        };
+        avatar.limit_response(&self.seen_poses());
+        onlooker.show(avatar);
+        Ok(())
     }
 
     /// The device's part of a stage.

@@ -13,6 +13,10 @@ impl Viewer {
         ui.heading(self.subject.name());
         ui.label(RichText::new(&self.source).weak());
         ui.separator();
+        if let Some(run) = &self.run {
+            run.show(ui);
+            ui.separator();
+        }
         self.live_controls(ui);
         self.capture_controls(ui);
         self.layer_controls(ui);

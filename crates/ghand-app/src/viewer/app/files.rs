@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use egui::{Align2, Color32, Context, FontId, Rect, Ui};
+use ghand_motion::KeyFrames;
+use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::key_ids};
 
 use crate::capture_args::CaptureOptions;
 use crate::file_kind::{FileKind, file_kind};
@@ -18,6 +20,7 @@ use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::picture::Picture;
 use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::subject::Subject;
+use crate::viewer::training_run::TrainingRun;
 use crate::viewer::watched_file::WatchedFile;
 
 /// Interval of looks at the watched file.
@@ -29,6 +32,27 @@ impl Viewer {
         self.light = light.clone();
         self.watched = (!is_hand_name(path)).then(|| WatchedFile::new(path));
         self.quality = QualityChoice::exact((file_kind(path) == FileKind::Avatar).then_some(path));
+    }
+
+    /// Shows beside the avatar how the run goes that trains it, and follows the run to its result.
+    pub fn follow_run(&mut self, run: TrainingRun) {
+        self.run = Some(run);
+    }
+
+    /// Shows the newest avatar of the run, and reads how it goes.
+    fn look_at_run(&mut self, context: &Context) {
+        let Some(run) = &mut self.run else { return };
+        context.request_repaint_after(LOOK);
+        if !run.look(context) {
+            return;
+        }
+        // What is shown may be a baked avatar.
+        let newest = run.avatar();
+        if let Some(path) = newest.filter(|path| self.watched.as_ref().is_none_or(|watched| watched.path() != path)) {
+            let light = self.light.clone();
+            self.watch(&path, &light);
+            self.reload();
+        }
     }
 
     /// Says in which preset the watched avatar is shown.
@@ -76,6 +100,7 @@ impl Viewer {
                 None => self.toasts.note("No file was chosen. Files can also be dropped onto this window."),
             }
         }
+        self.look_at_run(context);
         let now = context.input(|input| input.time);
         if let Some(watched) = &mut self.watched {
             context.request_repaint_after(LOOK);
@@ -102,6 +127,13 @@ impl Viewer {
 
     fn try_open(&mut self, path: &Path) -> anyhow::Result<()> {
         let is_capture = path.is_dir() || path.file_name().is_some_and(|name| name == "capture.json");
+        if let Some(run) = TrainingRun::open(path)
+            && let Some(avatar) = run.avatar()
+        {
+            self.open_subject(&avatar)?;
+            self.follow_run(run);
+            return Ok(());
+        }
         match file_kind(path) {
             _ if is_capture => self.open_capture(path),
             FileKind::Avatar | FileKind::Ply => self.open_subject(path),
@@ -131,7 +163,12 @@ impl Viewer {
             self.toasts.note(warning);
         }
         let name = path.file_name().map_or_else(|| text.to_owned(), |name| name.to_string_lossy().into_owned());
-        hand.show(name, sequence);
+        // Keys are on frames of this rate.
+        let keys = if sequence.fps == DEFAULT_FPS { key_ids(path) } else { Vec::new() };
+        match KeyFrames::of_sequence(&sequence, &keys) {
+            Some(keys) => hand.show_keys(name, sequence, keys),
+            None => hand.show(name, sequence),
+        }
         Ok(())
     }
 
@@ -139,7 +176,7 @@ impl Viewer {
         let subject = Subject::read(path, &LightArgs::default())?;
         self.show_subject(subject, path)?;
         self.watch(path, &LightArgs::default());
-        self.capture = None;
+        (self.capture, self.run) = (None, None);
         self.reset_view();
         Ok(())
     }
@@ -154,7 +191,10 @@ impl Viewer {
         match reloaded {
             Ok(()) => {
                 self.renew_trained_poses();
-                self.toasts.note(format!("{} has changed and was read again.", file_name(&path)));
+                // Training changes it all the time.
+                if !self.run.as_ref().is_some_and(TrainingRun::is_going_on) {
+                    self.toasts.note(format!("{} has changed and was read again.", file_name(&path)));
+                }
             }
             Err(error) => self.toasts.error(&error),
         }
@@ -195,7 +235,7 @@ impl Viewer {
             return;
         }
         ui.painter().rect_filled(rect, 0.0, Color32::from_black_alpha(160));
-        let text = "Drop an avatar, hand model, scene, poses or capture";
+        let text = "Drop an avatar, hand model, scene, poses, capture or run of training";
         ui.painter().text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(20.0), Color32::WHITE);
     }
 }

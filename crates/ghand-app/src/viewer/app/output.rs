@@ -17,6 +17,7 @@ use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
 use crate::viewer::picture::{PictureInputs, Progress};
 use crate::viewer::subject::Subject;
 use crate::viewer::subject_copy::SubjectCopy;
+use crate::viewer::training_run::TrainingRun;
 
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];
@@ -129,6 +130,7 @@ impl Viewer {
             || self.turntable
             || self.measure
             || self.live.is_some()
+            || self.run.as_ref().is_some_and(TrainingRun::is_going_on)
             || context.input(|input| input.pointer.any_down());
         if let Subject::Hand(hand) = &mut self.subject {
             let is_busy = is_busy || hand.is_playing();

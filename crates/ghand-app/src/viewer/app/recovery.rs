@@ -1,8 +1,10 @@
 //! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
+use crate::heap::give_back_free_memory;
 use crate::viewer::app::Viewer;
 use crate::viewer::picture::Median;
 use crate::viewer::subject::Subject;
+use crate::viewer::training_run::TrainingRun;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
@@ -41,12 +43,15 @@ impl Viewer {
     fn renew(&mut self) -> anyhow::Result<()> {
         self.gpu = self.gpu.reopen()?;
         self.upload()?;
+        // Of the old device.
+        give_back_free_memory();
         self.detail = 1.0;
         self.too_many = u32::MAX;
         self.texture = None;
         if let Subject::Hand(hand) = &mut self.subject {
             hand.forget_thumbnails();
         }
+        self.run.iter_mut().for_each(TrainingRun::forget_pictures);
         self.failure = None;
         self.last_frame = None;
         self.between_frames_ms = Median::default();

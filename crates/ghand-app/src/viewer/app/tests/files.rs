@@ -1,6 +1,6 @@
 //! Files are opened, watched and refused.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::viewer::hand::tests::untrained_avatar;
@@ -102,4 +102,76 @@ fn a_file_that_changes_is_read_again_and_pose_and_view_stay() {
     settle(&mut ui);
     assert_eq!(ui.viewer().subject.name(), "mended");
     assert!(ui.viewer().watched.as_ref().map(WatchedFile::path) == Some(&path));
+}
+
+/// A file that is dropped onto the window.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        Err("only its path is needed".into())
+    }
+}
+
+#[test]
+fn dropped_files_are_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ghand");
+    save(&path, "anna");
+    let mut ui = viewer();
+    let file = egui::HoveredFile { path: Some(path.clone()), ..Default::default() };
+    ui.harness.input_mut().hovered_files = vec![file];
+    ui.frame(Vec::new());
+    ui.harness.input_mut().hovered_files.clear();
+    ui.harness.input_mut().dropped_files = vec![std::sync::Arc::new(Dropped(path.clone()))];
+    ui.frame(Vec::new());
+    ui.frame(Vec::new());
+    assert_eq!(ui.viewer().subject.name(), "anna");
+    assert_eq!(ui.viewer().settings.recent, [path]);
+}
+
+#[test]
+fn a_run_is_followed_from_its_first_avatar_to_its_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, checkpoints) = (folder.path(), folder.path().join("checkpoints"));
+    std::fs::create_dir(&checkpoints).unwrap();
+    save(&checkpoints.join("preview.ghand"), "beginning");
+    let mut ui = viewer();
+    ui.viewer().open(run);
+    let settle = |ui: &mut Headless| (0..8).for_each(|_| _ = ui.frame(Vec::new()));
+    settle(&mut ui);
+    assert_eq!(ui.viewer().subject.name(), "beginning");
+    assert_eq!(messages(&ui, "There are no figures yet."), 1);
+    let table = "iteration,stage,seconds,l1,held_out_psnr\n25,2,3.0,0.5,\n50,2,7.5,0.25,21.5\n";
+    std::fs::write(checkpoints.join("curves.csv"), table).unwrap();
+    ui.click("fist");
+    let pose = ui.hand().pose.clone();
+    save(&checkpoints.join("preview.ghand"), "in the middle");
+    settle(&mut ui);
+    assert_eq!(ui.viewer().subject.name(), "in the middle");
+    assert_eq!(ui.hand().pose, pose);
+    assert_eq!(messages(&ui, "goes on: iteration 50, stage 2, 8 s"), 1);
+    assert_eq!(messages(&ui, "Loss (L1): 0.2500 after 50 iterations"), 1);
+    assert_eq!(messages(&ui, "Images held out: 21.50 dB"), 1);
+    assert_eq!(messages(&ui, "was read again"), 0, "it says so all the time");
+    // The result takes the place of what was shown.
+    save(&run.join("avatar.ghand"), "trained");
+    std::fs::remove_dir_all(&checkpoints).unwrap();
+    std::fs::write(run.join("curves.csv"), table).unwrap();
+    std::fs::write(run.join("metrics.json"), "{}").unwrap();
+    settle(&mut ui);
+    assert_eq!(ui.viewer().subject.name(), "trained");
+    assert_eq!(ui.hand().pose, pose);
+    assert_eq!(messages(&ui, "has ended: iteration 50"), 1);
+    // Another file has no run.
+    let other = folder.path().join("other.ghand");
+    save(&other, "other");
+    ui.viewer().open(&other);
+    settle(&mut ui);
+    assert_eq!(messages(&ui, "has ended"), 0);
 }
