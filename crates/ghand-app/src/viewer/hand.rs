@@ -452,7 +452,8 @@ impl Hand {
         if !self.shape.is_empty() {
             CollapsingHeader::new("Shape").show(ui, |ui| self.shape_panel.sliders(ui, &mut self.shape));
         } else if self.avatar().is_some() {
-            ui.label(RichText::new("An avatar has the shape of the hand that it was trained on.").small().weak());
+            let hover = "An avatar keeps the shape of the hand that it was trained on.";
+            ui.label(RichText::new("Shape: as trained").weak()).on_hover_text(hover);
         }
         if let Some(panel) = &mut self.light_panel {
             ui.separator();

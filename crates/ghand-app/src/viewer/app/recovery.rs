@@ -1,6 +1,5 @@
 //! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
-use crate::heap::give_back_free_memory;
 use crate::viewer::app::Viewer;
 use crate::viewer::picture::Median;
 use crate::viewer::subject::Subject;
@@ -43,8 +42,6 @@ impl Viewer {
     fn renew(&mut self) -> anyhow::Result<()> {
         self.gpu = self.gpu.reopen()?;
         self.upload()?;
-        // Of the old device.
-        give_back_free_memory();
         self.detail = 1.0;
         self.too_many = u32::MAX;
         self.texture = None;
