@@ -22,8 +22,3 @@ pub mod scene_framing;
 pub mod shown;
 pub mod train_run;
 pub mod viewer;
-
-/// Training makes and drops tensors of megabytes in every step, which the system's allocator takes from the system
-/// and gives back each time: a third of the networks' forward pass on Linux.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;

@@ -271,7 +271,7 @@ impl PropertyTables {
         Ok(match self {
             PropertyTables::Direct(tables) => Box::new(DirectModel::new(gpu, template, config, tables, deformation)),
             PropertyTables::Network(tables) => {
-                Box::new(NetworkModel::new(model, template, config, tables, deformation)?)
+                Box::new(NetworkModel::new(gpu, model, template, config, tables, deformation)?)
             }
             PropertyTables::Baked(tables) => Box::new(BakedModel::new(tables)),
         })

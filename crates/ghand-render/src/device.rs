@@ -6,6 +6,7 @@ mod memory_limit;
 mod recovery;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use adapter::AdapterChoice;
 pub use failure::{DeviceError, RenderError};
@@ -30,8 +31,14 @@ pub struct Gpu {
     pub info: wgpu::AdapterInfo,
     /// The set of device features that is used.
     pub tier: Tier,
+    /// Its number among the devices that this process has opened. The handles above are equal for the first devices of
+    /// two instances.
+    pub number: u64,
     failure: Arc<Failure>,
 }
+
+/// Devices that this process has opened.
+static OPENED: AtomicU64 = AtomicU64::new(0);
 
 impl Gpu {
     /// Opens a device without a window, of the tier in [`Tier::VARIABLE`], else of the best tier for the adapter.
@@ -79,7 +86,8 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error| reports.record_error(&error)));
         let reports = failure.clone();
         device.set_device_lost_callback(move |reason, message| reports.record_loss(reason, &message));
-        Ok(Gpu { instance, adapter, device, queue, info, tier, failure })
+        let number = OPENED.fetch_add(1, Ordering::Relaxed);
+        Ok(Gpu { instance, adapter, device, queue, info, tier, number, failure })
     }
 
     /// Whether the adapter is a software rasteriser.

@@ -83,19 +83,46 @@ impl Tier {
             Tier::Baseline => (wgpu::Features::empty(), default.max_compute_workgroup_storage_size),
             Tier::Fast => (wgpu::Features::SUBGROUP, Self::WORKGROUP_BYTES),
         };
-        wgpu::DeviceDescriptor {
+        let limits = wgpu::Limits {
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            max_buffer_size: offered.max_buffer_size,
+            max_texture_dimension_2d: offered.max_texture_dimension_2d,
+            max_compute_workgroup_storage_size: workgroup_bytes,
+            ..default
+        };
+        let mut descriptor = wgpu::DeviceDescriptor {
             label: Some("ghand"),
             required_features: features | (adapter.features() & wgpu::Features::TIMESTAMP_QUERY),
-            required_limits: wgpu::Limits {
-                max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-                max_buffer_size: offered.max_buffer_size,
-                max_texture_dimension_2d: offered.max_texture_dimension_2d,
-                max_compute_workgroup_storage_size: workgroup_bytes,
-                ..default
-            },
+            required_limits: limits,
             ..Default::default()
+        };
+        if cfg!(feature = "gpu-networks") {
+            share(&mut descriptor, adapter);
         }
+        descriptor
     }
+}
+
+/// Requests what Burn's kernels use wherever an adapter offers it: they ask the adapter, not the device.
+fn share(descriptor: &mut wgpu::DeviceDescriptor<'_>, adapter: &wgpu::Adapter) {
+    use wgpu::Features;
+    let kernels = Features::SUBGROUP
+        | Features::SHADER_F16
+        | Features::SHADER_F64
+        | Features::SHADER_INT64
+        | Features::SHADER_FLOAT32_ATOMIC;
+    descriptor.required_features |= adapter.features() & kernels;
+    let offered = adapter.limits();
+    descriptor.required_limits = wgpu::Limits {
+        max_compute_invocations_per_workgroup: offered.max_compute_invocations_per_workgroup,
+        max_compute_workgroup_size_x: offered.max_compute_workgroup_size_x,
+        max_compute_workgroup_size_y: offered.max_compute_workgroup_size_y,
+        max_compute_workgroup_size_z: offered.max_compute_workgroup_size_z,
+        max_compute_workgroup_storage_size: offered.max_compute_workgroup_storage_size,
+        max_compute_workgroups_per_dimension: offered.max_compute_workgroups_per_dimension,
+        max_storage_buffers_per_shader_stage: offered.max_storage_buffers_per_shader_stage,
+        ..descriptor.required_limits.clone()
+    };
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ mod adam;
 mod clip;
 mod device;
 mod layers;
+mod network_device;
 mod networks;
 mod parameters;
 mod position_map;

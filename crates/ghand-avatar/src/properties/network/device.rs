@@ -1,4 +1,4 @@
-//! The `network` model on the device: the networks run in Burn, their outputs and gradients pass through the host.
+//! The `network` model on the device: the networks run in Burn, where [`NetworkDevice`] says.
 
 use std::time::Instant;
 
@@ -12,6 +12,7 @@ use glam::DVec3;
 use super::adam::NetworkAdam;
 use super::clip::GradientClip;
 use super::layers::Pass;
+use super::network_device::{NetworkDevice, Place, values};
 use super::networks::{Base, Canonical, Networks, Posed};
 use super::parameters::{Parameter, Part};
 use super::position_map::{FeatureSampler, PositionMap, gaussian_uvs};
@@ -29,7 +30,7 @@ pub struct NetworkModel {
     networks: Networks,
     list: Vec<Parameter>,
     tables: NetworkTables,
-    device: Device,
+    burn: NetworkDevice,
     parameters: Vec<Tensor<1>>,
     running_norms: Vec<[Tensor<1>; 2]>,
     map: PositionMap,
@@ -54,7 +55,7 @@ struct Training {
     /// The last forward pass, whose backward pass is still to come.
     tape: Option<Tape>,
     /// Gradients of the properties in the tape's pose, added up over the views of it.
-    property_gradients: Option<[Vec<f32>; PROPERTIES]>,
+    property_gradients: Option<[Tensor<2>; PROPERTIES]>,
     /// Gradients of the parameters, added up over poses.
     parameter_gradients: Vec<Option<Tensor<1>>>,
     clip: GradientClip,
@@ -91,11 +92,6 @@ fn outputs_of(canonical: Canonical, posed: Posed) -> [Tensor<2>; PROPERTIES] {
     [shape_basis, residual_weights, posed.coefficients, posed.regressor, posed.scale, posed.color]
 }
 
-/// A tensor's values.
-fn values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, RenderError> {
-    tensor.try_into_vec_as::<f32>().map_err(|e| RenderError::Device(format!("a tensor could not be read: {e:?}")))
-}
-
 fn flat(values: &[f32], device: &Device) -> Tensor<1> {
     Tensor::from_data(TensorData::new(values.to_vec(), [values.len()]), device)
 }
@@ -109,7 +105,9 @@ impl NetworkModel {
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the hand model's UV atlas does not give the template's Gaussians.
+    /// [`RenderError::Device`] if Burn cannot use the device.
     pub fn new(
+        gpu: &Gpu,
         model: &HandModel,
         template: &Template,
         config: &AvatarConfig,
@@ -117,8 +115,8 @@ impl NetworkModel {
         deformation: &Deformation,
     ) -> Result<NetworkModel, RenderError> {
         let invalid = |e: &dyn std::fmt::Display| RenderError::Invalid(e.to_string());
-        // The networks run on the host, whatever draws the hand.
-        let device = Device::flex();
+        let burn = NetworkDevice::new(gpu, Place::from_env(gpu)?)?;
+        let device = burn.device.clone();
         let (networks, list) = Networks::new(&tables.sizes, tables.properties);
         let map = PositionMap::new(model, tables.sizes.map_side).map_err(|e| invalid(&e))?;
         let uvs = gaussian_uvs(model, config.uv_resolution).map_err(|e| invalid(&e))?;
@@ -150,14 +148,14 @@ impl NetworkModel {
             seconds: [0.0; PARTS.len()],
             training: None,
             tables: tables.clone(),
-            device,
+            burn,
         })
     }
 
     /// A position map as a tensor.
     fn map_tensor(&self, image: Vec<f32>) -> Tensor<4> {
         let side = self.map.side();
-        Tensor::from_data(TensorData::new(image, [1, 3, side, side]), &self.device)
+        Tensor::from_data(TensorData::new(image, [1, 3, side, side]), &self.burn.device)
     }
 
     /// Fills the properties for the pose of a map, without a graph.
@@ -174,7 +172,7 @@ impl NetworkModel {
         };
         let posed = self.networks.posed(&mut pass, map, &self.sampler, &canonical, &self.base);
         for (k, output) in outputs_of(canonical.clone(), posed).into_iter().enumerate().skip(first) {
-            self.write(gpu, k, output)?;
+            self.burn.write(gpu, output, property_buffers(&self.properties)[k])?;
         }
         self.canonical = Some(canonical);
         Ok(())
@@ -190,16 +188,9 @@ impl NetworkModel {
         let seen_norms = std::mem::take(&mut pass.seen_norms);
         let outputs = outputs_of(canonical, posed);
         for (k, output) in outputs.iter().enumerate() {
-            self.write(gpu, k, output.clone().inner())?;
+            self.burn.write(gpu, output.clone().inner(), property_buffers(&self.properties)[k])?;
         }
         Ok(Tape { parameters, outputs, seen_norms })
-    }
-
-    /// Writes a property to its buffer.
-    fn write(&self, gpu: &Gpu, property: usize, output: Tensor<2>) -> Result<(), RenderError> {
-        let buffer = property_buffers(&self.properties)[property];
-        gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values(output)?));
-        Ok(())
     }
 }
 
@@ -208,11 +199,7 @@ impl Training {
     fn propagate(&mut self) {
         let Some(gradients) = self.property_gradients.take() else { return };
         let Some(tape) = self.tape.take() else { return };
-        let products = tape.outputs.into_iter().zip(&gradients).map(|(output, gradient)| {
-            let rows = output.dims()[0];
-            let gradient = table(gradient, rows, &output.device().inner());
-            (output * gradient).sum()
-        });
+        let products = tape.outputs.into_iter().zip(gradients).map(|(output, gradient)| (output * gradient).sum());
         let Some(sum) = products.reduce(|a, b| a + b) else { return };
         let mut all = sum.backward();
         for (parameter, so_far) in tape.parameters.iter().zip(&mut self.parameter_gradients) {
@@ -293,19 +280,17 @@ impl PropertyModel for NetworkModel {
     fn backward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
         let Some(training) = &mut self.training else { return Err(not_prepared()) };
         let Some(tape) = &training.tape else { return Err(not_prepared()) };
-        let mut sums = training.property_gradients.take();
-        let new = |k: usize| -> Result<Vec<f32>, RenderError> {
-            buffers::read(gpu, property_buffers(&training.gradients)[k], tape.outputs[k].dims().iter().product())
-        };
+        let buffers = property_buffers(&training.gradients);
+        let new = |k: usize| self.burn.read(gpu, buffers[k], tape.outputs[k].dims());
         let new = [new(0)?, new(1)?, new(2)?, new(3)?, new(4)?, new(5)?];
-        match &mut sums {
-            Some(sums) => {
-                let pairs = sums.iter_mut().flatten().zip(new.iter().flatten());
-                pairs.for_each(|(sum, new)| *sum += new);
+        let sums = match training.property_gradients.take() {
+            Some(mut sums) => {
+                sums.iter_mut().zip(new).for_each(|(sum, new)| *sum = sum.clone() + new);
+                sums
             }
-            None => sums = Some(new),
-        }
-        training.property_gradients = sums;
+            None => new,
+        };
+        training.property_gradients = Some(sums);
         Ok(())
     }
 
@@ -391,7 +376,7 @@ impl PropertyModel for NetworkModel {
 
     fn set_training_state(&mut self, _: &Gpu, state: &TrainingState) -> Result<(), RenderError> {
         let Some(training) = &mut self.training else { return Err(not_prepared()) };
-        let device = &self.device;
+        let device = &self.burn.device;
         for (index, (parameter, slot)) in self.list.iter().zip(&mut self.parameters).enumerate() {
             let part = |name: &str| Ok::<_, RenderError>(flat(state_part(state, name, parameter.len())?, device));
             *slot = part(&parameter.name)?;

@@ -1,5 +1,7 @@
 //! Tests of the networks without a device: against a plain twin, by finite differences, by counting, by fitting.
 
+#[cfg(feature = "gpu-networks")]
+mod gpu;
 mod twin;
 
 use burn_tensor::{Device, Tensor, TensorData};
@@ -51,6 +53,8 @@ struct Case {
     /// Which joints move which Gaussians.
     support: Vec<f32>,
     weights: [Vec<f32>; 6],
+    /// Where they run.
+    device: Device,
 }
 
 const MAX_SCALE: f32 = 0.02;
@@ -88,28 +92,28 @@ impl Case {
             list,
             parameters,
             weights,
+            device: Device::flex(),
         }
     }
 
-    fn table(values: &[f32], rows: usize) -> Tensor<2> {
-        Tensor::from_data(TensorData::new(values.to_vec(), [rows, values.len() / rows]), &Device::flex())
+    fn table(&self, values: &[f32], rows: usize) -> Tensor<2> {
+        Tensor::from_data(TensorData::new(values.to_vec(), [rows, values.len() / rows]), &self.device)
     }
 
     fn tensors(&self) -> Vec<Tensor<1>> {
-        let tensor = |v: &Vec<f32>| Tensor::from_data(TensorData::new(v.clone(), [v.len()]), &Device::flex());
+        let tensor = |v: &Vec<f32>| Tensor::from_data(TensorData::new(v.clone(), [v.len()]), &self.device);
         self.parameters.iter().map(tensor).collect()
     }
 
     fn outputs(&self, parameters: &[Tensor<1>]) -> [Tensor<2>; 6] {
         let side = self.sizes.map_side;
-        let sampler = FeatureSampler::new(&self.uvs, side, &Device::flex());
-        let map =
-            |k: usize| Tensor::from_data(TensorData::new(self.maps[k].clone(), [1, 3, side, side]), &Device::flex());
+        let sampler = FeatureSampler::new(&self.uvs, side, &self.device);
+        let map = |k: usize| Tensor::from_data(TensorData::new(self.maps[k].clone(), [1, 3, side, side]), &self.device);
         let base = Base {
-            shape_basis: Self::table(&self.base_shape_basis, 6),
-            logits: Self::table(&self.base_logits, 4),
+            shape_basis: self.table(&self.base_shape_basis, 6),
+            logits: self.table(&self.base_logits, 4),
             max_scale: MAX_SCALE,
-            support: Some(Self::table(&self.support, 3)),
+            support: Some(self.table(&self.support, 3)),
         };
         let mut pass = Pass::new(parameters, None);
         let c = self.networks.canonical(&mut pass, map(0), &sampler, &base);
@@ -128,7 +132,7 @@ impl Case {
         let outputs = self.outputs(&parameters).into_iter().zip(&self.weights);
         let loss = outputs.map(|(output, weights)| {
             let rows = output.dims()[0];
-            (output * Self::table(weights, rows)).sum()
+            (output * self.table(weights, rows)).sum()
         });
         let mut all = loss.reduce(|a, b| a + b).unwrap().backward();
         parameters.iter().map(|p| p.grad_remove(&mut all).unwrap().try_into_vec_as::<f32>().unwrap()).collect()
