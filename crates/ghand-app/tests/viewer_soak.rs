@@ -32,14 +32,13 @@ use common::{save_avatar, small_capture};
 
 /// Largest window, points: larger ones only take longer on a software rasteriser.
 const LARGEST: [f32; 2] = [900.0, 700.0];
-/// Of how many actions one is the loss of the device.
+/// Of how many actions one is the loss of the device, in the first half of a run; the second has one device.
 const ACTIONS_PER_LOSS: u32 = 150;
 /// Of how many actions one is followed by a look at the memory.
 const ACTIONS_PER_SAMPLE: u32 = 25;
-/// Parts of a run whose samples are compared: by the first, every cache has had its use.
-const WARM: [f64; 2] = [0.3, 0.5];
-const END: [f64; 2] = [0.8, 1.0];
-/// Growth of the median resident memory from one to the other, as a factor.
+/// Parts of a run whose samples are compared, two in each half: by the first, every cache has had its use.
+const PARTS: [[f64; 2]; 4] = [[0.1, 0.3], [0.3, 0.5], [0.7, 0.85], [0.85, 1.0]];
+/// Growth of the median resident memory from one to the other of a half, as a factor.
 const MOST_GROWTH: f64 = 1.05;
 /// Frames after which a subject at rest is drawn, with its picture at its final size.
 const FRAMES_TO_REST: usize = 6;
@@ -54,8 +53,18 @@ struct Counts {
     actions: u32,
     frames: u64,
     losses: u32,
-    /// The part of the run that had passed, and the resident memory then, MB.
-    memory: Vec<(f64, f64)>,
+    memory: Vec<Sample>,
+}
+
+/// A look at the memory.
+#[derive(Debug)]
+struct Sample {
+    /// The part of the run that had passed.
+    part: f64,
+    /// Whether it is the first one with this device: while a device lives, its buffers keep the size of the largest picture.
+    is_first: bool,
+    /// Resident memory, MB.
+    mb: f64,
 }
 
 /// The user interface of a viewer with its own painter.
@@ -262,6 +271,7 @@ fn session(viewer: &mut Viewer, user: &mut User, time: [Instant; 2], counts: &mu
         ui.step();
         ui.state_mut().viewer.finish()?;
     }
+    let mut is_first = true;
     while Instant::now() < end {
         user.act(&mut ui);
         counts.actions += 1;
@@ -273,9 +283,10 @@ fn session(viewer: &mut Viewer, user: &mut User, time: [Instant; 2], counts: &mu
         if counts.actions.is_multiple_of(ACTIONS_PER_SAMPLE) {
             // What is shown decides how much memory is used: the same for all samples.
             user.rest(&mut ui)?;
-            counts.memory.push((part(), resident_mb()));
+            counts.memory.push(Sample { part: part(), is_first, mb: resident_mb() });
+            is_first = false;
         }
-        if user.random.random_ratio(1, ACTIONS_PER_LOSS) {
+        if part() < 0.5 && user.random.random_ratio(1, ACTIONS_PER_LOSS) {
             counts.losses += 1;
             gpu.device.destroy();
             bail!("the device is gone");
@@ -313,17 +324,24 @@ fn a_viewer_that_is_used_for_long_does_not_grow() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<f64>().ok());
     let minutes = number("SOAK_MINUTES").unwrap_or(1.0);
     let counts = soak(Duration::from_secs_f64(60.0 * minutes), number("SOAK_SEED").unwrap_or(SEED as f64) as u64);
-    let median = |[from, to]: [f64; 2]| {
-        let mut samples: Vec<f64> =
-            counts.memory.iter().filter(|(part, _)| (from..=to).contains(part)).map(|(_, mb)| *mb).collect();
+    let median = |k: usize| {
+        let [from, to] = PARTS[k];
+        let of_new_devices = k < 2;
+        let chosen = |sample: &&Sample| (from..to).contains(&sample.part) && (sample.is_first || !of_new_devices);
+        let mut samples: Vec<f64> = counts.memory.iter().filter(chosen).map(|sample| sample.mb).collect();
         samples.sort_by(f64::total_cmp);
-        samples[samples.len() / 2]
+        *samples
+            .get(samples.len() / 2)
+            .unwrap_or_else(|| panic!("too short: no look at the memory from {from} to {to}"))
     };
-    let (warm, end) = (median(WARM), median(END));
-    println!("memory: {:.0?}", counts.memory.iter().map(|(_, mb)| *mb).collect::<Vec<_>>());
+    let medians = [median(0), median(1), median(2), median(3)];
+    println!("memory: {:.0?}", counts.memory.iter().map(|sample| sample.mb).collect::<Vec<_>>());
     println!(
-        "{minutes} minutes, {} actions, {} frames, {} lost devices: {warm:.0} MB warm, {end:.0} MB at the end",
-        counts.actions, counts.frames, counts.losses
+        "{minutes} minutes, {} actions, {} frames, {} lost devices; new devices {:.0} and later {:.0} MB, one device {:.0} and \
+         later {:.0} MB",
+        counts.actions, counts.frames, counts.losses, medians[0], medians[1], medians[2], medians[3]
     );
-    assert!(end <= MOST_GROWTH * warm, "{warm:.0} MB became {end:.0} MB");
+    for [before, after] in [[medians[0], medians[1]], [medians[2], medians[3]]] {
+        assert!(after <= MOST_GROWTH * before, "{before:.0} MB became {after:.0} MB");
+    }
 }

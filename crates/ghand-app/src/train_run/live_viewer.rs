@@ -81,7 +81,10 @@ fn start(program: &Path, folder: &Path) {
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     if let Err(error) = command.spawn() {
-        log::warn!("--viewer: {}: cannot be started: {error}; the run goes on without it", program.display());
+        log::warn!(
+            "--viewer: {}: cannot be started: {error}; the run goes on without it (`cargo build --bin viewer` builds it)",
+            program.display()
+        );
     }
 }
 
