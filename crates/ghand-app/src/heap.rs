@@ -1,7 +1,7 @@
 //! The process's heaps: ours, and that of graphics drivers.
 
 /// Training makes and drops tensors of megabytes in every step, which the system's allocator takes from the system
-/// and gives back each time: a third of the networks' forward pass on Linux.
+/// and gives back each time: a quarter of the networks' forward pass on Linux.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

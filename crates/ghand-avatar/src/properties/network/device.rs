@@ -104,7 +104,7 @@ impl NetworkModel {
     /// Puts tables on the device; they fill the properties of `deformation`. `model` is the hand model that was sampled.
     ///
     /// # Errors
-    /// [`RenderError::Invalid`] if the hand model's UV atlas does not give the template's Gaussians.
+    /// [`RenderError::Invalid`] if the hand model's UV atlas does not give the template's Gaussians;
     /// [`RenderError::Device`] if Burn cannot use the device.
     pub fn new(
         gpu: &Gpu,

@@ -1,6 +1,6 @@
 //! Layers of the networks. Maps are `[1][channels][side][side]`, tables of points `[points][channels]`.
 //!
-//! Convolutions are matrix products here, of the weights and a table with a row for each weight of an output channel.
+//! Convolutions are matrix products here, of the weights and the map as the columns of a kernel see it.
 //! Burn's own are slower by a factor of several on a processor: for the gradient of the weights, flex 0.22.1 takes a batch
 //! of one for a map of one channel, and a path that is meant for edge filters.
 
