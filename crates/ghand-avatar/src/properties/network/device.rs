@@ -411,13 +411,15 @@ impl PropertyModel for NetworkModel {
 }
 
 /// The rate of a part; 0 keeps it as it is. A property whose own rate is 0 stays as it is, too.
+///
+/// Residual weights learn at their own rate: at the networks' they shake the outlines, as in tables.
 fn rate_of(part: Part, rates: &PropertyRates) -> f64 {
     let unless_fixed = |rate: f64| if rate > 0.0 { rates.networks } else { 0.0 };
     match part {
         Part::FeatureTensor => rates.feature_tensor,
         Part::CanonicalEncoder | Part::PoseEncoder | Part::Smoothing | Part::Trunk => rates.networks,
         Part::ShapeBasis => unless_fixed(rates.shape_basis),
-        Part::ResidualWeights => unless_fixed(rates.residual_weights),
+        Part::ResidualWeights => rates.residual_weights,
         Part::Coefficients => unless_fixed(rates.response),
         Part::Regressor => unless_fixed(rates.regressor),
         Part::Scale => unless_fixed(rates.scale),
