@@ -13,6 +13,7 @@ pub mod curve_plot;
 pub mod device_message;
 pub mod drawing;
 pub mod file_dialog;
+pub mod file_reader;
 pub mod frame_times;
 pub mod hand;
 pub mod handles;

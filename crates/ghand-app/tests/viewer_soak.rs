@@ -132,6 +132,7 @@ impl User {
         ui.key_press(Key::Escape);
         let viewer = &mut *ui.state_mut().viewer;
         viewer.open(&self.files[0]);
+        viewer.wait_for_files();
         viewer.subject_mut().reset();
         for _ in 0..FRAMES_TO_REST {
             ui.step();

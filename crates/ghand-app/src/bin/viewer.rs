@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Parser;
@@ -108,6 +109,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
+    let start = Instant::now();
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
@@ -141,6 +143,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
     }
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
+    viewer.log_start(start);
     if let Some(path) = &path {
         viewer.watch(path, &arguments.light);
         viewer.play_as(choice);

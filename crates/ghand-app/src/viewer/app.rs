@@ -28,6 +28,7 @@ use crate::viewer::camera::OrbitCamera;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command_palette::CommandPalette;
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_reader::FileReader;
 use crate::viewer::handles::HandleDrag;
 use crate::viewer::live::{Live, LiveSettings};
 use crate::viewer::name_dialog::NameDialog;
@@ -92,6 +93,8 @@ pub struct Viewer {
     /// The light in which the watched file is read.
     light: LightArgs,
     file_dialog: Option<FileDialog>,
+    /// Files that are being read.
+    files: FileReader,
     /// The dialog that chooses a file to save to, and what is saved there.
     save_dialog: Option<(FileDialog, Saving)>,
     palette: Option<CommandPalette>,
@@ -114,6 +117,8 @@ pub struct Viewer {
     toasts: Toasts,
     /// The handle that is dragged.
     handle_drag: Option<HandleDrag>,
+    /// When the program was started, until the first picture is done.
+    started: Option<Instant>,
     last_frame: Option<Instant>,
     between_frames_ms: Median,
 }
@@ -152,6 +157,7 @@ impl Viewer {
             quality: QualityChoice::exact(None),
             light: LightArgs::default(),
             file_dialog: None,
+            files: FileReader::default(),
             save_dialog: None,
             palette: None,
             help_shown: false,
@@ -167,6 +173,7 @@ impl Viewer {
             live_settings: LiveSettings::default(),
             toasts: Toasts::default(),
             handle_drag: None,
+            started: None,
             last_frame: None,
             between_frames_ms: Median::default(),
         })
@@ -195,16 +202,25 @@ impl Viewer {
         }
     }
 
+    /// Logs how long after `start` the first picture is done.
+    pub fn log_start(&mut self, start: Instant) {
+        self.started = Some(start);
+    }
+
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Waits for the picture. Returns whether all is complete; if not, the user interface must run once more.
+    /// Waits for files and for the picture. Returns whether all is complete; if not, the user interface must run once more.
     ///
     /// # Errors
     /// [`RenderError`] if the picture could not be rendered.
     pub fn finish(&mut self) -> Result<bool, RenderError> {
+        if self.files.is_busy() {
+            self.wait_for_files();
+            return Ok(false);
+        }
         self.gpu.wait()?;
         self.collect();
         self.wait_for_truth();
@@ -254,6 +270,9 @@ impl Viewer {
         let wanted = self.picture.intersections();
         if was_busy && progress == Progress::Complete {
             self.adaptive.took(self.drawn_scale, self.picture.last_ms());
+            if let Some(start) = self.started.take() {
+                log::info!("the first picture was done {:.2} s after the start", start.elapsed().as_secs_f64());
+            }
         }
         if let (Progress::Complete, Some(live)) = (progress, &mut self.live) {
             live.picture_complete();

@@ -8,11 +8,11 @@ use ghand_motion::motions::MOTION_NAMES;
 
 use crate::quality::Quality;
 use crate::viewer::app::Viewer;
-use crate::viewer::app::files::file_name;
 use crate::viewer::camera::Projection;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
 use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_reader::file_name;
 use crate::viewer::hand::Hand;
 use crate::viewer::help_overlay::help_overlay;
 use crate::viewer::name_dialog::NameDialog;
@@ -244,6 +244,11 @@ impl Viewer {
         self.show_output(context);
         self.help_shown = self.help_shown && help_overlay(context);
         self.toasts.show(context);
+        self.files.show(context);
+        if self.files.is_busy() {
+            // A file that was opened after the others were looked at is read in the next frame.
+            context.request_repaint();
+        }
     }
 
     fn palette_entries(&self, context: &Context) -> Vec<Entry<Action>> {

@@ -3,22 +3,19 @@
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::Context as _;
 use egui::{Align2, Color32, Context, FontId, Rect, Ui};
-use ghand_motion::KeyFrames;
-use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::key_ids};
+use ghand_core::HandModel;
+use ghand_motion::{KeyFrames, PoseSequence};
 
-use crate::capture_args::CaptureOptions;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
 use crate::light_args::LightArgs;
-use crate::pose_choice::PoseReadingArgs;
 use crate::quality::Quality;
 use crate::viewer::app::Viewer;
-use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_reader::{Contents, ReadFile, Reason, file_name};
 use crate::viewer::picture::Picture;
-use crate::viewer::quality_choice::QualityChoice;
+use crate::viewer::quality_choice::{Prepared, QualityChoice};
 use crate::viewer::subject::Subject;
 use crate::viewer::training_run::TrainingRun;
 use crate::viewer::watched_file::WatchedFile;
@@ -66,24 +63,21 @@ impl Viewer {
         self.toasts.note(format!("Preparing `{}` ...", quality.name()));
     }
 
-    /// Shows the avatar as it was prepared for a preset; pose, shape, motion and view stay.
+    /// Reads the avatar that was prepared for a preset.
     pub(super) fn take_quality(&mut self) {
-        let shown = self.quality.poll().and_then(|prepared| {
-            let Some(prepared) = prepared else { return Ok(false) };
-            if let Some(path) = &prepared.file {
-                let mut subject = Subject::read(path, &self.light)?;
-                subject.continue_from(&self.subject);
-                self.show_subject(subject, path)?;
-                self.renew_trained_poses();
-            }
-            self.quality.show(&prepared);
-            Ok(true)
-        });
-        match shown {
-            Ok(false) => {}
-            Ok(true) => self.toasts.note(format!("Played as `{}`.", self.quality.chosen().name())),
+        match self.quality.poll() {
+            Ok(None) => {}
+            Ok(Some(prepared)) => match prepared.file.clone() {
+                Some(path) => self.files.ask(&path, Reason::Prepared(prepared), &self.light),
+                None => self.play_prepared(&prepared),
+            },
             Err(error) => self.toasts.error(&error),
         }
+    }
+
+    fn play_prepared(&mut self, prepared: &Prepared) {
+        self.quality.show(prepared);
+        self.toasts.note(format!("Played as `{}`.", self.quality.chosen().name()));
     }
 
     /// Opens files that were dropped or chosen, and the watched one if it has changed.
@@ -111,93 +105,97 @@ impl Viewer {
                 }
             }
         }
+        if let Some(read) = self.files.poll(model_of(&self.subject), context) {
+            self.take_file(read);
+        }
     }
 
-    /// Opens a file of any kind: an avatar, a hand model or a scene becomes the subject, poses are shown by the present
-    /// hand, a capture's cameras are offered. If it cannot be opened, a message says why and nothing changes.
+    /// Waits until all files have been read that were opened or have changed.
+    pub fn wait_for_files(&mut self) {
+        while let Some(read) = self.files.wait(model_of(&self.subject)) {
+            self.take_file(read);
+        }
+    }
+
+    /// Opens a file of any kind, once it has been read beside the user interface: an avatar, a hand model or a scene
+    /// becomes the subject, poses are shown by the present hand, a capture's cameras are offered. If it cannot be opened, a
+    /// message says why and nothing changes.
     pub fn open(&mut self, path: &Path) {
-        match self.try_open(path) {
-            Ok(()) => {
-                self.settings.add_recent(path);
-                self.save_settings();
+        self.files.ask(path, Reason::Opened, &self.light);
+    }
+
+    /// Reads the watched file again.
+    fn reload(&mut self) {
+        if let Some(watched) = &self.watched {
+            self.files.ask(watched.path(), Reason::Changed, &self.light);
+        }
+    }
+
+    /// Shows what a file holds.
+    fn take_file(&mut self, read: ReadFile) {
+        let ReadFile { path, reason, contents } = read;
+        let shown = contents.and_then(|contents| match reason {
+            Reason::Opened => self.show_contents(contents, &path),
+            Reason::Changed => self.show_changed(contents, &path),
+            Reason::Prepared(prepared) => {
+                self.show_again(contents, &path)?;
+                self.play_prepared(&prepared);
+                Ok(())
             }
-            Err(error) => self.toasts.error(&error),
+        });
+        if let Err(error) = shown {
+            self.toasts.error(&error);
         }
     }
 
-    fn try_open(&mut self, path: &Path) -> anyhow::Result<()> {
-        let is_capture = path.is_dir() || path.file_name().is_some_and(|name| name == "capture.json");
-        if let Some(run) = TrainingRun::open(path)
-            && let Some(avatar) = run.avatar()
-        {
-            self.open_subject(&avatar)?;
-            self.follow_run(run);
-            return Ok(());
+    fn show_contents(&mut self, contents: Contents, path: &Path) -> anyhow::Result<()> {
+        match contents {
+            Contents::Subject(subject, source, run) => {
+                self.show_subject(*subject, &source)?;
+                self.watch(&source, &LightArgs::default());
+                (self.capture, self.run) = (None, run);
+                self.reset_view();
+            }
+            Contents::Capture(capture) => self.show_capture(*capture),
+            Contents::Poses(sequence, keys) => self.show_poses(path, sequence, keys),
         }
-        match file_kind(path) {
-            _ if is_capture => self.open_capture(path),
-            FileKind::Avatar | FileKind::Ply => self.open_subject(path),
-            // An archive or a pickle may also have poses.
-            FileKind::HandModel => match self.open_subject(path) {
-                Ok(()) => Ok(()),
-                Err(error) => self.open_poses(path).map_err(|_| error),
-            },
-            FileKind::Other => self.open_poses(path),
-        }
-    }
-
-    fn open_capture(&mut self, path: &Path) -> anyhow::Result<()> {
-        let Subject::Hand(hand) = &self.subject else { anyhow::bail!("a scene has no place in a capture") };
-        let capture = CapturePanel::open(path, &CaptureOptions::default(), hand.model())?;
-        self.show_capture(capture);
+        self.settings.add_recent(path);
+        self.save_settings();
         Ok(())
     }
 
-    fn open_poses(&mut self, path: &Path) -> anyhow::Result<()> {
-        let Subject::Hand(hand) = &mut self.subject else {
-            anyhow::bail!("{}: a scene of Gaussians cannot be posed; open an avatar first", path.display())
-        };
-        let text = path.to_str().context("the file's name is not text")?;
-        let sequence = PoseReadingArgs::default().load(text, hand.model())?;
+    fn show_poses(&mut self, path: &Path, sequence: PoseSequence, keys: Option<KeyFrames>) {
         for warning in &sequence.warnings {
             self.toasts.note(warning);
         }
-        let name = path.file_name().map_or_else(|| text.to_owned(), |name| name.to_string_lossy().into_owned());
-        // Keys are on frames of this rate.
-        let keys = if sequence.fps == DEFAULT_FPS { key_ids(path) } else { Vec::new() };
-        match KeyFrames::of_sequence(&sequence, &keys) {
-            Some(keys) => hand.show_keys(name, sequence, keys),
-            None => hand.show(name, sequence),
+        let Subject::Hand(hand) = &mut self.subject else { return };
+        match keys {
+            Some(keys) => hand.show_keys(file_name(path), sequence, keys),
+            None => hand.show(file_name(path), sequence),
+        }
+    }
+
+    /// Shows the watched file as it is now.
+    fn show_changed(&mut self, contents: Contents, path: &Path) -> anyhow::Result<()> {
+        // Something else may have been opened since.
+        if self.watched.as_ref().is_none_or(|watched| watched.path() != path) {
+            return Ok(());
+        }
+        self.show_again(contents, path)?;
+        // Training changes it all the time.
+        if !self.run.as_ref().is_some_and(TrainingRun::is_going_on) {
+            self.toasts.note(format!("{} has changed and was read again.", file_name(path)));
         }
         Ok(())
     }
 
-    fn open_subject(&mut self, path: &Path) -> anyhow::Result<()> {
-        let subject = Subject::read(path, &LightArgs::default())?;
-        self.show_subject(subject, path)?;
-        self.watch(path, &LightArgs::default());
-        (self.capture, self.run) = (None, None);
-        self.reset_view();
+    /// Shows another file of what is shown; pose, shape, motion and view stay.
+    fn show_again(&mut self, contents: Contents, path: &Path) -> anyhow::Result<()> {
+        let Contents::Subject(mut subject, ..) = contents else { return Ok(()) };
+        subject.continue_from(&self.subject);
+        self.show_subject(*subject, path)?;
+        self.renew_trained_poses();
         Ok(())
-    }
-
-    /// Reads the watched file again; pose, shape, motion and view stay.
-    fn reload(&mut self) {
-        let Some(path) = self.watched.as_ref().map(|watched| watched.path().to_owned()) else { return };
-        let reloaded = Subject::read(&path, &self.light).and_then(|mut subject| {
-            subject.continue_from(&self.subject);
-            self.show_subject(subject, &path)
-        });
-        match reloaded {
-            Ok(()) => {
-                self.renew_trained_poses();
-                // Training changes it all the time.
-                if !self.run.as_ref().is_some_and(TrainingRun::is_going_on) {
-                    self.toasts.note(format!("{} has changed and was read again.", file_name(&path)));
-                }
-            }
-            Err(error) => self.toasts.error(&error),
-        }
     }
 
     /// Shows another subject, if the device can hold it.
@@ -240,7 +238,10 @@ impl Viewer {
     }
 }
 
-/// The last part of a path.
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+/// The hand model of a subject that has one.
+fn model_of(subject: &Subject) -> Option<&HandModel> {
+    match subject {
+        Subject::Hand(hand) => Some(hand.model()),
+        Subject::Scene { .. } => None,
+    }
 }

@@ -8,10 +8,10 @@ use ghand_motion::pose_sequence::DEFAULT_FPS;
 
 use crate::pictures::{Background, LONGEST_TURN_SECONDS};
 use crate::viewer::app::Viewer;
-use crate::viewer::app::files::file_name;
 use crate::viewer::app::saving::Saving;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_reader::file_name;
 use crate::viewer::output::{OutputJob, OutputPlan};
 use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
 use crate::viewer::picture::{PictureInputs, Progress};

@@ -7,9 +7,9 @@ use egui::Context;
 use ghand_files::atomic_file::write_atomically;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::app::files::file_name;
 use crate::viewer::command::CommandId;
 use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_reader::file_name;
 use crate::viewer::output_dialog::OutputDialog;
 use crate::viewer::subject::Subject;
 use crate::viewer::timeline_panel::KeyRequest;

@@ -15,6 +15,8 @@ mod saved_views;
 mod thumbnails;
 mod truth;
 
+use std::path::Path;
+
 use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -80,8 +82,15 @@ impl Headless {
         let before = self.viewer().last_frame;
         self.harness.input_mut().events.extend(events);
         self.harness.step();
+        self.viewer().wait_for_files();
         self.viewer().gpu.wait().unwrap();
         before != self.viewer().last_frame
+    }
+
+    /// Opens a file and waits until it has been read.
+    fn open(&mut self, path: &Path) {
+        self.viewer().open(path);
+        self.viewer().wait_for_files();
     }
 
     /// Clicks on the control with that name, over several frames.

@@ -29,7 +29,7 @@ fn files_of_any_kind_are_opened() {
     let avatar = folder.path().join("a.ghand");
     save(&avatar, "anna");
     let mut ui = viewer();
-    ui.viewer().open(&avatar);
+    ui.open(&avatar);
     ui.frame(Vec::new());
     assert!(ui.harness.query_by_label("anna").is_some());
     let fist = pose_by_name("fist", ui.hand().model()).unwrap();
@@ -37,11 +37,39 @@ fn files_of_any_kind_are_opened() {
     let poses = folder.path().join("fist.json");
     std::fs::write(&poses, ui.hand().pose_json()).unwrap();
     ui.viewer().subject.reset();
-    ui.viewer().open(&poses);
+    ui.open(&poses);
     let off = |(a, b): (&glam::DVec3, &glam::DVec3)| a.distance(*b);
     assert!(ui.hand().pose.rotations.iter().zip(&fist.rotations).map(off).all(|off| off < 1e-12));
     let recent = ui.viewer().settings.recent.clone();
     assert_eq!(recent, [poses, avatar]);
+}
+
+#[test]
+fn files_are_read_beside_the_user_interface_and_shown_in_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let [avatar, poses] = ["a.ghand", "fist.json"].map(|name| folder.path().join(name));
+    save(&avatar, "anna");
+    let mut ui = viewer();
+    let before = ui.viewer().subject.name();
+    // The poses are for the skeleton of the avatar that is opened before them.
+    let mut hand = Hand::new(Avatar::load(&avatar).unwrap());
+    let fist = pose_by_name("fist", hand.model()).unwrap();
+    hand.pose.clone_from(&fist);
+    std::fs::write(&poses, hand.pose_json()).unwrap();
+    ui.viewer().open(&avatar);
+    ui.viewer().open(&poses);
+    ui.harness.step();
+    assert!(ui.viewer().files.is_busy());
+    assert_eq!(ui.viewer().subject.name(), before);
+    let start = Instant::now();
+    while ui.viewer().files.is_busy() {
+        ui.harness.step();
+        assert!(start.elapsed().as_secs() < 60, "the files are not read");
+    }
+    assert_eq!(ui.viewer().subject.name(), "anna");
+    let off = |(a, b): (&glam::DVec3, &glam::DVec3)| a.distance(*b);
+    assert!(ui.hand().pose.rotations.iter().zip(&fist.rotations).map(off).all(|off| off < 1e-12));
+    assert_eq!(ui.viewer().settings.recent, [poses, avatar]);
 }
 
 #[test]
@@ -65,7 +93,7 @@ fn a_file_that_cannot_be_opened_changes_nothing_but_says_why() {
     let mut ui = viewer();
     let before = ui.viewer().subject.name();
     for path in bad {
-        ui.viewer().open(&path);
+        ui.open(&path);
         ui.frame(Vec::new());
         ui.frame(Vec::new());
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -83,7 +111,7 @@ fn a_file_that_changes_is_read_again_and_pose_and_view_stay() {
     let path = folder.path().join("a.ghand");
     save(&path, "anna");
     let mut ui = viewer();
-    ui.viewer().open(&path);
+    ui.open(&path);
     ui.click("fist");
     ui.viewer().camera.orbit(DVec2::new(50.0, 10.0));
     let (camera, pose) = (ui.viewer().camera.clone(), ui.hand().pose.clone());
@@ -142,7 +170,7 @@ fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     std::fs::create_dir(&checkpoints).unwrap();
     save(&checkpoints.join("preview.ghand"), "beginning");
     let mut ui = viewer();
-    ui.viewer().open(run);
+    ui.open(run);
     let settle = |ui: &mut Headless| (0..8).for_each(|_| _ = ui.frame(Vec::new()));
     settle(&mut ui);
     assert_eq!(ui.viewer().subject.name(), "beginning");
@@ -171,7 +199,7 @@ fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     // Another file has no run.
     let other = folder.path().join("other.ghand");
     save(&other, "other");
-    ui.viewer().open(&other);
+    ui.open(&other);
     settle(&mut ui);
     assert_eq!(messages(&ui, "has ended"), 0);
 }

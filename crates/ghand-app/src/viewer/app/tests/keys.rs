@@ -104,7 +104,7 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
     }
     // Opened again it has its keys, which can be changed.
     let mut again = viewer();
-    again.viewer().open(&path);
+    again.open(&path);
     again.frame(Vec::new());
     assert_eq!(again.key_times(), [0.0, 1.0, 2.0]);
     for (seconds, between) in [("0.5", ui.hand().timeline.clone()), ("1.7", ui.hand().timeline.clone())] {

@@ -18,7 +18,7 @@ fn poses(text: &str) -> PoseSequence {
 }
 
 /// A file with 1.92 seconds of poses in which all joints rotate, at a rate without a finite decimal form.
-fn pose_file(folder: &std::path::Path) -> String {
+fn pose_file(folder: &Path) -> String {
     let pose =
         |k: usize| (0..16).map(|joint| format!("[0,{},-0.0001]", 0.003 * (k + joint) as f64)).collect::<Vec<_>>();
     let frame = |k: usize| format!(r#"{{"id":"{k:04}","pose":[{}]}}"#, pose(k).join(","));

@@ -35,9 +35,9 @@ fn viewer_of_file(folder: &Path, frames: &[&str]) -> Headless {
     let mut ui = viewer(&folder.join("capture"));
     let avatar = folder.join("avatar.ghand");
     untrained_avatar().save(&avatar).unwrap();
-    ui.viewer().open(&avatar);
+    ui.open(&avatar);
     write_trained(&mut ui, folder, frames);
-    ui.viewer().open(&folder.join("capture"));
+    ui.open(&folder.join("capture"));
     settle(&mut ui);
     ui
 }
@@ -174,7 +174,7 @@ fn poses_that_are_missing_foreign_or_broken_leave_the_capture_as_given() {
             None => std::fs::remove_file(&poses).unwrap(),
         }
         ui.viewer().toasts = Toasts::default();
-        ui.viewer().open(&folder.path().join("capture"));
+        ui.open(&folder.path().join("capture"));
         settle(&mut ui);
         assert_eq!(ui.harness.query_all_by_label_contains("poses.json").count(), notes, "{content:?}");
         assert!(off_fist(&mut ui) > 0.5 && ui.viewer().failure.is_none());
