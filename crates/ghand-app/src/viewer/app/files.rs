@@ -63,8 +63,11 @@ impl Viewer {
         self.toasts.note(format!("Preparing `{}` ...", quality.name()));
     }
 
-    /// Reads the avatar that was prepared for a preset.
+    /// Reads the avatar that was prepared for a preset, once no other file is being read that could take its place.
     pub(super) fn take_quality(&mut self) {
+        if self.files.is_busy() {
+            return;
+        }
         match self.quality.poll() {
             Ok(None) => {}
             Ok(Some(prepared)) => match prepared.file.clone() {
@@ -98,7 +101,7 @@ impl Viewer {
         let now = context.input(|input| input.time);
         if let Some(watched) = &mut self.watched {
             context.request_repaint_after(LOOK);
-            if watched.has_changed(now) {
+            if !self.files.is_busy() && watched.has_changed(now) {
                 match self.quality.chosen() {
                     Quality::Exact => self.reload(),
                     baked => self.choose_quality(baked, context),
