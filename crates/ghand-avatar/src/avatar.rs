@@ -2,7 +2,7 @@
 
 use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
-use ghand_hand_model::{HandModelError, surface};
+use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use serde::{Deserialize, Serialize};
 
 use crate::light::AvatarLight;
@@ -82,11 +82,26 @@ impl Avatar {
         inset: f64,
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
+        let samples = surface::sample_surface(model, config.uv_resolution)?;
+        Avatar::untrained_at(model, &samples, config, color, inset, seed)
+    }
+
+    /// As [`Avatar::untrained_inset`], with Gaussians at some points of the surface. Networks need all texels.
+    ///
+    /// # Errors
+    /// [`HandModelError`] if networks cannot be made in the sizes of the configuration.
+    pub fn untrained_at(
+        model: &HandModel,
+        samples: &SurfaceSamples,
+        config: &AvatarConfig,
+        color: [f64; 3],
+        inset: f64,
+        seed: u64,
+    ) -> Result<Avatar, HandModelError> {
         let invalid = |problem| HandModelError::invalid(model.name.clone(), "network", problem);
         config.network.as_ref().map_or(Ok(()), NetworkSizes::check).map_err(invalid)?;
-        let samples = surface::sample_surface(model, config.uv_resolution)?;
-        let template = Template::from_samples(model, &samples, config.gaussians);
-        let thickness = local_thickness(model, &samples);
+        let template = Template::from_samples(model, samples, config.gaussians);
+        let thickness = local_thickness(model, samples);
         let insets: Vec<f64> = (template.spacings.iter().zip(&thickness))
             .map(|(spacing, thickness)| {
                 (inset * f64::from(PropertyTables::START_SCALE * spacing)).min(DEEPEST_INSET * thickness)

@@ -1,5 +1,7 @@
 //! The canonical points of an avatar: the texels of the UV atlas that are on the hand.
 
+mod merged;
+
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
 
@@ -30,7 +32,7 @@ pub struct SurfaceSamples {
     pub normals: Vec<DVec3>,
     /// Skinning weights, joint-major `[n_b][N]`; the weights of a point sum to 1.
     pub weights: Vec<f64>,
-    /// Square root of the area of the surface that one texel covers there, metres.
+    /// Square root of the area of the surface that the point stands for, one texel or several, metres.
     pub spacings: Vec<f64>,
     /// How often a texel's centre was strictly inside a further triangle. 0 for a one-to-one atlas.
     pub overlaps: usize,

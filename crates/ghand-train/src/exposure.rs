@@ -151,7 +151,7 @@ mod tests {
         let texel = |t: usize, camera: usize, frame: usize| {
             let at = (t * 7 + camera * 131 + frame * 17) % 997;
             let color = [0, 1, 2].map(|c| skin(t)[c] * exposures[camera][c] + noise(at + 3 * c));
-            (!at.is_multiple_of(4)).then_some(TexelView { color, weight: 0.8 })
+            (!at.is_multiple_of(4)).then_some(TexelView { color, weight: 0.8, edge: 1.0 })
         };
         let image = |camera: usize, frame: usize| TexelImage {
             eye: glam::DVec3::ZERO,

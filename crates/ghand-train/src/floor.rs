@@ -7,15 +7,13 @@ use ghand_core::light::{linear, shade};
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
-use ghand_hand_model::HandModelError;
+use ghand_hand_model::surface::sample_surface;
+use ghand_hand_model::{HandModelError, SurfaceSamples};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshImage, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use glam::DVec3;
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 
-use crate::texel_views::{TexelObserver, TexelView};
+use crate::texel_views::{COLOR_COSINE, TexelObserver, TexelView, some_views};
 
 /// Why the floor could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -103,24 +101,20 @@ pub fn texel_colors(
     capture: &Capture,
     split: &Split,
     poses: &[Pose],
-    resolution: u32,
+    samples: SurfaceSamples,
     view_count: usize,
     lit: Option<&AvatarLight>,
 ) -> Result<TexelColors, FloorError> {
-    let observer = TexelObserver::new(gpu, capture, resolution)?;
+    let observer = TexelObserver::new(gpu, capture, samples)?;
     let model = capture.template.without_blend_shapes();
-    let mut views = split.views.clone();
-    // Shuffled, so that the chosen views spread over all cameras and frames.
-    views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-    views.truncate(view_count);
     // Of each texel and channel: sums of weight * shade * colour and of weight * shade^2.
     let mut sums = vec![[[0.0f64; 2]; 3]; observer.samples().len()];
-    for view in views {
+    for view in some_views(split, view_count) {
         let pose = &poses[view.position];
         let eye = capture.cameras[view.camera].center();
         let light = lit.map(|lit| lit.of_gaussians(&model, pose, eye)).transpose()?;
-        for (t, (sum, seen)) in sums.iter_mut().zip(observer.observe(&view, pose)?).enumerate() {
-            let Some(TexelView { color, weight }) = seen else { continue };
+        for (t, (sum, seen)) in sums.iter_mut().zip(observer.observe(&view, pose, COLOR_COSINE)?).enumerate() {
+            let Some(TexelView { color, weight, .. }) = seen else { continue };
             for c in 0..3 {
                 let [factor, mirrored] =
                     light.as_ref().map_or([1.0, 0.0], |light| [light.shades[t][c], light.gloss[t][c]].map(f64::from));
@@ -135,7 +129,8 @@ pub fn texel_colors(
     let color =
         |sum: &[[f64; 2]; 3]| [0, 1, 2].map(|c| (sum[c][0] + PRIOR_WEIGHT * mean[c]) / (sum[c][1] + PRIOR_WEIGHT));
     let colors = sums.iter().map(color).collect();
-    Ok(TexelColors { colors, texels: observer.samples().texels.clone(), resolution })
+    let SurfaceSamples { texels, resolution, .. } = observer.samples();
+    Ok(TexelColors { colors, texels: texels.clone(), resolution: *resolution })
 }
 
 impl TexelColors {
@@ -186,7 +181,8 @@ impl<'a> Floor<'a> {
         poses: &[Pose],
         view_count: usize,
     ) -> Result<Floor<'a>, FloorError> {
-        let colors = texel_colors(gpu, capture, split, poses, FLOOR_RESOLUTION, view_count, None)?;
+        let samples = sample_surface(&capture.template, FLOOR_RESOLUTION)?;
+        let colors = texel_colors(gpu, capture, split, poses, samples, view_count, None)?;
         Ok(Floor { painter: MeshPainter::new(gpu, &capture.template)?, texture: colors.texture() })
     }
 

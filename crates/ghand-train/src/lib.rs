@@ -22,6 +22,7 @@ pub mod light_training;
 pub mod lpips;
 mod memory_check;
 pub mod metrics;
+mod needed_texels;
 mod outline_band;
 pub mod planted;
 pub mod plot;

@@ -56,9 +56,8 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "antialias" => Rule::Word(&["on", "off"]),
         "max_seconds" | "start_inset" | "l1_weight" | "ssim_weight" | "lpips_weight" | "coverage_weight"
-        | "offset_weight" | "scale_weight" | "color_roughness" | "offset_roughness" | "gradient_clip" => {
-            Rule::Number(0.0, LARGEST)
-        }
+        | "merge_below" | "offset_weight" | "scale_weight" | "color_roughness" | "offset_roughness"
+        | "gradient_clip" => Rule::Number(0.0, LARGEST),
         name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })

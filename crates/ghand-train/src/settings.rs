@@ -186,6 +186,9 @@ pub struct TrainSettings {
     pub seed: u64,
     /// Resolution of the UV raster whose texels are the Gaussians.
     pub uv_resolution: u32,
+    /// Blocks of 2x2 texels become one Gaussian each where no training image shows texels with edges of this length or more,
+    /// pixels, also where none shows them at all; 0 for one Gaussian for each texel. With `model=direct`.
+    pub merge_below: f64,
     /// Number of shape bases, n.
     pub shape_bases: usize,
     /// Number of pose-dependent colour components.
@@ -276,6 +279,7 @@ impl Default for TrainSettings {
             pose_image_reduction: 2,
             seed: 1,
             uv_resolution: 160,
+            merge_below: 0.0,
             shape_bases: 8,
             color_components: 4,
             gaussians: GaussianShape::Flat,
@@ -393,6 +397,9 @@ impl TrainSettings {
                 "must be 1 unless model=network: other models gain nothing by more".into(),
             ));
         }
+        if self.merge_below > 0.0 && self.model == Model::Network {
+            return Err(fail("merge_below", "must be 0 with model=network, whose Gaussians are all texels".into()));
+        }
         Ok(())
     }
 
@@ -449,6 +456,7 @@ impl TrainSettings {
             simplify: Simplify::Off,
             images_per_step: 1,
             uv_resolution: self.pose_uv_resolution,
+            merge_below: 0.0,
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
             color_components: 0,

@@ -3,11 +3,12 @@
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::Pose;
 use ghand_hand_model::SurfaceSamples;
+use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use glam::DVec3;
 
 use crate::floor::FloorError;
-use crate::texel_views::{TexelObserver, TexelView};
+use crate::texel_views::{COLOR_COSINE, TexelObserver, TexelView};
 
 /// Resolution of the texels: some two thousand points.
 const RESOLUTION: u32 = 72;
@@ -42,7 +43,7 @@ pub(crate) struct TexelFrames {
 impl TexelFrames {
     /// Of a split whose frames have these poses.
     pub fn new(gpu: &Gpu, capture: &Capture, split: &Split, poses: &[Pose]) -> Result<TexelFrames, FloorError> {
-        let observer = TexelObserver::new(gpu, capture, RESOLUTION)?;
+        let observer = TexelObserver::new(gpu, capture, sample_surface(&capture.template, RESOLUTION)?)?;
         let mut frames: Vec<usize> = split.views.iter().map(|view| view.position).collect();
         frames.sort_unstable();
         frames.dedup();
@@ -54,7 +55,7 @@ impl TexelFrames {
                 Ok(TexelImage {
                     camera: view.camera,
                     eye: capture.cameras[view.camera].center(),
-                    texels: observer.observe(view, &poses[*frame])?,
+                    texels: observer.observe(view, &poses[*frame], COLOR_COSINE)?,
                 })
             };
             // Other cameras in each frame, so that all of them meet.

@@ -25,6 +25,7 @@ use crate::floor::{FloorError, texel_colors};
 use crate::light_fit::{LightFit, fit_light_to};
 use crate::lpips::Lpips;
 use crate::memory_check;
+use crate::needed_texels::needed_texels;
 use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Simplify, TrainSettings};
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
@@ -294,7 +295,7 @@ impl<'a> Trainer<'a> {
         Trainer { lpips, ..self }
     }
 
-    /// Number of Gaussians of the avatar, unless `simplify=auto` chooses it.
+    /// Number of Gaussians of the avatar, unless `simplify=auto` or `merge_below` make them fewer.
     pub fn gaussians(&self) -> usize {
         self.gaussians
     }
@@ -486,28 +487,21 @@ impl<'a> Trainer<'a> {
 
     /// The initial avatar of a stage: the template's surface with mean texel colours.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
-        let mut avatar = Avatar::untrained_inset(
-            &self.capture.template,
+        let (capture, poses) = (&self.capture, &self.prepared.poses);
+        let samples = needed_texels(gpu, capture, &self.split, poses, settings)?;
+        let mut avatar = Avatar::untrained_at(
+            &capture.template,
+            &samples,
             &settings.avatar(),
             [0.5; 3],
             settings.start_inset,
             settings.seed,
         )?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
-            let samples = surface::sample_surface(&self.capture.template, settings.uv_resolution)?;
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
             avatar.light = Some(AvatarLight::new(light, gloss, &samples));
         }
-        let (capture, resolution) = (&self.capture, settings.uv_resolution);
-        let colors = texel_colors(
-            gpu,
-            capture,
-            &self.split,
-            &self.prepared.poses,
-            resolution,
-            COLOR_VIEWS,
-            avatar.light.as_ref(),
-        )?;
+        let colors = texel_colors(gpu, capture, &self.split, poses, samples, COLOR_VIEWS, avatar.light.as_ref())?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),

@@ -37,7 +37,7 @@ fn skin(gpu: &Gpu, capture: &Capture, poses: &[Pose], light: Option<&Light>) -> 
     let samples = sample_surface(&capture.template, RESOLUTION).unwrap();
     let lit = light.map(|light| AvatarLight::new(light.clone(), None, &samples));
     let split = capture.split("train").unwrap();
-    texel_colors(gpu, capture, split, poses, RESOLUTION, 72, lit.as_ref()).unwrap().colors
+    texel_colors(gpu, capture, split, poses, samples, 72, lit.as_ref()).unwrap().colors
 }
 
 /// The median relative error of linear albedos, up to one factor per channel.

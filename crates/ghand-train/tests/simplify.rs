@@ -51,7 +51,9 @@ fn what_frames_left_out_do_not_require_is_left_out() {
     assert_eq!((found.frames_left_out, found.images), (2, 12));
     // The avatar has what was taken.
     assert_eq!(trained.settings, found.apply(&settings).unwrap());
-    assert_eq!(trained.avatar.template.len(), taken.gaussians);
+    // The images that were left out show a little more of the hand.
+    let (gaussians, tried) = (trained.avatar.template.len(), taken.gaussians);
+    assert!(gaussians.abs_diff(tried) * 50 <= tried, "{gaussians} Gaussians, {tried} were tried");
     assert_eq!(trained.avatar.config, trained.settings.avatar());
     // A run that is interrupted afterwards does not try again, and ends with the same avatar.
     assert!(train("parts", 30).stopped);

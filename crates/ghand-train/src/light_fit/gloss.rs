@@ -260,7 +260,7 @@ mod tests {
                     let noise = 0.01 * (12.9 * (t + 7 * i + 3 * f) as f64).sin();
                     let color = [0, 1, 2].map(|c| shade(matte + f64::from(mirrored[f][i][t][c])) + noise);
                     let seen = (t + 2 * i + f) % 3 != 0;
-                    *texel = seen.then_some(TexelView { color: color.map(|v| v.min(1.0)), weight: 0.8 });
+                    *texel = seen.then_some(TexelView { color: color.map(|v| v.min(1.0)), weight: 0.8, edge: 1.0 });
                 }
             }
         }

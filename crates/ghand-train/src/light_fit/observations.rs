@@ -30,7 +30,7 @@ impl Observations {
             let mut sums = vec![[0.0; 4]; texels];
             for (i, image) in images.iter().enumerate() {
                 for (t, (sum, seen)) in sums.iter_mut().zip(&image.texels).enumerate() {
-                    let Some(TexelView { color, weight }) = seen else { continue };
+                    let Some(TexelView { color, weight, .. }) = seen else { continue };
                     for (c, value) in color.iter().enumerate() {
                         let mirrored = gloss.map_or(0.0, |gloss| f64::from(gloss[frame][i][t][c]));
                         sum[c] += weight * (linear(*value) - mirrored).max(0.0);

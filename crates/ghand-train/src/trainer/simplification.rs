@@ -16,7 +16,8 @@ use super::stage::Stage;
 use super::{Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
-use crate::settings::{Components, SettingsError, TrainSettings, Unseen};
+use crate::needed_texels::{largest_edges, needed_texels};
+use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
 use crate::texel_frames::evenly;
 use crate::train_error::TrainError;
 use crate::views::TrainViews;
@@ -37,6 +38,10 @@ const MOST_TIME: f64 = 0.4;
 /// Coarser rasters are tried in steps of this factor, down to this one.
 const COARSER: f64 = 0.85;
 const COARSEST: u32 = 16;
+/// Merged are the texels that no image shows, then these parts of those that images show, the smallest there first.
+const MERGED: [f64; 3] = [0.25, 0.5, 0.75];
+/// One in so many texels must be hidden to be worth a trial.
+const LEAST_HIDDEN: usize = 50;
 
 /// A short training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -115,7 +120,7 @@ impl Trainer<'_> {
         };
         let set = &self.settings;
         trials.run(gpu, set, &[])?;
-        for (key, values) in self.simpler() {
+        for (key, values) in self.simpler(gpu)? {
             for value in values {
                 if set.max_seconds > 0.0 && self.seconds() > MOST_TIME * set.max_seconds {
                     break;
@@ -134,8 +139,9 @@ impl Trainer<'_> {
     }
 
     /// Settings with simpler and simpler values.
-    fn simpler(&self) -> Vec<(&'static str, Vec<String>)> {
-        let TrainSettings { components, color_components, shape_bases, uv_resolution, .. } = self.settings;
+    fn simpler(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<String>)>, TrainError> {
+        let TrainSettings { model, merge_below, components, color_components, shape_bases, uv_resolution, .. } =
+            self.settings;
         let mut parts = vec![];
         if matches!(components, Components::Full | Components::Weights) {
             parts.push(("components", vec!["hgbs".to_owned()]));
@@ -147,10 +153,27 @@ impl Trainer<'_> {
             let halved = std::iter::successors(Some(shape_bases / 2), |bases| Some(bases / 2));
             parts.push(("shape_bases", halved.take_while(|bases| *bases > 0).map(|bases| bases.to_string()).collect()));
         }
+        if model == Model::Direct && merge_below == 0.0 {
+            parts.push(("merge_below", self.merging(gpu)?));
+        }
         let coarser = std::iter::successors(Some(f64::from(uv_resolution) * COARSER), |side| Some(side * COARSER));
         let coarser = coarser.map(|side| side.round() as u32).take_while(|side| *side >= COARSEST);
         parts.push(("uv_resolution", coarser.map(|side| side.to_string()).collect()));
-        parts
+        Ok(parts)
+    }
+
+    /// Lengths of texels' edges, pixels, below which more and more texels are merged.
+    fn merging(&self, gpu: &Gpu) -> Result<Vec<String>, TrainError> {
+        let (capture, poses) = (&self.capture, &self.prepared.poses);
+        let samples = sample_surface(&capture.template, self.settings.uv_resolution)?;
+        let mut edges = largest_edges(gpu, capture, &self.split, poses, samples)?;
+        let count = edges.len();
+        edges.retain(|edge| *edge > 0.0);
+        edges.sort_by(f64::total_cmp);
+        // Below the smallest that images show are those that none shows, if there are some worth a trial.
+        let below = |part: f64| edges.get((part * edges.len() as f64) as usize).map(|edge| format!("{edge:.2}"));
+        let hidden = (count - edges.len() > count / LEAST_HIDDEN).then(|| below(0.0)).flatten();
+        Ok(hidden.into_iter().chain(MERGED.into_iter().filter_map(below)).collect())
     }
 }
 
@@ -210,7 +233,8 @@ impl<'a> Trials<'a> {
         let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
-        let gaussians = sample_surface(&self.trainer.capture.template, settings.uv_resolution)?.len();
+        let trainer = &self.trainer;
+        let gaussians = needed_texels(gpu, &trainer.capture, &trainer.split, &trainer.prepared.poses, &settings)?.len();
         memory_check::check(gaussians, self.trainer.capture.template.joint_count(), &settings)?;
         let stage = Stage {
             number: 2,

@@ -1,5 +1,8 @@
 //! The properties of an avatar in poses, read from the device, and what the deformation makes of them.
 
+use std::collections::HashMap;
+
+use anyhow::Context as _;
 use ghand_avatar::{Avatar, Scene};
 use ghand_core::Pose;
 use ghand_core::blend_shapes::CoefficientLayout;
@@ -117,6 +120,21 @@ pub fn centred(weights: &[f64], count: usize, joints: usize) -> Vec<f64> {
     weights.iter().enumerate().map(|(i, weight)| weight - means[i % count.max(1)]).collect()
 }
 
+/// The normals of the texels that an avatar's Gaussians are, which may be some of its hand model's.
+fn normals_of(avatar: &Avatar) -> anyhow::Result<Vec<DVec3>> {
+    let samples = sample_surface(&avatar.model, avatar.config.uv_resolution)?;
+    if samples.len() == avatar.template.len() {
+        return Ok(samples.normals);
+    }
+    let place = |p: DVec3| p.as_vec3().to_array().map(f32::to_bits);
+    let normals: HashMap<_, _> =
+        samples.positions.iter().zip(&samples.normals).map(|(position, normal)| (place(*position), *normal)).collect();
+    let (rest, count) = (&avatar.template.rest, avatar.template.len());
+    let normal = |p: usize| normals.get(&[0, 1, 2].map(|c| rest[c * count + p].to_bits())).copied();
+    let found: Option<Vec<DVec3>> = (0..count).map(normal).collect();
+    found.with_context(|| format!("the avatar's {count} Gaussians are not texels of its hand model"))
+}
+
 impl Explained {
     /// Reads an avatar's properties in these poses and in the rest pose.
     ///
@@ -125,11 +143,7 @@ impl Explained {
     pub fn read(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<Explained> {
         let (template, config) = (&avatar.template, &avatar.config);
         let (count, joint_count) = (template.len(), template.joint_count());
-        let samples = sample_surface(&avatar.model, config.uv_resolution)?;
-        if samples.len() != count {
-            anyhow::bail!("the avatar has {count} Gaussians, but its hand model has {} texels", samples.len());
-        }
-        let normals = samples.normals;
+        let normals = normals_of(avatar)?;
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let rest = vectors(&wide(&template.rest), count);
         let weights = wide(&template.weights);
