@@ -11,6 +11,8 @@ import package::shared::splat::Splat;
 
 // Depth keys have 30 bits.
 const DEPTH_KEY_MAX: u32 = 0x3fffffffu;
+// So many of their lowest bits are dropped.
+override DEPTH_KEY_SHIFT: u32 = 0u;
 
 @group(0) @binding(2) var<storage, read_write> splats: array<Splat>;
 // First and one past last tile, x in the low and y in the high half of each word; all zero when culled.
@@ -28,7 +30,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     }
     depth_order[i] = i;
     tile_rects[i] = vec2(0u, 0u);
-    depth_keys[i] = DEPTH_KEY_MAX;
+    depth_keys[i] = DEPTH_KEY_MAX >> DEPTH_KEY_SHIFT;
 
     let g = load_gaussian(i);
     let p = camera_from_world(view, g.mean);
@@ -68,6 +70,6 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     let end_tile = (vec2<u32>(last) - origin) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
     // The bits of positive floats sort like the floats. All depths beyond 3e36 m are equal.
-    depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX);
+    depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX) >> DEPTH_KEY_SHIFT;
     splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0.0, color, 0.0);
 }

@@ -34,7 +34,8 @@ struct View {
 const TILE_SIZE: u32 = 8u;
 // Screen-space blur added to every projected covariance, pixels^2.
 const BLUR: f32 = 0.3;
-const ALPHA_MIN: f32 = 1.0 / 255.0;
+// Less alpha is not blended.
+override ALPHA_MIN: f32 = 1.0 / 255.0;
 const ALPHA_MAX: f32 = 0.99;
 // Blending of a pixel ends before the splat that would reduce its transmittance to this or less.
 const TRANSMITTANCE_MIN: f32 = 1e-4;

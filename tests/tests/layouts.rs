@@ -215,11 +215,12 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
     assert!(unseen.is_empty(), "no shader has a buffer of {:?}", unseen.keys());
 }
 
-/// The value of a constant of a source, if it exists and is a number.
+/// The value of a constant of a source, or what an override is unless it is set, if it exists and is a number.
 fn constant(source: &str, name: &str) -> Option<f64> {
     let module = validate(Tier::Fast, source).unwrap();
-    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
-    match module.global_expressions[constant.init] {
+    let constant = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).map(|(_, c)| c.init);
+    let default = || module.overrides.iter().find(|(_, o)| o.name.as_deref() == Some(name)).and_then(|(_, o)| o.init);
+    match module.global_expressions[constant.or_else(default)?] {
         naga::Expression::Literal(naga::Literal::U32(value)) => Some(value.into()),
         naga::Expression::Literal(naga::Literal::F32(value)) => Some(value.into()),
         _ => None,

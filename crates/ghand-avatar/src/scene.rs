@@ -7,7 +7,9 @@
 
 use ghand_core::{Camera, Pose};
 use ghand_render::deform::TablePlace;
-use ghand_render::splat::{Counters, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View};
+use ghand_render::splat::{
+    Counters, CutOffs, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View,
+};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
@@ -86,8 +88,23 @@ impl Scene {
         frames: usize,
         max_size: [u32; 2],
     ) -> Result<Scene, RenderError> {
+        Scene::with_cut_offs(gpu, avatars, purpose, frames, max_size, CutOffs::default())
+    }
+
+    /// As [`Scene::new`], neglecting more or less.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_cut_offs(
+        gpu: &Gpu,
+        avatars: &[&Avatar],
+        purpose: Purpose,
+        frames: usize,
+        max_size: [u32; 2],
+        cut_offs: CutOffs,
+    ) -> Result<Scene, RenderError> {
         let columns = avatars.iter().map(|a| a.template.len()).sum();
-        let options = SplatOptions { model: splat_model(avatars)?, purpose, depth: false };
+        let options = SplatOptions { model: splat_model(avatars)?, purpose, cut_offs, ..SplatOptions::default() };
         let shape = options.model.shape;
         let splatter = Splatter::new(gpu, options, columns, max_size)?;
         let mut first = 0;
@@ -107,7 +124,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`].
     pub fn of_static_gaussians(gpu: &Gpu, splats: &SplatScene, max_size: [u32; 2]) -> Result<Scene, RenderError> {
-        let options = SplatOptions { model: splats.model(), purpose: Purpose::Images, depth: false };
+        let options = SplatOptions { model: splats.model(), purpose: Purpose::Images, ..SplatOptions::default() };
         let splatter = Splatter::new(gpu, options, splats.count, max_size)?;
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&splats.table));
         Ok(Scene { splatter, avatars: Vec::new(), eye: None })

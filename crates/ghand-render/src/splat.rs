@@ -16,6 +16,7 @@ mod sort;
 
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
+use serde::Serialize;
 
 use crate::pipeline::compute_pass;
 use crate::{Gpu, RenderError, Tier, buffers, timing};
@@ -58,6 +59,35 @@ pub struct SplatOptions {
     pub purpose: Purpose,
     /// Whether the expected depth is rendered along with the image.
     pub depth: bool,
+    /// What is neglected.
+    pub cut_offs: CutOffs,
+}
+
+/// What a splatter neglects. The default is for training: only what no display shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct CutOffs {
+    /// A Gaussian is not blended into pixels that it covers by less than this, 255ths; 1 to 254.
+    pub alpha: u32,
+    /// Bits of the depths by which Gaussians are sorted, 1 to 30: the highest of a float's bits. With 20 of them, depths
+    /// that differ by a part of 1.2e-4 may count as the same, with 10 by a part of 0.125; those are in the order of
+    /// the Gaussians.
+    pub depth_bits: u32,
+}
+
+impl Default for CutOffs {
+    fn default() -> CutOffs {
+        CutOffs { alpha: 1, depth_bits: frame::DEPTH_BITS }
+    }
+}
+
+impl CutOffs {
+    fn alpha_min(&self) -> (&'static str, f64) {
+        ("ALPHA_MIN", f64::from(self.alpha.clamp(1, 254)) / 255.0)
+    }
+
+    fn depth_bits(&self) -> u32 {
+        self.depth_bits.clamp(1, frame::DEPTH_BITS)
+    }
 }
 
 impl SplatOptions {
@@ -300,7 +330,7 @@ impl Splatter {
         // Each Gaussian of a hand touches three to four tiles; the buffer grows for views that need more.
         let capacity = (4 * count as u32).max(1024);
         let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
-        let frame = Frame::new(gpu, &pipelines, &buffers);
+        let frame = Frame::new(gpu, &pipelines, &buffers, options.cut_offs.depth_bits());
         Splatter { pipelines, shared, frame, count, max_size, capacity, current, options }
     }
 
@@ -484,7 +514,7 @@ impl Splatter {
         let what = format!("{capacity} tile intersections in {}", description(self.count, self.max_size));
         self.frame = gpu.scoped(&what, || {
             let buffers = FrameBuffers::new(gpu, &self.options, &self.shared, self.count, self.max_size, capacity);
-            Frame::new(gpu, &self.pipelines, &buffers)
+            Frame::new(gpu, &self.pipelines, &buffers, self.options.cut_offs.depth_bits())
         })?;
         self.capacity = capacity;
         self.set_view(gpu, self.current)?;

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 /// A splatter with a scene, for frames of this size.
 fn splatter(gpu: &Gpu, model: SplatModel, table: &[f32], size: [u32; 2]) -> Splatter {
-    let options = SplatOptions { model, purpose: Purpose::Images, depth: false };
+    let options = SplatOptions { model, purpose: Purpose::Images, ..SplatOptions::default() };
     let splatter = Splatter::new(gpu, options, table.len() / model.rows(), size).unwrap();
     gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(table));
     splatter

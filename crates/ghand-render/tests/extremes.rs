@@ -205,7 +205,7 @@ fn a_hundred_thousand_on_one_pixel_blend_in_order_and_more_are_drawn_or_rejected
     for gpu in devices() {
         let count = if gpu.tier == Tier::Fast { 540_000 } else { 140_000 };
         let scene = on_one_pixel(count);
-        let options = SplatOptions { model: GENERAL, purpose: Purpose::Images, depth: false };
+        let options = SplatOptions { model: GENERAL, purpose: Purpose::Images, ..SplatOptions::default() };
         let mut splatter = Splatter::new(&gpu, options, scene.len(), [8, 8]).unwrap();
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table(&scene, &GENERAL)));
         splatter.set_view(&gpu, View::new(&camera, scene.len(), BACKGROUND, 1.0)).unwrap();
@@ -224,7 +224,7 @@ fn a_gaussian_on_more_tiles_than_a_driver_can_process_is_drawn_or_rejected() {
     let camera = at_origin(2056, 1500.0);
     let scene = [plain(DVec3::Z, DVec3::splat(5.0), 0.7)];
     for gpu in devices() {
-        let options = SplatOptions { model: GENERAL, purpose: Purpose::Images, depth: false };
+        let options = SplatOptions { model: GENERAL, purpose: Purpose::Images, ..SplatOptions::default() };
         let mut splatter = Splatter::new(&gpu, options, 1, [2056, 2056]).unwrap();
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table(&scene, &GENERAL)));
         splatter.set_view(&gpu, View::new(&camera, 1, BACKGROUND, 1.0)).unwrap();

@@ -93,7 +93,8 @@ fn published_scenes_match_the_pictures_of_gsplat() {
             rotation: glam::DMat3::IDENTITY,
             translation: DVec3::new(-0.123, -0.456, 8.0),
         };
-        let options = SplatOptions { model: SplatModel::trained(3), purpose: Purpose::Images, depth: false };
+        let options =
+            SplatOptions { model: SplatModel::trained(3), purpose: Purpose::Images, ..SplatOptions::default() };
         let mut splatter = Splatter::new(&gpu, options, count, [123, 82]).unwrap();
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table));
         splatter.set_view(&gpu, View::new(&camera, count, [0.0; 3], 1.0)).unwrap();

@@ -150,7 +150,7 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
         let scene = SplatScene::read(args.scene.as_ref())?;
         let Some(camera) = camera else { bail!("--scene {}: needs a --camera", args.scene) };
         let size = [camera.width, camera.height];
-        let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, depth: false };
+        let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, ..SplatOptions::default() };
         let mut splatter = Splatter::new(gpu, options, scene.count, size)?;
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&scene.table));
         splatter.set_view(gpu, View::new(&camera, scene.count, [0.0; 3], 1.0))?;

@@ -148,7 +148,8 @@ fn splatter(
     let model = SplatModel { antialias: args.antialias, ..scene.model() };
     let (purpose, rows) =
         if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
-    let splatter = Splatter::new(gpu, SplatOptions { model, purpose, depth: false }, scene.count, [size[0], rows])?;
+    let splatter =
+        Splatter::new(gpu, SplatOptions { model, purpose, ..SplatOptions::default() }, scene.count, [size[0], rows])?;
     gpu.queue.write_buffer(splatter.gaussians(), 0, cast_slice(&scene.table));
     Ok(splatter)
 }

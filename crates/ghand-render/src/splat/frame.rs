@@ -4,7 +4,7 @@ use super::frame_buffers::FrameBuffers;
 use super::{Counters, SplatOptions, bin, project, rasterize, sort};
 use crate::Gpu;
 
-/// Bits of a depth key, as in `project.wgsl`.
+/// Most bits of a depth key, as in `project.wgsl`.
 pub const DEPTH_BITS: u32 = 30;
 
 /// The compiled stages, which are kept when the buffers grow.
@@ -17,12 +17,12 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
-        let SplatOptions { model, purpose, depth } = options;
+        let SplatOptions { model, purpose, depth, cut_offs } = options;
         Pipelines {
-            project: project::Pipelines::new(gpu, model, *purpose),
+            project: project::Pipelines::new(gpu, model, *purpose, cut_offs),
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
-            rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth),
+            rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth, cut_offs),
         }
     }
 }
@@ -37,14 +37,14 @@ pub struct Frame {
 }
 
 impl Frame {
-    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers) -> Frame {
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers, depth_bits: u32) -> Frame {
         let counters = &b.shared.counters;
         let depth_sort = sort::Stages::new(
             gpu,
             &pipelines.sort,
             counters,
             Counters::GAUSSIANS,
-            DEPTH_BITS,
+            depth_bits,
             &b.depth_keys,
             &b.depth_order,
         );

@@ -1,7 +1,7 @@
 //! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
 use super::frame_buffers::{CAMERA_ROWS, FrameBuffers, gradient_cells};
-use super::{Purpose, SplatModel};
+use super::{CutOffs, Purpose, SplatModel, frame};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
 
@@ -18,9 +18,11 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose) -> Pipelines {
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, cut_offs: &CutOffs) -> Pipelines {
         let mut constants = model.constants();
-        let project = Module::new(gpu, "project").stage(gpu, "project", &constants);
+        let shift = f64::from(frame::DEPTH_BITS - cut_offs.depth_bits());
+        let all = [&constants[..], &[cut_offs.alpha_min(), ("DEPTH_KEY_SHIFT", shift)]].concat();
+        let project = Module::new(gpu, "project").stage(gpu, "project", &all);
         let backward = purpose.has_gradients().then(|| {
             constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));
             constants.push(("SLOT_CELLS", f64::from(gradient_cells(gpu.tier))));

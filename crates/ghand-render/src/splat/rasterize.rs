@@ -1,7 +1,7 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
 use super::frame_buffers::FrameBuffers;
-use super::{Purpose, SplatModel, sort};
+use super::{CutOffs, Purpose, SplatModel, sort};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier};
 
@@ -30,16 +30,17 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool) -> Pipelines {
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool, cut_offs: &CutOffs) -> Pipelines {
         let forward = Module::new(gpu, gpu.tier.choose("rasterize", "fast/rasterize"));
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
-        let constants = [("DEPTH", f64::from(u8::from(depth))), ("BACKWARD_ENTRIES", f64::from(entries))];
+        let depth = f64::from(u8::from(depth));
+        let constants = [("DEPTH", depth), ("BACKWARD_ENTRIES", f64::from(entries)), cut_offs.alpha_min()];
         Pipelines {
             rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
                 let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "fast/rasterize_backward"));
-                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity())))];
+                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), cut_offs.alpha_min()];
                 module.stage(gpu, "rasterize_backward", &constants)
             }),
         }

@@ -8,7 +8,7 @@ pub mod meshes;
 use ghand_core::Camera;
 use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
 use ghand_render::reference::rasterize::{CutOffs, Scene};
-use ghand_render::splat::{FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
+use ghand_render::splat::{self, FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
 use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier, buffers};
 use glam::{DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -154,8 +154,20 @@ pub fn render_table(
     opacity: f32,
     d_image: &[[f32; 4]],
 ) -> Rendered {
+    render_with(gpu, model, splat::CutOffs::default(), table, camera, opacity, d_image)
+}
+
+pub fn render_with(
+    gpu: &Gpu,
+    model: SplatModel,
+    cut_offs: splat::CutOffs,
+    table: &[f32],
+    camera: &Camera,
+    opacity: f32,
+    d_image: &[[f32; 4]],
+) -> Rendered {
     let count = table.len() / model.rows();
-    let options = SplatOptions { model, purpose: Purpose::CameraGradients, depth: true };
+    let options = SplatOptions { model, purpose: Purpose::CameraGradients, depth: true, cut_offs };
     let mut splatter = Splatter::new(gpu, options, count, [camera.width, camera.height]).unwrap();
     gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(table));
     splatter.set_view(gpu, View::new(camera, count, BACKGROUND, opacity)).unwrap();
@@ -234,6 +246,13 @@ pub const FLIP: f64 = 2e-5;
 
 /// Renders on the devices of both tiers and compares images, depths and gradients with the twin.
 pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Camera, opacity: f32) {
+    check_with_alpha_cut(model, 1, gaussians, camera, opacity);
+}
+
+/// As [`check_against_twin`], where less than `alpha` 255ths are not blended.
+pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian], camera: &Camera, opacity: f32) {
+    let cut_offs = splat::CutOffs { alpha, ..splat::CutOffs::default() };
+    let cut = f64::from(alpha) / 255.0;
     let numbers = table(gaussians, &model);
     let gaussians: Vec<Gaussian> = gaussians
         .iter()
@@ -247,12 +266,12 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
         camera,
         background: DVec3::from(BACKGROUND.map(f64::from)),
         antialias: model.antialias,
-        cuts: CutOffs::default(),
+        cuts: CutOffs { alpha_min: cut, ..CutOffs::default() },
     };
     let (twin, depth) = (scene.rasterize(), scene.depth());
     let mut weights = random_weights(3, twin.len());
-    let first = render_table(&devices()[0], model, &numbers, camera, opacity, &weights);
-    // A contribution of just 1/255 can be used on one side and skipped on the other, and of two Gaussians at almost the
+    let first = render_with(&devices()[0], model, cut_offs, &numbers, camera, opacity, &weights);
+    // A contribution of just the cut can be used on one side and skipped on the other, and of two Gaussians at almost the
     // same depth either can be in front. Such pixels are counted, and excluded from the loss.
     let flipped = |image: &[[f32; 4]], pixel: usize| {
         !(compare_images(&image[pixel..=pixel], &twin[pixel..=pixel], 1e9).0 <= FLIP)
@@ -265,7 +284,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
     let expected = gradient_table(&gaussians, &gradient, &model);
     let turn = turn_gradient(camera, &d_camera);
     for gpu in devices() {
-        let rendered = render_table(&gpu, model, &numbers, camera, opacity, &weights);
+        let rendered = render_with(&gpu, model, cut_offs, &numbers, camera, opacity, &weights);
         assert!(rendered.image == first.image, "the tiers' images differ");
         let worst = compare_images(&rendered.image, &twin, FLIP).0;
         let depth_error = relative_error(&rendered.depths, &depth);
@@ -275,7 +294,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
             gpu.tier.name(),
             twin.len()
         );
-        assert!(compare_images(&rendered.image, &twin, 2.5 / 255.0).1 == 0, "a flip larger than the alpha cut");
+        assert!(compare_images(&rendered.image, &twin, cut + 1.5 / 255.0).1 == 0, "a flip larger than the alpha cut");
         assert!(depth_error <= 1e-3, "depth: {depth_error}");
         let check = |what: &str, got: &[f32], expected: &[f64]| {
             let (error, cosine) = (relative_error(got, expected), cosine(got, expected));

@@ -45,7 +45,7 @@ impl<'a> HandPainter<'a> {
     /// # Errors
     /// [`RenderError`] if the device has too little memory or was lost.
     pub fn new(gpu: &'a Gpu, spacings: &[f32], size: [u32; 2]) -> Result<HandPainter<'a>, RenderError> {
-        let options = SplatOptions { model: MODEL, purpose: Purpose::Images, depth: false };
+        let options = SplatOptions { model: MODEL, purpose: Purpose::Images, ..SplatOptions::default() };
         let splatter = Splatter::new(gpu, options, spacings.len(), size.map(|edge| edge * SUPERSAMPLE))?;
         Ok(HandPainter { gpu, splatter, scales: spacings.iter().map(|spacing| SCALE * spacing).collect() })
     }

@@ -34,6 +34,8 @@ pub struct Measured {
     pub gaussians: usize,
     /// Size of its file, bytes.
     pub bytes: usize,
+    /// Memory of the device for the avatar and its pictures, bytes, where the device tells.
+    pub device_bytes: Option<u64>,
     /// PSNR over the hand's surroundings, dB, and over its mask.
     pub psnr: f64,
     pub psnr_hand: f64,
@@ -96,7 +98,9 @@ pub fn measure(
     let mut scenes = vec![];
     let mut measured: Vec<Measured> = vec![];
     for variant in variants {
-        let mut scene = Scene::new(gpu, &[variant.avatar.as_ref()], Purpose::Images, 1, size)?;
+        let before = allocated(gpu);
+        let mut scene =
+            Scene::with_cut_offs(gpu, &[variant.avatar.as_ref()], Purpose::Images, 1, size, variant.cut_offs)?;
         let mut all: Vec<ImageSimilarity> = vec![];
         for truth in &truths {
             scene.set_pose(gpu, 0, 0, &truth.pose)?;
@@ -113,6 +117,7 @@ pub fn measure(
             knob: variant.knob,
             gaussians: variant.avatar.template.len(),
             bytes: variant.bytes,
+            device_bytes: allocated(gpu).zip(before).map(|(after, before)| after.saturating_sub(before)),
             psnr: mean.psnr,
             psnr_hand: mean.psnr_hand,
             ssim: mean.ssim,
@@ -140,6 +145,11 @@ pub fn measure(
     }
     mark_best(&mut measured);
     Ok(measured)
+}
+
+/// Memory that is taken on the device, bytes.
+fn allocated(gpu: &Gpu) -> Option<u64> {
+    gpu.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
 }
 
 /// The number below which a part of the others lie.
@@ -215,6 +225,7 @@ mod tests {
             knob: "exact",
             gaussians: 1,
             bytes: 1,
+            device_bytes: None,
             psnr,
             psnr_hand: psnr,
             ssim: 1.0,

@@ -96,13 +96,13 @@ impl Report {
     /// A Markdown table, the fastest first.
     pub fn table(&self) -> String {
         let mut text =
-            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | Gaussians |\n\
-                        |---|---|---|---|---|---|---|---|---|---|\n"
+            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | on the device, MB | Gaussians |\n\
+                        |---|---|---|---|---|---|---|---|---|---|---|\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.4} | {:.2} | {} |\n",
+                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.4} | {:.2} | {} | {} |\n",
                 if m.best { "*" } else { "" },
                 m.name,
                 m.frame_ms,
@@ -112,6 +112,7 @@ impl Report {
                 m.ssim,
                 m.flip,
                 m.bytes as f64 * 1e-6,
+                m.device_bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 * 1e-6)),
                 m.gaussians
             );
         }
@@ -138,12 +139,12 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text =
-            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,gaussians\n"
+            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,device_bytes,gaussians\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{}\n",
+                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{},{}\n",
                 m.name.replace('"', "\"\""),
                 m.knob,
                 m.best,
@@ -154,6 +155,7 @@ impl Report {
                 m.ssim,
                 m.flip,
                 m.bytes,
+                m.device_bytes.map_or(String::new(), |bytes| bytes.to_string()),
                 m.gaussians
             );
         }

@@ -8,6 +8,7 @@ use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
+use ghand_render::splat::CutOffs;
 
 use crate::commands::bake::pose_set::{PoseSet, PoseSetArgs};
 use crate::quality::{Playback, RANK};
@@ -23,6 +24,8 @@ pub struct Variant {
     pub avatar: Arc<Avatar>,
     /// The picture is drawn at this part of its width and height, and enlarged.
     pub image_scale: f64,
+    /// What the splatter neglects.
+    pub cut_offs: CutOffs,
     /// Size of its file, bytes.
     pub bytes: usize,
     /// How the first avatar is played so; `None` if presets cannot say it.
@@ -30,7 +33,7 @@ pub struct Variant {
 }
 
 /// The knobs, in the order of legends.
-pub const KNOBS: [&str; 5] = ["exact", "baked", "precision", "antialias", "image scale"];
+pub const KNOBS: [&str; 6] = ["exact", "baked", "precision", "antialias", "cut-offs", "image scale"];
 
 /// Parts of the blocks that baked variants keep.
 const KEPT: [(usize, usize); 5] = [(1, 1), (1, 4), (1, 16), (1, 64), (0, 1)];
@@ -38,6 +41,9 @@ const KEPT: [(usize, usize); 5] = [(1, 1), (1, 4), (1, 16), (1, 64), (0, 1)];
 const RANKS: [usize; 2] = [RANK, 2];
 /// Image scales below 1.
 const SCALES: [f64; 2] = [0.75, 0.5];
+/// Coarser cut-offs of the splatter: 255ths of alpha, and bits of depth.
+const ALPHAS: [u32; 3] = [2, 4, 8];
+const DEPTH_BITS: [u32; 2] = [20, 10];
 
 /// A short name for the avatar of a file, unique among `count`.
 pub fn short_name(path: &Path, count: usize) -> String {
@@ -67,15 +73,27 @@ pub fn variants(
     let mut all = vec![];
     for (number, (file, avatar)) in avatars.iter().enumerate() {
         let exact = Arc::new(avatar.clone());
-        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>| {
-            let name = if file.is_empty() { text } else { format!("{file}: {text}") };
-            let image_scale = playback.map_or(1.0, |playback| playback.image_scale);
-            let (bytes, playback) = (avatar.file_size()?, playback.filter(|_| number == 0));
-            all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, playback });
-            anyhow::Ok(())
-        };
+        let mut add_cut =
+            |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>, cut_offs: CutOffs| {
+                let name = if file.is_empty() { text } else { format!("{file}: {text}") };
+                let image_scale = playback.map_or(1.0, |playback| playback.image_scale);
+                let (bytes, playback) = (avatar.file_size()?, playback.filter(|_| number == 0));
+                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, cut_offs, playback });
+                anyhow::Ok(())
+            };
         let unbaked = |image_scale: f64| Some(Playback { kept: None, image_scale });
-        add("exact".into(), "exact", &exact, unbaked(1.0))?;
+        add_cut("exact".into(), "exact", &exact, unbaked(1.0), CutOffs::default())?;
+        for alpha in ALPHAS {
+            let cut_offs = CutOffs { alpha, ..CutOffs::default() };
+            add_cut(format!("alpha from {alpha}/255"), "cut-offs", &exact, None, cut_offs)?;
+        }
+        for depth_bits in DEPTH_BITS {
+            let cut_offs = CutOffs { depth_bits, ..CutOffs::default() };
+            add_cut(format!("{depth_bits} bits of depth"), "cut-offs", &exact, None, cut_offs)?;
+        }
+        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>| {
+            add_cut(text, knob, avatar, playback, CutOffs::default())
+        };
         let antialias = !avatar.config.antialias;
         let config = AvatarConfig { antialias, ..avatar.config.clone() };
         let other = Arc::new(Avatar { config, ..avatar.clone() });
