@@ -95,7 +95,7 @@ mod tests {
         // The last point of a full block moves far away.
         let side = samples.resolution;
         let has = |texel: u32| samples.texels.binary_search(&texel);
-        let is_first = |texel: &u32| texel / side % 2 == 0 && texel % side % 2 == 0;
+        let is_first = |texel: &u32| (texel / side).is_multiple_of(2) && (texel % side).is_multiple_of(2);
         let full = samples
             .texels
             .iter()
