@@ -72,3 +72,32 @@ fn an_avatar_is_played_in_a_preset_and_exactly_again() {
     choose(&mut ui, CommandId::PlayExact);
     assert_eq!((is_baked(&mut ui), ui.viewer().quality.chosen()), (fast.kept.is_some(), Quality::Fast));
 }
+
+#[test]
+fn an_avatar_opened_while_another_is_prepared_is_the_one_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["a.ghand", "b.ghand"].map(|name| folder.path().join(name));
+    let hand = small_hand();
+    let Look::Avatar(avatar) = hand.look() else { panic!("no avatar") };
+    avatar.save(&first).unwrap();
+    let mut other = avatar.as_ref().clone();
+    other.template.name = "anna".into();
+    other.save(&second).unwrap();
+    let mut ui = viewer(&first);
+
+    let context = ui.harness.ctx.clone();
+    ui.viewer().run(CommandId::PlayFast, &context);
+    let start = Instant::now();
+    // The baked avatar is the folder's third file; it is offered to the viewer just after it was written.
+    while std::fs::read_dir(folder.path()).unwrap().count() < 3 && start.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(500));
+    ui.viewer().open(&second);
+    for _ in 0..4 {
+        ui.frame(Vec::new());
+    }
+    assert!(!ui.viewer().quality.is_busy());
+    assert_eq!((ui.viewer().subject.name().as_str(), ui.viewer().quality.chosen()), ("anna", Quality::Exact));
+    assert!(!is_baked(&mut ui));
+}
