@@ -4,11 +4,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use ghand_capture::Capture;
+use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::{PoseFrame, PoseOptions, read_poses};
 
 /// The file of refined poses that training writes beside an avatar.
 const FILE_NAME: &str = "poses.json";
+
+/// How far the joints of a trained pose are from those of the given one in half of the frames at most, metres: training
+/// moves poses by centimetres at most, while another capture's frames, which may well have the same ids, show other
+/// poses in other places.
+const LARGEST_CHANGE: f64 = 0.08;
 
 /// The poses of the frames for one hand model.
 #[derive(Debug, Clone)]
@@ -51,8 +57,33 @@ impl CapturePoses {
                 ),
             }
         }
+        let change = self.median_change(&trained, model);
+        if change > LARGEST_CHANGE {
+            bail!(
+                "{}: its poses are {:.0} cm away from those of the capture, so they seem to be of another capture, and \
+                 poses are shown as given",
+                path.display(),
+                100.0 * change
+            );
+        }
         self.trained = trained;
         Ok(())
+    }
+
+    /// Mean distance of the joints of the trained pose from those of the given one, metres, of the median frame.
+    fn median_change(&self, trained: &[Option<Pose>], model: &HandModel) -> f64 {
+        let joints = |pose: &Pose| {
+            let chain = pose_skeleton(&model.parents, &model.joints, &pose.rotations);
+            chain.world.iter().map(|joint| joint.translation + pose.translation).collect::<Vec<_>>()
+        };
+        let distance = |(given, trained): (&PoseFrame, &Option<Pose>)| {
+            let (given, trained) = (joints(&given.pose), joints(trained.as_ref()?));
+            let sum: f64 = given.iter().zip(&trained).map(|(a, b)| a.distance(*b)).sum();
+            Some(sum / given.len() as f64)
+        };
+        let mut distances: Vec<f64> = self.given.iter().zip(trained).filter_map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        distances.get(distances.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// Number of frames.

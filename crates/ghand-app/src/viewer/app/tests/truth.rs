@@ -5,11 +5,13 @@ use std::path::Path;
 use egui::accesskit::Role;
 use egui::{PointerButton, Pos2, Rect, pos2};
 use egui_kittest::kittest::NodeT;
+use ghand_core::Pose;
 use ghand_motion::pose_sequence::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::metrics::quantize;
 use ghand_train::synthetic_scene::make_capture;
+use glam::DVec3;
 
 use super::*;
 use crate::capture_args::CaptureOptions;
@@ -44,9 +46,13 @@ fn viewer_of_file(folder: &Path, frames: &[&str]) -> Headless {
 
 /// Writes a fist as the pose of all these frames, as training writes poses.
 fn write_trained(ui: &mut Headless, folder: &Path, frames: &[&str]) {
+    let fist = pose_by_name("fist", ui.hand().model()).unwrap();
+    write_pose(ui, folder, frames, &fist);
+}
+
+fn write_pose(ui: &mut Headless, folder: &Path, frames: &[&str], pose: &Pose) {
     let model = ui.hand().model().clone();
-    let fist = pose_by_name("fist", &model).unwrap();
-    let frame = |id: &&str| PoseFrame { id: (*id).into(), pose: fist.clone(), shape: vec![] };
+    let frame = |id: &&str| PoseFrame { id: (*id).into(), pose: pose.clone(), shape: vec![] };
     let frames = frames.iter().map(frame).collect();
     let sequence = PoseSequence { fps: 30.0, joint_names: model.joint_names.clone(), frames, warnings: vec![] };
     write_poses(&folder.join("poses.json"), &sequence, &model).unwrap();
@@ -178,6 +184,26 @@ fn poses_that_are_missing_foreign_or_broken_leave_the_capture_as_given() {
         settle(&mut ui);
         assert_eq!(ui.harness.query_all_by_label_contains("poses.json").count(), notes, "{content:?}");
         assert!(off_fist(&mut ui) > 0.5 && ui.viewer().failure.is_none());
+    }
+}
+
+#[test]
+fn poses_of_another_capture_with_the_same_frame_ids_are_told_from_those_of_this_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ui = viewer_of_file(folder.path(), &["0000"]);
+    ui.click("as given");
+    settle(&mut ui);
+    let given = ui.hand().pose.clone();
+    let moved = |metres: f64| Pose { translation: given.translation + DVec3::new(0.0, metres, 0.0), ..given.clone() };
+    for (metres, notes) in [(0.06, 0), (0.1, 1)] {
+        write_pose(&mut ui, folder.path(), &["0000"], &moved(metres));
+        ui.viewer().toasts = Toasts::default();
+        ui.open(&folder.path().join("capture"));
+        settle(&mut ui);
+        assert_eq!(ui.harness.query_all_by_label_contains("of another capture").count(), notes, "{metres} m");
+        assert_eq!(ui.harness.query_by_label("as given").is_some(), notes == 0, "{metres} m");
+        let shown = ui.hand().pose.translation.y - given.translation.y;
+        assert!((shown - if notes == 0 { metres } else { 0.0 }).abs() < 1e-6, "{shown} m");
     }
 }
 
