@@ -35,7 +35,8 @@ pub struct LossUniforms {
 pub struct LossWeights {
     /// Weight of the absolute error.
     pub l1: f32,
-    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside the image).
+    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside the image). With 0 SSIM, most of the work, is
+    /// not computed.
     pub ssim: f32,
     /// Weight of the squared error.
     pub squared: f32,
@@ -52,7 +53,7 @@ pub struct LossWeights {
 pub struct LossValue {
     /// Sum of |x - y| over pixels and channels.
     pub l1_sum: f64,
-    /// Sum of SSIM over pixels and channels.
+    /// Sum of SSIM over pixels and channels; 0 if it has no weight.
     pub ssim_sum: f64,
     /// Sum of (x - y)^2 over pixels and channels.
     pub squared_sum: f64,
@@ -73,9 +74,11 @@ pub struct ImageLoss {
     target: wgpu::Buffer,
     strand_sums: wgpu::Buffer,
     stages: Vec<(Bound, Direction)>,
+    without_ssim: Bound,
     sums: Bound,
     max_pixels: usize,
     size: [u32; 2],
+    has_ssim: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -124,8 +127,9 @@ impl ImageLoss {
             (stage("gradient_rows"), Direction::Rows),
             (stage("gradient_columns"), Direction::Columns),
         ];
-        let sums = stage("loss_sums");
-        ImageLoss { uniforms, target, strand_sums, stages, sums, max_pixels, size: [0, 0] }
+        let (without_ssim, sums) = (stage("loss_without_ssim"), stage("loss_sums"));
+        let (size, has_ssim) = ([0, 0], true);
+        ImageLoss { uniforms, target, strand_sums, stages, without_ssim, sums, max_pixels, size, has_ssim }
     }
 
     /// Sets the target and the weights of later passes. `pixels` holds the target's bytes (red, green, blue, mask) row
@@ -163,6 +167,7 @@ impl ImageLoss {
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         gpu.queue.write_buffer(&self.target, 0, bytemuck::cast_slice(pixels));
         self.size = size;
+        self.has_ssim = weights.ssim != 0.0;
         Ok(())
     }
 
@@ -170,7 +175,10 @@ impl ImageLoss {
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "loss");
         let [w, h] = self.size;
-        for (stage, direction) in &self.stages {
+        if !self.has_ssim {
+            self.without_ssim.dispatch_invocations(&mut pass, w * h);
+        }
+        for (stage, direction) in self.stages.iter().filter(|_| self.has_ssim) {
             let runs = match direction {
                 Direction::Rows => w.div_ceil(4) * h,
                 Direction::Columns => w * h.div_ceil(4),
