@@ -31,7 +31,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "model" => Rule::Word(&["direct", "network"]),
         "components" => Rule::Word(&["baseline", "hgbs", "full", "weights"]),
         "simplify" => Rule::Word(&["off", "auto"]),
-        "images_per_step" | "ssim_every" => Rule::Whole(1, 64),
+        "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "none"]),
         "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),

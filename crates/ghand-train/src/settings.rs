@@ -211,8 +211,6 @@ pub struct TrainSettings {
     pub l1_weight: f64,
     /// Weight of 1 - SSIM.
     pub ssim_weight: f64,
-    /// SSIM is in the loss of one in so many iterations, with so many times its weight.
-    pub ssim_every: u64,
     /// Weight of LPIPS, if there is a file of its weights ([`crate::Trainer::with_lpips`]).
     pub lpips_weight: f64,
     /// Weight of the mean penalty between coverage and mask in stage 2, away from the masks' outlines.
@@ -294,7 +292,6 @@ impl Default for TrainSettings {
             antialias: Antialias::default(),
             l1_weight: 0.8,
             ssim_weight: 0.2,
-            ssim_every: 1,
             lpips_weight: 0.2,
             coverage_weight: 0.0,
             offset_weight: 10.0,

@@ -311,7 +311,7 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) -> Result<Learned, RenderError> {
-        self.set_view_and_loss(gpu, view, value_count, background, settings, Some(rates))?;
+        self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
             splatter.backward(encoder);
@@ -442,7 +442,7 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
     ) -> Result<f64, RenderError> {
-        self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, None)?;
+        self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
         let loss = &self.loss;
         run_alone(&mut self.scene, gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
@@ -453,7 +453,7 @@ impl Step {
         Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim + settings.lpips_weight * lpips)
     }
 
-    /// Sets the view for the next frame, of a step or of a measurement.
+    /// Sets the view for the next frame.
     fn set_view_and_loss(
         &mut self,
         gpu: &Gpu,
@@ -461,14 +461,11 @@ impl Step {
         value_count: f64,
         background: [f32; 3],
         settings: &TrainSettings,
-        step: Option<&Rates>,
+        scale_weight: f64,
     ) -> Result<(), RenderError> {
-        let scale_weight = step.map_or(0.0, |rates| rates.scale_weight);
-        let ssim_every = step.map_or(1, |_| settings.ssim_every);
-        let has_ssim = step.is_none_or(|rates| rates.step.is_multiple_of(ssim_every));
         let weights = LossWeights {
             l1: settings.l1_weight as f32,
-            ssim: if has_ssim { (settings.ssim_weight * ssim_every as f64) as f32 } else { 0.0 },
+            ssim: settings.ssim_weight as f32,
             coverage: settings.coverage_weight as f32,
             ..Default::default()
         };
@@ -562,7 +559,7 @@ impl Step {
         // The rest again, up to each part.
         let mut up_to =
             |behind: &dyn Fn(&ImageLoss, &Splatter, &mut wgpu::CommandEncoder)| -> Result<f64, RenderError> {
-                self.set_view_and_loss(gpu, view, value_count, background, settings, Some(rates))?;
+                self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
                 let before: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
                 let now = Instant::now();
                 let loss = &self.loss;

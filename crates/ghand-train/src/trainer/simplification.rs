@@ -40,8 +40,6 @@ const COARSER: f64 = 0.85;
 const COARSEST: u32 = 16;
 /// Merged are the texels that no image shows, then these parts of those that images show, the smallest there first.
 const MERGED: [f64; 3] = [0.25, 0.5, 0.75];
-/// SSIM is tried in one of so many iterations.
-const SSIM_EVERY: [u64; 2] = [2, 4];
 /// One in so many texels must be hidden to be worth a trial.
 const LEAST_HIDDEN: usize = 50;
 
@@ -142,9 +140,8 @@ impl Trainer<'_> {
 
     /// Settings with simpler and simpler values.
     fn simpler(&self, gpu: &Gpu) -> Result<Vec<(&'static str, Vec<String>)>, TrainError> {
-        let TrainSettings { model, merge_below, components, color_components, shape_bases, ssim_every, .. } =
+        let TrainSettings { model, merge_below, components, color_components, shape_bases, uv_resolution, .. } =
             self.settings;
-        let uv_resolution = self.settings.uv_resolution;
         let mut parts = vec![];
         if matches!(components, Components::Full | Components::Weights) {
             parts.push(("components", vec!["hgbs".to_owned()]));
@@ -158,9 +155,6 @@ impl Trainer<'_> {
         }
         if model == Model::Direct && merge_below == 0.0 {
             parts.push(("merge_below", self.merging(gpu)?));
-        }
-        if ssim_every == 1 {
-            parts.push(("ssim_every", SSIM_EVERY.map(|every| every.to_string()).to_vec()));
         }
         let coarser = std::iter::successors(Some(f64::from(uv_resolution) * COARSER), |side| Some(side * COARSER));
         let coarser = coarser.map(|side| side.round() as u32).take_while(|side| *side >= COARSEST);
