@@ -62,10 +62,8 @@ fn coverage_penalty(error: f32) -> f32 {
     return select(size - 0.5 * COVERAGE_WIDTH, 0.5 * size * size / COVERAGE_WIDTH, size < COVERAGE_WIDTH);
 }
 
-// What the loss without SSIM adds to dL/d(colour, coverage) of a pixel.
-fn plain_gradient(pixel: u32) -> vec4<f32> {
-    let x = image[pixel].xyz;
-    let y = target_color(pixel);
+// What the loss without SSIM adds to dL/d(colour, coverage) of a pixel with these colours.
+fn plain_gradient(pixel: u32, x: vec3<f32>, y: vec3<f32>) -> vec4<f32> {
     let d_l1 = loss.l1_weight * loss.inverse_count * mask_weight(pixel);
     let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * mask_weight(pixel);
     // The mean is over pixels, which have three values each.
@@ -74,10 +72,10 @@ fn plain_gradient(pixel: u32) -> vec4<f32> {
     return vec4(d_l1 * sign(x - y) + d_squared * (x - y), d_coverage);
 }
 
-// The values of a pixel, whose SSIM is given as a sum over its channels.
-fn values_of(pixel: u32, ssim: f32) -> vec4<f32> {
+// The values of a pixel, whose SSIM is given as a sum over its channels, with its weight by the mask.
+fn values_of(pixel: u32, ssim: f32, weight: f32) -> vec4<f32> {
     let error = abs(image[pixel].xyz - target_color(pixel));
-    let sums = mask_weight(pixel) * vec3(error.x + error.y + error.z, ssim, dot(error, error));
+    let sums = weight * vec3(error.x + error.y + error.z, ssim, dot(error, error));
     return vec4(sums, coverage_penalty(coverage_error(pixel)));
 }
 
@@ -182,7 +180,7 @@ fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3
             vec4(d_ssim * (2.0 * mean_y * (n2 - n1) * inverse - 2.0 * mean_x * ssim * (1.0 / d1 - 1.0 / d2)), 0.0);
         partials[3u * pixel + 1u] = vec4(d_ssim * -ssim / d2, 0.0);
         partials[3u * pixel + 2u] = vec4(d_ssim * 2.0 * n1 * inverse, 0.0);
-        values[pixel] = values_of(pixel, ssim.x + ssim.y + ssim.z);
+        values[pixel] = values_of(pixel, ssim.x + ssim.y + ssim.z, weight);
     }
 }
 
@@ -200,7 +198,7 @@ fn store_gradient(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_produ
         let pixel = at.y * loss.size.x + at.x;
         let x = image[pixel].xyz;
         let y = target_color(pixel);
-        d_image[pixel] = plain_gradient(pixel) + vec4(d_mean + 2.0 * x * d_square + y * d_product, 0.0);
+        d_image[pixel] = plain_gradient(pixel, x, y) + vec4(d_mean + 2.0 * x * d_square + y * d_product, 0.0);
     }
 }
 
@@ -210,8 +208,8 @@ fn loss_without_ssim(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workg
                      @builtin(local_invocation_index) local: u32) {
     let pixel = flat_index(group, groups, local, 64u);
     if pixel < loss.size.x * loss.size.y {
-        values[pixel] = values_of(pixel, 0.0);
-        d_image[pixel] = plain_gradient(pixel);
+        values[pixel] = values_of(pixel, 0.0, mask_weight(pixel));
+        d_image[pixel] = plain_gradient(pixel, image[pixel].xyz, target_color(pixel));
     }
 }
 
