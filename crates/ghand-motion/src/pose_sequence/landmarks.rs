@@ -4,8 +4,8 @@
 //! define a file format. This reads a list of frames (`{"fps":30,"frames":[...]}` or the list alone), each with
 //! `worldLandmarks`, `world_landmarks`, `hand_world_landmarks` or `multi_hand_world_landmarks`, as the JavaScript and
 //! Python interfaces call them: for each hand 21 points `{"x","y","z"}` or (x, y, z), or one hand alone. `handedness`
-//! (`handednesses`, `multi_handedness`) gives the sides. MediaPipe assumes mirrored selfies, so that the sides of other
-//! pictures may be swapped: then choose the side. `.npz`: `world_landmarks` (T, 21, 3).
+//! (`handednesses`, `multi_handedness`) gives the sides. MediaPipe's older interfaces assume mirrored selfies, so that
+//! the sides of other pictures may be swapped: then choose the side. `.npz`: `world_landmarks` (T, 21, 3).
 //!
 //! Axes are those of the picture: x right, y down, z away from the camera; the origin is in the middle of the hand, so
 //! that the hand's motion through space is not known. Order: wrist, then thumb to little finger, four each from the
