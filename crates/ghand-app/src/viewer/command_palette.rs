@@ -58,7 +58,9 @@ impl CommandPalette {
             let last = found.len().saturating_sub(1).min(MOST_SHOWN - 1);
             self.selected = (self.selected + usize::from(next)).saturating_sub(usize::from(before)).min(last);
             ui.add_space(4.0);
-            ScrollArea::vertical().show(ui, |ui| {
+            // Otherwise the list stays as short as it was for the text before.
+            let room = context.content_rect().height() - 160.0;
+            ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
                 for (k, entry) in found.iter().take(MOST_SHOWN).enumerate() {
                     let button = Button::new(&entry.title).shortcut_text(&entry.remark).selected(k == self.selected);
                     let button = ui.add(button.frame_when_inactive(false).min_size([width, 0.0].into()));

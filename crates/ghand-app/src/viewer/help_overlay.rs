@@ -1,4 +1,4 @@
-//! The help: all commands with their keys, and what the mouse does.
+//! The help: what the mouse does, and all commands with their keys.
 
 use egui::{Align, Context, Grid, Id, Layout, Modal, RichText, ScrollArea, Ui};
 
@@ -30,14 +30,14 @@ pub fn help_overlay(context: &Context) -> bool {
         ui.separator();
         ScrollArea::vertical().max_height(room.y - 80.0).min_scrolled_height(room.y - 80.0).show(ui, |ui| {
             ui.columns(columns, |uis| {
+                if let Some(ui) = uis.first_mut() {
+                    gestures(ui);
+                }
                 let places = if columns == 2 { [0, 0, 1, 1, 1] } else { [0; 5] };
                 for (menu, place) in Menu::ALL.into_iter().zip(places) {
                     if let Some(ui) = uis.get_mut(place) {
                         commands(ui, menu);
                     }
-                }
-                if let Some(ui) = uis.last_mut() {
-                    gestures(ui);
                 }
             });
         });
