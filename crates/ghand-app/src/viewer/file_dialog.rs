@@ -1,14 +1,33 @@
 //! The desktop's dialog that chooses a file, without stopping the user interface.
 
 use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
 
 use egui::Context;
+
+/// What to do on a desktop without a dialog.
+pub const NO_DIALOG: &str =
+    "this desktop has no dialog that chooses a file; install zenity (Debian or Ubuntu: apt-get install zenity)";
+/// Nobody closes a dialog as soon as this after asking for it.
+const SOONEST_CLOSED: Duration = Duration::from_secs(1);
 
 /// A dialog that is open.
 #[derive(Debug)]
 pub struct FileDialog {
-    chosen: Receiver<Option<PathBuf>>,
+    answer: Receiver<Answer>,
+}
+
+/// What became of a dialog.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Answer {
+    /// This file was chosen.
+    Chosen(PathBuf),
+    /// It was closed.
+    Closed,
+    /// The desktop has none.
+    Missing,
 }
 
 impl FileDialog {
@@ -34,23 +53,34 @@ impl FileDialog {
     }
 
     fn wait(context: &Context, dialog: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static) -> FileDialog {
-        let (sender, chosen) = channel();
+        let (sender, answer) = channel();
         let context = context.clone();
+        let asked = Instant::now();
         std::thread::spawn(move || {
-            let path = pollster::block_on(dialog).map(|file| file.path().to_owned());
+            let answer = match pollster::block_on(dialog) {
+                Some(file) => Answer::Chosen(file.path().to_owned()),
+                None if asked.elapsed() < SOONEST_CLOSED && lacks_zenity() => Answer::Missing,
+                None => Answer::Closed,
+            };
             // A closed channel means that the viewer no longer waits.
-            let _ = sender.send(path);
+            let _ = sender.send(answer);
             context.request_repaint();
         });
-        FileDialog { chosen }
+        FileDialog { answer }
     }
 
-    /// The file that was chosen, `Some(None)` if none was or the desktop has no dialog; `None` while it is open.
-    pub fn poll(&self) -> Option<Option<PathBuf>> {
-        match self.chosen.try_recv() {
-            Ok(path) => Some(path),
+    /// What became of it; `None` while it is open.
+    pub fn poll(&self) -> Option<Answer> {
+        match self.answer.try_recv() {
+            Ok(answer) => Some(answer),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(None),
+            Err(TryRecvError::Disconnected) => Some(Answer::Closed),
         }
     }
+}
+
+/// Whether the program is not there whose dialog stands in where the desktop has no portal with one.
+fn lacks_zenity() -> bool {
+    let is_unix = cfg!(all(unix, not(target_vendor = "apple")));
+    is_unix && Command::new("zenity").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_err()
 }

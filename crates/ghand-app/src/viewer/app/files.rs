@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use egui::{Align2, Color32, Context, FontId, Rect, Ui};
 use ghand_core::HandModel;
 use ghand_motion::{KeyFrames, PoseSequence};
@@ -12,7 +13,7 @@ use crate::hand_model_file::is_hand_name;
 use crate::light_args::LightArgs;
 use crate::quality::Quality;
 use crate::viewer::app::Viewer;
-use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
 use crate::viewer::file_reader::{Contents, ReadFile, Reason, file_name};
 use crate::viewer::picture::Picture;
 use crate::viewer::quality_choice::{Prepared, QualityChoice};
@@ -89,12 +90,14 @@ impl Viewer {
         for file in dropped {
             self.open(file.path());
         }
-        if let Some(chosen) = self.file_dialog.as_ref().and_then(FileDialog::poll) {
+        if let Some(answer) = self.file_dialog.as_ref().and_then(FileDialog::poll) {
             self.file_dialog = None;
-            match chosen {
-                Some(path) => self.open(&path),
-                // A desktop without a dialog cannot be told from one whose dialog was closed.
-                None => self.toasts.note("No file was chosen. Files can also be dropped onto this window."),
+            match answer {
+                Answer::Chosen(path) => self.open(&path),
+                Answer::Closed => self.toasts.note("No file was chosen. Files can also be dropped onto this window."),
+                Answer::Missing => {
+                    self.toasts.error(&anyhow!("{NO_DIALOG}. Or drop files onto this window"));
+                }
             }
         }
         self.look_at_run(context);

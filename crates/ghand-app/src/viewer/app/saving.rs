@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use egui::Context;
 use ghand_files::atomic_file::write_atomically;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::command::CommandId;
-use crate::viewer::file_dialog::FileDialog;
+use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
 use crate::viewer::file_reader::file_name;
 use crate::viewer::output_dialog::OutputDialog;
 use crate::viewer::subject::Subject;
@@ -58,11 +58,18 @@ impl Viewer {
 
     /// Saves to the file that was chosen.
     pub(super) fn save_chosen(&mut self, context: &Context) {
-        let Some(chosen) = self.save_dialog.as_ref().and_then(|(dialog, _)| dialog.poll()) else { return };
+        let Some(answer) = self.save_dialog.as_ref().and_then(|(dialog, _)| dialog.poll()) else { return };
         let Some((_, what)) = self.save_dialog.take() else { return };
-        let Some(path) = chosen else {
-            self.toasts.note("No file was chosen; nothing is saved.");
-            return;
+        let path = match answer {
+            Answer::Chosen(path) => path,
+            Answer::Closed => {
+                self.toasts.note("No file was chosen; nothing is saved.");
+                return;
+            }
+            Answer::Missing => {
+                self.toasts.error(&anyhow!("nothing is saved: {NO_DIALOG}"));
+                return;
+            }
         };
         let saved = match what {
             Saving::Motion => self.save_motion(&path).map(|()| Some(format!("{} is saved.", file_name(&path)))),
