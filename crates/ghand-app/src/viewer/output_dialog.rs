@@ -1,5 +1,7 @@
 //! Asks what to save of the view: a picture, a turn around the subject, or its motion.
 
+use std::path::Path;
+
 use egui::{Align2, Context, DragValue, Id, Modal};
 
 /// Longest edge of a picture, pixels, as of `ghand render`.
@@ -56,6 +58,12 @@ impl OutputDialog {
     /// The ending of the file.
     pub fn ending(&self) -> &'static str {
         if self.kind == OutputKind::Picture { self.picture } else { self.film }
+    }
+
+    /// Whether a file of this name can be what is saved.
+    pub fn fits(&self, path: &Path) -> bool {
+        let endings: &[&str] = if self.kind == OutputKind::Picture { &PICTURES } else { &FILMS };
+        path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
     }
 
     /// Shows the question; a motion is offered if there is one.

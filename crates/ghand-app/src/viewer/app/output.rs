@@ -1,7 +1,7 @@
 //! Saves pictures and films of the view, beside the user interface.
 
 use std::f64::consts::TAU;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use egui::{Align2, Area, Context, Frame, Id, Order, ProgressBar};
 use ghand_motion::pose_sequence::DEFAULT_FPS;
@@ -64,10 +64,11 @@ impl Viewer {
     /// # Errors
     /// One sentence if that is impossible.
     pub fn save_output(&mut self, asked: &OutputDialog, path: &Path, context: &Context) -> anyhow::Result<()> {
-        let path = match path.extension() {
-            Some(_) => path.to_owned(),
-            None => path.with_extension(asked.ending()),
-        };
+        let mut path = path.as_os_str().to_owned();
+        if !asked.fits(Path::new(&path)) {
+            path.push(format!(".{}", asked.ending()));
+        }
+        let path = PathBuf::from(path);
         let plan = self.output_plan(asked);
         self.output = Some(OutputJob::start(&self.gpu, plan, &path, context)?);
         Ok(())
