@@ -193,7 +193,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if let Some(port) = arguments.live {
         viewer.start_live(LiveSettings { port: port.unwrap_or(DEFAULT_PORT), origins: arguments.live_origin });
     }
-    window::open(&mut viewer, &format!("ghand - {source}"))
+    window::open(&mut viewer)
 }
 
 /// The file that is shown of a file in a preset.

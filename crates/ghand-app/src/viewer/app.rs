@@ -212,6 +212,11 @@ impl Viewer {
         &self.gpu
     }
 
+    /// Where the subject is from.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
     /// Waits for files and for the picture. Returns whether all is complete; if not, the user interface must run once more.
     ///
     /// # Errors

@@ -18,6 +18,7 @@ const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
 
 struct Window<'a> {
     viewer: &'a mut Viewer,
+    title: String,
     /// Whether the window is about to close because the device is lost.
     closing: bool,
 }
@@ -32,6 +33,7 @@ impl eframe::App for Window<'_> {
             cli::end(&lost.into());
         }
         self.remember_window(ui.ctx());
+        self.renew_title(ui.ctx());
         if let Some(state) = frame.wgpu_render_state().filter(|_| !self.viewer.is_lost()) {
             self.viewer.ui(ui, &mut state.renderer.write());
         }
@@ -45,6 +47,15 @@ impl eframe::App for Window<'_> {
 }
 
 impl Window<'_> {
+    /// Names the file that is shown now.
+    fn renew_title(&mut self, context: &egui::Context) {
+        let title = title(self.viewer);
+        if self.title != title {
+            context.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+
     fn remember_window(&mut self, context: &egui::Context) {
         let (rect, maximized) = context.input(|input| {
             let viewport = input.viewport();
@@ -102,17 +113,22 @@ pub fn check_display() -> anyhow::Result<()> {
 ///
 /// # Errors
 /// An error that says why there is no window and what to do.
-pub fn open(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
+pub fn open(viewer: &mut Viewer) -> anyhow::Result<()> {
     viewer.retry_on_device_loss(|viewer| {
-        let closed = run(viewer, title);
+        let closed = run(viewer);
         viewer.save_settings();
         closed?;
         Ok(viewer.gpu().check()?)
     })
 }
 
+/// The title of the window.
+fn title(viewer: &Viewer) -> String {
+    format!("ghand - {}", viewer.source())
+}
+
 /// Runs until the window is closed or the device is lost.
-fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
+fn run(viewer: &mut Viewer) -> anyhow::Result<()> {
     let gpu = viewer.gpu().clone();
     gpu.poll()?;
     let setup = WgpuSetupExisting {
@@ -126,7 +142,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
             .with_inner_size(viewer.settings_mut().window_size.unwrap_or(WINDOW_SIZE.map(|v| v as f32)))
             .with_maximized(viewer.settings_mut().maximized)
             .with_min_inner_size(SMALLEST_WINDOW)
-            .with_title(title),
+            .with_title(title(viewer)),
         wgpu_options: WgpuConfiguration { wgpu_setup: WgpuSetup::Existing(setup), ..Default::default() },
         // The picture is shown as it was rendered.
         dithering: false,
@@ -136,7 +152,7 @@ fn run(viewer: &mut Viewer, title: &str) -> anyhow::Result<()> {
         style(&context.egui_ctx);
         keep_clicks_in_slow_frames(&context.egui_ctx);
         context.egui_ctx.add_plugin(DrawNothingOnceLost { gpu });
-        Ok(Box::new(Window { viewer, closing: false }))
+        Ok(Box::new(Window { title: title(viewer), viewer, closing: false }))
     });
     eframe::run_native("ghand", options, create).map_err(|e| {
         // winit's messages begin with a position in its source code.

@@ -123,16 +123,16 @@ impl Viewer {
         let names = hand.model().joint_names.clone();
         ui.label(RichText::new("Show").strong());
         let layer = self.layer();
-        ui.horizontal_wrapped(|ui| {
-            for other in Layer::ALL {
-                if !self.has_layer(other) {
-                    continue;
+        let layers: Vec<Layer> = Layer::ALL.into_iter().filter(|other| self.has_layer(*other)).collect();
+        if !layers.is_empty() {
+            ui.horizontal_wrapped(|ui| {
+                for other in layers {
+                    if ui.selectable_label(layer == other, other.name()).on_hover_text(other.summary()).clicked() {
+                        self.show_layer(other);
+                    }
                 }
-                if ui.selectable_label(layer == other, other.name()).on_hover_text(other.summary()).clicked() {
-                    self.show_layer(other);
-                }
-            }
-        });
+            });
+        }
         if layer.has_joint() {
             ui.horizontal(|ui| {
                 let label = ui.label("joint").id;
