@@ -1,10 +1,10 @@
 // L1, SSIM and squared error between a rendered image and an 8-bit target, and a penalty between coverage and mask:
 // value and gradient.
 //
-// SSIM uses an 11x11 Gaussian window (sigma 1.5) as two one-dimensional passes; both pictures are zero outside the
-// image. Every invocation computes a run of four outputs along the pass's direction, so that a tap is loaded once for
-// four outputs. The taps are unrolled with their weights: if a loop indexed them, weights and sums would be kept in
-// memory, which is four times slower on a software rasteriser.
+// SSIM uses an 11x11 Gaussian window (sigma 1.5) as one-dimensional passes; both pictures are zero outside the image. An
+// invocation walks along a strip of a row or column and carries the ten last inputs with it, so that each is loaded once,
+// not once for each of the eleven outputs that it counts for: on a software rasteriser loads are what costs. The columns'
+// pass has two such windows, one behind the other: the gradients to the blurred values are blurred, too.
 
 import package::shared::dispatch::flat_index;
 
@@ -21,40 +21,47 @@ struct LossUniforms {
     masked: u32,
     // Weight of the mean penalty on coverage, over the pixels.
     coverage_weight: f32,
+    // Number of `values`.
+    value_count: u32,
+    padding: u32,
 }
 
-const RUN: u32 = 4u;
-const RADIUS: u32 = 5u;
+const RADIUS: i32 = 5;
 const C1: f32 = 0.0001;
 const C2: f32 = 0.0009;
 // Up to here an error of the coverage counts by its square, beyond linearly.
 const COVERAGE_WIDTH: f32 = 0.1;
+// Outputs of an invocation: with the inputs around them a multiple of four.
+const ROW_STRIP: i32 = 54;
+const COLUMN_STRIP: i32 = 84;
 
 @group(0) @binding(0) var<uniform> loss: LossUniforms;
 // Rendered colour (rgb) and coverage.
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
 // Target: red in the lowest byte, then green, blue, mask.
 @group(0) @binding(2) var<storage, read> target_image: array<u32>;
-// Four blurred values per pixel: x, y, x^2 + y^2, x y; later three: the gradients to mean, square and product.
-@group(0) @binding(3) var<storage, read_write> rows: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
-// |x - y|, SSIM and (x - y)^2 of each pixel, summed over the channels, times its mask; and its penalty on coverage.
+// Pixel by pixel, for red, green and blue: x, y, x^2 + y^2 and x y, blurred along rows.
+@group(0) @binding(3) var<storage, read_write> rows: array<mat3x4<f32>>;
+// The same way: the gradients to the blurred x, x^2 + y^2 and x y, blurred along columns.
+@group(0) @binding(4) var<storage, read_write> columns: array<mat3x4<f32>>;
+// Sums of |x - y|, SSIM and (x - y)^2 over the channels of some pixels, times their masks; and of their penalties on
+// coverage.
 @group(0) @binding(5) var<storage, read_write> values: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> d_image: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> strand_sums: array<vec4<f32>>;
 
-fn target_color(pixel: u32) -> vec3<f32> {
-    return unpack4x8unorm(target_image[pixel]).xyz;
+// Colour and mask of a pixel of the target.
+fn target_at(pixel: u32) -> vec4<f32> {
+    return unpack4x8unorm(target_image[pixel]);
 }
 
-fn mask_weight(pixel: u32) -> f32 {
-    return select(1.0, unpack4x8unorm(target_image[pixel]).w, loss.masked != 0u);
+fn weight_of(mask: f32) -> f32 {
+    return select(1.0, mask, loss.masked != 0u);
 }
 
 // Coverage less mask. A mask that is neither 0 nor 1 says nothing.
-fn coverage_error(pixel: u32) -> f32 {
-    let mask = unpack4x8unorm(target_image[pixel]).w;
-    return select(0.0, image[pixel].w - mask, mask == 0.0 || mask == 1.0);
+fn coverage_error(coverage: f32, mask: f32) -> f32 {
+    return select(0.0, coverage - mask, mask == 0.0 || mask == 1.0);
 }
 
 fn coverage_penalty(error: f32) -> f32 {
@@ -62,144 +69,126 @@ fn coverage_penalty(error: f32) -> f32 {
     return select(size - 0.5 * COVERAGE_WIDTH, 0.5 * size * size / COVERAGE_WIDTH, size < COVERAGE_WIDTH);
 }
 
-// What the loss without SSIM adds to dL/d(colour, coverage) of a pixel with these colours.
-fn plain_gradient(pixel: u32, x: vec3<f32>, y: vec3<f32>) -> vec4<f32> {
-    let d_l1 = loss.l1_weight * loss.inverse_count * mask_weight(pixel);
-    let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * mask_weight(pixel);
+// What the loss without SSIM adds to dL/d(colour, coverage) of a pixel: x is rendered, y the target.
+fn plain_gradient(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
+    let d_l1 = loss.l1_weight * loss.inverse_count * weight_of(y.w);
+    let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * weight_of(y.w);
     // The mean is over pixels, which have three values each.
-    let d_coverage = 3.0 * loss.coverage_weight * loss.inverse_count
-        * clamp(coverage_error(pixel) / COVERAGE_WIDTH, -1.0, 1.0);
-    return vec4(d_l1 * sign(x - y) + d_squared * (x - y), d_coverage);
+    let d_coverage =
+        3.0 * loss.coverage_weight * loss.inverse_count * clamp(coverage_error(x.w, y.w) / COVERAGE_WIDTH, -1.0, 1.0);
+    return vec4(d_l1 * sign(x.xyz - y.xyz) + d_squared * (x.xyz - y.xyz), d_coverage);
 }
 
-// The values of a pixel, whose SSIM is given as a sum over its channels, with its weight by the mask.
-fn values_of(pixel: u32, ssim: f32, weight: f32) -> vec4<f32> {
-    let error = abs(image[pixel].xyz - target_color(pixel));
-    let sums = weight * vec3(error.x + error.y + error.z, ssim, dot(error, error));
-    return vec4(sums, coverage_penalty(coverage_error(pixel)));
+// The values of a pixel, but for its SSIM.
+fn values_of(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
+    let error = abs(x.xyz - y.xyz);
+    let weight = weight_of(y.w);
+    let penalty = coverage_penalty(coverage_error(x.w, y.w));
+    return vec4(weight * (error.x + error.y + error.z), 0.0, weight * dot(error, error), penalty);
 }
 
-fn spread(value: vec3<f32>, w: vec4<f32>) -> mat4x3<f32> {
-    return mat4x3(value * w.x, value * w.y, value * w.z, value * w.w);
+// The last ten inputs of a strip, the oldest first: for each pixel one column for each colour.
+struct Window {
+    inputs: array<mat3x4<f32>, 10>,
 }
 
-// The first pixel of an invocation's run, for runs along rows.
-fn run_in_row(index: u32) -> vec2<u32> {
-    let runs = (loss.size.x + RUN - 1u) / RUN;
-    return vec2((index % runs) * RUN, index / runs);
+// Takes the next input and returns the blurred value at the one five before it. Without a loop, which would keep the
+// inputs in memory.
+fn slide(window: ptr<function, Window>, next: mat3x4<f32>) -> mat3x4<f32> {
+    let last = (*window).inputs;
+    (*window).inputs =
+        array(last[1], last[2], last[3], last[4], last[5], last[6], last[7], last[8], last[9], next);
+    return (last[0] + next) * 0.00102838008 + (last[1] + last[9]) * 0.00759875814
+        + (last[2] + last[8]) * 0.0360007721 + (last[3] + last[7]) * 0.10936069
+        + (last[4] + last[6]) * 0.213005538 + last[5] * 0.266011725;
 }
 
-// The same for runs along columns.
-fn run_in_column(index: u32) -> vec2<u32> {
-    return vec2(index % loss.size.x, index / loss.size.x * RUN);
+// x, y, x^2 + y^2 and x y of one colour.
+fn products(x: f32, y: f32) -> vec4<f32> {
+    return vec4(x, y, x * x + y * y, x * y);
 }
 
-// Sums of a run: one column for each of its four outputs.
-struct PairSums {
-    x: mat4x3<f32>,
-    y: mat4x3<f32>,
-    squares: mat4x3<f32>,
-    product: mat4x3<f32>,
+// SSIM of one colour from its blurred products, and its gradient to the blurred x, x^2 + y^2 and x y.
+fn ssim_of(blurred: vec4<f32>) -> vec4<f32> {
+    let mean_x = blurred.x;
+    let mean_y = blurred.y;
+    let mean_squares = mean_x * mean_x + mean_y * mean_y;
+    let n1 = 2.0 * mean_x * mean_y + C1;
+    let n2 = 2.0 * (blurred.w - mean_x * mean_y) + C2;
+    let d1 = mean_squares + C1;
+    let d2 = blurred.z - mean_squares + C2;
+    let inverse = 1.0 / (d1 * d2);
+    let ssim = n1 * n2 * inverse;
+    let d_mean = 2.0 * mean_y * (n2 - n1) * inverse - 2.0 * mean_x * ssim * (1.0 / d1 - 1.0 / d2);
+    return vec4(d_mean, -ssim / d2, 2.0 * n1 * inverse, ssim);
 }
 
-struct GradientSums {
-    mean: mat4x3<f32>,
-    square: mat4x3<f32>,
-    product: mat4x3<f32>,
+// Whether an output belongs to the strip that begins at `first`.
+fn is_own(output: i32, first: i32, strip: i32, size: u32) -> bool {
+    return output >= first && output < min(first + strip, i32(size));
 }
 
-// Tap number `tap` of the run that starts at `at`, with its weight for each output. Before the first pixel the
-// subtraction wraps to a huge number.
-fn pair_tap(sums: ptr<function, PairSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
-    let column = at.x + tap - RADIUS;
-    if column < loss.size.x {
-        let pixel = at.y * loss.size.x + column;
-        let x = image[pixel].xyz;
-        let y = target_color(pixel);
-        (*sums).x += spread(x, w);
-        (*sums).y += spread(y, w);
-        (*sums).squares += spread(x * x + y * y, w);
-        (*sums).product += spread(x * y, w);
+// One input of a strip of a row, and the output that it completes.
+fn blur_in_row(window: ptr<function, Window>, first: i32, input: i32, row: u32) {
+    var next = mat3x4<f32>();
+    if input >= 0 && input < i32(loss.size.x) {
+        let pixel = row * loss.size.x + u32(input);
+        let x = image[pixel];
+        let y = target_at(pixel);
+        next = mat3x4(products(x.x, y.x), products(x.y, y.y), products(x.z, y.z));
+    }
+    let blurred = slide(window, next);
+    let output = input - RADIUS;
+    if is_own(output, first, ROW_STRIP, loss.size.x) {
+        rows[row * loss.size.x + u32(output)] = blurred;
     }
 }
 
-fn blurred_tap(sums: ptr<function, PairSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
-    let row = at.y + tap - RADIUS;
-    if row < loss.size.y {
-        let pixel = 4u * (row * loss.size.x + at.x);
-        (*sums).x += spread(rows[pixel].xyz, w);
-        (*sums).y += spread(rows[pixel + 1u].xyz, w);
-        (*sums).squares += spread(rows[pixel + 2u].xyz, w);
-        (*sums).product += spread(rows[pixel + 3u].xyz, w);
+// One input of a strip of column x: it completes the blurred products of one pixel and, with the gradients to them, the
+// output five before that. Returns what it adds to SSIM.
+fn blur_in_column(window: ptr<function, Window>, d_window: ptr<function, Window>, first: i32, input: i32,
+                  x: u32) -> f32 {
+    var next = mat3x4<f32>();
+    if input >= 0 && input < i32(loss.size.y) {
+        next = rows[u32(input) * loss.size.x + x];
     }
+    let blurred = slide(window, next);
+    let middle = input - RADIUS;
+    var d_next = mat3x4<f32>();
+    var ssim = 0.0;
+    if middle >= 0 && middle < i32(loss.size.y) {
+        let weight = weight_of(target_at(u32(middle) * loss.size.x + x).w);
+        let colors = mat3x4(ssim_of(blurred[0]), ssim_of(blurred[1]), ssim_of(blurred[2]));
+        d_next = colors * (-loss.ssim_weight * loss.inverse_count * weight);
+        let own = is_own(middle, first, COLUMN_STRIP, loss.size.y);
+        ssim = select(0.0, weight * (colors[0].w + colors[1].w + colors[2].w), own);
+    }
+    let d_blurred = slide(d_window, d_next);
+    let output = middle - RADIUS;
+    if is_own(output, first, COLUMN_STRIP, loss.size.y) {
+        columns[u32(output) * loss.size.x + x] = d_blurred;
+    }
+    return ssim;
 }
 
-fn partial_tap(sums: ptr<function, GradientSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
-    let column = at.x + tap - RADIUS;
-    if column < loss.size.x {
-        let pixel = 3u * (at.y * loss.size.x + column);
-        (*sums).mean += spread(partials[pixel].xyz, w);
-        (*sums).square += spread(partials[pixel + 1u].xyz, w);
-        (*sums).product += spread(partials[pixel + 2u].xyz, w);
+// One input of a strip of a row of the gradients, and the gradient of the pixel that it completes. Returns the pixel's
+// values.
+fn d_blur_in_row(window: ptr<function, Window>, first: i32, input: i32, row: u32) -> vec4<f32> {
+    var next = mat3x4<f32>();
+    if input >= 0 && input < i32(loss.size.x) {
+        next = columns[row * loss.size.x + u32(input)];
     }
-}
-
-fn gradient_tap(sums: ptr<function, GradientSums>, at: vec2<u32>, tap: u32, w: vec4<f32>) {
-    let row = at.y + tap - RADIUS;
-    if row < loss.size.y {
-        let pixel = 3u * (row * loss.size.x + at.x);
-        (*sums).mean += spread(rows[pixel].xyz, w);
-        (*sums).square += spread(rows[pixel + 1u].xyz, w);
-        (*sums).product += spread(rows[pixel + 2u].xyz, w);
+    let d = transpose(slide(window, next));
+    let output = input - RADIUS;
+    var sums = vec4(0.0);
+    if is_own(output, first, ROW_STRIP, loss.size.x) {
+        let pixel = row * loss.size.x + u32(output);
+        let x = image[pixel];
+        let y = target_at(pixel);
+        d_image[pixel] = plain_gradient(x, y) + vec4(d[0] + 2.0 * x.xyz * d[1] + y.xyz * d[2], 0.0);
+        sums = values_of(x, y);
     }
-}
-
-fn store_rows(at: vec2<u32>, x: vec3<f32>, y: vec3<f32>, squares: vec3<f32>, product: vec3<f32>) {
-    if at.x < loss.size.x {
-        let pixel = 4u * (at.y * loss.size.x + at.x);
-        rows[pixel] = vec4(x, 0.0);
-        rows[pixel + 1u] = vec4(y, 0.0);
-        rows[pixel + 2u] = vec4(squares, 0.0);
-        rows[pixel + 3u] = vec4(product, 0.0);
-    }
-}
-
-fn store_ssim(at: vec2<u32>, mean_x: vec3<f32>, mean_y: vec3<f32>, squares: vec3<f32>, product: vec3<f32>) {
-    if at.y < loss.size.y {
-        let pixel = at.y * loss.size.x + at.x;
-        let weight = mask_weight(pixel);
-        let d_ssim = -loss.ssim_weight * loss.inverse_count * weight;
-        let mean_squares = mean_x * mean_x + mean_y * mean_y;
-        let n1 = 2.0 * mean_x * mean_y + C1;
-        let n2 = 2.0 * (product - mean_x * mean_y) + C2;
-        let d1 = mean_squares + C1;
-        let d2 = squares - mean_squares + C2;
-        let inverse = 1.0 / (d1 * d2);
-        let ssim = n1 * n2 * inverse;
-        partials[3u * pixel] =
-            vec4(d_ssim * (2.0 * mean_y * (n2 - n1) * inverse - 2.0 * mean_x * ssim * (1.0 / d1 - 1.0 / d2)), 0.0);
-        partials[3u * pixel + 1u] = vec4(d_ssim * -ssim / d2, 0.0);
-        partials[3u * pixel + 2u] = vec4(d_ssim * 2.0 * n1 * inverse, 0.0);
-        values[pixel] = values_of(pixel, ssim.x + ssim.y + ssim.z, weight);
-    }
-}
-
-fn store_partials(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_product: vec3<f32>) {
-    if at.x < loss.size.x {
-        let pixel = 3u * (at.y * loss.size.x + at.x);
-        rows[pixel] = vec4(d_mean, 0.0);
-        rows[pixel + 1u] = vec4(d_square, 0.0);
-        rows[pixel + 2u] = vec4(d_product, 0.0);
-    }
-}
-
-fn store_gradient(at: vec2<u32>, d_mean: vec3<f32>, d_square: vec3<f32>, d_product: vec3<f32>) {
-    if at.y < loss.size.y {
-        let pixel = at.y * loss.size.x + at.x;
-        let x = image[pixel].xyz;
-        let y = target_color(pixel);
-        d_image[pixel] = plain_gradient(pixel, x, y) + vec4(d_mean + 2.0 * x * d_square + y * d_product, 0.0);
-    }
+    return sums;
 }
 
 // All of it, where SSIM has no weight.
@@ -208,127 +197,78 @@ fn loss_without_ssim(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workg
                      @builtin(local_invocation_index) local: u32) {
     let pixel = flat_index(group, groups, local, 64u);
     if pixel < loss.size.x * loss.size.y {
-        values[pixel] = values_of(pixel, 0.0, mask_weight(pixel));
-        d_image[pixel] = plain_gradient(pixel, image[pixel].xyz, target_color(pixel));
+        let x = image[pixel];
+        let y = target_at(pixel);
+        values[pixel] = values_of(x, y);
+        d_image[pixel] = plain_gradient(x, y);
     }
 }
 
-@compute @workgroup_size(64)
-fn loss_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+@compute @workgroup_size(32)
+fn blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
              @builtin(local_invocation_index) local: u32) {
-    let at = run_in_row(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
+    let index = flat_index(group, groups, local, 32u);
+    let row = index % loss.size.y;
+    let first = i32(index / loss.size.y) * ROW_STRIP;
+    let end = min(first + ROW_STRIP, i32(loss.size.x)) + RADIUS;
+    var window = Window();
+    if first < i32(loss.size.x) {
+        for (var i = first - RADIUS; i < end; i += 4) {
+            blur_in_row(&window, first, i, row);
+            blur_in_row(&window, first, i + 1, row);
+            blur_in_row(&window, first, i + 2, row);
+            blur_in_row(&window, first, i + 3, row);
+        }
     }
-    var sums = PairSums();
-    pair_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
-    pair_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
-    pair_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
-    pair_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
-    pair_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
-    pair_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
-    pair_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
-    pair_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
-    pair_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
-    pair_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
-    pair_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
-    pair_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
-    pair_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
-    pair_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
-    store_rows(at + vec2(0u, 0u), sums.x[0], sums.y[0], sums.squares[0], sums.product[0]);
-    store_rows(at + vec2(1u, 0u), sums.x[1], sums.y[1], sums.squares[1], sums.product[1]);
-    store_rows(at + vec2(2u, 0u), sums.x[2], sums.y[2], sums.squares[2], sums.product[2]);
-    store_rows(at + vec2(3u, 0u), sums.x[3], sums.y[3], sums.squares[3], sums.product[3]);
 }
 
-@compute @workgroup_size(64)
-fn loss_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+@compute @workgroup_size(32)
+fn blur_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                 @builtin(local_invocation_index) local: u32) {
-    let at = run_in_column(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
+    let index = flat_index(group, groups, local, 32u);
+    let x = index % loss.size.x;
+    let first = i32(index / loss.size.x) * COLUMN_STRIP;
+    let end = min(first + COLUMN_STRIP, i32(loss.size.y)) + 2 * RADIUS;
+    var window = Window();
+    var d_window = Window();
+    if first < i32(loss.size.y) {
+        var ssim = 0.0;
+        for (var i = first - 2 * RADIUS; i < end; i += 4) {
+            ssim += blur_in_column(&window, &d_window, first, i, x);
+            ssim += blur_in_column(&window, &d_window, first, i + 1, x);
+            ssim += blur_in_column(&window, &d_window, first, i + 2, x);
+            ssim += blur_in_column(&window, &d_window, first, i + 3, x);
+        }
+        values[index] = vec4(0.0, ssim, 0.0, 0.0);
     }
-    var sums = PairSums();
-    blurred_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
-    blurred_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
-    blurred_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
-    blurred_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
-    blurred_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
-    blurred_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
-    blurred_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
-    blurred_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
-    blurred_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
-    blurred_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
-    blurred_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
-    blurred_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
-    blurred_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
-    blurred_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
-    store_ssim(at + vec2(0u, 0u), sums.x[0], sums.y[0], sums.squares[0], sums.product[0]);
-    store_ssim(at + vec2(0u, 1u), sums.x[1], sums.y[1], sums.squares[1], sums.product[1]);
-    store_ssim(at + vec2(0u, 2u), sums.x[2], sums.y[2], sums.squares[2], sums.product[2]);
-    store_ssim(at + vec2(0u, 3u), sums.x[3], sums.y[3], sums.squares[3], sums.product[3]);
 }
 
-@compute @workgroup_size(64)
-fn gradient_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                 @builtin(local_invocation_index) local: u32) {
-    let at = run_in_row(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
+@compute @workgroup_size(32)
+fn d_blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+               @builtin(local_invocation_index) local: u32) {
+    let index = flat_index(group, groups, local, 32u);
+    let row = index % loss.size.y;
+    let first = i32(index / loss.size.y) * ROW_STRIP;
+    let end = min(first + ROW_STRIP, i32(loss.size.x)) + RADIUS;
+    var window = Window();
+    if first < i32(loss.size.x) {
+        var sums = vec4(0.0);
+        for (var i = first - RADIUS; i < end; i += 4) {
+            sums += d_blur_in_row(&window, first, i, row);
+            sums += d_blur_in_row(&window, first, i + 1, row);
+            sums += d_blur_in_row(&window, first, i + 2, row);
+            sums += d_blur_in_row(&window, first, i + 3, row);
+        }
+        // Behind those of the columns.
+        let strips = (i32(loss.size.y) + COLUMN_STRIP - 1) / COLUMN_STRIP;
+        values[loss.size.x * u32(strips) + index] = sums;
     }
-    var sums = GradientSums();
-    partial_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
-    partial_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
-    partial_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
-    partial_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
-    partial_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
-    partial_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
-    partial_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
-    partial_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
-    partial_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
-    partial_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
-    partial_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
-    partial_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
-    partial_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
-    partial_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
-    store_partials(at + vec2(0u, 0u), sums.mean[0], sums.square[0], sums.product[0]);
-    store_partials(at + vec2(1u, 0u), sums.mean[1], sums.square[1], sums.product[1]);
-    store_partials(at + vec2(2u, 0u), sums.mean[2], sums.square[2], sums.product[2]);
-    store_partials(at + vec2(3u, 0u), sums.mean[3], sums.square[3], sums.product[3]);
-}
-
-@compute @workgroup_size(64)
-fn gradient_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                    @builtin(local_invocation_index) local: u32) {
-    let at = run_in_column(flat_index(group, groups, local, 64u));
-    if at.y >= loss.size.y {
-        return;
-    }
-    var sums = GradientSums();
-    gradient_tap(&sums, at, 0u, vec4(0.00102838008, 0.0, 0.0, 0.0));
-    gradient_tap(&sums, at, 1u, vec4(0.00759875814, 0.00102838008, 0.0, 0.0));
-    gradient_tap(&sums, at, 2u, vec4(0.0360007721, 0.00759875814, 0.00102838008, 0.0));
-    gradient_tap(&sums, at, 3u, vec4(0.10936069, 0.0360007721, 0.00759875814, 0.00102838008));
-    gradient_tap(&sums, at, 4u, vec4(0.213005538, 0.10936069, 0.0360007721, 0.00759875814));
-    gradient_tap(&sums, at, 5u, vec4(0.266011725, 0.213005538, 0.10936069, 0.0360007721));
-    gradient_tap(&sums, at, 6u, vec4(0.213005538, 0.266011725, 0.213005538, 0.10936069));
-    gradient_tap(&sums, at, 7u, vec4(0.10936069, 0.213005538, 0.266011725, 0.213005538));
-    gradient_tap(&sums, at, 8u, vec4(0.0360007721, 0.10936069, 0.213005538, 0.266011725));
-    gradient_tap(&sums, at, 9u, vec4(0.00759875814, 0.0360007721, 0.10936069, 0.213005538));
-    gradient_tap(&sums, at, 10u, vec4(0.00102838008, 0.00759875814, 0.0360007721, 0.10936069));
-    gradient_tap(&sums, at, 11u, vec4(0.0, 0.00102838008, 0.00759875814, 0.0360007721));
-    gradient_tap(&sums, at, 12u, vec4(0.0, 0.0, 0.00102838008, 0.00759875814));
-    gradient_tap(&sums, at, 13u, vec4(0.0, 0.0, 0.0, 0.00102838008));
-    store_gradient(at + vec2(0u, 0u), sums.mean[0], sums.square[0], sums.product[0]);
-    store_gradient(at + vec2(0u, 1u), sums.mean[1], sums.square[1], sums.product[1]);
-    store_gradient(at + vec2(0u, 2u), sums.mean[2], sums.square[2], sums.product[2]);
-    store_gradient(at + vec2(0u, 3u), sums.mean[3], sums.square[3], sums.product[3]);
 }
 
 // Sums `values` over 256 contiguous strands; the host adds those up in order.
 @compute @workgroup_size(64)
 fn loss_sums(@builtin(global_invocation_id) id: vec3<u32>) {
-    let count = loss.size.x * loss.size.y;
+    let count = loss.value_count;
     let length = (count + 255u) / 256u;
     var sum = vec4(0.0);
     for (var i = min(id.x * length, count); i < min((id.x + 1u) * length, count); i++) {

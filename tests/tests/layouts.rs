@@ -86,7 +86,9 @@ fn host_layouts() -> Vec<Layout> {
             inverse_count,
             squared_weight,
             masked,
-            coverage_weight
+            coverage_weight,
+            value_count,
+            padding,
         }),
         host_layout!(PoseUniforms {
             gaussian_count,

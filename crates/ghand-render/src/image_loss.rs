@@ -8,6 +8,9 @@ use crate::{Gpu, RenderError, buffers};
 
 /// Number of strands (partial sums) of the loss value, as in the shader.
 const STRANDS: usize = 256;
+/// Outputs of an invocation that walks along a row and along a column, as in the shader.
+pub(crate) const ROW_STRIP: u32 = 54;
+pub(crate) const COLUMN_STRIP: u32 = 84;
 
 /// See `shaders/image_loss.wgsl`.
 #[repr(C)]
@@ -27,6 +30,10 @@ pub struct LossUniforms {
     pub masked: u32,
     /// Weight of the mean penalty on coverage.
     pub coverage_weight: f32,
+    /// Number of values that are summed.
+    pub value_count: u32,
+    /// Unused.
+    pub padding: u32,
 }
 
 /// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2 + coverage mean h(c - m)`,
@@ -73,7 +80,9 @@ pub struct ImageLoss {
     uniforms: wgpu::Buffer,
     target: wgpu::Buffer,
     strand_sums: wgpu::Buffer,
-    stages: Vec<(Bound, Direction)>,
+    blur_rows: Bound,
+    blur_columns: Bound,
+    d_blur_rows: Bound,
     without_ssim: Bound,
     sums: Bound,
     max_pixels: usize,
@@ -81,10 +90,9 @@ pub struct ImageLoss {
     has_ssim: bool,
 }
 
-#[derive(Clone, Copy)]
-enum Direction {
-    Rows,
-    Columns,
+/// Invocations for the strips of an image's rows and of its columns.
+fn strips([width, height]: [u32; 2]) -> [u32; 2] {
+    [height * width.div_ceil(ROW_STRIP), width * height.div_ceil(COLUMN_STRIP)]
 }
 
 impl ImageLoss {
@@ -106,30 +114,38 @@ impl ImageLoss {
         let module = Module::new(gpu, "image_loss");
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
-        let rows = buffers::zeroed(gpu, "loss rows", 4 * 4 * max_pixels);
-        let partials = buffers::zeroed(gpu, "loss partials", 3 * 4 * max_pixels);
-        let values = buffers::zeroed(gpu, "loss values", 4 * max_pixels);
+        let rows = buffers::zeroed(gpu, "loss rows", 3 * 4 * max_pixels);
+        let columns = buffers::zeroed(gpu, "loss columns", 3 * 4 * max_pixels);
+        // A strip has at least one pixel, and each pixel belongs to one of a row and one of a column.
+        let values = buffers::zeroed(gpu, "loss values", 2 * 4 * max_pixels);
         let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
         let all = [
             ("loss", &uniforms),
             ("image", image),
             ("target_image", &target),
             ("rows", &rows),
-            ("partials", &partials),
+            ("columns", &columns),
             ("values", &values),
             ("d_image", d_image),
             ("strand_sums", &strand_sums),
         ];
         let stage = |entry| module.stage(gpu, entry, &[]).bind(gpu, &all);
-        let stages = vec![
-            (stage("loss_rows"), Direction::Rows),
-            (stage("loss_columns"), Direction::Columns),
-            (stage("gradient_rows"), Direction::Rows),
-            (stage("gradient_columns"), Direction::Columns),
-        ];
+        let [blur_rows, blur_columns, d_blur_rows] = ["blur_rows", "blur_columns", "d_blur_rows"].map(stage);
         let (without_ssim, sums) = (stage("loss_without_ssim"), stage("loss_sums"));
         let (size, has_ssim) = ([0, 0], true);
-        ImageLoss { uniforms, target, strand_sums, stages, without_ssim, sums, max_pixels, size, has_ssim }
+        ImageLoss {
+            uniforms,
+            target,
+            strand_sums,
+            blur_rows,
+            blur_columns,
+            d_blur_rows,
+            without_ssim,
+            sums,
+            max_pixels,
+            size,
+            has_ssim,
+        }
     }
 
     /// Sets the target and the weights of later passes. `pixels` holds the target's bytes (red, green, blue, mask) row
@@ -155,6 +171,8 @@ impl ImageLoss {
                 self.max_pixels
             )));
         }
+        let has_ssim = weights.ssim != 0.0;
+        let value_count_on_device = if has_ssim { strips(size).iter().sum() } else { count as u32 };
         let uniforms = LossUniforms {
             size,
             l1_weight: weights.l1,
@@ -163,27 +181,26 @@ impl ImageLoss {
             squared_weight: weights.squared,
             masked: u32::from(weights.masked),
             coverage_weight: weights.coverage,
+            value_count: value_count_on_device,
+            padding: 0,
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         gpu.queue.write_buffer(&self.target, 0, bytemuck::cast_slice(pixels));
         self.size = size;
-        self.has_ssim = weights.ssim != 0.0;
+        self.has_ssim = has_ssim;
         Ok(())
     }
 
     /// Encodes the loss and its gradient with respect to the image.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "loss");
-        let [w, h] = self.size;
-        if !self.has_ssim {
-            self.without_ssim.dispatch_invocations(&mut pass, w * h);
-        }
-        for (stage, direction) in self.stages.iter().filter(|_| self.has_ssim) {
-            let runs = match direction {
-                Direction::Rows => w.div_ceil(4) * h,
-                Direction::Columns => w * h.div_ceil(4),
-            };
-            stage.dispatch_invocations(&mut pass, runs);
+        if self.has_ssim {
+            let [along_rows, along_columns] = strips(self.size);
+            self.blur_rows.dispatch_invocations(&mut pass, along_rows);
+            self.blur_columns.dispatch_invocations(&mut pass, along_columns);
+            self.d_blur_rows.dispatch_invocations(&mut pass, along_rows);
+        } else {
+            self.without_ssim.dispatch_invocations(&mut pass, self.size[0] * self.size[1]);
         }
         self.sums.dispatch_invocations(&mut pass, STRANDS as u32);
     }

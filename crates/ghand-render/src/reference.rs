@@ -16,7 +16,7 @@ mod wireframe;
 use crate::deform::baked::{GROUP, SMALLEST_SCALE};
 
 /// Numbers that the shaders and their twins both have: stage, name in the WGSL, value here. A test compares them.
-pub fn shared_constants() -> [(&'static str, &'static str, f64); 9] {
+pub fn shared_constants() -> [(&'static str, &'static str, f64); 11] {
     [
         ("project", "BLUR", project::BLUR),
         ("project", "ALPHA_MIN", project::ALPHA_MIN),
@@ -25,6 +25,8 @@ pub fn shared_constants() -> [(&'static str, &'static str, f64); 9] {
         ("image_loss", "RADIUS", image_loss::RADIUS as f64),
         ("image_loss", "C1", image_loss::C1),
         ("image_loss", "C2", image_loss::C2),
+        ("image_loss", "ROW_STRIP", f64::from(crate::image_loss::ROW_STRIP)),
+        ("image_loss", "COLUMN_STRIP", f64::from(crate::image_loss::COLUMN_STRIP)),
         ("baked", "GROUP", GROUP as f64),
         ("baked", "SMALLEST_SCALE", SMALLEST_SCALE),
     ]

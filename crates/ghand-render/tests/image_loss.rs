@@ -86,7 +86,7 @@ fn check(size: [u32; 2], weights: LossWeights) {
 
 #[test]
 fn every_loss_agrees_with_its_twin_with_and_without_masks() {
-    for size in [[37, 29], [1, 1], [64, 3], [5, 70]] {
+    for size in [[37, 29], [1, 1], [64, 3], [5, 70], [121, 190]] {
         for masked in [false, true] {
             let none = LossWeights { masked, ..Default::default() };
             check(size, LossWeights { l1: 0.8, ssim: 0.2, ..none });
