@@ -9,6 +9,7 @@ mod case;
 mod compare;
 mod growth;
 mod hand;
+mod light;
 mod report;
 mod view;
 

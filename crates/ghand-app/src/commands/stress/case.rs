@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use super::compare::{move_by_one, picture, roundings, undecided};
 use super::hand::{Draw, Hand, HandKind, Model, usual_pose};
+use super::light::TwinLight;
 use super::view::{LARGEST_EDGE, POSES, PoseKind, VIEWS, ViewKind};
 
 /// What is compared.
@@ -148,8 +149,14 @@ impl<'a> Subject<'a> {
         let (mut draw, pose_kind, view_kind) = kinds(seed, number);
         let mut outcome = Outcome::new(self.hand, number, pose_kind, view_kind);
         let pose = pose_kind.draw(&mut draw, &avatar.template);
-        let exact_posed = exact(avatar, &pose).context("the hand has no twin")?;
-        let camera = view_kind.draw(&mut draw, &exact_posed);
+        let unlit = exact(avatar, &pose).context("the hand has no twin")?;
+        let camera = view_kind.draw(&mut draw, &unlit);
+        let light = TwinLight::of(avatar, &pose, camera.center())?;
+        let lit = |unlit: &PosedGaussians, light: &Option<TwinLight>| match light {
+            Some(light) => light.light(unlit),
+            None => unlit.clone(),
+        };
+        let exact_posed = lit(&unlit, &light);
         let full = self.hand.full.as_ref().and_then(|full| exact(full, &pose));
         outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &exact_posed));
         outcome.inputs = Some(Inputs { avatar: avatar.clone(), pose: pose.clone(), camera: camera.clone() });
@@ -223,7 +230,9 @@ impl<'a> Subject<'a> {
         // From the pose, whose numbers and the hand's are moved.
         let moved_avatar = moved_avatar(&mut draw, avatar);
         let moved_pose = moved_pose(&mut draw, &pose);
-        let mut moved = exact(&moved_avatar, &moved_pose).context("the hand has no twin")?;
+        let moved_unlit = exact(&moved_avatar, &moved_pose).context("the hand has no twin")?;
+        let moved_light = light.as_ref().map(|light| light.moved(&mut draw));
+        let mut moved = lit(&moved_unlit, &moved_light);
         outcome.roundings[0] = Some(posed_roundings(avatar, &table, &exact_posed, &moved));
         move_depths(&mut draw, &mut moved, &camera);
         let moved_picture = twin(&moved.splats(OPACITY.into()), &moved_camera, &model).rasterize();
@@ -233,11 +242,17 @@ impl<'a> Subject<'a> {
         if self.backward.is_none() || !self.hand.kind.has_gradients() {
             return Ok(outcome);
         }
-        let exact = all_gradients(avatar, &pose, &d_device);
-        let moved_d = moved_table_of(&mut draw, d_table, shape);
-        let moved = all_gradients(&moved_avatar, &moved_pose, &moved_d);
+        let unlit_gradient = |unlit: &PosedGaussians, light: &Option<TwinLight>, d: PosedGaussians| match light {
+            Some(light) => light.light_vjp(unlit, &d),
+            None => d,
+        };
+        let d_moved = moved_table_of(&mut draw, d_table, shape);
+        let d_exact = unlit_gradient(&unlit, &light, d_device);
+        let exact = all_gradients(avatar, &pose, &d_exact);
+        let moved =
+            all_gradients(&moved_avatar, &moved_pose, &unlit_gradient(&moved_unlit, &moved_light, d_moved));
         // Some parts vanish at rest: there, they need be no more exact than they are elsewhere.
-        let usual = all_gradients(avatar, &usual_pose(&mut draw, &avatar.template), &d_device);
+        let usual = all_gradients(avatar, &usual_pose(&mut draw, &avatar.template), &d_exact);
         let parts = device[1..].iter().zip(&exact).zip(moved.iter().zip(&usual));
         let of_parts = parts.map(|(((name, got), exact), (moved, usual))| {
             (roundings(got, exact, moved, root_mean_square(usual)), name)

@@ -15,6 +15,8 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::light;
+
 /// What is extreme about a hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HandKind {
@@ -22,6 +24,8 @@ pub enum HandKind {
     Usual,
     /// The built-in hand in a shape up to ten standard deviations from the mean.
     Human,
+    /// The same with light apart from its skin.
+    Lit,
     /// One joint.
     OneJoint,
     /// 25 joints in one chain.
@@ -50,7 +54,7 @@ pub enum HandKind {
     Overflow,
 }
 
-/// All kinds.
+/// The kinds that are drawn; some of the built-in hands are lit.
 pub const HANDS: [HandKind; 15] = {
     use HandKind::*;
     [
@@ -78,6 +82,7 @@ impl HandKind {
         match self {
             HandKind::Usual => "usual",
             HandKind::Human => "built-in, shape to 10 sd",
+            HandKind::Lit => "built-in, lit",
             HandKind::OneJoint => "one joint",
             HandKind::LongChain => "25 joints in a chain",
             HandKind::Tiny => "micrometres",
@@ -209,6 +214,15 @@ impl Hand {
             }
         };
         set_tables(&mut draw, kind, &mut avatar);
+        // With numbers of their own, so that all else is the same with and without light.
+        let mut of_light = Draw::new(!seed, 2 * number);
+        let kind = match kind {
+            HandKind::Human if of_light.chance(0.5) => {
+                avatar.light = Some(light::draw(&mut of_light, &avatar)?);
+                HandKind::Lit
+            }
+            other => other,
+        };
         let baked = kind.is_comparable() && draw.chance(0.3);
         if !baked {
             return Ok(Hand { kind, model: Model::Direct, avatar, full: None });
