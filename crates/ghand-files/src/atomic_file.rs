@@ -34,7 +34,7 @@ pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
 ///
 /// # Errors
 /// An error that names the obstacle: `path` is a folder, a pipe, a device, a read-only file or a cycle of symbolic
-/// links, or one of its parents is a file.
+/// links, one of its parents is a file, or nothing can be written to its folder.
 pub fn check_writable(path: &Path) -> io::Result<()> {
     replaceable(path).map(|_| ())
 }
@@ -60,7 +60,9 @@ fn replaceable(path: &Path) -> io::Result<PathBuf> {
                 Some(folder) if !folder.is_dir() => {
                     Err(io::Error::new(ErrorKind::NotADirectory, format!("{} is not a folder", folder.display())))
                 }
-                _ => Ok(target),
+                // A file without a name, so that nothing changes, tells what permissions do not: whether the disk is.
+                Some(folder) => tempfile::tempfile_in(folder).map(|_| target),
+                None => Ok(target),
             }
         }
         Err(error) => Err(error),
@@ -123,6 +125,16 @@ mod tests {
         assert!(check_writable(&through).is_err());
         assert!(write_atomically(&through, b"x").is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"x");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_in_which_no_file_can_be_is_found_before_anything_is_written() {
+        // Even the superuser makes no files among the processes.
+        for write in [check_writable, |path: &Path| write_atomically(path, b"x")] {
+            let error = write(Path::new("/proc/ghand.json")).unwrap_err().to_string();
+            assert!(!error.contains("writing"), "{error}");
+        }
     }
 
     #[cfg(unix)]

@@ -40,6 +40,9 @@ pub enum ValueError {
     /// The file system reports an error.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
+    /// It is of no kind that can be read.
+    #[error("is neither JSON nor an .npz, .npy or pickle file; export it as JSON or with numpy.savez")]
+    UnknownKind,
     /// The content is invalid.
     #[error("{0}")]
     Content(String),
@@ -61,7 +64,8 @@ impl Value {
     /// Reads the bytes of a file of any of these kinds, recognised from the first bytes.
     ///
     /// # Errors
-    /// [`ValueError::Content`] if they are not of a supported kind, damaged, or too large.
+    /// [`ValueError::UnknownKind`] if they are not of a supported kind, [`ValueError::Content`] if they are damaged or too
+    /// large.
     pub fn from_bytes(bytes: &[u8]) -> Result<Value, ValueError> {
         let value = if Npz::recognises_bytes(bytes) {
             python::from_npz(bytes)
@@ -72,7 +76,7 @@ impl Value {
         } else if Graph::recognises_bytes(bytes) {
             python::from_pickle(bytes)
         } else {
-            Err("is neither JSON nor an .npz, .npy or pickle file; export it as JSON or with numpy.savez".into())
+            return Err(ValueError::UnknownKind);
         };
         value.map_err(ValueError::Content)
     }

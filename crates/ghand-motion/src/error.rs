@@ -9,7 +9,7 @@ use ghand_hand_model::HandModelError;
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
     /// The file cannot be read, or is not of a supported kind.
-    #[error("{path}: the poses: {source}")]
+    #[error("{path}: {source}")]
     File {
         /// The file.
         path: PathBuf,

@@ -38,6 +38,14 @@ impl Film {
         })
     }
 
+    /// Columns and rows of the film for pictures of this size: those that ffmpeg encodes are even.
+    pub fn size(&self, [width, height]: [u32; 2]) -> [u32; 2] {
+        match self {
+            Film::Gif(_) => [width, height],
+            Film::Piped(_) => [width, height].map(|edge| edge.next_multiple_of(2)),
+        }
+    }
+
     /// Adds a picture of the film's size.
     ///
     /// # Errors

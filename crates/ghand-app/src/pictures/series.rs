@@ -123,9 +123,11 @@ impl Series {
         Ok(match self.sink {
             Sink::Picture(path) => format!("{}: {width} x {height} pixels", path.display()),
             Sink::Film(path, film, fps) => {
+                let [width, height] = film.size([width, height]);
                 film.write(&path)?;
                 let seconds = count as f64 / fps;
-                format!("{}: {count} pictures of {width} x {height} pixels, {seconds:.1} s", path.display())
+                // A number and its unit stay on one line.
+                format!("{}: {count} pictures of {width} x {height} pixels, {seconds:.1}\u{a0}s", path.display())
             }
             Sink::Folder(path, folder) => {
                 let names = folder.ends().map_or(String::new(), |[first, last]| match count {

@@ -52,6 +52,11 @@ impl FileDialog {
         FileDialog::wait(context, dialog)
     }
 
+    /// Opens the dialog that chooses a folder to save to.
+    pub fn folder(context: &Context) -> FileDialog {
+        FileDialog::wait(context, rfd::AsyncFileDialog::new().set_title("Save to a folder").pick_folder())
+    }
+
     fn wait(context: &Context, dialog: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static) -> FileDialog {
         let (sender, answer) = channel();
         let context = context.clone();

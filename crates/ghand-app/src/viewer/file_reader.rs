@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use egui::{Align2, Area, Context, Frame, Id, Spinner, vec2};
 use ghand_core::HandModel;
+use ghand_files::value::ValueError;
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::key_ids};
-use ghand_motion::{KeyFrames, PoseSequence};
+use ghand_motion::{KeyFrames, PoseError, PoseSequence};
 
 use crate::capture_args::CaptureOptions;
 use crate::file_kind::{FileKind, file_kind};
@@ -160,7 +161,14 @@ fn read(path: &Path, model: Option<&HandModel>) -> anyhow::Result<Contents> {
         FileKind::Avatar | FileKind::Ply => read_subject(path, &light),
         // An archive or a pickle may also have poses.
         FileKind::HandModel => read_subject(path, &light).or_else(|error| read_poses(path, model).map_err(|_| error)),
-        FileKind::Other => read_poses(path, model),
+        FileKind::Other => read_poses(path, model).map_err(|error| match error.downcast_ref() {
+            Some(PoseError::File { source: ValueError::UnknownKind, .. }) => anyhow!(
+                "{}: is neither an avatar (.ghand), nor a scene (.ply), nor a hand model (.glb, .gltf, .pkl, .npz), nor \
+                 poses (.json, .jsonl, .npz, .npy, .pkl)",
+                path.display()
+            ),
+            _ => error,
+        }),
     }
 }
 

@@ -114,6 +114,11 @@ impl Live {
         self.driven.is_some()
     }
 
+    /// Whether packets arrive now.
+    pub fn is_receiving(&self) -> bool {
+        self.received.is_moving()
+    }
+
     /// Prepares for another hand model.
     pub fn model_changed(&mut self) {
         (self.poses, self.driven) = (LivePoses::default(), None);

@@ -22,6 +22,8 @@ pub enum OutputKind {
 const PICTURES: [&str; 2] = ["png", "exr"];
 /// The files that a film can be.
 const FILMS: [&str; 3] = ["gif", "webm", "mp4"];
+/// What a film is instead if its pictures are files of their own, in a folder.
+pub const SERIES: &str = "png pictures";
 
 /// The question, while it is open.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +36,7 @@ pub struct OutputDialog {
     pub transparent: bool,
     /// Ending of a picture's file.
     pub picture: &'static str,
-    /// Ending of a film's file.
+    /// Ending of a film's file, or [`SERIES`].
     pub film: &'static str,
 }
 
@@ -55,9 +57,10 @@ impl OutputDialog {
         OutputDialog { kind, size, transparent: false, picture: PICTURES[0], film: FILMS[0] }
     }
 
-    /// The ending of the file.
-    pub fn ending(&self) -> &'static str {
-        if self.kind == OutputKind::Picture { self.picture } else { self.film }
+    /// The ending of the file; `None` if it is a folder of pictures.
+    pub fn ending(&self) -> Option<&'static str> {
+        let format = if self.kind == OutputKind::Picture { self.picture } else { self.film };
+        (format != SERIES).then_some(format)
     }
 
     /// Whether a file of this name can be what is saved.
@@ -101,9 +104,13 @@ impl OutputDialog {
                     }
                 });
             } else {
-                ui.horizontal(|ui| {
-                    for film in FILMS {
-                        let hover = if film == "gif" { "256 colours" } else { "Needs ffmpeg" };
+                ui.horizontal_wrapped(|ui| {
+                    for film in FILMS.into_iter().chain([SERIES]) {
+                        let hover = match film {
+                            "gif" => "256 colours",
+                            SERIES => "A file for each picture, in a folder",
+                            _ => "Needs ffmpeg",
+                        };
                         if ui.selectable_label(self.film == film, film).on_hover_text(hover).clicked() {
                             self.film = film;
                         }
@@ -115,8 +122,9 @@ impl OutputDialog {
             }
             ui.separator();
             ui.horizontal(|ui| {
-                let possible = !(self.ending() == "mp4" && self.transparent);
-                if ui.add_enabled(possible, egui::Button::new("Save as ...")).clicked() {
+                let possible = !(self.ending() == Some("mp4") && self.transparent);
+                let save = if self.ending().is_none() { "Save to ..." } else { "Save as ..." };
+                if ui.add_enabled(possible, egui::Button::new(save)).clicked() {
                     asked = Asked::Save;
                 }
                 if ui.button("Cancel").clicked() {

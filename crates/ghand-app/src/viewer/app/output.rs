@@ -12,6 +12,7 @@ use crate::viewer::app::saving::Saving;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::file_dialog::FileDialog;
 use crate::viewer::file_reader::file_name;
+use crate::viewer::live::Live;
 use crate::viewer::output::{OutputJob, OutputPlan};
 use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
 use crate::viewer::picture::{PictureInputs, Progress};
@@ -21,6 +22,8 @@ use crate::viewer::training_run::TrainingRun;
 
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];
+/// Endings of the files of subjects.
+const FILE_ENDINGS: [&str; 6] = ["ghand", "ply", "glb", "gltf", "pkl", "npz"];
 
 impl Viewer {
     /// Asks what to save of the view.
@@ -43,9 +46,13 @@ impl Viewer {
                 Asked::Open => self.output_dialog = Some(dialog),
                 Asked::Closed => {}
                 Asked::Save => {
-                    let ending = dialog.ending();
-                    let name = format!("{}.{ending}", self.subject.name().trim_end_matches(".ply"));
-                    let chooser = FileDialog::save(context, &name, "Pictures and films", &[ending]);
+                    let chooser = match dialog.ending() {
+                        None => FileDialog::folder(context),
+                        Some(ending) => {
+                            let name = format!("{}.{ending}", without_ending(&self.subject.name()));
+                            FileDialog::save(context, &name, "Pictures and films", &[ending])
+                        }
+                    };
                     self.save_dialog = Some((chooser, Saving::Output(dialog)));
                 }
             }
@@ -59,14 +66,18 @@ impl Viewer {
         }
     }
 
-    /// Begins to save a picture or a film of the view to a file, in the background.
+    /// Begins to save a picture or a film of the view, in the background: to a file, which gets its ending if it has none, or
+    /// a film's pictures to a folder.
     ///
     /// # Errors
     /// One sentence if that is impossible.
     pub fn save_output(&mut self, asked: &OutputDialog, path: &Path, context: &Context) -> anyhow::Result<()> {
         let mut path = path.as_os_str().to_owned();
-        if !asked.fits(Path::new(&path)) {
-            path.push(format!(".{}", asked.ending()));
+        match asked.ending() {
+            // A name with a dot is a folder's, too.
+            None => path.push(std::path::MAIN_SEPARATOR_STR),
+            Some(ending) if !asked.fits(Path::new(&path)) => path.push(format!(".{ending}")),
+            Some(_) => {}
         }
         let path = PathBuf::from(path);
         let plan = self.output_plan(asked);
@@ -130,7 +141,7 @@ impl Viewer {
             || self.shown.is_none()
             || self.turntable
             || self.measure
-            || self.live.is_some()
+            || self.live.as_ref().is_some_and(Live::is_receiving)
             || self.run.as_ref().is_some_and(TrainingRun::is_going_on)
             || context.input(|input| input.pointer.any_down());
         if let Subject::Hand(hand) = &mut self.subject {
@@ -160,5 +171,13 @@ impl Viewer {
             self.output = None;
             self.toasts.note(format!("{name} is not saved."));
         }
+    }
+}
+
+/// A subject's name without the ending of its file.
+fn without_ending(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((rest, ending)) if FILE_ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending)) => rest,
+        _ => name,
     }
 }

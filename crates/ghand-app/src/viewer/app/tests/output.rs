@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::viewer::output_dialog::{OutputDialog, OutputKind};
+use crate::viewer::output_dialog::{OutputDialog, OutputKind, SERIES};
 
 impl Headless {
     /// Saves what was asked for and runs the user interface until it is done. Returns how many frames that took.
@@ -78,6 +78,13 @@ fn a_turn_and_the_motion_are_saved_as_films_while_the_view_can_be_used() {
     let path = folder.path().join("grasp.gif");
     ui.save(&OutputDialog::new(OutputKind::Motion, [40, 30]), &path);
     assert_eq!(pictures(&path), 10, "only what repeats");
+    // Its pictures one by one.
+    let folder = folder.path().join("grasp.v1");
+    let mut asked = OutputDialog::new(OutputKind::Motion, [40, 30]);
+    asked.film = SERIES;
+    ui.save(&asked, &folder);
+    let is_png = |file: &Path| file.extension().is_some_and(|ending| ending == "png");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().filter(|file| is_png(&file.as_ref().unwrap().path())).count(), 10);
 }
 
 #[test]
