@@ -16,10 +16,9 @@ override MOST_TILES: u32 = 0xffffffffu;
 // By Gaussian: first slot and one past the last.
 @group(0) @binding(5) var<storage, read_write> slot_ranges: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> tile_keys: array<u32>;
-@group(0) @binding(7) var<storage, read_write> slots: array<u32>;
-@group(0) @binding(8) var<storage, read_write> slot_gaussians: array<u32>;
+@group(0) @binding(7) var<storage, read_write> slot_gaussians: array<u32>;
 // By tile: first intersection and one past the last.
-@group(0) @binding(9) var<storage, read_write> tile_ranges: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read_write> tile_ranges: array<vec2<u32>>;
 
 fn tile_count(rect: vec2<u32>) -> u32 {
     return ((rect.y & 0xffffu) - (rect.x & 0xffffu)) * ((rect.y >> 16u) - (rect.x >> 16u));
@@ -59,7 +58,6 @@ fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         for (var x = rect.x & 0xffffu; x < (rect.y & 0xffffu); x++) {
             if slot < view.intersection_capacity {
                 tile_keys[slot] = y * view.tiles.x + x;
-                slots[slot] = slot;
                 slot_gaussians[slot] = gaussian;
             }
             slot++;

@@ -18,8 +18,7 @@ override DEPTH_KEY_SHIFT: u32 = 0u;
 // First and one past last tile, x in the low and y in the high half of each word; all zero when culled.
 @group(0) @binding(3) var<storage, read_write> tile_rects: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> depth_keys: array<u32>;
-@group(0) @binding(5) var<storage, read_write> depth_order: array<u32>;
-@group(0) @binding(6) var<storage, read_write> counters: Counters;
+@group(0) @binding(5) var<storage, read_write> counters: Counters;
 
 @compute @workgroup_size(64)
 fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -28,7 +27,6 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     if i >= view.gaussian_count {
         return;
     }
-    depth_order[i] = i;
     tile_rects[i] = vec2(0u, 0u);
     depth_keys[i] = DEPTH_KEY_MAX >> DEPTH_KEY_SHIFT;
 

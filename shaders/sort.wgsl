@@ -19,6 +19,14 @@ struct SortUniforms {
 @group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
 
+// At first, which is when the lowest digit is sorted, the value of a pair is its number, and none is read.
+fn value_of(i: u32) -> u32 {
+    if sort.shift == 0u {
+        return i;
+    }
+    return values_in[i];
+}
+
 fn strand_range(strand: u32) -> vec2<u32> {
     let count = counters[sort.counter];
     let length = (count + sort.strands - 1u) / sort.strands;
@@ -53,6 +61,6 @@ fn sort_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
         let place = digit_counts[at];
         digit_counts[at] = place + 1u;
         keys_out[place] = key;
-        values_out[place] = values_in[i];
+        values_out[place] = value_of(i);
     }
 }

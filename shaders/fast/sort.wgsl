@@ -28,6 +28,14 @@ const MOST_SUBGROUPS: u32 = THREADS / 4u;
 @group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
 
+// At first, which is when the lowest digit is sorted, the value of a pair is its number, and none is read.
+fn value_of(i: u32) -> u32 {
+    if sort.shift == 0u {
+        return i;
+    }
+    return values_in[i];
+}
+
 // How often each of the sixteen digits occurs: two per word, 0 to 7 in `low`, 8 to 15 in `high`. A block has fewer than
 // 2^16.
 struct Counts {
@@ -148,7 +156,7 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
             let digit = digit_of(keys[k]);
             let rank = digit_starts[digit] + count_of(before, digit) + ranks[k];
             block_keys[rank] = keys[k];
-            block_values[rank] = values_in[range.x + i];
+            block_values[rank] = value_of(range.x + i);
         }
     }
     workgroupBarrier();

@@ -72,7 +72,6 @@ impl Stages {
                     ("slot_offsets", &b.slot_offsets),
                     ("slot_ranges", &b.slot_ranges),
                     ("tile_keys", &b.tile_keys[0]),
-                    ("slots", &b.slots[0]),
                     ("slot_gaussians", &b.slot_gaussians),
                 ],
             ),

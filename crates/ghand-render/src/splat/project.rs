@@ -55,7 +55,6 @@ impl Stages {
                 ("splats", &b.splats),
                 ("tile_rects", &b.tile_rects),
                 ("depth_keys", &b.depth_keys[0]),
-                ("depth_order", &b.depth_order[0]),
                 ("counters", &s.counters),
             ],
         );

@@ -155,8 +155,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Sorts `counters[counter]` pairs. The pairs start in the first buffer of each two and end in the one with index
-    /// [`Stages::sorted`].
+    /// Sorts `counters[counter]` keys. They start in the first of their two buffers and end in the one with index
+    /// [`Stages::sorted`], like the values, which are the numbers that the keys had at first.
     pub fn new(
         gpu: &Gpu,
         pipelines: &Pipelines,
@@ -254,13 +254,11 @@ mod tests {
     }
 
     fn sorted(gpu: &Gpu, pipelines: &Pipelines, pairs: &[(u32, u32)], room: usize, bits: u32) -> Vec<(u32, u32)> {
-        let buffer = |of: fn(&(u32, u32)) -> u32| {
-            let mut numbers: Vec<u32> = pairs.iter().map(of).collect();
-            // The numbers after the pairs must not be sorted among them.
-            numbers.resize(room, 0);
-            [buffers::filled(gpu, "test", &numbers), buffers::zeroed(gpu, "test", room)]
-        };
-        let (keys, values) = (buffer(|p| p.0), buffer(|p| p.1));
+        let mut keys: Vec<u32> = pairs.iter().map(|pair| pair.0).collect();
+        // The numbers after the keys must not be sorted among them.
+        keys.resize(room, 0);
+        let empty = || buffers::zeroed(gpu, "test", room);
+        let (keys, values) = ([buffers::filled(gpu, "test", &keys), empty()], [empty(), empty()]);
         let counters = buffers::filled(gpu, "counters", &[7, pairs.len() as u32]);
         let stages = Stages::new(gpu, pipelines, &counters, CounterIndex(1), bits, &keys, &values);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
