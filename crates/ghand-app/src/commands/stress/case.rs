@@ -158,7 +158,7 @@ impl<'a> Subject<'a> {
         };
         let exact_posed = lit(&unlit, &light);
         let full = self.hand.full.as_ref().and_then(|full| exact(full, &pose));
-        outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &exact_posed));
+        outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &unlit));
         outcome.inputs = Some(Inputs { avatar: avatar.clone(), pose: pose.clone(), camera: camera.clone() });
 
         let (image, table) = self.draw(gpu, &pose, &camera)?;
