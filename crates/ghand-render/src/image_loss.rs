@@ -8,8 +8,9 @@ use crate::{Gpu, RenderError, buffers};
 
 /// Number of strands (partial sums) of the loss value, as in the shader.
 const STRANDS: usize = 256;
-/// Outputs of an invocation that walks along a row and along a column, as in the shader.
+/// Outputs of an invocation that walks along a row, as in the shader.
 pub(crate) const ROW_STRIP: u32 = 54;
+/// Of one that walks along a column.
 pub(crate) const COLUMN_STRIP: u32 = 84;
 
 /// See `shaders/image_loss.wgsl`.
@@ -172,7 +173,7 @@ impl ImageLoss {
             )));
         }
         let has_ssim = weights.ssim != 0.0;
-        let value_count_on_device = if has_ssim { strips(size).iter().sum() } else { count as u32 };
+        let sums = if has_ssim { strips(size).iter().sum() } else { count as u32 };
         let uniforms = LossUniforms {
             size,
             l1_weight: weights.l1,
@@ -181,7 +182,7 @@ impl ImageLoss {
             squared_weight: weights.squared,
             masked: u32::from(weights.masked),
             coverage_weight: weights.coverage,
-            value_count: value_count_on_device,
+            value_count: sums,
             padding: 0,
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));

@@ -302,7 +302,7 @@ impl Splatter {
     /// device has too little memory, [`RenderError::Lost`] if the device is lost.
     pub fn new(gpu: &Gpu, options: SplatOptions, count: usize, max_size: [u32; 2]) -> Result<Splatter, RenderError> {
         let [width, height] = max_size;
-        // The loss keeps 64 bytes per pixel in one buffer; this bound keeps every buffer of the frame below that.
+        // The loss keeps 48 bytes per pixel in one buffer; this bound keeps every buffer of the frame below that.
         if width == 0 || height == 0 || width > 16_384 || height > 16_384 {
             return Err(RenderError::Invalid(format!(
                 "an image of {width} x {height} pixels; both must be between 1 and 16384"
