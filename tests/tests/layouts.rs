@@ -224,6 +224,7 @@ fn constant(source: &str, name: &str) -> Option<f64> {
     let default = || module.overrides.iter().find(|(_, o)| o.name.as_deref() == Some(name)).and_then(|(_, o)| o.init);
     match module.global_expressions[constant.or_else(default)?] {
         naga::Expression::Literal(naga::Literal::U32(value)) => Some(value.into()),
+        naga::Expression::Literal(naga::Literal::I32(value)) => Some(value.into()),
         naga::Expression::Literal(naga::Literal::F32(value)) => Some(value.into()),
         _ => None,
     }

@@ -249,8 +249,7 @@ impl<'a> Subject<'a> {
         let d_moved = moved_table_of(&mut draw, d_table, shape);
         let d_exact = unlit_gradient(&unlit, &light, d_device);
         let exact = all_gradients(avatar, &pose, &d_exact);
-        let moved =
-            all_gradients(&moved_avatar, &moved_pose, &unlit_gradient(&moved_unlit, &moved_light, d_moved));
+        let moved = all_gradients(&moved_avatar, &moved_pose, &unlit_gradient(&moved_unlit, &moved_light, d_moved));
         // Some parts vanish at rest: there, they need be no more exact than they are elsewhere.
         let usual = all_gradients(avatar, &usual_pose(&mut draw, &avatar.template), &d_exact);
         let parts = device[1..].iter().zip(&exact).zip(moved.iter().zip(&usual));

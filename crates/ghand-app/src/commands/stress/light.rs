@@ -1,8 +1,8 @@
 //! Light with something extreme about it, and the twin of what it does to Gaussians.
 
+use ghand_avatar::Avatar;
 use ghand_avatar::light::{AvatarLight, Gloss, Light, LightKind, gloss};
 use ghand_avatar::reference::{PosedGaussians, rows, vectors};
-use ghand_avatar::Avatar;
 use ghand_core::Pose;
 use ghand_core::light::{LitSurface, lit, lit_vjp};
 use ghand_hand_model::surface::sample_surface;
