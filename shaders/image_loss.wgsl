@@ -22,7 +22,7 @@ struct LossUniforms {
     // Weight of the mean penalty on coverage, over the pixels.
     coverage_weight: f32,
     // Number of `values`.
-    value_count: u32,
+    summands: u32,
     padding: u32,
 }
 
@@ -123,66 +123,78 @@ fn ssim_of(blurred: vec4<f32>) -> vec4<f32> {
     return vec4(d_mean, -ssim / d2, 2.0 * n1 * inverse, ssim);
 }
 
-// Whether an output belongs to the strip that begins at `first`.
-fn is_own(output: i32, first: i32, strip: i32, size: u32) -> bool {
-    return output >= first && output < min(first + strip, i32(size));
+// The outputs of an invocation: a part of a row or column.
+struct Strip {
+    // The row or column.
+    line: u32,
+    // The first, and one past the last.
+    first: i32,
+    end: i32,
+}
+
+// Strip number `index` of so many lines of a length, cut into strips of a size. Beyond the last it is empty.
+fn strip_of(index: u32, lines: u32, length: u32, size: i32) -> Strip {
+    let first = i32(index / lines) * size;
+    return Strip(index % lines, first, min(first + size, i32(length)));
+}
+
+fn is_own(output: i32, strip: Strip) -> bool {
+    return output >= strip.first && output < strip.end;
 }
 
 // One input of a strip of a row, and the output that it completes.
-fn blur_in_row(window: ptr<function, Window>, first: i32, input: i32, row: u32) {
+fn blur_in_row(window: ptr<function, Window>, row: Strip, input: i32) {
     var next = mat3x4<f32>();
     if input >= 0 && input < i32(loss.size.x) {
-        let pixel = row * loss.size.x + u32(input);
+        let pixel = row.line * loss.size.x + u32(input);
         let x = image[pixel];
         let y = target_at(pixel);
         next = mat3x4(products(x.x, y.x), products(x.y, y.y), products(x.z, y.z));
     }
     let blurred = slide(window, next);
     let output = input - RADIUS;
-    if is_own(output, first, ROW_STRIP, loss.size.x) {
-        rows[row * loss.size.x + u32(output)] = blurred;
+    if is_own(output, row) {
+        rows[row.line * loss.size.x + u32(output)] = blurred;
     }
 }
 
-// One input of a strip of column x: it completes the blurred products of one pixel and, with the gradients to them, the
+// One input of a strip of a column: it completes the blurred products of one pixel and, with the gradients to them, the
 // output five before that. Returns what it adds to SSIM.
-fn blur_in_column(window: ptr<function, Window>, d_window: ptr<function, Window>, first: i32, input: i32,
-                  x: u32) -> f32 {
+fn blur_in_column(window: ptr<function, Window>, d_window: ptr<function, Window>, column: Strip, input: i32) -> f32 {
     var next = mat3x4<f32>();
     if input >= 0 && input < i32(loss.size.y) {
-        next = rows[u32(input) * loss.size.x + x];
+        next = rows[u32(input) * loss.size.x + column.line];
     }
     let blurred = slide(window, next);
     let middle = input - RADIUS;
     var d_next = mat3x4<f32>();
     var ssim = 0.0;
     if middle >= 0 && middle < i32(loss.size.y) {
-        let weight = weight_of(target_at(u32(middle) * loss.size.x + x).w);
+        let weight = weight_of(target_at(u32(middle) * loss.size.x + column.line).w);
         let colors = mat3x4(ssim_of(blurred[0]), ssim_of(blurred[1]), ssim_of(blurred[2]));
         d_next = colors * (-loss.ssim_weight * loss.inverse_count * weight);
-        let own = is_own(middle, first, COLUMN_STRIP, loss.size.y);
-        ssim = select(0.0, weight * (colors[0].w + colors[1].w + colors[2].w), own);
+        ssim = select(0.0, weight * (colors[0].w + colors[1].w + colors[2].w), is_own(middle, column));
     }
     let d_blurred = slide(d_window, d_next);
     let output = middle - RADIUS;
-    if is_own(output, first, COLUMN_STRIP, loss.size.y) {
-        columns[u32(output) * loss.size.x + x] = d_blurred;
+    if is_own(output, column) {
+        columns[u32(output) * loss.size.x + column.line] = d_blurred;
     }
     return ssim;
 }
 
 // One input of a strip of a row of the gradients, and the gradient of the pixel that it completes. Returns the pixel's
 // values.
-fn d_blur_in_row(window: ptr<function, Window>, first: i32, input: i32, row: u32) -> vec4<f32> {
+fn d_blur_in_row(window: ptr<function, Window>, row: Strip, input: i32) -> vec4<f32> {
     var next = mat3x4<f32>();
     if input >= 0 && input < i32(loss.size.x) {
-        next = columns[row * loss.size.x + u32(input)];
+        next = columns[row.line * loss.size.x + u32(input)];
     }
     let d = transpose(slide(window, next));
     let output = input - RADIUS;
     var sums = vec4(0.0);
-    if is_own(output, first, ROW_STRIP, loss.size.x) {
-        let pixel = row * loss.size.x + u32(output);
+    if is_own(output, row) {
+        let pixel = row.line * loss.size.x + u32(output);
         let x = image[pixel];
         let y = target_at(pixel);
         d_image[pixel] = plain_gradient(x, y) + vec4(d[0] + 2.0 * x.xyz * d[1] + y.xyz * d[2], 0.0);
@@ -207,17 +219,14 @@ fn loss_without_ssim(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workg
 @compute @workgroup_size(32)
 fn blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
              @builtin(local_invocation_index) local: u32) {
-    let index = flat_index(group, groups, local, 32u);
-    let row = index % loss.size.y;
-    let first = i32(index / loss.size.y) * ROW_STRIP;
-    let end = min(first + ROW_STRIP, i32(loss.size.x)) + RADIUS;
+    let row = strip_of(flat_index(group, groups, local, 32u), loss.size.y, loss.size.x, ROW_STRIP);
     var window = Window();
-    if first < i32(loss.size.x) {
-        for (var i = first - RADIUS; i < end; i += 4) {
-            blur_in_row(&window, first, i, row);
-            blur_in_row(&window, first, i + 1, row);
-            blur_in_row(&window, first, i + 2, row);
-            blur_in_row(&window, first, i + 3, row);
+    if row.first < row.end {
+        for (var i = row.first - RADIUS; i < row.end + RADIUS; i += 4) {
+            blur_in_row(&window, row, i);
+            blur_in_row(&window, row, i + 1);
+            blur_in_row(&window, row, i + 2);
+            blur_in_row(&window, row, i + 3);
         }
     }
 }
@@ -226,18 +235,16 @@ fn blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
 fn blur_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                 @builtin(local_invocation_index) local: u32) {
     let index = flat_index(group, groups, local, 32u);
-    let x = index % loss.size.x;
-    let first = i32(index / loss.size.x) * COLUMN_STRIP;
-    let end = min(first + COLUMN_STRIP, i32(loss.size.y)) + 2 * RADIUS;
+    let column = strip_of(index, loss.size.x, loss.size.y, COLUMN_STRIP);
     var window = Window();
     var d_window = Window();
-    if first < i32(loss.size.y) {
+    if column.first < column.end {
         var ssim = 0.0;
-        for (var i = first - 2 * RADIUS; i < end; i += 4) {
-            ssim += blur_in_column(&window, &d_window, first, i, x);
-            ssim += blur_in_column(&window, &d_window, first, i + 1, x);
-            ssim += blur_in_column(&window, &d_window, first, i + 2, x);
-            ssim += blur_in_column(&window, &d_window, first, i + 3, x);
+        for (var i = column.first - 2 * RADIUS; i < column.end + 2 * RADIUS; i += 4) {
+            ssim += blur_in_column(&window, &d_window, column, i);
+            ssim += blur_in_column(&window, &d_window, column, i + 1);
+            ssim += blur_in_column(&window, &d_window, column, i + 2);
+            ssim += blur_in_column(&window, &d_window, column, i + 3);
         }
         values[index] = vec4(0.0, ssim, 0.0, 0.0);
     }
@@ -247,17 +254,15 @@ fn blur_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
 fn d_blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                @builtin(local_invocation_index) local: u32) {
     let index = flat_index(group, groups, local, 32u);
-    let row = index % loss.size.y;
-    let first = i32(index / loss.size.y) * ROW_STRIP;
-    let end = min(first + ROW_STRIP, i32(loss.size.x)) + RADIUS;
+    let row = strip_of(index, loss.size.y, loss.size.x, ROW_STRIP);
     var window = Window();
-    if first < i32(loss.size.x) {
+    if row.first < row.end {
         var sums = vec4(0.0);
-        for (var i = first - RADIUS; i < end; i += 4) {
-            sums += d_blur_in_row(&window, first, i, row);
-            sums += d_blur_in_row(&window, first, i + 1, row);
-            sums += d_blur_in_row(&window, first, i + 2, row);
-            sums += d_blur_in_row(&window, first, i + 3, row);
+        for (var i = row.first - RADIUS; i < row.end + RADIUS; i += 4) {
+            sums += d_blur_in_row(&window, row, i);
+            sums += d_blur_in_row(&window, row, i + 1);
+            sums += d_blur_in_row(&window, row, i + 2);
+            sums += d_blur_in_row(&window, row, i + 3);
         }
         // Behind those of the columns.
         let strips = (i32(loss.size.y) + COLUMN_STRIP - 1) / COLUMN_STRIP;
@@ -268,7 +273,7 @@ fn d_blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
 // Sums `values` over 256 contiguous strands; the host adds those up in order.
 @compute @workgroup_size(64)
 fn loss_sums(@builtin(global_invocation_id) id: vec3<u32>) {
-    let count = loss.value_count;
+    let count = loss.summands;
     let length = (count + 255u) / 256u;
     var sum = vec4(0.0);
     for (var i = min(id.x * length, count); i < min((id.x + 1u) * length, count); i++) {

@@ -2,24 +2,12 @@
 // splats each and share them. A software rasteriser spends most of its time on loads.
 
 import package::shared::blend::{
-    DEPTH, area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
+    area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
 };
 import package::shared::camera::view;
 import package::shared::dispatch::flat_index;
 import package::shared::splat::Splat;
-
-// The splat that a lane of the subgroup has loaded.
-fn splat_of(mine: Splat, lane: u32) -> Splat {
-    var splat = Splat();
-    splat.mean = subgroupShuffle(mine.mean, lane);
-    splat.opacity = subgroupShuffle(mine.opacity, lane);
-    splat.conic = subgroupShuffle(mine.conic, lane);
-    splat.color = subgroupShuffle(mine.color, lane);
-    if DEPTH {
-        splat.depth = subgroupShuffle(mine.depth, lane);
-    }
-    return splat;
-}
+import package::shared::splat_lanes::splat_of;
 
 @compute @workgroup_size(32)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,

@@ -8,6 +8,7 @@ import package::shared::blend_backward::{
 import package::shared::camera::{TILE_SIZE, view};
 import package::shared::dispatch::flat_index;
 import package::shared::splat::Splat;
+import package::shared::splat_lanes::splat_of;
 
 // By slot, where its mark is set: (mean x, mean y, red, green) and (blue, covariance xx, xy, yy).
 @group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
@@ -16,16 +17,6 @@ import package::shared::splat::Splat;
 @group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
 
 const LANES: u32 = 8u;
-
-// The splat that a lane of the subgroup has loaded.
-fn splat_of(mine: Splat, lane: u32) -> Splat {
-    var splat = Splat();
-    splat.mean = subgroupShuffle(mine.mean, lane);
-    splat.opacity = subgroupShuffle(mine.opacity, lane);
-    splat.conic = subgroupShuffle(mine.conic, lane);
-    splat.color = subgroupShuffle(mine.color, lane);
-    return splat;
-}
 
 // The gradient of an entry, or what some lanes have of it.
 struct Gradient {

@@ -87,7 +87,7 @@ fn host_layouts() -> Vec<Layout> {
             squared_weight,
             masked,
             coverage_weight,
-            value_count,
+            summands,
             padding,
         }),
         host_layout!(PoseUniforms {

@@ -32,7 +32,7 @@ pub struct LossUniforms {
     /// Weight of the mean penalty on coverage.
     pub coverage_weight: f32,
     /// Number of values that are summed.
-    pub value_count: u32,
+    pub summands: u32,
     /// Unused.
     pub padding: u32,
 }
@@ -173,7 +173,7 @@ impl ImageLoss {
             )));
         }
         let has_ssim = weights.ssim != 0.0;
-        let sums = if has_ssim { strips(size).iter().sum() } else { count as u32 };
+        let summands = if has_ssim { strips(size).iter().sum() } else { count as u32 };
         let uniforms = LossUniforms {
             size,
             l1_weight: weights.l1,
@@ -182,7 +182,7 @@ impl ImageLoss {
             squared_weight: weights.squared,
             masked: u32::from(weights.masked),
             coverage_weight: weights.coverage,
-            value_count: sums,
+            summands,
             padding: 0,
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));

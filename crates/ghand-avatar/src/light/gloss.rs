@@ -30,7 +30,7 @@ impl Gloss {
 }
 
 /// What vertices with these strengths mirror, from what they would with a strength of 1.
-pub(crate) fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
+pub fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
     for (value, strength) in values.iter_mut().zip(strengths) {
         value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
     }

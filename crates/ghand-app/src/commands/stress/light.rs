@@ -63,20 +63,19 @@ impl TwinLight {
     /// # Errors
     /// If the pose does not fit the hand.
     pub fn of(avatar: &Avatar, pose: &Pose, eye: DVec3) -> anyhow::Result<Option<TwinLight>> {
-        let Some(AvatarLight { light, gloss: of_skin, barycentric, .. }) = &avatar.light else { return Ok(None) };
-        let parts = light.parts(&avatar.model, pose)?;
-        let mut gloss = vec![];
-        if let Some(of_skin) = of_skin {
-            gloss = gloss::of_vertices(light, &parts, of_skin.roughness, eye);
-            for (value, strength) in gloss.iter_mut().zip(of_skin.vertex_strengths(&avatar.model)) {
-                value.iter_mut().zip(strength).for_each(|(value, strength)| *value *= strength);
-            }
-        }
+        let Some(on_avatar) = &avatar.light else { return Ok(None) };
+        let (model, light) = (&avatar.model, &on_avatar.light);
+        let parts = light.parts(model, pose)?;
+        let mirrored = |of_skin: &Gloss| {
+            let mut values = gloss::of_vertices(light, &parts, of_skin.roughness, eye);
+            gloss::scale(&mut values, &of_skin.vertex_strengths(model));
+            values
+        };
         Ok(Some(TwinLight {
-            corners: avatar.light.as_ref().map(|light| light.corners(&avatar.model)).unwrap_or_default(),
-            barycentric: wide(barycentric),
+            corners: on_avatar.corners(model),
+            barycentric: wide(&on_avatar.barycentric),
             shades: light.shades(&parts),
-            gloss,
+            gloss: on_avatar.gloss.as_ref().map(mirrored).unwrap_or_default(),
         }))
     }
 
