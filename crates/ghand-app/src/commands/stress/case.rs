@@ -433,3 +433,31 @@ fn moved_avatar(draw: &mut Draw, avatar: &Avatar) -> Avatar {
     moved.template.joints.iter_mut().for_each(|joint| *joint = moved_vector(draw, *joint));
     moved
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use ghand_render::AdapterChoice;
+
+    use super::*;
+
+    #[test]
+    fn a_lit_hand_is_compared_with_its_own_light() {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let is_glossy = |hand: &Hand| hand.avatar.light.as_ref().is_some_and(|light| light.gloss.is_some());
+        let hand = (0..).map(|number| Hand::draw(&gpu, 2, number).unwrap()).find(is_glossy).unwrap();
+        let (avatar, mut draw) = (&hand.avatar, Draw::new(0, 0));
+        let pose = PoseKind::Usual.draw(&mut draw, &avatar.template);
+        let unlit = exact(avatar, &pose).unwrap();
+        let camera = ViewKind::Usual.draw(&mut draw, &unlit);
+        let (_, table) = Subject::new(&gpu, &hand).unwrap().draw(&gpu, &pose, &camera).unwrap();
+        let light = TwinLight::of(avatar, &pose, camera.center()).unwrap().unwrap();
+        let (lit, moved) = (light.light(&unlit), light.moved(&mut draw).light(&unlit));
+        let off = |exact: &PosedGaussians| posed_roundings(avatar, &table, exact, &moved);
+        assert!(off(&lit) < BOUNDS[0], "{}", off(&lit));
+        // Moved as little as possible: the moved numbers of the right light would pass for what rounding does to the wrong one.
+        let wrong = posed_roundings(avatar, &table, &unlit, &unlit);
+        assert!(wrong > BOUNDS[0], "nothing is compared: {wrong}");
+    }
+}
