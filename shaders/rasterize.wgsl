@@ -1,7 +1,7 @@
 // Blends each tile's splats front to back. A workgroup handles one tile, an invocation 2x2 pixels.
 
 import package::shared::blend::{
-    area_of, blend, empty_pixels, last_end, report_cut_short, splat_at, store_pixels, tile_ranges
+    area_of, blend, empty_pixels, is_open, report_cut_short, splat_at, store_pixels, tile_ranges
 };
 import package::shared::camera::view;
 
@@ -20,14 +20,14 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     for (; i + 1u < range.y; i += 2u) {
         blend(&pixels, i, splat_at(i));
         blend(&pixels, i + 1u, splat_at(i + 1u));
-        if !any(pixels.live) {
+        if !is_open(&pixels) {
             break;
         }
     }
-    let cut_short = i + 1u < range.y && any(pixels.live);
-    if !cut_short && i < range.y && any(pixels.live) {
+    let cut_short = i + 1u < range.y && is_open(&pixels);
+    if !cut_short && i < range.y && is_open(&pixels) {
         blend(&pixels, i, splat_at(i));
     }
-    report_cut_short(range, last_end(&pixels), cut_short);
-    store_pixels(&pixels, area);
+    report_cut_short(&pixels, range, cut_short);
+    store_pixels(&pixels, area, range);
 }

@@ -4,6 +4,7 @@
 
 import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, TILE_SIZE, TRANSMITTANCE_MIN, view};
 import package::shared::counters::Counters;
+import package::shared::falloff::{exponent, falloff};
 import package::shared::splat::Splat;
 
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -24,7 +25,9 @@ override DEPTH: bool = false;
 override BACKWARD_ENTRIES: u32 = 0xffffffffu;
 
 // Records a tile that could not be processed completely, now or in the backward pass.
-fn report_cut_short(range: vec2<u32>, last: u32, cut_short: bool) {
+fn report_cut_short(pixels: ptr<function, Pixels>, range: vec2<u32>, cut_short: bool) {
+    let end = ends(pixels, range);
+    let last = max(max(end.x, end.y), max(end.z, end.w));
     if cut_short || (last > range.x && last - range.x > BACKWARD_ENTRIES) {
         atomicMax(&counters.cut_short, range.y - range.x);
     }
@@ -39,10 +42,13 @@ struct Pixels {
     green: vec4<f32>,
     blue: vec4<f32>,
     depth: vec4<f32>,
-    // One past the last entry that each pixel blended.
-    end: vec4<u32>,
-    live: vec4<bool>,
+    // The least alpha that a pixel takes: ALPHA_MIN while it is open. An opaque pixel is closed, by more than any alpha:
+    // its bits are CLOSED plus the entry at which it closed.
+    gate: vec4<f32>,
 }
+
+// The bits of 2.
+const CLOSED: u32 = 0x40000000u;
 
 // Columns and rows of the four pixels of an invocation.
 struct Area {
@@ -63,43 +69,50 @@ fn empty_pixels(area: Area) -> Pixels {
     pixels.x = vec4<f32>(area.column) + 0.5;
     pixels.y = vec4<f32>(view.first_row + area.row) + 0.5;
     pixels.transmittance = vec4(1.0);
-    pixels.live = area.inside;
+    pixels.gate = select(vec4(bitcast<f32>(CLOSED)), vec4(ALPHA_MIN), area.inside);
     return pixels;
 }
 
 fn splat_at(i: u32) -> Splat {
-    return splats[slot_gaussians[entries[i]]];
+    var splat = splats[slot_gaussians[entries[i]]];
+    splat.conic = falloff(splat.conic);
+    return splat;
 }
 
-// Blends the splat of entry i.
+fn is_open(pixels: ptr<function, Pixels>) -> bool {
+    return any((*pixels).gate < vec4(1.0));
+}
+
+// Blends the splat of entry i, with its falloff for its conic. Each condition is one comparison: software rasterisers
+// keep those in mask registers.
 fn blend(pixels: ptr<function, Pixels>, i: u32, splat: Splat) {
     let dx = splat.mean.x - (*pixels).x;
     let dy = splat.mean.y - (*pixels).y;
-    let power = -0.5 * (splat.conic.x * dx * dx + splat.conic.z * dy * dy) - splat.conic.y * dx * dy;
-    let alpha = min(vec4(ALPHA_MAX), splat.opacity * exp(power));
+    let raw = splat.opacity * exp2(exponent(splat.conic, dx, dy));
+    let clamped = select(raw, vec4(ALPHA_MAX), raw > vec4(ALPHA_MAX));
+    let alpha = select(vec4(0.0), clamped, clamped >= (*pixels).gate);
     let transmittance = (*pixels).transmittance;
     let next = transmittance * (1.0 - alpha);
-    let hit = (*pixels).live & (alpha >= vec4(ALPHA_MIN));
-    let enough = next > vec4(TRANSMITTANCE_MIN);
-    let take = hit & enough;
-    (*pixels).live = (*pixels).live & (enough | !hit);
-    let weight = select(vec4(0.0), alpha * transmittance, take);
+    let weight = select(vec4(0.0), alpha * transmittance, next > vec4(TRANSMITTANCE_MIN));
+    (*pixels).gate = select(vec4(bitcast<f32>(CLOSED + i)), (*pixels).gate, next > vec4(TRANSMITTANCE_MIN));
+    (*pixels).transmittance = select(transmittance, next, next > vec4(TRANSMITTANCE_MIN));
     (*pixels).red += weight * splat.color.x;
     (*pixels).green += weight * splat.color.y;
     (*pixels).blue += weight * splat.color.z;
     if DEPTH {
         (*pixels).depth += weight * splat.depth;
     }
-    (*pixels).transmittance = select(transmittance, next, take);
-    (*pixels).end = select((*pixels).end, vec4(i + 1u), take);
 }
 
-fn last_end(pixels: ptr<function, Pixels>) -> u32 {
-    let end = (*pixels).end;
-    return max(max(end.x, end.y), max(end.z, end.w));
+// One past the last entry that each pixel may have blended.
+fn ends(pixels: ptr<function, Pixels>, range: vec2<u32>) -> vec4<u32> {
+    let gate = (*pixels).gate;
+    let open = select(vec4(range.y), vec4(range.x), (*pixels).transmittance == vec4(1.0));
+    return select(bitcast<vec4<u32>>(gate) - CLOSED, open, gate < vec4(1.0));
 }
 
-fn store_pixels(pixels: ptr<function, Pixels>, area: Area) {
+fn store_pixels(pixels: ptr<function, Pixels>, area: Area, range: vec2<u32>) {
+    let end = ends(pixels, range);
     let transmittance = (*pixels).transmittance;
     let red = (*pixels).red + transmittance * view.background.x;
     let green = (*pixels).green + transmittance * view.background.y;
@@ -109,9 +122,9 @@ fn store_pixels(pixels: ptr<function, Pixels>, area: Area) {
             let pixel = area.row[k] * view.size.x + area.column[k];
             let coverage = 1.0 - transmittance[k];
             image[pixel] = vec4(red[k], green[k], blue[k], coverage);
-            pixel_states[pixel] = vec2(bitcast<u32>(transmittance[k]), (*pixels).end[k]);
+            pixel_states[pixel] = vec2(bitcast<u32>(transmittance[k]), end[k]);
             if DEPTH {
-                depths[pixel] = select(0.0, (*pixels).depth[k] / coverage, (*pixels).end[k] > 0u);
+                depths[pixel] = select(0.0, (*pixels).depth[k] / coverage, coverage > 0.0);
             }
         }
     }

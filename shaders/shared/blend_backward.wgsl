@@ -2,6 +2,7 @@
 // pixels at a time.
 
 import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, view};
+import package::shared::falloff::{exponent, falloff};
 import package::shared::splat::Splat;
 
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -79,8 +80,7 @@ fn last_end(row: Row) -> u32 {
 fn unblend(rows: ptr<function, array<Row, ROWS>>, r: u32, sums: ptr<function, Sums>, i: u32, splat: Splat,
            dx: vec4<f32>, dy: f32) {
     let row = (*rows)[r];
-    let power = -0.5 * (splat.conic.x * dx * dx + splat.conic.z * dy * dy) - splat.conic.y * dx * dy;
-    let raw = splat.opacity * exp(power);
+    let raw = splat.opacity * exp2(exponent(falloff(splat.conic), dx, vec4(dy)));
     let alpha = min(vec4(ALPHA_MAX), raw);
     let hit = (vec4(i) < row.end) & (alpha >= vec4(ALPHA_MIN));
     (*sums).touched = (*sums).touched || any(hit);

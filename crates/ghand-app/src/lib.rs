@@ -21,4 +21,5 @@ pub mod runtime_dir;
 pub mod scene_framing;
 pub mod shown;
 pub mod train_run;
+pub mod vector_width;
 pub mod viewer;

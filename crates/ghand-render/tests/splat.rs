@@ -199,3 +199,24 @@ fn a_scene_without_gaussians_gives_the_background() {
     splatter.set_view(&gpu, View::new(&camera(1, 1), 0, [0.2, 0.3, 0.4], 1.0)).unwrap();
     assert_eq!(splatter.render(&gpu).unwrap().rgba, vec![[0.2, 0.3, 0.4, 0.0]]);
 }
+
+/// Mesa's software rasteriser chooses the width once in a process, and subgroups of sixteen have their own rasteriser.
+#[test]
+fn the_other_tests_pass_with_the_other_width_of_vectors() {
+    const WIDTH: &str = "LP_NATIVE_VECTOR_WIDTH";
+    #[cfg(target_arch = "x86_64")]
+    let has_512 = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl");
+    #[cfg(not(target_arch = "x86_64"))]
+    let has_512 = false;
+    if !has_512 || !gpu().info.name.contains("llvmpipe") {
+        println!("skipped: vectors of 512 bits need AVX-512 and Mesa's software rasteriser");
+        return;
+    }
+    let other = if gpu().info.subgroup_min_size == 16 { "256" } else { "512" };
+    let output = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--skip", "the_other_tests_pass_with_the_other_width_of_vectors"])
+        .env(WIDTH, other)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{other} bits:\n{}", String::from_utf8_lossy(&output.stdout));
+}

@@ -24,6 +24,11 @@ fn software_entries(tier: Tier) -> u32 {
     }
 }
 
+/// Whether each subgroup has as many invocations as a tile.
+fn subgroups_are_tiles(gpu: &Gpu) -> bool {
+    [gpu.info.subgroup_min_size, gpu.info.subgroup_max_size] == [INVOCATIONS_PER_TILE; 2]
+}
+
 pub struct Pipelines {
     rasterize: Stage,
     rasterize_backward: Option<Stage>,
@@ -32,12 +37,14 @@ pub struct Pipelines {
 impl Pipelines {
     pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool, cut_offs: &CutOffs) -> Pipelines {
         let forward = Module::new(gpu, gpu.tier.choose("rasterize", "fast/rasterize"));
+        let entry =
+            if gpu.tier == Tier::Fast && subgroups_are_tiles(gpu) { "rasterize_by_subgroup" } else { "rasterize" };
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
         let depth = f64::from(u8::from(depth));
         let constants = [("DEPTH", depth), ("BACKWARD_ENTRIES", f64::from(entries)), cut_offs.alpha_min()];
         Pipelines {
-            rasterize: forward.stage(gpu, "rasterize", &constants),
+            rasterize: forward.stage(gpu, entry, &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
                 let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "fast/rasterize_backward"));
                 let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), cut_offs.alpha_min()];
