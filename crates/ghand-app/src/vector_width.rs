@@ -1,7 +1,7 @@
 //! The width of a software rasteriser's vectors.
 //!
-//! Mesa's computes with 256 bits unless it is told otherwise. With the 512 bits of AVX-512 a frame takes about a fifth
-//! less time (`docs/benchmarks.md`).
+//! Mesa's computes with 256 bits unless it is told otherwise. With the 512 bits of AVX-512 frames and training are faster
+//! (`docs/benchmarks.md`).
 
 /// Mesa's variable, bits.
 const VARIABLE: &str = "LP_NATIVE_VECTOR_WIDTH";
