@@ -8,8 +8,8 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
+use crate::crash;
 use crate::runtime_dir::RuntimeDir;
-use crate::{crash, vector_width};
 
 /// Largest edge of an image that the splatter accepts, pixels.
 const LARGEST_EDGE: u32 = 16_384;
@@ -52,7 +52,6 @@ impl std::error::Error for Stopped {}
 /// with the line of [`Stopped`] on stderr. Must be called first in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     let _runtime_dir = RuntimeDir::ensure();
-    vector_width::choose();
     crash::explain_crashes();
     // Failures of the device are returned as errors; log messages of the driver would only hide them.
     let quiet =

@@ -21,5 +21,4 @@ pub mod runtime_dir;
 pub mod scene_framing;
 pub mod shown;
 pub mod train_run;
-pub mod vector_width;
 pub mod viewer;
