@@ -50,9 +50,14 @@ fn names_and_entry_points_are_unique_in_their_tier() {
 
 #[test]
 fn stages_of_the_fast_tier_have_the_entry_points_of_those_they_replace() {
+    // A stage may have a variant for subgroups of one size.
+    let plain = |name: String| name.trim_end_matches("_by_subgroup").to_owned();
     let entries = |wanted: Tier| -> BTreeSet<String> {
         let of_tier = sources().into_iter().filter(|(_, tier, _)| *tier == wanted);
-        of_tier.flat_map(|(_, tier, source)| validate(tier, source).unwrap().entry_points).map(|e| e.name).collect()
+        of_tier
+            .flat_map(|(_, tier, source)| validate(tier, source).unwrap().entry_points)
+            .map(|e| plain(e.name))
+            .collect()
     };
     let (baseline, fast) = (entries(Tier::Baseline), entries(Tier::Fast));
     assert!(fast.len() >= 7 && fast.is_subset(&baseline), "{fast:?}");
