@@ -485,7 +485,8 @@ impl Splatter {
     pub fn complete_for(&mut self, gpu: &Gpu, counters: &Counters) -> Result<bool, RenderError> {
         let &Counters { intersections_wanted: wanted, cut_short, too_wide, .. } = counters;
         if cut_short > 0 {
-            // Mesa's software rasteriser ends shader loops after 65,535 iterations, here of two or eight Gaussians.
+            // Mesa's software rasteriser ends shader loops after 65,535 iterations, here of two, eight or sixteen
+            // Gaussians.
             return Err(RenderError::Invalid(format!(
                 "{cut_short} Gaussians are on one tile of {TILE_SIZE} x {TILE_SIZE} pixels, more than {} can process; \
                  render a larger image or fewer Gaussians, or use a GPU",
