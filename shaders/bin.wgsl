@@ -1,28 +1,24 @@
 // Lists the Gaussians of every tile, front to back. Gaussians come sorted by depth; each emits one intersection for
-// every tile of its rectangle into consecutive slots, and a stable sort by tile keeps the depth order within a tile.
+// every tile of its rectangle, and a stable sort by tile keeps the depth order within a tile.
 
 import package::shared::camera::view;
 import package::shared::counters::Counters;
 import package::shared::dispatch::flat_index;
+import package::shared::tile_rects::{end_tile, first_tile, tile_count};
 
 // Most tiles that a Gaussian may cover: later stages loop over them.
 override MOST_TILES: u32 = 0xffffffffu;
 
 @group(0) @binding(1) var<storage, read> tile_rects: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> depth_order: array<u32>;
-// By rank: number of tiles; after the scan: first slot.
-@group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>;
+// By rank: number of tiles; after the scan: first intersection.
+@group(0) @binding(3) var<storage, read_write> first_intersections: array<u32>;
 @group(0) @binding(4) var<storage, read_write> counters: Counters;
-// By Gaussian: first slot and one past the last.
-@group(0) @binding(5) var<storage, read_write> slot_ranges: array<vec2<u32>>;
-@group(0) @binding(6) var<storage, read_write> tile_keys: array<u32>;
-@group(0) @binding(7) var<storage, read_write> slot_gaussians: array<u32>;
-// By tile: first intersection and one past the last.
-@group(0) @binding(8) var<storage, read_write> tile_ranges: array<vec2<u32>>;
-
-fn tile_count(rect: vec2<u32>) -> u32 {
-    return ((rect.y & 0xffffu) - (rect.x & 0xffffu)) * ((rect.y >> 16u) - (rect.x >> 16u));
-}
+// By intersection: tile and Gaussian.
+@group(0) @binding(5) var<storage, read_write> tile_keys: array<u32>;
+@group(0) @binding(6) var<storage, read_write> entries: array<u32>;
+// By tile: first entry and one past the last.
+@group(0) @binding(7) var<storage, read_write> tile_ranges: array<vec2<u32>>;
 
 @compute @workgroup_size(64)
 fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -30,7 +26,7 @@ fn count_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     let rank = flat_index(group, groups, local, 64u);
     if rank < view.gaussian_count {
         let count = tile_count(tile_rects[depth_order[rank]]);
-        slot_offsets[rank] = count;
+        first_intersections[rank] = count;
         if count > MOST_TILES {
             atomicMax(&counters.too_wide, count);
         }
@@ -52,15 +48,16 @@ fn emit_intersections(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     }
     let gaussian = depth_order[rank];
     let rect = tile_rects[gaussian];
-    var slot = slot_offsets[rank];
-    slot_ranges[gaussian] = min(vec2(slot, slot + tile_count(rect)), vec2(view.intersection_capacity));
-    for (var y = rect.x >> 16u; y < (rect.y >> 16u); y++) {
-        for (var x = rect.x & 0xffffu; x < (rect.y & 0xffffu); x++) {
-            if slot < view.intersection_capacity {
-                tile_keys[slot] = y * view.tiles.x + x;
-                slot_gaussians[slot] = gaussian;
+    let first = first_tile(rect);
+    let end = end_tile(rect);
+    var i = first_intersections[rank];
+    for (var y = first.y; y < end.y; y++) {
+        for (var x = first.x; x < end.x; x++) {
+            if i < view.intersection_capacity {
+                tile_keys[i] = y * view.tiles.x + x;
+                entries[i] = gaussian;
             }
-            slot++;
+            i++;
         }
     }
 }

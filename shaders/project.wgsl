@@ -9,13 +9,13 @@ import package::shared::gaussian::{
 import package::shared::spherical_harmonics::{color_sum, direction_to};
 import package::shared::splat::Splat;
 
-// Depth keys have 30 bits.
+// Depth keys have 30 bits. Only culled Gaussians have the largest, so that they come last.
 const DEPTH_KEY_MAX: u32 = 0x3fffffffu;
 // So many of their lowest bits are dropped.
 override DEPTH_KEY_SHIFT: u32 = 0u;
 
 @group(0) @binding(2) var<storage, read_write> splats: array<Splat>;
-// First and one past last tile, x in the low and y in the high half of each word; all zero when culled.
+// As in tile_rects.wgsl.
 @group(0) @binding(3) var<storage, read_write> tile_rects: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> depth_keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> counters: Counters;
@@ -68,6 +68,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     let end_tile = (vec2<u32>(last) - origin) / TILE_SIZE + 1u;
     tile_rects[i] = vec2(first_tile.x | (first_tile.y << 16u), end_tile.x | (end_tile.y << 16u));
     // The bits of positive floats sort like the floats. All depths beyond 3e36 m are equal.
-    depth_keys[i] = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX) >> DEPTH_KEY_SHIFT;
-    splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0.0, color, 0.0);
+    let depth_key = min(bitcast<u32>(p.z) - bitcast<u32>(view.near), DEPTH_KEY_MAX) >> DEPTH_KEY_SHIFT;
+    depth_keys[i] = min(depth_key, (DEPTH_KEY_MAX >> DEPTH_KEY_SHIFT) - 1u);
+    splats[i] = Splat(center, p.z, opacity, vec3(c.z, -c.y, c.x) / foot.determinant, 0u, color, 0u);
 }

@@ -10,6 +10,7 @@ import package::shared::gaussian::{
     world_direction
 };
 import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic, stored_color};
+import package::shared::tile_rects::tile_count;
 
 // Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
 override SLOT_OPACITY: bool = false;
@@ -17,15 +18,17 @@ override SLOT_OPACITY: bool = false;
 override SLOT_CELLS: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
-@group(0) @binding(2) var<storage, read> slot_ranges: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> tile_rects: array<vec2<u32>>;
+// By Gaussian.
+@group(0) @binding(3) var<storage, read> slot_starts: array<u32>;
 // As in rasterize_backward.wgsl.
-@group(0) @binding(3) var<storage, read> slot_gradients: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> slot_marks: array<u32>;
+@group(0) @binding(4) var<storage, read> slot_gradients: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> slot_marks: array<u32>;
 // Rows as in `gaussians`.
-@group(0) @binding(5) var<storage, read_write> d_gaussians: array<f32>;
+@group(0) @binding(6) var<storage, read_write> d_gaussians: array<f32>;
 // Contribution of each Gaussian to the gradient of the camera's rotation and translation, six rows.
-@group(0) @binding(6) var<storage, read_write> camera_rows: array<f32>;
-@group(0) @binding(7) var<storage, read_write> counters: Counters;
+@group(0) @binding(7) var<storage, read_write> camera_rows: array<f32>;
+@group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 fn store(row: u32, i: u32, value: f32) {
     d_gaussians[row * view.gaussian_count + i] = value;
@@ -115,15 +118,17 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if i >= view.gaussian_count {
         return;
     }
-    let slots = slot_ranges[i];
-    if slots.x >= slots.y {
+    let first_slot = slot_starts[i];
+    // Of an incomplete frame, not all have room.
+    let end_slot = min(first_slot + tile_count(tile_rects[i]), view.intersection_capacity);
+    if first_slot >= end_slot {
         store_nothing(i);
         return;
     }
     var first = vec4(0.0);
     var second = vec4(0.0);
     var d_power = 0.0;
-    for (var s = slots.x; s < slots.y; s++) {
+    for (var s = first_slot; s < end_slot; s++) {
         var sum = slot_cell(s * SLOT_CELLS);
         // The loop over a slot's cells is unrolled: software rasterisers end a loop after 65,535 iterations.
         if SLOT_CELLS == 4u {

@@ -3,16 +3,17 @@
 // later sum over slots and cells has a fixed order.
 
 import package::shared::blend_backward::{
-    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
+    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, splats, tile_ranges, unblend
 };
 import package::shared::camera::{TILE_SIZE, view};
 import package::shared::dispatch::flat_index;
+import package::shared::splat::slot_of;
 
 // By cell of a slot, where its mark is set: (mean x, mean y, red, green) and (blue, covariance xx, xy, yy).
-@group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> slot_gradients: array<vec4<f32>>;
 // By cell of a slot: 1 where there is a gradient, and, if requested, the bits of the opacity times its gradient.
 // Cleared beforehand.
-@group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
+@group(0) @binding(7) var<storage, read_write> slot_marks: array<u32>;
 
 const CELLS: u32 = 4u;
 
@@ -29,7 +30,8 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     if range.x >= range.y {
         return;
     }
-    let corner = vec2(tile % view.tiles.x, tile / view.tiles.x) * TILE_SIZE + vec2(cell & 1u, cell >> 1u) * 4u;
+    let tile_place = vec2(tile % view.tiles.x, tile / view.tiles.x);
+    let corner = tile_place * TILE_SIZE + vec2(cell & 1u, cell >> 1u) * 4u;
     let x = vec4<f32>(vec4(corner.x) + vec4(0u, 1u, 2u, 3u)) + 0.5;
     var rows: array<Row, ROWS>;
     var last = range.x;
@@ -39,15 +41,14 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     }
     for (var i = last; i > range.x;) {
         i--;
-        let slot = entries[i];
-        let splat = splats[slot_gaussians[slot]];
+        let splat = splats[entries[i]];
         let dx = splat.mean.x - x;
         var sums = Sums();
         for (var r = 0u; r < ROWS; r++) {
             unblend(&rows, r, &sums, i, splat, dx, splat.mean.y - (f32(view.first_row + corner.y + r) + 0.5));
         }
         if sums.touched {
-            let at = slot * CELLS + cell;
+            let at = slot_of(splat, tile_place) * CELLS + cell;
             slot_gradients[2u * at] =
                 vec4(row_sum(sums.mean_x), row_sum(sums.mean_y), row_sum(sums.red), row_sum(sums.green));
             slot_gradients[2u * at + 1u] =

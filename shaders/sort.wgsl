@@ -9,6 +9,11 @@ struct SortUniforms {
     strands: u32,
     // Index of the counter that holds the number of pairs.
     counter: u32,
+    // Whether the value of a pair is its number, and none is read.
+    numbered: u32,
+    padding_1: u32,
+    padding_2: u32,
+    padding_3: u32,
 }
 
 @group(0) @binding(0) var<uniform> sort: SortUniforms;
@@ -19,9 +24,8 @@ struct SortUniforms {
 @group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
 
-// At first, which is when the lowest digit is sorted, the value of a pair is its number, and none is read.
 fn value_of(i: u32) -> u32 {
-    if sort.shift == 0u {
+    if sort.numbered != 0u {
         return i;
     }
     return values_in[i];

@@ -110,5 +110,5 @@ fn rasterize_by_subgroup(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_w
 }
 
 fn whole(a: vec4<f32>, conic: vec3<f32>, color: vec3<f32>) -> Splat {
-    return Splat(a.xy, a.z, a.w, conic, 0.0, color, 0.0);
+    return Splat(a.xy, a.z, a.w, conic, 0u, color, 0u);
 }

@@ -3,18 +3,18 @@
 // place, which the lane that has loaded the entry writes at once.
 
 import package::shared::blend_backward::{
-    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, slot_gaussians, splats, tile_ranges, unblend
+    ROWS, Row, SLOT_OPACITY, Sums, entries, last_end, load_row, row_sum, splats, tile_ranges, unblend
 };
 import package::shared::camera::{TILE_SIZE, view};
 import package::shared::dispatch::flat_index;
-import package::shared::splat::Splat;
+import package::shared::splat::{Splat, slot_of};
 import package::shared::splat_lanes::splat_of;
 
 // By slot, where its mark is set: (mean x, mean y, red, green) and (blue, covariance xx, xy, yy).
-@group(0) @binding(7) var<storage, read_write> slot_gradients: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> slot_gradients: array<vec4<f32>>;
 // By slot: 1 where there is a gradient, and, if requested, the bits of the opacity times its gradient. Cleared
 // beforehand.
-@group(0) @binding(8) var<storage, read_write> slot_marks: array<u32>;
+@group(0) @binding(7) var<storage, read_write> slot_marks: array<u32>;
 
 const LANES: u32 = 8u;
 
@@ -83,8 +83,8 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     let tile = index / LANES;
     let member = lane & (LANES - 1u);
     let first_lane = lane - member;
-    let corner =
-        vec2(tile % view.tiles.x, tile / view.tiles.x) * TILE_SIZE + vec2((member & 1u) * 4u, (member >> 1u) * 2u);
+    let tile_place = vec2(tile % view.tiles.x, tile / view.tiles.x);
+    let corner = tile_place * TILE_SIZE + vec2((member & 1u) * 4u, (member >> 1u) * 2u);
     var cell = Cell();
     cell.x = vec4<f32>(vec4(corner.x) + vec4(0u, 1u, 2u, 3u)) + 0.5;
     cell.y = f32(view.first_row + corner.y) + 0.5;
@@ -99,11 +99,9 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
     // Remaining entries, the last first. All lanes continue until all are done: each loads for its neighbours.
     var left = max_over_lanes(i - start);
     while subgroupAny(left > 0u) {
-        var slot = 0u;
         var mine = Splat();
         if member < left {
-            slot = entries[start + left - 1u - member];
-            mine = splats[slot_gaussians[slot]];
+            mine = splats[entries[start + left - 1u - member]];
         }
         let last = start + left;
         cell.touched = 0u;
@@ -124,6 +122,7 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_work
         let d_own = shared_out(d_0123, shared_out(d_45, d_67, 2u, member), 4u, member);
         // The lane that has loaded an entry has its sum.
         if ((or_over_lanes(cell.touched) >> member) & 1u) != 0u {
+            let slot = slot_of(mine, tile_place);
             slot_gradients[2u * slot] = d_own.first;
             slot_gradients[2u * slot + 1u] = d_own.second;
             if SLOT_OPACITY {

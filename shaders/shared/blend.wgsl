@@ -8,17 +8,16 @@ import package::shared::falloff::{exponent, falloff};
 import package::shared::splat::Splat;
 
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
-// Intersections (slots) by tile, front to back, and the Gaussian of each slot.
+// The Gaussians of the tiles, front to back, tile after tile.
 @group(0) @binding(2) var<storage, read> entries: array<u32>;
-@group(0) @binding(3) var<storage, read> slot_gaussians: array<u32>;
-@group(0) @binding(4) var<storage, read> tile_ranges: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> tile_ranges: array<vec2<u32>>;
 // Colour over the background, and coverage.
-@group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> image: array<vec4<f32>>;
 // For the backward pass: the bits of the transmittance, and one past the last entry that a pixel blended.
-@group(0) @binding(6) var<storage, read_write> pixel_states: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> pixel_states: array<vec2<u32>>;
 // Expected camera z of the splats that cover a pixel, metres; 0 where none does.
-@group(0) @binding(7) var<storage, read_write> depths: array<f32>;
-@group(0) @binding(8) var<storage, read_write> counters: Counters;
+@group(0) @binding(6) var<storage, read_write> depths: array<f32>;
+@group(0) @binding(7) var<storage, read_write> counters: Counters;
 
 override DEPTH: bool = false;
 // Most entries of a tile that the backward pass can process.
@@ -74,7 +73,7 @@ fn empty_pixels(area: Area) -> Pixels {
 }
 
 fn splat_at(i: u32) -> Splat {
-    var splat = splats[slot_gaussians[entries[i]]];
+    var splat = splats[entries[i]];
     splat.conic = falloff(splat.conic);
     return splat;
 }

@@ -6,14 +6,13 @@ import package::shared::falloff::{exponent, falloff};
 import package::shared::splat::Splat;
 
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
-// Intersections (slots) by tile, front to back, and the Gaussian of each slot.
+// The Gaussians of the tiles, front to back, tile after tile.
 @group(0) @binding(2) var<storage, read> entries: array<u32>;
-@group(0) @binding(3) var<storage, read> slot_gaussians: array<u32>;
-@group(0) @binding(4) var<storage, read> tile_ranges: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> tile_ranges: array<vec2<u32>>;
 // The bits of the transmittance, and one past the last entry that a pixel blended.
-@group(0) @binding(5) var<storage, read> pixel_states: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> pixel_states: array<vec2<u32>>;
 // dL/d(colour, coverage).
-@group(0) @binding(6) var<storage, read> d_image: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> d_image: array<vec4<f32>>;
 
 // Whether the gradient of the opacity is requested.
 override SLOT_OPACITY: bool = false;

@@ -7,7 +7,13 @@ struct Splat {
     opacity: f32,
     // Inverse covariance in pixels^-2: xx, xy, yy.
     conic: vec3<f32>,
-    padding: f32,
+    // Its slots in the backward pass, see `slot_of`: that of tile (0, 0), modulo 2^32, and those of a row of tiles.
+    slot_origin: u32,
     color: vec3<f32>,
-    padding_2: f32,
+    slot_columns: u32,
+}
+
+// The slot that holds the gradient of a splat from a tile.
+fn slot_of(splat: Splat, tile: vec2<u32>) -> u32 {
+    return splat.slot_origin + tile.x + tile.y * splat.slot_columns;
 }

@@ -12,7 +12,7 @@ use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::penalty::PenaltyUniforms;
 use ghand_render::roughness::RoughnessUniforms;
-use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, View, shared_constants};
+use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, StrandUniforms, View, shared_constants};
 use ghand_render::{Tier, reference};
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
@@ -76,9 +76,10 @@ fn host_layouts() -> Vec<Layout> {
             padding_2,
             padding_3,
         }),
-        host_layout!(Splat { mean, depth, opacity, conic, padding, color, padding_2 }),
+        host_layout!(Splat { mean, depth, opacity, conic, slot_origin, color, slot_columns }),
         host_layout!(ScanUniforms { length, total_index, padding }),
-        host_layout!(SortUniforms { shift, mask, strands, counter }),
+        host_layout!(SortUniforms { shift, mask, strands, counter, numbered, padding_1, padding_2, padding_3 }),
+        host_layout!(StrandUniforms { strands, padding_1, padding_2, padding_3 }),
         host_layout!(LossUniforms {
             size,
             l1_weight,

@@ -1,7 +1,7 @@
 //! The splatter: renders Gaussians to an image, and computes gradients.
 //!
-//! project + cull -> sort by depth -> count tiles -> prefix sum -> emit -> stable sort by tile -> tile ranges ->
-//! rasterise; backwards: rasterise_backward -> project_backward. Nothing is read back in between: the intersection
+//! project + cull -> sort by depth -> count tiles -> prefix sum -> order by tile -> tile ranges -> rasterise; backwards:
+//! number slots -> rasterise_backward -> project_backward. Nothing is read back in between: the intersection
 //! buffer has a capacity, a counter holds the required number, and the caller grows the buffers and repeats the frame.
 
 mod bands;
@@ -12,6 +12,7 @@ mod frame_buffers;
 mod model;
 mod project;
 mod rasterize;
+mod slots;
 mod sort;
 
 use bytemuck::{Pod, Zeroable};
@@ -21,6 +22,7 @@ use serde::Serialize;
 use crate::pipeline::compute_pass;
 use crate::{Gpu, RenderError, Tier, buffers, timing};
 pub use bands::band_rows;
+pub use bin::StrandUniforms;
 pub use counters::Counters;
 use frame::{Frame, Pipelines};
 use frame_buffers::FrameBuffers;
@@ -104,15 +106,17 @@ pub enum FrameStage {
     Project,
     /// Sort by depth.
     SortDepth,
-    /// Count tiles, prefix sum, emit intersections.
+    /// Count tiles, prefix sum; emit intersections if they are sorted.
     Bin,
-    /// Sort by tile.
+    /// Order by tile: sort, or count and place.
     SortTiles,
     /// Range of each tile.
     FindRanges,
     /// Blend.
     Rasterize,
-    /// Gradients of the splats, by intersection.
+    /// Number the slots.
+    NumberSlots,
+    /// Gradients of the splats, by slot.
     RasterizeBackward,
     /// Gradients of the Gaussians.
     ProjectBackward,
@@ -129,7 +133,8 @@ impl FrameStage {
         FrameStage::Rasterize,
     ];
     /// The stages of its gradient, in order.
-    pub const BACKWARD: [FrameStage; 2] = [FrameStage::RasterizeBackward, FrameStage::ProjectBackward];
+    pub const BACKWARD: [FrameStage; 3] =
+        [FrameStage::NumberSlots, FrameStage::RasterizeBackward, FrameStage::ProjectBackward];
 
     /// Name for display and JSON.
     pub fn name(self) -> &'static str {
@@ -140,6 +145,7 @@ impl FrameStage {
             FrameStage::SortTiles => "sort_tiles",
             FrameStage::FindRanges => "find_ranges",
             FrameStage::Rasterize => "rasterize",
+            FrameStage::NumberSlots => "number_slots",
             FrameStage::RasterizeBackward => "rasterize_backward",
             FrameStage::ProjectBackward => "project_backward",
         }
@@ -212,12 +218,12 @@ pub struct Splat {
     pub opacity: f32,
     /// Inverse covariance xx, xy, yy, pixels^-2.
     pub conic: [f32; 3],
-    /// Unused.
-    pub padding: f32,
+    /// Number of its slot for tile (0, 0), modulo 2^32, in the backward pass.
+    pub slot_origin: u32,
     /// Colour.
     pub color: [f32; 3],
-    /// Unused.
-    pub padding_2: f32,
+    /// Number of its slots in a row of tiles, in the backward pass.
+    pub slot_columns: u32,
 }
 
 impl View {
@@ -426,6 +432,7 @@ impl Splatter {
     /// Encodes clearing the buffers that the forward pass accumulates into.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.shared.counters, Counters::CLEARED_FROM, None);
+        self.frame.bin.clear(encoder);
     }
 
     fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
@@ -433,10 +440,11 @@ impl Splatter {
         match stage {
             FrameStage::Project => frame.project.forward(pass),
             FrameStage::SortDepth => frame.depth_sort.encode(pass),
-            FrameStage::Bin => frame.bin.emit(pass),
-            FrameStage::SortTiles => frame.tile_sort.encode(pass),
+            FrameStage::Bin => frame.bin.count(pass),
+            FrameStage::SortTiles => frame.bin.order(pass),
             FrameStage::FindRanges => frame.bin.find_ranges(pass, tiles),
             FrameStage::Rasterize => frame.rasterize.forward(pass, tiles),
+            FrameStage::NumberSlots => frame.slots.iter().for_each(|slots| slots.encode(pass)),
             FrameStage::RasterizeBackward => frame.rasterize.backward(pass, tiles),
             FrameStage::ProjectBackward => frame.project.backward(pass),
         }

@@ -229,7 +229,11 @@ fn number(stage: FrameStage) -> Option<u32> {
         FrameStage::FindRanges => Some(4),
         FrameStage::Rasterize => Some(BLENDED),
         // Parts of the lists by tile, and stages of gradients.
-        FrameStage::Bin | FrameStage::SortTiles | FrameStage::RasterizeBackward | FrameStage::ProjectBackward => None,
+        FrameStage::Bin
+        | FrameStage::SortTiles
+        | FrameStage::NumberSlots
+        | FrameStage::RasterizeBackward
+        | FrameStage::ProjectBackward => None,
     }
 }
 

@@ -1,7 +1,8 @@
 //! The stages of a frame, bound to its buffers.
 
 use super::frame_buffers::FrameBuffers;
-use super::{Counters, SplatOptions, bin, project, rasterize, sort};
+use super::sort::Order;
+use super::{Counters, SplatOptions, bin, project, rasterize, slots, sort};
 use crate::Gpu;
 
 /// Most bits of a depth key, as in `project.wgsl`.
@@ -13,6 +14,8 @@ pub struct Pipelines {
     pub sort: sort::Pipelines,
     pub bin: bin::Pipelines,
     pub rasterize: rasterize::Pipelines,
+    /// If there are gradients.
+    pub slots: Option<slots::Pipelines>,
 }
 
 impl Pipelines {
@@ -23,6 +26,7 @@ impl Pipelines {
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
             rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth, cut_offs),
+            slots: purpose.has_gradients().then(|| slots::Pipelines::new(gpu)),
         }
     }
 }
@@ -32,37 +36,22 @@ pub struct Frame {
     pub project: project::Stages,
     pub depth_sort: sort::Stages,
     pub bin: bin::Stages,
-    pub tile_sort: sort::Stages,
     pub rasterize: rasterize::Stages,
+    pub slots: Option<slots::Stages>,
 }
 
 impl Frame {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers, depth_bits: u32) -> Frame {
         let counters = &b.shared.counters;
-        let depth_sort = sort::Stages::new(
-            gpu,
-            &pipelines.sort,
-            counters,
-            Counters::GAUSSIANS,
-            depth_bits,
-            &b.depth_keys,
-            &b.depth_order,
-        );
-        let tile_sort = sort::Stages::new(
-            gpu,
-            &pipelines.sort,
-            counters,
-            Counters::INTERSECTIONS,
-            b.tile_bits,
-            &b.tile_keys,
-            &b.slots,
-        );
+        let order = Order { counter: Counters::GAUSSIANS, bits: depth_bits, numbered: true };
+        let depth_sort = sort::Stages::new(gpu, &pipelines.sort, counters, order, &b.depth_keys, &b.depth_order);
+        let bin = bin::Stages::new(gpu, &pipelines.bin, &pipelines.sort, b, &b.depth_order[depth_sort.sorted()]);
         Frame {
             project: project::Stages::new(gpu, &pipelines.project, b),
-            bin: bin::Stages::new(gpu, &pipelines.bin, &pipelines.sort, b, &depth_sort, &tile_sort),
-            rasterize: rasterize::Stages::new(gpu, &pipelines.rasterize, b, &tile_sort),
+            rasterize: rasterize::Stages::new(gpu, &pipelines.rasterize, b, bin.entries()),
+            slots: pipelines.slots.as_ref().map(|p| slots::Stages::new(gpu, p, &pipelines.sort, b)),
             depth_sort,
-            tile_sort,
+            bin,
         }
     }
 }

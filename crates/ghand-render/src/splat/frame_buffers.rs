@@ -26,22 +26,18 @@ pub struct FrameBuffers {
     /// Keys and values of the depth sort, before and after.
     pub depth_keys: [wgpu::Buffer; 2],
     pub depth_order: [wgpu::Buffer; 2],
-    pub slot_offsets: wgpu::Buffer,
-    pub slot_ranges: wgpu::Buffer,
-    pub slot_gaussians: wgpu::Buffer,
-    /// Keys and values of the tile sort, before and after.
-    pub tile_keys: [wgpu::Buffer; 2],
-    pub slots: [wgpu::Buffer; 2],
-    pub tile_bits: u32,
     pub tile_ranges: wgpu::Buffer,
     pub pixel_states: wgpu::Buffer,
-    /// Empty without gradients, like the marks.
+    /// Empty without gradients, like the gradients and marks.
+    pub slot_starts: wgpu::Buffer,
     pub slot_gradients: wgpu::Buffer,
     pub slot_marks: wgpu::Buffer,
     /// Empty without the camera's gradient.
     pub camera_rows: wgpu::Buffer,
     pub camera_strands: wgpu::Buffer,
     pub count: usize,
+    pub capacity: u32,
+    pub tiles: u32,
 }
 
 impl FrameBuffers {
@@ -55,9 +51,9 @@ impl FrameBuffers {
     ) -> FrameBuffers {
         let [width, height] = max_size;
         let pixels = width as usize * height as usize;
-        let tiles = width.div_ceil(TILE_SIZE) as usize * height.div_ceil(TILE_SIZE) as usize;
-        let capacity = capacity as usize;
-        let cells = if options.purpose.has_gradients() { capacity * gradient_cells(gpu.tier) as usize } else { 0 };
+        let tiles = width.div_ceil(TILE_SIZE) * height.div_ceil(TILE_SIZE);
+        let if_gradients = |words: usize| if options.purpose.has_gradients() { words } else { 0 };
+        let cells = if_gradients(capacity as usize * gradient_cells(gpu.tier) as usize);
         let make = |label: &str, words: usize| buffers::zeroed(gpu, label, words);
         FrameBuffers {
             shared: shared.clone(),
@@ -65,15 +61,9 @@ impl FrameBuffers {
             tile_rects: make("tile rects", 2 * count),
             depth_keys: [make("depth keys", count), make("depth keys sorted", count)],
             depth_order: [make("depth order", count), make("depth order sorted", count)],
-            slot_offsets: make("slot offsets", count),
-            slot_ranges: make("slot ranges", 2 * count),
-            slot_gaussians: make("slot gaussians", capacity),
-            tile_keys: [make("tile keys", capacity), make("tile keys sorted", capacity)],
-            slots: [make("slots", capacity), make("slots sorted", capacity)],
-            // The number of bits of the largest tile index, at least one.
-            tile_bits: (usize::BITS - (tiles - 1).leading_zeros()).max(1),
-            tile_ranges: make("tile ranges", 2 * tiles),
+            tile_ranges: make("tile ranges", 2 * tiles as usize),
             pixel_states: make("pixel states", 2 * pixels),
+            slot_starts: make("slot starts", if_gradients(count)),
             slot_gradients: make("slot gradients", 8 * cells),
             slot_marks: make("slot marks", cells * if options.model.slot_opacity() { 2 } else { 1 }),
             camera_rows: make(
@@ -82,6 +72,8 @@ impl FrameBuffers {
             ),
             camera_strands: make("camera strands", CAMERA_ROWS * CAMERA_STRANDS),
             count,
+            capacity,
+            tiles,
         }
     }
 }

@@ -64,7 +64,8 @@ impl Stages {
                 &[
                     ("view", &s.view),
                     ("gaussians", &s.gaussians),
-                    ("slot_ranges", &b.slot_ranges),
+                    ("tile_rects", &b.tile_rects),
+                    ("slot_starts", &b.slot_starts),
                     ("slot_gradients", &b.slot_gradients),
                     ("slot_marks", &b.slot_marks),
                     ("d_gaussians", &s.d_gaussians),

@@ -1,7 +1,7 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
 use super::frame_buffers::FrameBuffers;
-use super::{CutOffs, Purpose, SplatModel, sort};
+use super::{CutOffs, Purpose, SplatModel};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier};
 
@@ -62,9 +62,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers, tile_sort: &sort::Stages) -> Stages {
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines, b: &FrameBuffers, entries: &wgpu::Buffer) -> Stages {
         let s = &b.shared;
-        let entries = &b.slots[tile_sort.sorted()];
         Stages {
             rasterize: pipelines.rasterize.bind(
                 gpu,
@@ -72,7 +71,6 @@ impl Stages {
                     ("view", &s.view),
                     ("splats", &b.splats),
                     ("entries", entries),
-                    ("slot_gaussians", &b.slot_gaussians),
                     ("tile_ranges", &b.tile_ranges),
                     ("image", &s.image),
                     ("pixel_states", &b.pixel_states),
@@ -87,7 +85,6 @@ impl Stages {
                         ("view", &s.view),
                         ("splats", &b.splats),
                         ("entries", entries),
-                        ("slot_gaussians", &b.slot_gaussians),
                         ("tile_ranges", &b.tile_ranges),
                         ("pixel_states", &b.pixel_states),
                         ("d_image", &s.d_image),

@@ -40,11 +40,22 @@ pub struct SortUniforms {
     pub strands: u32,
     /// Index of the counter that holds the number of keys.
     pub counter: u32,
+    /// 1 if the value of a pair is its number, 0 if it is read.
+    pub numbered: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
+    /// Unused.
+    pub padding_3: u32,
 }
 
 /// Constants shared with the shaders: stage, name, value.
 pub const SHARED_CONSTANTS: [(&str, &str, u32); 3] =
     [("scan", "STRANDS", SCAN_STRANDS), ("fast/scan", "BLOCK", SCAN_BLOCK), ("fast/sort", "BLOCK", SORT_BLOCK as u32)];
+
+/// The only word of a buffer for a total that nobody needs.
+pub const FIRST_WORD: CounterIndex = CounterIndex(0);
 
 pub struct Pipelines {
     sort_count: Stage,
@@ -89,7 +100,7 @@ impl Pipelines {
     }
 
     /// Number of separately sorted pieces into which `pairs` pairs are divided.
-    fn pieces(&self, pairs: u64) -> u32 {
+    pub(super) fn pieces(&self, pairs: u64) -> u32 {
         let enough_for_all_cores = || std::thread::available_parallelism().map_or(8, |n| n.get() as u64) * 16;
         let pieces = match (self.by_blocks, self.is_cpu) {
             (true, _) => pairs.div_ceil(SORT_BLOCK).max(1),
@@ -148,24 +159,35 @@ struct Pass {
     scatter: Bound,
 }
 
-/// A sort of key and value buffers by the lowest `bits` of the keys, bound.
+/// What a sort does.
+#[derive(Debug, Clone, Copy)]
+pub struct Order {
+    /// The counter that holds the number of pairs.
+    pub counter: CounterIndex,
+    /// So many of the lowest bits of the keys count.
+    pub bits: u32,
+    /// Whether the values are the numbers that the pairs have at first, and not what the first buffer holds.
+    pub numbered: bool,
+}
+
+/// A sort of key and value buffers, bound.
 pub struct Stages {
     passes: Vec<Pass>,
     groups: u32,
 }
 
 impl Stages {
-    /// Sorts `counters[counter]` keys. They start in the first of their two buffers and end in the one with index
-    /// [`Stages::sorted`], like the values, which are the numbers that the keys had at first.
+    /// Sorts `counters[order.counter]` pairs. They start in the first of their two buffers and end in the one with index
+    /// [`Stages::sorted`].
     pub fn new(
         gpu: &Gpu,
         pipelines: &Pipelines,
         counters: &wgpu::Buffer,
-        counter: CounterIndex,
-        bits: u32,
+        order: Order,
         keys: &[wgpu::Buffer; 2],
         values: &[wgpu::Buffer; 2],
     ) -> Stages {
+        let Order { counter, bits, numbered } = order;
         let count = bits.div_ceil(pipelines.digit_bits());
         let digit_bits = bits.div_ceil(count);
         let pieces = pipelines.pieces(keys[0].size() / 4);
@@ -178,6 +200,8 @@ impl Stages {
                     mask: (1 << digit_bits) - 1,
                     strands: pieces,
                     counter: counter.0,
+                    numbered: u32::from(numbered && i == 0),
+                    ..SortUniforms::zeroed()
                 };
                 let uniforms = buffers::uniform(gpu, "sort", &uniforms);
                 let (from, to) = ((i % 2) as usize, ((i + 1) % 2) as usize);
@@ -191,7 +215,7 @@ impl Stages {
                             ("digit_counts", &digits),
                         ],
                     ),
-                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, CounterIndex(0)),
+                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, FIRST_WORD),
                     scatter: pipelines.sort_scatter.bind(
                         gpu,
                         &[
@@ -253,14 +277,24 @@ mod tests {
         kinds
     }
 
-    fn sorted(gpu: &Gpu, pipelines: &Pipelines, pairs: &[(u32, u32)], room: usize, bits: u32) -> Vec<(u32, u32)> {
-        let mut keys: Vec<u32> = pairs.iter().map(|pair| pair.0).collect();
-        // The numbers after the keys must not be sorted among them.
-        keys.resize(room, 0);
-        let empty = || buffers::zeroed(gpu, "test", room);
-        let (keys, values) = ([buffers::filled(gpu, "test", &keys), empty()], [empty(), empty()]);
+    fn sorted(
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        pairs: &[(u32, u32)],
+        room: usize,
+        bits: u32,
+        numbered: bool,
+    ) -> Vec<(u32, u32)> {
+        // What comes after the pairs must not be sorted among them.
+        let padded = |words: Vec<u32>| {
+            let words = [words, vec![0; room - pairs.len()]].concat();
+            [buffers::filled(gpu, "test", &words), buffers::zeroed(gpu, "test", room)]
+        };
+        let keys = padded(pairs.iter().map(|pair| pair.0).collect());
+        let values = padded(pairs.iter().map(|pair| if numbered { 7 } else { pair.1 }).collect());
         let counters = buffers::filled(gpu, "counters", &[7, pairs.len() as u32]);
-        let stages = Stages::new(gpu, pipelines, &counters, CounterIndex(1), bits, &keys, &values);
+        let order = Order { counter: CounterIndex(1), bits, numbered };
+        let stages = Stages::new(gpu, pipelines, &counters, order, &keys, &values);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         stages.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
         gpu.queue.submit([encoder.finish()]);
@@ -278,10 +312,14 @@ mod tests {
             {
                 let pairs: Vec<(u32, u32)> = (0..count).map(|i| (rng.random_range(0..1 << bits), i)).collect();
                 let expected = reference::sort::sort(&pairs, bits);
-                let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits);
+                let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits, true);
                 assert!(got == expected, "{count} pairs, {bits} bits, by blocks: {}", pipelines.by_blocks);
+                let pairs: Vec<(u32, u32)> = pairs.iter().map(|&(key, i)| (key, 3 * i + 1)).collect();
+                let expected = reference::sort::sort(&pairs, bits);
+                let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits, false);
+                assert!(got == expected, "{count} pairs with values, {bits} bits, by blocks: {}", pipelines.by_blocks);
                 if count == 2048 {
-                    let unsorted = sorted(&gpu, &pipelines, &pairs, pairs.len(), bits - 5);
+                    let unsorted = sorted(&gpu, &pipelines, &pairs, pairs.len(), bits - 5, false);
                     assert!(unsorted != expected, "the order is not compared");
                 }
             }
