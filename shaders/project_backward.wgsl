@@ -9,8 +9,9 @@ import package::shared::gaussian::{
     UNBOUNDED, axes_of, compensation, flattened, are_finite, footprint, load_gaussian,
     world_direction
 };
-import package::shared::spherical_harmonics::{color_sum, direction_to, harmonic, stored_color};
-import package::shared::tile_rects::tile_count;
+import package::shared::spherical_harmonics::{direction_to, harmonic, stored_color};
+import package::shared::splat::{Splat, slot_of};
+import package::shared::tile_rects::{first_tile, tile_count};
 
 // Whether slots have a gradient of the opacity, as in rasterize_backward.wgsl.
 override SLOT_OPACITY: bool = false;
@@ -19,8 +20,7 @@ override SLOT_CELLS: u32 = 4u;
 override CAMERA_GRADIENT: bool = false;
 
 @group(0) @binding(2) var<storage, read> tile_rects: array<vec2<u32>>;
-// By Gaussian.
-@group(0) @binding(3) var<storage, read> slot_starts: array<u32>;
+@group(0) @binding(3) var<storage, read> splats: array<Splat>;
 // As in rasterize_backward.wgsl.
 @group(0) @binding(4) var<storage, read> slot_gradients: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> slot_marks: array<u32>;
@@ -118,13 +118,14 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if i >= view.gaussian_count {
         return;
     }
-    let first_slot = slot_starts[i];
-    // Of an incomplete frame, not all have room.
-    let end_slot = min(first_slot + tile_count(tile_rects[i]), view.intersection_capacity);
-    if first_slot >= end_slot {
+    let rect = tile_rects[i];
+    if tile_count(rect) == 0u {
         store_nothing(i);
         return;
     }
+    let first_slot = slot_of(splats[i], first_tile(rect));
+    // Of an incomplete frame, not all have room.
+    let end_slot = min(first_slot + tile_count(rect), view.intersection_capacity);
     var first = vec4(0.0);
     var second = vec4(0.0);
     var d_power = 0.0;
@@ -217,7 +218,8 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         store_vector(ROW_COLOR, i, d_color);
     } else {
         let direction = direction_to(p);
-        let d_sum = select(vec3(0.0), d_color, color_sum(i, direction) > vec3(0.0));
+        // Negative colours were set to 0.
+        let d_sum = select(vec3(0.0), d_color, splats[i].color > vec3(0.0));
         var d_direction = vec3(0.0);
         for (var b = 0u; b < COLOR_BASES; b++) {
             let function = harmonic(b, direction);

@@ -28,8 +28,7 @@ pub struct FrameBuffers {
     pub depth_order: [wgpu::Buffer; 2],
     pub tile_ranges: wgpu::Buffer,
     pub pixel_states: wgpu::Buffer,
-    /// Empty without gradients, like the gradients and marks.
-    pub slot_starts: wgpu::Buffer,
+    /// Empty without gradients, like the marks.
     pub slot_gradients: wgpu::Buffer,
     pub slot_marks: wgpu::Buffer,
     /// Empty without the camera's gradient.
@@ -52,8 +51,8 @@ impl FrameBuffers {
         let [width, height] = max_size;
         let pixels = width as usize * height as usize;
         let tiles = width.div_ceil(TILE_SIZE) * height.div_ceil(TILE_SIZE);
-        let if_gradients = |words: usize| if options.purpose.has_gradients() { words } else { 0 };
-        let cells = if_gradients(capacity as usize * gradient_cells(gpu.tier) as usize);
+        let cells =
+            if options.purpose.has_gradients() { capacity as usize * gradient_cells(gpu.tier) as usize } else { 0 };
         let make = |label: &str, words: usize| buffers::zeroed(gpu, label, words);
         FrameBuffers {
             shared: shared.clone(),
@@ -63,7 +62,6 @@ impl FrameBuffers {
             depth_order: [make("depth order", count), make("depth order sorted", count)],
             tile_ranges: make("tile ranges", 2 * tiles as usize),
             pixel_states: make("pixel states", 2 * pixels),
-            slot_starts: make("slot starts", if_gradients(count)),
             slot_gradients: make("slot gradients", 8 * cells),
             slot_marks: make("slot marks", cells * if options.model.slot_opacity() { 2 } else { 1 }),
             camera_rows: make(

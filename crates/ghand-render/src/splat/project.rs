@@ -65,7 +65,7 @@ impl Stages {
                     ("view", &s.view),
                     ("gaussians", &s.gaussians),
                     ("tile_rects", &b.tile_rects),
-                    ("slot_starts", &b.slot_starts),
+                    ("splats", &b.splats),
                     ("slot_gradients", &b.slot_gradients),
                     ("slot_marks", &b.slot_marks),
                     ("d_gaussians", &s.d_gaussians),

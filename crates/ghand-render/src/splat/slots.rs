@@ -29,16 +29,17 @@ pub struct Stages {
 
 impl Stages {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, sort: &sort::Pipelines, b: &FrameBuffers) -> Stages {
+        let slot_starts = buffers::zeroed(gpu, "slot starts", b.count);
         let all = [
             ("view", &b.shared.view),
             ("tile_rects", &b.tile_rects),
-            ("slot_starts", &b.slot_starts),
+            ("slot_starts", &slot_starts),
             ("splats", &b.splats),
         ];
         let total = buffers::zeroed(gpu, "slot total", 1);
         Stages {
             count_slots: pipelines.count_slots.bind(gpu, &all),
-            scan: sort.scan(gpu, &b.slot_starts, b.count as u32, &total, sort::FIRST_WORD),
+            scan: sort.scan(gpu, &slot_starts, b.count as u32, &total, sort::FIRST_WORD),
             place_slots: pipelines.place_slots.bind(gpu, &all),
             count: b.count as u32,
         }
