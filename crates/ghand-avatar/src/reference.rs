@@ -1,11 +1,14 @@
 //! Twin of a posed avatar in plain f64, with which tests and `ghand stress` compare the device: from tables and pose to
-//! Gaussians, and back. Of `direct` avatars, and forward only of baked ones; networks have their own twin, and light apart
-//! from skin is not in it.
+//! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks; light apart from skin is not in
+//! it.
+
+pub(crate) mod network;
 
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
-use ghand_core::skinning::{Skinning, skin_normals};
+use ghand_core::skinning::{ResidualSupport, Skinning, skin_normals};
+use ghand_hand_model::HandModelError;
 use ghand_render::deform::CoefficientLayout;
 use ghand_render::deform::baked::BakedTables;
 use ghand_render::reference::project::{Color, Gaussian};
@@ -15,7 +18,8 @@ use glam::{DQuat, DVec3, DVec4};
 use crate::avatar::Avatar;
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
-use crate::template::GaussianShape;
+use crate::properties::network::{NetworkTables, PositionMap, gaussian_uvs};
+use crate::template::{AvatarConfig, GaussianShape};
 
 /// Posed Gaussians, N of each part.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,13 +104,85 @@ pub fn pose_baked(avatar: &Avatar, tables: &BakedTables, pose: &Pose) -> PosedGa
     }
 }
 
+/// A network avatar's Gaussians in a pose.
+///
+/// # Errors
+/// [`HandModelError`] if the hand model has no usable UV atlas.
+pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Result<PosedGaussians, HandModelError> {
+    let Avatar { template, config, model, .. } = avatar;
+    let count = template.len();
+    let map = PositionMap::new(model, tables.sizes.map_side)?;
+    let named = tables.parameter_names().into_iter().zip(&tables.parameters);
+    let is_local = config.residual_support == ResidualSupport::Local;
+    let twin = network::Twin {
+        sizes: tables.sizes.clone(),
+        parameters: named.map(|(name, values)| (name, widen(values))).collect(),
+        fixed_norms: tables.running_norms.iter().map(|of| of.each_ref().map(|values| widen(values))).collect(),
+        uvs: gaussian_uvs(model, config.uv_resolution)?,
+        maps: [map.rest(), map.posed(&template.joints, &pose.rotations)],
+        base_shape_basis: widen(&tables.base_shape_basis),
+        base_logits: widen(&tables.base_logits),
+        max_scale: template.max_scale().into(),
+        support: is_local.then(|| template.weights.iter().map(|w| if *w > 0.0 { 1.0 } else { 0.0 }).collect()),
+        coefficient_rows: config.coefficient_rows(),
+    };
+    let [shape_basis, residual_weights, channels, regressor, scales, colors] = twin.outputs();
+    let (rest, weights) = (vectors(&widen(&template.rest), 0, count), widen(&template.weights));
+    let shape_basis: Vec<DVec3> = (0..config.shape_bases).flat_map(|i| vectors(&shape_basis, 3 * i, count)).collect();
+    let coefficients = coefficients(config, &channels, count);
+    let deformation = Deformation {
+        parents: &template.parents,
+        joints: &template.joints,
+        canonical: &rest,
+        weights: &weights,
+        shape_basis: &shape_basis,
+        blend_coefficients: &coefficients,
+        skeleton_regressor: &regressor,
+        residual_weights: &residual_weights,
+        residual_weights_mode: config.residual_weights,
+        residual_skeleton_mode: config.residual_skeleton,
+    };
+    let deformed = deform(&deformation, pose);
+    let normals = posed_normals(avatar, &deformation, &deformed, pose);
+    Ok(PosedGaussians { means: deformed.posed, scales, normals, colors: vectors(&colors, 0, count) })
+}
+
+/// Blend coefficients, N for each basis, from rows of channels.
+fn coefficients(config: &AvatarConfig, channels: &[f64], count: usize) -> Vec<DVec3> {
+    match config.coefficients {
+        CoefficientLayout::PerBasis => channels.iter().map(|v| DVec3::splat(*v)).collect(),
+        CoefficientLayout::PerComponent => {
+            (0..config.shape_bases).flat_map(|i| vectors(channels, 3 * i, count)).collect()
+        }
+    }
+}
+
+/// The normals of flat Gaussians, world.
+fn posed_normals(
+    avatar: &Avatar,
+    deformation: &Deformation<'_>,
+    deformed: &Deformed,
+    pose: &Pose,
+) -> Option<Vec<DVec3>> {
+    let normals = avatar.template.normals.as_ref()?;
+    let skinning = Skinning {
+        rest: &deformed.rest,
+        weights: deformation.weights,
+        residual_weights: deformation.residual_weights,
+        bones: &deformed.chain.posed_from_rest,
+        residual_bones: &deformed.residual_chain.posed_from_rest,
+        translation: pose.translation,
+        mode: deformation.residual_weights_mode,
+    };
+    Some(skin_normals(&skinning, &vectors(&widen(normals), 0, avatar.template.len())))
+}
+
 /// The twin of a `direct` avatar.
 pub struct DirectTwin<'a> {
     avatar: &'a Avatar,
     response: PoseResponse,
     weights: Vec<f64>,
     rest: Vec<DVec3>,
-    normals: Option<Vec<DVec3>>,
     shape_basis: Vec<DVec3>,
     residual_weights: Vec<f64>,
     regressor: Vec<f64>,
@@ -148,7 +224,6 @@ impl<'a> DirectTwin<'a> {
             response: tables.pose_response(avatar.config.channels()),
             weights: widen(&template.weights),
             rest: vectors(&widen(&template.rest), 0, count),
-            normals: template.normals.as_ref().map(|normals| vectors(&widen(normals), 0, count)),
             shape_basis: (0..avatar.config.shape_bases).flat_map(|i| vectors(&basis, 3 * i, count)).collect(),
             residual_weights: residual(residual_weights),
             regressor: residual(regressor),
@@ -186,12 +261,7 @@ impl<'a> DirectTwin<'a> {
         let features = pose_features(pose);
         let mut channels = self.response.evaluate(&self.weights, &features, count);
         let color_values = channels.split_off(config.coefficient_rows() * count);
-        let coefficients: Vec<DVec3> = match config.coefficients {
-            CoefficientLayout::PerBasis => channels.iter().map(|v| DVec3::splat(*v)).collect(),
-            CoefficientLayout::PerComponent => {
-                (0..config.shape_bases).flat_map(|i| vectors(&channels, 3 * i, count)).collect()
-            }
-        };
+        let coefficients = coefficients(&self.avatar.config, &channels, count);
         let deformed = deform(&self.deformation(&coefficients), pose);
         let largest = f64::from(self.avatar.max_scale());
         let scales = self.appearance[..count].iter().map(|logit| largest * sigmoid(*logit)).collect();
@@ -201,18 +271,7 @@ impl<'a> DirectTwin<'a> {
             logits.iter_mut().zip(self.component(j)).zip(values).for_each(|((sum, c), value)| *sum += c * *value);
         }
         let colors = logits.iter().map(|c| DVec3::new(sigmoid(c.x), sigmoid(c.y), sigmoid(c.z))).collect();
-        let normals = self.normals.as_ref().map(|normals| {
-            let skinning = Skinning {
-                rest: &deformed.rest,
-                weights: &self.weights,
-                residual_weights: &self.residual_weights,
-                bones: &deformed.chain.posed_from_rest,
-                residual_bones: &deformed.residual_chain.posed_from_rest,
-                translation: pose.translation,
-                mode: config.residual_weights,
-            };
-            skin_normals(&skinning, normals)
-        });
+        let normals = posed_normals(self.avatar, &self.deformation(&coefficients), &deformed, pose);
         let gaussians = PosedGaussians { means: deformed.posed.clone(), scales, normals, colors };
         PosedTwin { gaussians, deformed, features, coefficients, color_values }
     }

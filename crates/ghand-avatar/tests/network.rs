@@ -3,6 +3,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_avatar::properties::network::Normalization;
+use ghand_avatar::reference::{PosedGaussians, pose_network};
 use ghand_avatar::{Avatar, AvatarConfig, NetworkSizes, PropertyRates, PropertyTables, Scene};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::{HandModel, Pose};
@@ -235,5 +236,37 @@ fn constant_colors_are_those_of_the_base_in_every_pose() {
     let color = properties(&gpu, &mut scene_of(&gpu, &avatar, &poses, Purpose::Images), 0).remove(5);
     for (c, expected) in [0.25, 0.5, 0.75].into_iter().enumerate() {
         assert!(color[c * count..(c + 1) * count].iter().all(|v| (v - expected).abs() < 1e-6));
+    }
+}
+
+#[test]
+fn posed_gaussians_agree_with_the_twin() {
+    let gpu = gpu();
+    for normalization in [Normalization::Instance, Normalization::Batch] {
+        let mut avatar = random_avatar(&NetworkSizes { normalization, ..small() });
+        let pose = bent(0.7, avatar.template.joint_count());
+        let PropertyTables::Network(tables) = &mut avatar.tables else { unreachable!() };
+        // So that the pose is seen in the colours.
+        let of_colors = tables.parameter_names().into_iter().map(|name| name.starts_with("color."));
+        let of_colors = tables.parameters.iter_mut().zip(of_colors).filter(|(_, of_colors)| *of_colors);
+        of_colors.for_each(|(values, _)| values.iter_mut().for_each(|value| *value *= 6.0));
+        for [means, variances] in &mut tables.running_norms {
+            means.iter_mut().enumerate().for_each(|(c, mean)| *mean = 0.05 * c as f32 - 0.1);
+            variances.iter_mut().enumerate().for_each(|(c, variance)| *variance = 0.1 + 0.2 * c as f32);
+        }
+        let mut scene = scene_of(&gpu, &avatar, std::slice::from_ref(&pose), Purpose::Images);
+        scene.run_frame(&gpu, |_, _| {}).unwrap();
+        let length = scene.splatter().options().model.rows() * avatar.template.len();
+        let table: Vec<f32> = buffers::read(&gpu, scene.splatter().gaussians(), length).unwrap();
+        let got: Vec<f64> = table.iter().map(|v| f64::from(*v)).collect();
+        let PropertyTables::Network(tables) = &avatar.tables else { unreachable!() };
+        let exact = pose_network(&avatar, tables, &pose).unwrap();
+        let got = PosedGaussians::from_table(&got, avatar.config.gaussians);
+        let still = pose_network(&avatar, tables, &bent(0.0, avatar.template.joint_count())).unwrap();
+        let largest = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(largest(&got.means, &exact.means) < 1e-5, "{normalization:?}: {}", largest(&got.means, &exact.means));
+        assert!(largest(&got.colors, &exact.colors) < 1e-4, "{normalization:?}");
+        assert!(got.scales.iter().zip(&exact.scales).all(|(a, b)| (a - b).abs() < 1e-4 * b), "{normalization:?}");
+        assert!(largest(&still.colors, &exact.colors) > 1e-3, "the pose changes nothing");
     }
 }

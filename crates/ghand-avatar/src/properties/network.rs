@@ -27,6 +27,9 @@ mod tests;
 mod unet;
 
 pub use device::NetworkModel;
+pub(crate) use layers::NORM_EPSILON;
+pub(crate) use networks::OFFSET_GAIN;
+pub(crate) use position_map::{PositionMap, gaussian_uvs};
 pub use sizes::{Activation, NetworkSizes, Normalization};
 pub use tables::NetworkTables;
 pub(super) use tables::bytes_per_gaussian;

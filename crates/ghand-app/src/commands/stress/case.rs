@@ -1,7 +1,8 @@
 //! One case: a pose and a view of a hand, on the device and in f64.
 
 use anyhow::Context;
-use ghand_avatar::reference::{DirectTwin, PosedGaussians, pose_baked, rows};
+use ghand_avatar::properties::network::Normalization;
+use ghand_avatar::reference::{DirectTwin, PosedGaussians, pose_baked, pose_network, rows};
 use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables, Scene};
 use ghand_core::{Camera, Pose};
@@ -117,7 +118,8 @@ pub struct Subject<'a> {
 fn exact(avatar: &Avatar, pose: &Pose) -> Option<PosedGaussians> {
     match &avatar.tables {
         PropertyTables::Baked(tables) => Some(pose_baked(avatar, tables, pose)),
-        _ => DirectTwin::new(avatar).map(|twin| twin.pose(pose).gaussians),
+        PropertyTables::Network(tables) => pose_network(avatar, tables, pose).ok(),
+        PropertyTables::Direct(_) => DirectTwin::new(avatar).map(|twin| twin.pose(pose).gaussians),
     }
 }
 
@@ -136,10 +138,15 @@ impl<'a> Subject<'a> {
         let mobility = vec![1.0; hand.avatar.template.joint_count()];
         let (splatter, avatars) = scene.splatter_and_avatars_mut();
         let posed = avatars.first_mut().context("the scene has no avatar")?;
-        let backward = match hand.model {
-            Model::Direct => Some(posed.prepare_training(gpu, splatter.d_gaussians(), &mobility)?),
-            Model::Baked(_) => None,
+        let normalization = hand.avatar.config.network.as_ref().map(|sizes| sizes.normalization);
+        // In training, batch normalisation goes by other numbers than at play.
+        let is_trained = match hand.model {
+            Model::Direct => true,
+            Model::Network => normalization != Some(Normalization::Batch),
+            Model::Baked(_) => false,
         };
+        let prepare = || posed.prepare_training(gpu, splatter.d_gaussians(), &mobility);
+        let backward = is_trained.then(prepare).transpose()?;
         Ok(Subject { hand, scene, backward })
     }
 
@@ -239,7 +246,8 @@ impl<'a> Subject<'a> {
         if is_sorted {
             outcome.roundings[4] = picture(&image, &drawn[2], &moved_picture, &undecided).0;
         }
-        if self.backward.is_none() || !self.hand.kind.has_gradients() {
+        // Networks' gradients have no twin here: tests compare them with finite differences.
+        if self.backward.is_none() || self.hand.model != Model::Direct || !self.hand.kind.has_gradients() {
             return Ok(outcome);
         }
         let unlit_gradient = |unlit: &PosedGaussians, light: &Option<TwinLight>, d: PosedGaussians| match light {
@@ -423,12 +431,20 @@ fn moved_avatar(draw: &mut Draw, avatar: &Avatar) -> Avatar {
     let mut all = |values: &mut Vec<f32>| values.iter_mut().for_each(|v| *v = move_by_one(*v, draw.chance(0.5)));
     all(&mut moved.template.rest);
     all(&mut moved.template.weights);
-    if let PropertyTables::Direct(tables) = &mut moved.tables {
-        all(&mut tables.shape_basis);
-        all(&mut tables.residual_weights);
-        all(&mut tables.regressor);
-        all(&mut tables.appearance);
-        all(&mut tables.response);
+    match &mut moved.tables {
+        PropertyTables::Direct(tables) => {
+            all(&mut tables.shape_basis);
+            all(&mut tables.residual_weights);
+            all(&mut tables.regressor);
+            all(&mut tables.appearance);
+            all(&mut tables.response);
+        }
+        PropertyTables::Network(tables) => {
+            tables.parameters.iter_mut().chain(tables.running_norms.iter_mut().flatten()).for_each(&mut all);
+            all(&mut tables.base_shape_basis);
+            all(&mut tables.base_logits);
+        }
+        PropertyTables::Baked(_) => {}
     }
     moved.template.joints.iter_mut().for_each(|joint| *joint = moved_vector(draw, *joint));
     moved

@@ -1,7 +1,8 @@
 //! Hands with something extreme about each.
 
 use ghand_avatar::properties::direct::{DirectTables, no_limits, table_lengths};
-use ghand_avatar::{Avatar, AvatarConfig, Bake, GaussianShape, PropertyTables, Provenance, Template};
+use ghand_avatar::properties::network::{Activation, Normalization};
+use ghand_avatar::{Avatar, AvatarConfig, Bake, GaussianShape, NetworkSizes, PropertyTables, Provenance, Template};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::posing::shape_hand;
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -125,6 +126,8 @@ impl HandKind {
 pub enum Model {
     /// By tables.
     Direct,
+    /// By networks.
+    Network,
     /// Baked.
     Baked(Precision),
 }
@@ -134,6 +137,7 @@ impl Model {
     pub fn name(self) -> &'static str {
         match self {
             Model::Direct => "direct",
+            Model::Network => "network",
             Model::Baked(Precision::F32) => "baked, f32",
             Model::Baked(Precision::F16) => "baked, f16",
             Model::Baked(Precision::U8) => "baked, u8",
@@ -214,7 +218,7 @@ impl Hand {
             }
         };
         set_tables(&mut draw, kind, &mut avatar);
-        // With numbers of their own, so that all else is the same with and without light.
+        // With numbers of their own, so that all else is the same with and without light, with tables and with networks.
         let mut of_light = Draw::new(!seed, 2 * number);
         let kind = match kind {
             HandKind::Human if of_light.chance(0.5) => {
@@ -223,9 +227,14 @@ impl Hand {
             }
             other => other,
         };
+        let mut model = Model::Direct;
+        if matches!(kind, HandKind::Human | HandKind::Lit) && of_light.chance(0.4) {
+            avatar = network(&mut of_light, &avatar)?;
+            model = Model::Network;
+        }
         let baked = kind.is_comparable() && draw.chance(0.3);
         if !baked {
-            return Ok(Hand { kind, model: Model::Direct, avatar, full: None });
+            return Ok(Hand { kind, model, avatar, full: None });
         }
         let poses: Vec<Pose> = (0..BAKED_POSES).map(|_| usual_pose(&mut draw, &avatar.template)).collect();
         let precision = draw.one(&[Precision::F32, Precision::F16, Precision::U8]);
@@ -268,6 +277,37 @@ fn human(draw: &mut Draw, config: &AvatarConfig) -> anyhow::Result<Avatar> {
     let mut avatar = Avatar::untrained(&model, config, [0.8, 0.5, 0.4], 0)?;
     avatar.template.joints.iter_mut().for_each(|joint| *joint = joint.as_vec3().as_dvec3());
     Ok(avatar)
+}
+
+/// A hand with networks instead of tables, small ones.
+fn network(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<Avatar> {
+    let normalization = draw.one(&[Normalization::Instance, Normalization::Batch]);
+    let sizes = NetworkSizes {
+        map_side: 32,
+        encoder_channels: 2,
+        feature_channels: 3,
+        tensor_channels: 2,
+        hidden: 8,
+        normalization,
+        activation: draw.one(&[Activation::Relu, Activation::Softplus]),
+        own_colors: draw.chance(0.5),
+    };
+    let config = AvatarConfig { network: Some(sizes), plain_skinning: false, ..avatar.config.clone() };
+    let with_networks = Avatar::untrained(&avatar.model, &config, [0.8, 0.5, 0.4], 0)?;
+    // Of maps with their own mean and variance, no layer's numbers grow without bound.
+    let sizes: &[f32] = if normalization == Normalization::Batch { &[0.1, 0.3] } else { &[0.1, 0.3, 1.0] };
+    let (mut tables, size) = (with_networks.tables, draw.one(sizes));
+    if let PropertyTables::Network(tables) = &mut tables {
+        for values in &mut tables.parameters {
+            let noise = draw.numbers(values.len(), size);
+            values.iter_mut().zip(noise).for_each(|(value, noise)| *value += noise);
+        }
+        for [means, variances] in &mut tables.running_norms {
+            means.iter_mut().for_each(|mean| *mean = draw.0.random_range(-0.3..0.3));
+            variances.iter_mut().for_each(|variance| *variance = draw.log(0.3, 3.0) as f32);
+        }
+    }
+    Ok(Avatar { tables, config, ..avatar.clone() })
 }
 
 /// A usual hand of so many round Gaussians.

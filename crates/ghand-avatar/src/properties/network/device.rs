@@ -153,8 +153,9 @@ impl NetworkModel {
     }
 
     /// A position map as a tensor.
-    fn map_tensor(&self, image: Vec<f32>) -> Tensor<4> {
+    fn map_tensor(&self, image: Vec<f64>) -> Tensor<4> {
         let side = self.map.side();
+        let image: Vec<f32> = image.into_iter().map(|v| v as f32).collect();
         Tensor::from_data(TensorData::new(image, [1, 3, side, side]), &self.burn.device)
     }
 

@@ -12,7 +12,7 @@ use super::parameters::{ParameterList, Part, Slot, Start};
 use super::sizes::Activation;
 
 /// Added to variances before their root is taken.
-pub(super) const NORM_EPSILON: f64 = 1e-5;
+pub(crate) const NORM_EPSILON: f64 = 1e-5;
 
 /// One evaluation of the networks.
 pub(super) struct Pass<'a> {

@@ -10,7 +10,7 @@ use super::sizes::NetworkSizes;
 use super::unet::UNet;
 
 /// An output of 1 of the shape decoder is this offset, metres.
-pub(super) const OFFSET_GAIN: f64 = 0.01;
+pub(crate) const OFFSET_GAIN: f64 = 0.01;
 /// Standard deviation of the feature tensor at the start.
 const TENSOR_NOISE: f32 = 0.01;
 /// Kernel of the convolutions that smooth the feature tensor, and their number.

@@ -11,7 +11,7 @@ const UNIT: f64 = 0.1;
 
 /// The hand's surface as an image over its UV atlas.
 #[derive(Debug, Clone)]
-pub(super) struct PositionMap {
+pub(crate) struct PositionMap {
     samples: SurfaceSamples,
     parents: Vec<Option<usize>>,
     /// The model's root joint, metres.
@@ -30,14 +30,14 @@ impl PositionMap {
     }
 
     /// The rest hand, `[3][side][side]`, in units of 0.1 m from the root joint; 0 where the atlas is empty.
-    pub fn rest(&self) -> Vec<f32> {
+    pub fn rest(&self) -> Vec<f64> {
         self.image(|point| self.samples.positions[point])
     }
 
     /// The hand posed by plain skinning, without its global rotation and translation: how a hand looks must not depend
     /// on where it is. `joints` are the rest joints, metres, `rotations` axis-angles, one per joint; the first, the
     /// root's, is ignored.
-    pub fn posed(&self, joints: &[DVec3], rotations: &[DVec3]) -> Vec<f32> {
+    pub fn posed(&self, joints: &[DVec3], rotations: &[DVec3]) -> Vec<f64> {
         let mut rotations = rotations.to_vec();
         rotations.iter_mut().take(1).for_each(|root| *root = DVec3::ZERO);
         let bones = pose_skeleton(&self.parents, joints, &rotations).posed_from_rest;
@@ -49,12 +49,12 @@ impl PositionMap {
         })
     }
 
-    fn image(&self, position: impl Fn(usize) -> DVec3) -> Vec<f32> {
+    fn image(&self, position: impl Fn(usize) -> DVec3) -> Vec<f64> {
         let texels = (self.samples.resolution * self.samples.resolution) as usize;
         let mut image = vec![0.0; 3 * texels];
         for (point, texel) in self.samples.texels.iter().enumerate() {
             let value = (position(point) - self.root) / UNIT;
-            (0..3).for_each(|c| image[c * texels + *texel as usize] = value[c] as f32);
+            (0..3).for_each(|c| image[c * texels + *texel as usize] = value[c]);
         }
         image
     }
@@ -69,7 +69,7 @@ impl PositionMap {
 ///
 /// # Errors
 /// [`HandModelError`] if the model has no usable UV atlas at this resolution.
-pub(super) fn gaussian_uvs(model: &HandModel, uv_resolution: u32) -> Result<Vec<DVec2>, HandModelError> {
+pub(crate) fn gaussian_uvs(model: &HandModel, uv_resolution: u32) -> Result<Vec<DVec2>, HandModelError> {
     let samples = surface::sample_surface(model, uv_resolution)?;
     let center = |index: u32| (f64::from(index) + 0.5) / f64::from(uv_resolution);
     let uv = |texel: &u32| DVec2::new(center(texel % uv_resolution), center(texel / uv_resolution));
@@ -156,7 +156,7 @@ mod tests {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let map = PositionMap::new(&model, 32).unwrap();
         let mut rotations = vec![DVec3::ZERO; model.joint_count()];
-        let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
         assert!(close(&map.posed(&model.joints, &rotations), &map.rest()));
         rotations[0] = DVec3::new(0.3, -1.0, 0.4);
         assert!(close(&map.posed(&model.joints, &rotations), &map.rest()));

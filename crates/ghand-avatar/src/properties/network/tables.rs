@@ -76,6 +76,12 @@ impl NetworkTables {
         }
     }
 
+    /// Names of the parameters, in their order.
+    pub fn parameter_names(&self) -> Vec<String> {
+        let (_, list) = Networks::new(&self.sizes, self.properties);
+        list.parameters.into_iter().map(|parameter| parameter.name).collect()
+    }
+
     /// Sets the colour of each Gaussian (display values 0..1) to which the networks add.
     pub fn set_base_colors(&mut self, colors: &[[f64; 3]]) {
         set_color_logits(&mut self.base_logits, colors);

@@ -2,7 +2,6 @@
 
 #[cfg(feature = "gpu-networks")]
 mod gpu;
-mod twin;
 
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::blend_shapes::CoefficientLayout;
@@ -17,7 +16,7 @@ use super::networks::{Base, Networks};
 use super::parameters::{Parameter, ParameterList, Part};
 use super::position_map::FeatureSampler;
 use super::sizes::{Activation, NetworkSizes, Normalization};
-use twin::{Outputs, Twin};
+use crate::reference::network::{Outputs, Twin};
 
 const NAMES: [&str; 6] = ["shape basis", "residual weights", "coefficients", "regressor", "scale", "color"];
 
@@ -149,12 +148,13 @@ impl Case {
                 .zip(&self.parameters)
                 .map(|(p, v)| (p.name.clone(), wide(v)))
                 .collect(),
+            fixed_norms: vec![],
             uvs: self.uvs.clone(),
             maps: self.maps.each_ref().map(|m| wide(m)),
             base_shape_basis: wide(&self.base_shape_basis),
             base_logits: wide(&self.base_logits),
             max_scale: MAX_SCALE.into(),
-            support: wide(&self.support),
+            support: Some(wide(&self.support)),
             coefficient_rows: 6,
         }
     }

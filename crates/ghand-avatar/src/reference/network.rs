@@ -3,27 +3,30 @@
 use ghand_core::skinning::make_local;
 use glam::DVec2;
 
-use super::NetworkSizes;
-use crate::properties::network::layers::NORM_EPSILON;
-use crate::properties::network::networks::OFFSET_GAIN;
-use crate::properties::network::sizes::Activation;
+use crate::properties::network::{Activation, NORM_EPSILON, NetworkSizes, OFFSET_GAIN};
 
 /// Properties, `[rows][N]` each: S, W^, C, R, scale, colour.
-pub type Outputs = [Vec<f64>; 6];
+pub(crate) type Outputs = [Vec<f64>; 6];
 
 /// Networks with their inputs.
-pub struct Twin {
+pub(crate) struct Twin {
     pub sizes: NetworkSizes,
     pub parameters: Vec<(String, Vec<f64>)>,
+    /// Mean and variance by which each normalisation goes, in the order of the encoders' layers; empty: those of the map.
+    pub fixed_norms: Vec<[Vec<f64>; 2]>,
     pub uvs: Vec<DVec2>,
     /// Of the rest hand and the posed one.
     pub maps: [Vec<f64>; 2],
     pub base_shape_basis: Vec<f64>,
     pub base_logits: Vec<f64>,
     pub max_scale: f64,
-    pub support: Vec<f64>,
+    /// 1 for each joint that moves a Gaussian, else 0, `[n_b][N]`, if residual weights are local.
+    pub support: Option<Vec<f64>>,
     pub coefficient_rows: usize,
 }
+
+/// Normalisations of an encoder.
+const NORMS: usize = 7;
 
 /// `[channels][side][side]`.
 #[derive(Clone)]
@@ -106,11 +109,17 @@ fn conv_transposed(x: &Map, weight: &[f64], bias: Option<&[f64]>) -> Map {
     Map { side, values }
 }
 
-fn normalized(mut x: Map) -> Map {
+/// By the map's own mean and variance, or by these.
+fn normalized(mut x: Map, fixed: Option<&[Vec<f64>; 2]>) -> Map {
     let texels = x.side * x.side;
-    for channel in x.values.chunks_exact_mut(texels) {
-        let mean = channel.iter().sum::<f64>() / texels as f64;
-        let variance = channel.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / texels as f64;
+    for (c, channel) in x.values.chunks_exact_mut(texels).enumerate() {
+        let (mean, variance) = match fixed {
+            Some([means, variances]) => (means[c], variances[c]),
+            None => {
+                let mean = channel.iter().sum::<f64>() / texels as f64;
+                (mean, channel.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / texels as f64)
+            }
+        };
         channel.iter_mut().for_each(|v| *v = (*v - mean) / (variance + NORM_EPSILON).sqrt());
     }
     x
@@ -122,10 +131,12 @@ fn sigmoid(x: f64) -> f64 {
 
 impl Twin {
     fn parameter(&self, name: &str) -> &[f64] {
-        &self.parameters.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}")).1
+        &self.parameters.iter().find(|(n, _)| n == name).unwrap_or_else(|| unreachable!("no parameter {name}")).1
     }
 
-    fn unet(&self, name: &str, map: &[f64]) -> Map {
+    /// The encoder of this name, whose normalisations follow those of `before` others.
+    fn unet(&self, name: &str, before: usize, map: &[f64]) -> Map {
+        let mut norms = self.fixed_norms.iter().skip(before * NORMS);
         let mut x = Map { side: self.sizes.map_side, values: map.to_vec() };
         let mut skipped = Vec::new();
         for k in 0..5 {
@@ -135,17 +146,17 @@ impl Twin {
             }
             x = conv(&x, self.parameter(&format!("{name}.down.{k}")), 4, 2);
             if (1..4).contains(&k) {
-                x = normalized(x);
+                x = normalized(x, norms.next());
             }
         }
         for k in 0..5 {
             if k > 0 {
-                x.values.extend(skipped.pop().unwrap().values);
+                x.values.extend(skipped.pop().into_iter().flat_map(|skip: Map| skip.values));
             }
             let bias = (k == 4).then(|| self.parameter(&format!("{name}.up.{k}.bias")));
             x = conv_transposed(&x.map(|v| v.max(0.0)), self.parameter(&format!("{name}.up.{k}.weight")), bias);
             if k < 4 {
-                x = normalized(x);
+                x = normalized(x, norms.next());
             }
         }
         x
@@ -154,7 +165,7 @@ impl Twin {
     fn activate(&self, x: f64) -> f64 {
         match self.sizes.activation {
             Activation::Relu => x.max(0.0),
-            Activation::Softplus => (1.0 + x.exp()).ln(),
+            Activation::Softplus => x.max(0.0) + (-x.abs()).exp().ln_1p(),
         }
     }
 
@@ -194,13 +205,13 @@ impl Twin {
 
     pub fn outputs(&self) -> Outputs {
         let side = self.sizes.map_side;
-        let mut canonical = self.unet("canonical_encoder", &self.maps[0]);
+        let mut canonical = self.unet("canonical_encoder", 0, &self.maps[0]);
         let mut tensor = Map { side, values: self.parameter("feature_tensor").to_vec() };
         for k in 0..3 {
             tensor = conv(&tensor, self.parameter(&format!("smoothing.{k}")), 5, 1);
         }
         canonical.values.iter_mut().zip(&tensor.values).for_each(|(a, b)| *a += b);
-        let posed = self.unet("pose_encoder", &self.maps[1]);
+        let posed = self.unet("pose_encoder", 1, &self.maps[1]);
         let count = self.uvs.len();
         let mut rows: [Vec<Vec<f64>>; 6] = Default::default();
         for (p, uv) in self.uvs.iter().enumerate() {
@@ -221,11 +232,13 @@ impl Twin {
             let own = |c: usize| if self.sizes.own_colors { self.parameter("own_colors")[c * count + p] } else { 0.0 };
             rows[5].push(color.map(|(c, v)| sigmoid(v + logit(1 + c) + own(c))).collect());
         }
-        assert_eq!(rows[2][0].len(), self.coefficient_rows);
+        debug_assert_eq!(rows[2][0].len(), self.coefficient_rows);
         // Points to rows.
         let mut outputs: Outputs =
             rows.map(|points| (0..points[0].len()).flat_map(|r| points.iter().map(move |p| p[r])).collect());
-        make_local(&self.support, &mut outputs[1], count);
+        if let Some(support) = &self.support {
+            make_local(support, &mut outputs[1], count);
+        }
         outputs
     }
 }
