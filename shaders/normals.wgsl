@@ -3,9 +3,9 @@
 
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::pose::pose;
-import package::shared::weights::weight_row;
+import package::shared::weights::{joint_at, joints_of, weight_row};
 
 // [3][N] each, unit length.
 @group(0) @binding(6) var<storage, read> rest_normals: array<f32>;
@@ -34,7 +34,7 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
                 @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if i >= quarter(n) {
+    if i >= invocations(n) {
         return;
     }
     let p = four_points(i, n);
@@ -42,7 +42,9 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     var row_x = mat3x4<f32>();
     var row_y = mat3x4<f32>();
     var row_z = mat3x4<f32>();
-    for (var k = 0u; k < pose.joint_count; k++) {
+    let joints = joints_of(p);
+    for (var j = joints.x; j < joints.y; j++) {
+        let k = joint_at(j);
         let w = weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
@@ -50,16 +52,17 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         row_x += mat3x4(w * bx.x, w * bx.y, w * bx.z);
         row_y += mat3x4(w * by.x, w * by.y, w * by.z);
         row_z += mat3x4(w * bz.x, w * bz.y, w * bz.z);
-        if PLAIN {
-            continue;
+    }
+    if !PLAIN {
+        for (var k = 0u; k < pose.joint_count; k++) {
+            let v = residual_weight_row(k, p);
+            let rx = residual_bone_row(k, 0u);
+            let ry = residual_bone_row(k, 1u);
+            let rz = residual_bone_row(k, 2u);
+            row_x += mat3x4(v * rx.x, v * rx.y, v * rx.z);
+            row_y += mat3x4(v * ry.x, v * ry.y, v * ry.z);
+            row_z += mat3x4(v * rz.x, v * rz.y, v * rz.z);
         }
-        let v = residual_weight_row(k, p);
-        let rx = residual_bone_row(k, 0u);
-        let ry = residual_bone_row(k, 1u);
-        let rz = residual_bone_row(k, 2u);
-        row_x += mat3x4(v * rx.x, v * rx.y, v * rx.z);
-        row_y += mat3x4(v * ry.x, v * ry.y, v * ry.z);
-        row_z += mat3x4(v * rz.x, v * rz.y, v * rz.z);
     }
     let rest = mat3x4(rest_normal_row(0u, p), rest_normal_row(1u, p), rest_normal_row(2u, p));
     let x = triple(row_y, row_z, rest);

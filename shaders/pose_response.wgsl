@@ -5,9 +5,9 @@
 // gains [channels][joints][9].
 
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::pose::{CHAIN_STRIDE, pose};
-import package::shared::weights::weight_row;
+import package::shared::weights::{joint_at, joints_of, weight_row};
 
 struct ResponseUniforms {
     // Rows of the blend coefficients.
@@ -152,16 +152,18 @@ fn respond(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
            @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if i >= quarter(n) {
+    if i >= invocations(n) {
         return;
     }
     let p = four_points(i, n);
     let stored = four_stored(i, n);
+    let joints = joints_of(p);
     var logits = mat3x4(appearance_row(ROW_BASE_COLOR, p), appearance_row(ROW_BASE_COLOR + 1u, p),
                        appearance_row(ROW_BASE_COLOR + 2u, p));
     for (var first = 0u; first < channel_count(); first += 4u) {
         var moved = mat4x4<f32>();
-        for (var k = 0u; k < pose.joint_count; k++) {
+        for (var j = joints.x; j < joints.y; j++) {
+            let k = joint_at(j);
             let w = weight_row(k, p);
             let t = term_block(first, k);
             moved += mat4x4(w * t.x, w * t.y, w * t.z, w * t.w);

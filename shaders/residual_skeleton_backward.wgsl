@@ -4,7 +4,7 @@
 import package::shared::chain_backward::{d_bones, pose_chain_backward};
 import package::shared::d_skin::{d_skin_row, store_d_skin};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_OFFSET, pose};
 
@@ -60,7 +60,7 @@ fn residual_joints_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(nu
                             @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if i >= quarter(n) {
+    if i >= invocations(n) {
         return;
     }
     let p = four_points(i, n);

@@ -2,10 +2,10 @@
 
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_POINT, pose};
-import package::shared::weights::weight_row;
+import package::shared::weights::{joint_at, joints_of, weight_row};
 
 @group(0) @binding(6) var<storage, read> poses: array<f32>;
 @group(0) @binding(7) var<storage, read_write> gaussians: array<f32>;
@@ -24,7 +24,7 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if i >= quarter(n) {
+    if i >= invocations(n) {
         return;
     }
     let p = four_points(i, n);
@@ -32,7 +32,9 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     var row_x = mat4x4<f32>();
     var row_y = mat4x4<f32>();
     var row_z = mat4x4<f32>();
-    for (var k = 0u; k < pose.joint_count; k++) {
+    let joints = joints_of(p);
+    for (var j = joints.x; j < joints.y; j++) {
+        let k = joint_at(j);
         let w = weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
@@ -40,16 +42,17 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         row_x += mat4x4(w * bx.x, w * bx.y, w * bx.z, w * bx.w);
         row_y += mat4x4(w * by.x, w * by.y, w * by.z, w * by.w);
         row_z += mat4x4(w * bz.x, w * bz.y, w * bz.z, w * bz.w);
-        if PLAIN {
-            continue;
+    }
+    if !PLAIN {
+        for (var k = 0u; k < pose.joint_count; k++) {
+            let v = residual_weight_row(k, p);
+            let rx = residual_bone_row(k, 0u);
+            let ry = residual_bone_row(k, 1u);
+            let rz = residual_bone_row(k, 2u);
+            row_x += mat4x4(v * rx.x, v * rx.y, v * rx.z, v * rx.w);
+            row_y += mat4x4(v * ry.x, v * ry.y, v * ry.z, v * ry.w);
+            row_z += mat4x4(v * rz.x, v * rz.y, v * rz.z, v * rz.w);
         }
-        let v = residual_weight_row(k, p);
-        let rx = residual_bone_row(k, 0u);
-        let ry = residual_bone_row(k, 1u);
-        let rz = residual_bone_row(k, 2u);
-        row_x += mat4x4(v * rx.x, v * rx.y, v * rx.z, v * rx.w);
-        row_y += mat4x4(v * ry.x, v * ry.y, v * ry.z, v * ry.w);
-        row_z += mat4x4(v * rz.x, v * rz.y, v * rz.z, v * rz.w);
     }
     let x = offset_row(ROW_POINT, p);
     let y = offset_row(ROW_POINT + 1u, p);

@@ -4,10 +4,10 @@
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::d_skin::store_d_skin;
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, quarter};
+import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_MOMENT, ROW_POINT, pose};
-import package::shared::weights::weight_row;
+import package::shared::weights::{joint_at, joints_of, weight_row};
 
 @group(0) @binding(6) var<storage, read> d_gaussians: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_residual_weights: array<f32>;
@@ -30,7 +30,7 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
                  @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local, 64u);
     let n = pose.gaussian_count;
-    if i >= quarter(n) {
+    if i >= invocations(n) {
         return;
     }
     let p = four_points(i, n);
@@ -44,7 +44,9 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
     var d_x = vec4(0.0);
     var d_y = vec4(0.0);
     var d_z = vec4(0.0);
-    for (var k = 0u; k < pose.joint_count; k++) {
+    let joints = joints_of(p);
+    for (var j = joints.x; j < joints.y; j++) {
+        let k = joint_at(j);
         let w = weight_row(k, p);
         let bx = bone_row(k, 0u);
         let by = bone_row(k, 1u);
@@ -52,21 +54,22 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
         d_x += w * (dx * bx.x + dy * by.x + dz * bz.x);
         d_y += w * (dx * bx.y + dy * by.y + dz * bz.y);
         d_z += w * (dx * bx.z + dy * by.z + dz * bz.z);
-        if PLAIN {
-            continue;
+    }
+    if !PLAIN {
+        for (var k = 0u; k < pose.joint_count; k++) {
+            let v = residual_weight_row(k, p);
+            let rx = residual_bone_row(k, 0u);
+            let ry = residual_bone_row(k, 1u);
+            let rz = residual_bone_row(k, 2u);
+            let residual_x = dx * rx.x + dy * ry.x + dz * rz.x;
+            let residual_y = dx * rx.y + dy * ry.y + dz * rz.y;
+            let residual_z = dx * rx.z + dy * ry.z + dz * rz.z;
+            d_x += v * residual_x;
+            d_y += v * residual_y;
+            d_z += v * residual_z;
+            let shift = dx * rx.w + dy * ry.w + dz * rz.w;
+            store_weight(k, p, stored, residual_x * x + residual_y * y + residual_z * z + shift);
         }
-        let v = residual_weight_row(k, p);
-        let rx = residual_bone_row(k, 0u);
-        let ry = residual_bone_row(k, 1u);
-        let rz = residual_bone_row(k, 2u);
-        let residual_x = dx * rx.x + dy * ry.x + dz * rz.x;
-        let residual_y = dx * rx.y + dy * ry.y + dz * rz.y;
-        let residual_z = dx * rx.z + dy * ry.z + dz * rz.z;
-        d_x += v * residual_x;
-        d_y += v * residual_y;
-        d_z += v * residual_z;
-        let shift = dx * rx.w + dy * ry.w + dz * rz.w;
-        store_weight(k, p, stored, residual_x * x + residual_y * y + residual_z * z + shift);
     }
     store_d_skin(ROW_D_POINT, p, stored, d_x);
     store_d_skin(ROW_D_POINT + 1u, p, stored, d_y);

@@ -1,14 +1,24 @@
-// Four points per invocation: i, i + Q, i + 2 Q and i + 3 Q with Q a quarter of the points, so that neighbouring
-// invocations touch neighbouring words. Points beyond the last are computed as the last and not stored.
+// Four points per invocation. Eight neighbouring invocations share a block of 32 points: each takes one of the first
+// eight, one of the next, and so on, so that neighbours touch neighbouring words. Points beyond the last are computed as the
+// last and not stored.
 
-fn quarter(count: u32) -> u32 {
-    return (count + 3u) / 4u;
+// Points of a block. Host twin: `ghand_render::deform::BLOCK`.
+const BLOCK: u32 = 32u;
+const LANES: u32 = BLOCK / 4u;
+
+// Number of invocations for so many points.
+fn invocations(count: u32) -> u32 {
+    return (count + BLOCK - 1u) / BLOCK * LANES;
+}
+
+fn unbounded_points(i: u32) -> vec4<u32> {
+    return vec4(i / LANES * BLOCK + i % LANES) + vec4(0u, LANES, 2u * LANES, 3u * LANES);
 }
 
 fn four_points(i: u32, count: u32) -> vec4<u32> {
-    return min(vec4(i) + vec4(0u, 1u, 2u, 3u) * quarter(count), vec4(count - 1u));
+    return min(unbounded_points(i), vec4(count - 1u));
 }
 
 fn four_stored(i: u32, count: u32) -> vec4<bool> {
-    return vec4(i) + vec4(0u, 1u, 2u, 3u) * quarter(count) < vec4(count);
+    return unbounded_points(i) < vec4(count);
 }

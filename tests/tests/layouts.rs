@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 
 use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::deform::baked::BakedUniforms;
-use ghand_render::deform::{CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms};
+use ghand_render::deform::{
+    BLOCK, CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms,
+};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
@@ -237,6 +239,7 @@ fn constants_that_shaders_and_host_code_share_are_equal() {
         ("skeleton", "CHAIN_STRIDE", CHAIN_STRIDE as u32),
         ("skin_backward", "ROW_MOMENT", ROW_MOMENT),
         ("joint_sums", "STRANDS", JointSums::STRANDS as u32),
+        ("skin", "BLOCK", BLOCK as u32),
     ];
     let sources = sources();
     let whole = shared_constants().into_iter().chain(deform).map(|(stage, name, host)| (stage, name, f64::from(host)));

@@ -15,6 +15,7 @@ mod residual_skeleton;
 mod shade;
 mod skeleton;
 mod skin;
+mod weight_table;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -22,6 +23,7 @@ pub use ghand_core::blend_shapes::CoefficientLayout;
 pub use joint_sums::{JointSums, SumUniforms};
 pub use local_weights::{LocalWeights, LocalWeightsUniforms};
 pub use properties::{Properties, PropertySizes};
+pub use weight_table::{BLOCK, invocations_of_four, weight_table};
 
 use crate::pipeline::compute_pass;
 use crate::splat::{Shape, SplatModel};
@@ -247,7 +249,7 @@ impl Deformation {
             pose: buffers::uniform(gpu, "pose", &current),
             poses: buffers::zeroed(gpu, "poses", template.frames * pose_stride(joints)),
             rest: buffers::filled(gpu, "rest", template.rest),
-            weights: buffers::filled(gpu, "weights", template.weights),
+            weights: buffers::filled(gpu, "weights", &weight_table(template.weights, joints)),
             joints: buffers::filled(gpu, "joints", template.joints),
             parents: buffers::filled(gpu, "parents", template.parents),
             chain: buffers::zeroed(gpu, "chain", CHAIN_STRIDE * joints),
@@ -352,7 +354,7 @@ impl Deformation {
         &self.buffers.offsets
     }
 
-    /// Skinning weights, `[n_b][N]`.
+    /// Skinning weights, `[n_b][N]`, and behind them the lists of [`weight_table`].
     pub fn weights(&self) -> &wgpu::Buffer {
         &self.buffers.weights
     }

@@ -44,6 +44,31 @@ impl JointSums {
         right_rows: usize,
         count: usize,
     ) -> JointSums {
+        JointSums::of_kind(gpu, false, [left, right], [left_rows, right_rows], offset, count)
+    }
+
+    /// As [`JointSums::new`], for [`Deformation::weights`](super::Deformation::weights).
+    pub fn of_weights(
+        gpu: &Gpu,
+        weights: &wgpu::Buffer,
+        joints: usize,
+        right: &wgpu::Buffer,
+        offset: u32,
+        right_rows: usize,
+        count: usize,
+    ) -> JointSums {
+        JointSums::of_kind(gpu, true, [weights, right], [joints, right_rows], offset, count)
+    }
+
+    fn of_kind(
+        gpu: &Gpu,
+        of_weights: bool,
+        [left, right]: [&wgpu::Buffer; 2],
+        [left_rows, right_rows]: [usize; 2],
+        offset: u32,
+        count: usize,
+    ) -> JointSums {
+        let constants = [("OF_WEIGHTS", f64::from(u8::from(of_weights)))];
         let module = Module::new(gpu, "joint_sums");
         let sizes = SumUniforms {
             count: count as u32,
@@ -57,7 +82,7 @@ impl JointSums {
         let total = buffers::zeroed(gpu, "joint sums", outputs);
         let all = [("sums", &uniforms), ("left", left), ("right", right), ("partial", &strands), ("total", &total)];
         JointSums {
-            strands: module.stage(gpu, "joint_sums_strands", &[]).bind(gpu, &all),
+            strands: module.stage(gpu, "joint_sums_strands", &constants).bind(gpu, &all),
             finish: module.stage(gpu, "joint_sums_total", &[]).bind(gpu, &all),
             groups: (left_rows.div_ceil(4) * right_rows.div_ceil(4)) as u32,
             outputs: outputs as u32,

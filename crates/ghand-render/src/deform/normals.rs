@@ -1,6 +1,6 @@
 //! Host part of `normals.wgsl`: normals of the skinned surface, for shading.
 
-use super::ForwardBuffers;
+use super::{ForwardBuffers, invocations_of_four};
 use crate::pipeline::{Bound, Module};
 use crate::{Gpu, buffers};
 
@@ -9,7 +9,7 @@ pub struct Normals {
     /// The result, `[3][N]`.
     pub normals: wgpu::Buffer,
     skin_normals: Bound,
-    count: u32,
+    invocations: u32,
 }
 
 impl Normals {
@@ -22,12 +22,12 @@ impl Normals {
             skin_normals: Module::new(gpu, "normals")
                 .stage(gpu, "skin_normals", &b.properties.sizes.skinning())
                 .bind(gpu, &all),
-            count: b.properties.sizes.gaussians as u32,
+            invocations: invocations_of_four(b.properties.sizes.gaussians),
             normals,
         }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin_normals.dispatch_invocations(pass, self.count.div_ceil(4));
+        self.skin_normals.dispatch_invocations(pass, self.invocations);
     }
 }

@@ -2,7 +2,7 @@
 //! (paper eq. 9).
 
 use super::joint_sums::JointSums;
-use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
+use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, invocations_of_four};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
@@ -46,7 +46,7 @@ pub struct ResidualSkeletonBackward {
     bone_sums: JointSums,
     chain: Bound,
     joints: Bound,
-    count: u32,
+    invocations: u32,
 }
 
 impl ResidualSkeletonBackward {
@@ -66,7 +66,7 @@ impl ResidualSkeletonBackward {
             chain: module.stage(gpu, "residual_skeleton_backward", &[]).bind(gpu, &all),
             joints: module.stage(gpu, "residual_joints_backward", &[]).bind(gpu, &all),
             bone_sums,
-            count: sizes.gaussians as u32,
+            invocations: invocations_of_four(sizes.gaussians),
         }
     }
 
@@ -75,6 +75,6 @@ impl ResidualSkeletonBackward {
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.bone_sums.encode(pass);
         self.chain.dispatch(pass, 1);
-        self.joints.dispatch_invocations(pass, self.count.div_ceil(4));
+        self.joints.dispatch_invocations(pass, self.invocations);
     }
 }

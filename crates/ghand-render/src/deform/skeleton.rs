@@ -34,7 +34,7 @@ impl SkeletonBackward {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, d: &BackwardBuffers) -> SkeletonBackward {
         let sizes = b.properties.sizes;
         let bone_sums =
-            JointSums::new(gpu, &b.weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
+            JointSums::of_weights(gpu, &b.weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
         let module = Module::new(gpu, "skeleton_backward");
         let all = [&[("d_bones", &bone_sums.total)], &b.named()[..], &d.named()[..]].concat();
         SkeletonBackward {

@@ -1,23 +1,23 @@
 //! Host part of `skin.wgsl` and `skin_backward.wgsl`: corrected linear blend skinning (paper eq. 10 and 11).
 
-use super::{BackwardBuffers, ForwardBuffers};
+use super::{BackwardBuffers, ForwardBuffers, invocations_of_four};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module};
 
 /// From points and bones to posed means in the splatter's table.
 pub struct Skin {
     skin: Bound,
-    count: u32,
+    invocations: u32,
 }
 
 impl Skin {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> Skin {
         let skin = Module::new(gpu, "skin").stage(gpu, "skin", &b.properties.sizes.skinning()).bind(gpu, &b.named());
-        Skin { skin, count: b.properties.sizes.gaussians as u32 }
+        Skin { skin, invocations: invocations_of_four(b.properties.sizes.gaussians) }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin.dispatch_invocations(pass, self.count.div_ceil(4));
+        self.skin.dispatch_invocations(pass, self.invocations);
     }
 }
 
@@ -25,7 +25,7 @@ impl Skin {
 /// the bones' gradients are computed.
 pub struct SkinBackward {
     skin: Bound,
-    count: u32,
+    invocations: u32,
 }
 
 impl SkinBackward {
@@ -34,10 +34,10 @@ impl SkinBackward {
         let skin = Module::new(gpu, "skin_backward")
             .stage(gpu, "skin_backward", &b.properties.sizes.skinning())
             .bind(gpu, &all);
-        SkinBackward { skin, count: b.properties.sizes.gaussians as u32 }
+        SkinBackward { skin, invocations: invocations_of_four(b.properties.sizes.gaussians) }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.skin.dispatch_invocations(pass, self.count.div_ceil(4));
+        self.skin.dispatch_invocations(pass, self.invocations);
     }
 }

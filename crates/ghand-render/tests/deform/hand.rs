@@ -139,6 +139,8 @@ impl Run {
     pub fn new(gpu: &Gpu, kind: Kind) -> Run {
         let mut weights: Vec<f32> = random(1, JOINTS * COUNT, 1.0).iter().map(|w| w.abs()).collect();
         for p in 0..COUNT {
+            // As a hand's, where each joint moves a few Gaussians beside each other.
+            (0..JOINTS).filter(|k| (k + p / 50) % 3 > 0).for_each(|k| weights[k * COUNT + p] = 0.0);
             let sum: f32 = (0..JOINTS).map(|k| weights[k * COUNT + p]).sum();
             (0..JOINTS).for_each(|k| weights[k * COUNT + p] /= sum);
         }

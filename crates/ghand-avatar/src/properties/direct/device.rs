@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use ghand_core::skinning::ResidualSupport;
-use ghand_render::deform::{Deformation, DeformationBackward, JointSums, LocalWeights};
+use ghand_render::deform::{Deformation, DeformationBackward, JointSums, LocalWeights, invocations_of_four};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};
@@ -161,7 +161,7 @@ impl PropertyModel for DirectModel {
                 let d_color_channels =
                     buffers::zeroed(gpu, "d color channels", self.config.color_components * self.count);
                 let sums = |right: &wgpu::Buffer, rows: usize| {
-                    JointSums::new(gpu, deformation.weights(), self.joints, right, 0, rows, self.count)
+                    JointSums::of_weights(gpu, deformation.weights(), self.joints, right, 0, rows, self.count)
                 };
                 let coefficient_sums = sums(&d.coefficients, self.config.coefficient_rows());
                 let color_sums = sums(&d_color_channels, self.config.color_components);
@@ -203,8 +203,7 @@ impl PropertyModel for DirectModel {
     fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
         let mut pass = compute_pass(encoder, "pose response");
         self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
-        // Four points per invocation.
-        self.respond.dispatch_invocations(&mut pass, (self.count as u32).div_ceil(4));
+        self.respond.dispatch_invocations(&mut pass, invocations_of_four(self.count));
         Ok(())
     }
 
