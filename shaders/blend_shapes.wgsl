@@ -17,8 +17,18 @@ override COEFFICIENT_ROWS: u32 = 1u;
 @group(0) @binding(6) var<storage, read_write> d_shape_basis: array<f32>;
 @group(0) @binding(7) var<storage, read_write> d_coefficients: array<f32>;
 
-fn coefficient_row(basis: u32, component: u32) -> u32 {
-    return basis * COEFFICIENT_ROWS + min(component, COEFFICIENT_ROWS - 1u);
+// A row of the table for each component.
+fn coefficient_of(basis: u32, p: u32) -> vec3<f32> {
+    let at = basis * COEFFICIENT_ROWS * pose.gaussian_count + p;
+    if COEFFICIENT_ROWS == 1u {
+        return vec3(coefficients[at]);
+    }
+    return vec3(coefficients[at], coefficients[at + pose.gaussian_count], coefficients[at + 2u * pose.gaussian_count]);
+}
+
+fn basis_of(basis: u32, p: u32) -> vec3<f32> {
+    let at = 3u * basis * pose.gaussian_count + p;
+    return vec3(shape_basis[at], shape_basis[at + pose.gaussian_count], shape_basis[at + 2u * pose.gaussian_count]);
 }
 
 @compute @workgroup_size(64)
@@ -29,13 +39,13 @@ fn blend_shapes(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     if p >= n {
         return;
     }
+    var offset = vec3(0.0);
+    for (var i = 0u; i < pose.basis_count; i++) {
+        offset += coefficient_of(i, p) * basis_of(i, p);
+    }
     for (var c = 0u; c < 3u; c++) {
-        var offset = 0.0;
-        for (var i = 0u; i < pose.basis_count; i++) {
-            offset += coefficients[coefficient_row(i, c) * n + p] * shape_basis[(3u * i + c) * n + p];
-        }
-        offsets[(ROW_OFFSET + c) * n + p] = offset;
-        offsets[(ROW_POINT + c) * n + p] = rest[c * n + p] + offset;
+        offsets[(ROW_OFFSET + c) * n + p] = offset[c];
+        offsets[(ROW_POINT + c) * n + p] = rest[c * n + p] + offset[c];
     }
 }
 
@@ -47,19 +57,19 @@ fn blend_shapes_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_w
     if p >= n {
         return;
     }
+    let d_offset = vec3(d_skin[ROW_D_POINT * n + p], d_skin[(ROW_D_POINT + 1u) * n + p],
+                        d_skin[(ROW_D_POINT + 2u) * n + p]);
     for (var i = 0u; i < pose.basis_count; i++) {
-        var shared_gradient = 0.0;
+        let d_basis = coefficient_of(i, p) * d_offset;
+        let d_coefficient = basis_of(i, p) * d_offset;
         for (var c = 0u; c < 3u; c++) {
-            let d_offset = d_skin[(ROW_D_POINT + c) * n + p];
-            let at = (3u * i + c) * n + p;
-            d_shape_basis[at] = coefficients[coefficient_row(i, c) * n + p] * d_offset;
-            shared_gradient += shape_basis[at] * d_offset;
+            d_shape_basis[(3u * i + c) * n + p] = d_basis[c];
             if COEFFICIENT_ROWS == 3u {
-                d_coefficients[coefficient_row(i, c) * n + p] = shape_basis[at] * d_offset;
+                d_coefficients[(3u * i + c) * n + p] = d_coefficient[c];
             }
         }
         if COEFFICIENT_ROWS == 1u {
-            d_coefficients[i * n + p] = shared_gradient;
+            d_coefficients[i * n + p] = d_coefficient.x + d_coefficient.y + d_coefficient.z;
         }
     }
 }
