@@ -9,7 +9,7 @@ use ghand_core::{Camera, Pose};
 use ghand_render::deform::DeformationBackward;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::reference::rasterize::{CutOffs, Scene as SplatTwin};
-use ghand_render::splat::{Purpose, SplatModel};
+use ghand_render::splat::{NEAR, Purpose, SplatModel};
 use ghand_render::{Gpu, buffers};
 use glam::DVec3;
 use rand::RngExt;
@@ -243,7 +243,8 @@ impl<'a> Subject<'a> {
         outcome.roundings[0] = Some(posed_roundings(avatar, &table, &exact_posed, &moved));
         move_depths(&mut draw, &mut moved, &camera);
         let moved_picture = twin(&moved.splats(OPACITY.into()), &moved_camera, &model).rasterize();
-        if is_sorted {
+        // What rounding has moved past another or the near plane is drawn otherwise.
+        if is_sorted && draw_order(of_device.0, &camera) == draw_order(of_exact.0, &camera) {
             outcome.roundings[4] = picture(&image, &drawn[2], &moved_picture, &undecided).0;
         }
         // Networks' gradients have no twin here: tests compare them with finite differences.
@@ -323,15 +324,27 @@ fn twin<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, model: &SplatModel) -
     twin_of(gaussians, camera, model.antialias, 1.0)
 }
 
-/// Whether the depths of all Gaussians differ enough to sort them.
+fn depth(gaussian: &Gaussian, camera: &Camera) -> f64 {
+    camera.rotation.row(2).dot(gaussian.mean) + camera.translation.z
+}
+
+/// Whether the depths of all Gaussians differ enough, from each other and from the near plane, to sort them.
 fn is_order_decided(gaussians: &[Gaussian], camera: &Camera) -> bool {
-    let depth = |g: &Gaussian| camera.rotation.row(2).dot(g.mean) + camera.translation.z;
-    let mut depths: Vec<f64> = gaussians.iter().map(depth).filter(|depth| depth.is_finite()).collect();
+    let depths = gaussians.iter().map(|g| depth(g, camera)).filter(|depth| depth.is_finite());
+    let mut depths: Vec<f64> = depths.chain([f64::from(NEAR)]).collect();
     depths.sort_by(f64::total_cmp);
     // A sum's terms may be larger than the sum.
     let size = |depth: f64| depth.abs().max(camera.translation.length()) as f32;
     let unit = |depth: f64| f64::from(size(depth).next_up() - size(depth));
     depths.array_windows().all(|[near, far]| far - near > ORDER_UNITS * unit(*far))
+}
+
+/// Which Gaussians are before the near plane, the nearest first.
+fn draw_order(gaussians: &[Gaussian], camera: &Camera) -> Vec<usize> {
+    let depths: Vec<f64> = gaussians.iter().map(|g| depth(g, camera)).collect();
+    let mut order: Vec<usize> = (0..depths.len()).filter(|i| depths[*i] >= f64::from(NEAR)).collect();
+    order.sort_by(|a, b| depths[*a].total_cmp(&depths[*b]));
+    order
 }
 
 /// How thick Gaussians are, as a part of their width.

@@ -294,9 +294,8 @@ fn network(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<Avatar> {
     };
     let config = AvatarConfig { network: Some(sizes), plain_skinning: false, ..avatar.config.clone() };
     let with_networks = Avatar::untrained(&avatar.model, &config, [0.8, 0.5, 0.4], 0)?;
-    // Of maps with their own mean and variance, no layer's numbers grow without bound.
-    let sizes: &[f32] = if normalization == Normalization::Batch { &[0.1, 0.3] } else { &[0.1, 0.3, 1.0] };
-    let (mut tables, size) = (with_networks.tables, draw.one(sizes));
+    // With larger ones, residual weights are in the thousands.
+    let (mut tables, size) = (with_networks.tables, draw.one(&[0.1, 0.3]));
     if let PropertyTables::Network(tables) = &mut tables {
         for values in &mut tables.parameters {
             let noise = draw.numbers(values.len(), size);
