@@ -64,9 +64,33 @@ fn color_sum(i: u32, direction: vec3<f32>) -> vec3<f32> {
     if COLOR_BASES == 0u {
         return stored_color(0u, i);
     }
-    var sum = vec3(0.5);
-    for (var k = 0u; k < COLOR_BASES; k++) {
-        sum += harmonic(k, direction).value * stored_color(k, i);
+    // Band by band and not in a loop, so that each function is compiled alone: software rasterisers would compute all of
+    // them for each.
+    var sum = vec3(0.5) + term(0u, i, direction);
+    if COLOR_BASES > 1u {
+        sum += term(1u, i, direction);
+        sum += term(2u, i, direction);
+        sum += term(3u, i, direction);
+    }
+    if COLOR_BASES > 4u {
+        sum += term(4u, i, direction);
+        sum += term(5u, i, direction);
+        sum += term(6u, i, direction);
+        sum += term(7u, i, direction);
+        sum += term(8u, i, direction);
+    }
+    if COLOR_BASES > 9u {
+        sum += term(9u, i, direction);
+        sum += term(10u, i, direction);
+        sum += term(11u, i, direction);
+        sum += term(12u, i, direction);
+        sum += term(13u, i, direction);
+        sum += term(14u, i, direction);
+        sum += term(15u, i, direction);
     }
     return sum;
+}
+
+fn term(k: u32, i: u32, direction: vec3<f32>) -> vec3<f32> {
+    return harmonic(k, direction).value * stored_color(k, i);
 }
