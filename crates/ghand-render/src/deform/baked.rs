@@ -12,8 +12,10 @@ use crate::pipeline::{Bound, Module};
 use crate::splat::{Shape, SplatModel};
 use crate::{Gpu, buffers};
 
-/// Gaussians of a group: those of a workgroup.
+/// Gaussians of a group.
 pub const GROUP: usize = 64;
+/// Invocations of a group, each for four Gaussians.
+const INVOCATIONS: u32 = GROUP as u32 / 4;
 /// Values of an entry for a Gaussian: offset (3), standard deviation, colour (3).
 pub const VALUES: usize = 7;
 /// Smallest standard deviation of a posed Gaussian, metres.
@@ -297,6 +299,6 @@ impl Baked {
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.terms.dispatch_invocations(pass, self.component_count);
-        self.pose.dispatch(pass, self.group_count);
+        self.pose.dispatch_invocations(pass, self.group_count * INVOCATIONS);
     }
 }
