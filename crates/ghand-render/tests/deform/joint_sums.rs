@@ -17,7 +17,7 @@ fn sums_of_products_equal_those_of_the_twin() {
         let right = random(2, (offset + right_rows) * count, 1.0);
         if of_weights {
             // Where no joint of a block has weights, of points or of joints.
-            let none = |k: usize, p: usize| (k / 3 + p / 80) % 4 == 0;
+            let none = |k: usize, p: usize| (k / 3 + p / 80).is_multiple_of(4);
             (0..left.len()).filter(|i| none(i / count, i % count)).for_each(|i| left[i] = 0.0);
         }
         let on_device = if of_weights { weight_table(&left, left_rows) } else { left.clone() };

@@ -489,4 +489,19 @@ mod tests {
         let wrong = posed_roundings(avatar, &table, &unlit, &unlit);
         assert!(wrong > BOUNDS[0], "nothing is compared: {wrong}");
     }
+
+    #[test]
+    fn a_hand_of_networks_is_compared_with_its_twin() {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        // The hand of cases 2250 to 2299 of this seed.
+        let hand = Hand::draw(&gpu, 1, 45).unwrap();
+        assert_eq!(hand.model, Model::Network);
+        let mut subject = Subject::new(&gpu, &hand).unwrap();
+        for number in 2250..2260 {
+            let outcome = subject.run(&gpu, 1, number).unwrap();
+            assert_eq!(outcome.problem, None);
+            let roundings = outcome.roundings[0].unwrap();
+            assert!(0.0 < roundings && roundings < BOUNDS[0], "{roundings}");
+        }
+    }
 }
