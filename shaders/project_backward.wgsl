@@ -9,7 +9,7 @@ import package::shared::gaussian::{
     UNBOUNDED, axes_of, compensation, flattened, are_finite, footprint, load_gaussian,
     world_direction
 };
-import package::shared::spherical_harmonics::{direction_to, harmonic, stored_color};
+import package::shared::spherical_harmonics::{coefficient, direction_to, harmonic, stored_color};
 import package::shared::splat::{Splat, slot_of};
 import package::shared::tile_rects::{first_tile, tile_count};
 
@@ -38,6 +38,17 @@ fn store_vector(row: u32, i: u32, value: vec3<f32>) {
     store(row, i, value.x);
     store(row + 1u, i, value.y);
     store(row + 2u, i, value.z);
+}
+
+fn store_color(k: u32, i: u32, d_color: vec3<f32>) {
+    if COLOR_BASES == 0u {
+        store_vector(ROW_COLOR, i, d_color);
+        return;
+    }
+    let at = coefficient(k, i);
+    d_gaussians[at] = d_color.x;
+    d_gaussians[at + 1u] = d_color.y;
+    d_gaussians[at + 2u] = d_color.z;
 }
 
 fn store_camera(i: u32, turn: vec3<f32>, translation: vec3<f32>) {
@@ -104,9 +115,11 @@ fn joined(a: SlotGradient, b: SlotGradient) -> SlotGradient {
 
 // A Gaussian that the image does not depend on.
 fn store_nothing(i: u32) {
-    let rows = ROW_COLOR + 3u * max(COLOR_BASES, 1u);
-    for (var row = 0u; row < rows; row++) {
+    for (var row = 0u; row < ROW_COLOR; row++) {
         store(row, i, 0.0);
+    }
+    for (var b = 0u; b < max(COLOR_BASES, 1u); b++) {
+        store_color(b, i, vec3(0.0));
     }
     store_camera(i, vec3(0.0), vec3(0.0));
 }
@@ -215,7 +228,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var d_translation = d_p;
 
     if COLOR_BASES == 0u {
-        store_vector(ROW_COLOR, i, d_color);
+        store_color(0u, i, d_color);
     } else {
         let direction = direction_to(p);
         // Negative colours were set to 0.
@@ -224,7 +237,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         for (var b = 0u; b < COLOR_BASES; b++) {
             let function = harmonic(b, direction);
             d_direction += function.gradient * dot(stored_color(b, i), d_sum);
-            store_vector(ROW_COLOR + 3u * b, i, d_sum * function.value);
+            store_color(b, i, d_sum * function.value);
         }
         let d_offset = (d_direction - direction * dot(direction, d_direction)) / length(p);
         d_mean += d_offset;

@@ -19,7 +19,7 @@ override ROW_ROTATION: u32 = 4u;
 override ROW_OPACITY: u32 = 4u;
 override ROW_COLOR: u32 = 4u;
 
-// [rows][N], see `ghand_render::splat::SplatModel`.
+// See `ghand_render::splat::SplatModel::index`.
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 
 // Standard deviations, opacity and rotation, decoded from their stored form.

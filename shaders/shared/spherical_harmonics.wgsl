@@ -1,7 +1,8 @@
 // Real spherical harmonics up to degree 3, in the order and with the signs of 3D Gaussian Splatting files, and the
 // gradient of each as a polynomial of the direction's components.
 
-import package::shared::gaussian::{COLOR_BASES, ROW_COLOR, stored, world_direction};
+import package::shared::camera::view;
+import package::shared::gaussian::{COLOR_BASES, ROW_COLOR, gaussians, stored, world_direction};
 
 struct Harmonic {
     value: f32,
@@ -49,9 +50,17 @@ fn harmonic(k: u32, d: vec3<f32>) -> Harmonic {
     }
 }
 
+// The place of the coefficients of basis function k, red, green and blue, in the table of Gaussians.
+fn coefficient(k: u32, i: u32) -> u32 {
+    return ROW_COLOR * view.gaussian_count + 3u * (COLOR_BASES * i + k);
+}
+
 fn stored_color(k: u32, i: u32) -> vec3<f32> {
-    let row = ROW_COLOR + 3u * k;
-    return vec3(stored(row, i), stored(row + 1u, i), stored(row + 2u, i));
+    if COLOR_BASES == 0u {
+        return vec3(stored(ROW_COLOR, i), stored(ROW_COLOR + 1u, i), stored(ROW_COLOR + 2u, i));
+    }
+    let at = coefficient(k, i);
+    return vec3(gaussians[at], gaussians[at + 1u], gaussians[at + 2u]);
 }
 
 // From the camera to a point whose camera coordinates are p, in world axes.

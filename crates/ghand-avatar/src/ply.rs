@@ -50,7 +50,7 @@ pub struct SplatScene {
     pub degree: u32,
     /// Number of Gaussians, N.
     pub count: usize,
-    /// The table of [`SplatModel::trained`] for this degree, `[rows][N]`.
+    /// The table of [`SplatModel::trained`] for this degree, ordered by [`SplatModel::index`].
     pub table: Vec<f32>,
 }
 
@@ -218,9 +218,10 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
     }
     let data = bytes.get(header.end..).unwrap_or_default();
     let count = header.count;
-    let rows = columns.len();
+    let model = SplatModel::trained(degree);
     let table = if header.ascii {
-        ascii_table(data, &header, &columns)?
+        let numbers = ascii_numbers(data, &header, &columns)?;
+        model.table(count, |row, i| numbers[i * columns.len() + row])
     } else {
         let stride: usize = header.properties.iter().map(|(_, kind)| kind.size()).sum();
         // Checked before anything is allocated.
@@ -232,11 +233,11 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
             .iter()
             .map(|column| header.properties[..*column].iter().map(|(_, kind)| kind.size()).sum())
             .collect();
-        let mut table = vec![0.0; rows * count];
+        let mut table = vec![0.0; columns.len() * count];
         for (i, vertex) in data.chunks_exact(stride).take(count).enumerate() {
             for (row, (column, offset)) in columns.iter().zip(&offsets).enumerate() {
                 let kind = header.properties[*column].1;
-                table[row * count + i] = kind.value(&vertex[*offset..offset + kind.size()]);
+                table[model.index(row, i, count)] = kind.value(&vertex[*offset..offset + kind.size()]);
             }
         }
         table
@@ -244,7 +245,8 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
     Ok(SplatScene { degree, count, table })
 }
 
-fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f32>, Problem> {
+/// The numbers of these columns, one Gaussian after the other.
+fn ascii_numbers(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f32>, Problem> {
     let Ok(text) = std::str::from_utf8(data) else { return problem("data", "is not text, but the format is ascii") };
     let mut numbers = Vec::new();
     for (i, line) in text.lines().take(header.count).enumerate() {
@@ -264,7 +266,7 @@ fn ascii_table(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f3
         let count = header.count;
         return problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"));
     }
-    Ok((0..columns.len()).flat_map(|row| numbers.iter().skip(row).step_by(columns.len()).copied()).collect())
+    Ok(numbers)
 }
 
 #[cfg(test)]
@@ -313,7 +315,9 @@ mod tests {
         order.extend(["f_dc_0", "f_dc_1", "f_dc_2"].map(column));
         // By basis function: red, green, blue of the first, then of the second.
         order.extend([0, 3, 6, 1, 4, 7, 2, 5, 8].map(|k| column(&format!("f_rest_{k}"))));
-        let table = order.iter().flat_map(|column| (0..2).map(|i| value(i, *column))).collect();
+        let (rows, harmonics) = order.split_at(11);
+        let by_row = rows.iter().flat_map(|column| (0..2).map(|i| value(i, *column)));
+        let table = by_row.chain((0..2).flat_map(|i| harmonics.iter().map(move |column| value(i, *column)))).collect();
         (bytes, table)
     }
 

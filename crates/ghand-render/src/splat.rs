@@ -345,7 +345,7 @@ impl Splatter {
         &self.options
     }
 
-    /// The table of Gaussians, [`SplatModel::rows`] rows of N numbers.
+    /// The table of Gaussians, [`SplatModel::rows`] numbers for each of N, ordered by [`SplatModel::index`].
     pub fn gaussians(&self) -> &wgpu::Buffer {
         &self.shared.gaussians
     }

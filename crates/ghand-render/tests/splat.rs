@@ -75,15 +75,16 @@ fn published_scenes_match_the_pictures_of_gsplat() {
     for name in ["basic_case", "tiny_case"] {
         let bytes = std::fs::read(folder.join(name).with_extension("safetensors")).unwrap();
         let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
-        let columns = [("means", 3), ("scales", 3), ("quats", 4), ("opacities", 1), ("coeffs", 48)];
-        let table: Vec<f32> = columns
-            .iter()
+        let tensors = [("means", 3), ("scales", 3), ("quats", 4), ("opacities", 1), ("coeffs", 48)];
+        let columns: Vec<Vec<f32>> = tensors
+            .into_iter()
             .flat_map(|(name, width)| {
                 let values = floats(&file, name);
-                (0..*width).flat_map(move |c| values.iter().skip(c).step_by(*width).copied().collect::<Vec<_>>())
+                (0..width).map(move |c| values.iter().skip(c).step_by(width).copied().collect())
             })
             .collect();
-        let count = table.len() / 59;
+        let (model, count) = (SplatModel::trained(3), columns[0].len());
+        let table = model.table(count, |row, i| columns[row][i]);
         let camera = Camera {
             id: String::new(),
             width: 123,
@@ -93,8 +94,7 @@ fn published_scenes_match_the_pictures_of_gsplat() {
             rotation: glam::DMat3::IDENTITY,
             translation: DVec3::new(-0.123, -0.456, 8.0),
         };
-        let options =
-            SplatOptions { model: SplatModel::trained(3), purpose: Purpose::Images, ..SplatOptions::default() };
+        let options = SplatOptions { model, purpose: Purpose::Images, ..SplatOptions::default() };
         let mut splatter = Splatter::new(&gpu, options, count, [123, 82]).unwrap();
         gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(&table));
         splatter.set_view(&gpu, View::new(&camera, count, [0.0; 3], 1.0)).unwrap();
@@ -168,11 +168,18 @@ fn broken_numbers(gpu: &Gpu) {
     let plain = row_values(&healthy[0], &model);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         // One broken Gaussian per row of the table, after the valid ones.
-        let mut worse = Vec::new();
+        let worse = model.table(healthy.len() + rows, |row, i| match i.checked_sub(healthy.len()) {
+            None => good[model.index(row, i, healthy.len())],
+            Some(broken) => {
+                if broken == row {
+                    bad
+                } else {
+                    plain[row] as f32
+                }
+            }
+        });
         let mut expected = 0;
         for row in 0..rows {
-            worse.extend(&good[row * healthy.len()..(row + 1) * healthy.len()]);
-            worse.extend((0..rows).map(|broken| if broken == row { bad } else { plain[row] as f32 }));
             // The logarithm of a size can be minus infinity (size 0), a logit either infinity (opacity 0 or 1).
             let is_number = (model.opacity_row() == row)
                 || (bad == f32::NEG_INFINITY && (3..3 + model.scale_rows()).contains(&row));
@@ -183,10 +190,11 @@ fn broken_numbers(gpu: &Gpu) {
         assert!(after.gradient.iter().all(|d| d.is_finite()));
         if bad.is_nan() {
             assert!(bytemuck::cast_slice::<_, u32>(&before.image) == bytemuck::cast_slice::<_, u32>(&after.image));
-            for row in 0..rows {
-                let (from, to) = (row * healthy.len(), row * (healthy.len() + rows));
-                assert_eq!(before.gradient[from..from + healthy.len()], after.gradient[to..to + healthy.len()]);
-                assert!(after.gradient[to + healthy.len()..to + healthy.len() + rows].iter().all(|d| *d == 0.0));
+            let all = healthy.len() + rows;
+            for (row, i) in (0..rows).flat_map(|row| (0..all).map(move |i| (row, i))) {
+                let expected =
+                    if i < healthy.len() { before.gradient[model.index(row, i, healthy.len())] } else { 0.0 };
+                assert_eq!(after.gradient[model.index(row, i, all)], expected);
             }
         }
     }

@@ -185,11 +185,11 @@ fn gradients(gpu: &Gpu, splatter: &Splatter, weights: &[[f32; 4]], degree: u32) 
     gpu.queue.submit([encoder.finish()]);
     let (model, count) = (splatter.options().model, splatter.count());
     let table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), model.rows() * count)?;
-    // The table is by row, the tensors are by Gaussian.
+    // The tensors are by Gaussian.
     let by_gaussian = |rows: std::ops::Range<usize>| -> Vec<u8> {
         (0..count)
             .flat_map(|i| rows.clone().map(move |row| (row, i)))
-            .flat_map(|(row, i)| table[row * count + i].to_le_bytes())
+            .flat_map(|(row, i)| table[model.index(row, i, count)].to_le_bytes())
             .collect()
     };
     let functions = (degree as usize + 1).pow(2);

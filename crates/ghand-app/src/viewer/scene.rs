@@ -97,8 +97,7 @@ pub(crate) mod tests {
         table.extend(vec![1.0; count]);
         table.extend(vec![0.0; 3 * count]);
         table.extend((0..count).map(|i| opacity_logits[i % opacity_logits.len()]));
-        table.extend(vec![1.5; count]);
-        table.extend(vec![-1.5; 2 * count]);
+        table.extend([1.5, -1.5, -1.5].repeat(count));
         SplatScene { degree: 0, count, table }
     }
 

@@ -50,9 +50,10 @@ impl SplatScene {
             scene.extend(rotations.iter().map(|q| component(q) as f32));
         }
         scene.extend(std::iter::repeat_n(exported_logit(), count));
-        for channel in 0..3 {
-            scene.extend(row(hand.color_row() + channel).map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
-        }
+        // One basis function: red, green and blue of a Gaussian lie together.
+        let colors =
+            (0..count).flat_map(|i| (0..3).map(move |channel| table[(hand.color_row() + channel) * count + i]));
+        scene.extend(colors.map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
         SplatScene { degree: 0, count, table: scene }
     }
 
@@ -85,7 +86,7 @@ impl SplatScene {
         bytes.reserve(4 * properties.len() * self.count);
         for i in 0..self.count {
             for (_, row) in &properties {
-                let value = row.and_then(|row| self.table.get(row * self.count + i)).copied().unwrap_or(0.0);
+                let value = row.and_then(|row| self.table.get(model.index(row, i, self.count))).copied().unwrap_or(0.0);
                 bytes.extend(value.to_le_bytes());
             }
         }
@@ -137,7 +138,7 @@ mod tests {
         assert_eq!((scene.count, scene.degree, scene.table.len()), (2, 0, 14 * 2));
         assert!(scene.table.iter().all(|v| v.is_finite()));
         (0..2usize).for_each(|i| {
-            let at = |row: usize| f64::from(scene.table[row * 2 + i]);
+            let at = |row: usize| f64::from(scene.table[scene.model().index(row, i, 2)]);
             let near = |a: f64, b: f32| assert!((a - f64::from(b)).abs() < 1e-6, "{a} {b}");
             let row = |k: usize| rows[k][i];
             (0..3).for_each(|axis| near(at(axis), row(axis)));

@@ -124,6 +124,26 @@ impl SplatModel {
         self.color_row() + 3 * self.color_bases().max(1)
     }
 
+    /// The place of a number in a table of `count` Gaussians: `[rows][N]`, but the coefficients of harmonics are behind
+    /// the other rows by Gaussian, `[N][3 * bases]`, because a Gaussian's are used together.
+    pub fn index(&self, row: usize, gaussian: usize, count: usize) -> usize {
+        let (first, bases) = (self.color_row(), self.color_bases());
+        if bases == 0 || row < first {
+            row * count + gaussian
+        } else {
+            first * count + gaussian * 3 * bases + row - first
+        }
+    }
+
+    /// The table of `count` Gaussians with the number `value(row, gaussian)` in each row.
+    pub fn table(&self, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let mut table = vec![0.0; self.rows() * count];
+        for row in 0..self.rows() {
+            (0..count).for_each(|i| table[self.index(row, i, count)] = value(row, i));
+        }
+        table
+    }
+
     /// The `override` constants of the shaders that access the table.
     pub(super) fn constants(&self) -> Vec<(&'static str, f64)> {
         let flag = |on: bool| f64::from(u8::from(on));

@@ -101,7 +101,7 @@ pub fn row_values(g: &Gaussian, model: &SplatModel) -> Vec<f64> {
     values
 }
 
-/// The Gaussians as a table, `[rows][N]`.
+/// The Gaussians as a table.
 pub fn table(gaussians: &[Gaussian], model: &SplatModel) -> Vec<f32> {
     let all: Vec<Vec<f64>> = gaussians.iter().map(|g| row_values(g, model)).collect();
     let stored = |row: usize, value: f64| -> f32 {
@@ -114,7 +114,7 @@ pub fn table(gaussians: &[Gaussian], model: &SplatModel) -> Vec<f32> {
             _ => value as f32,
         }
     };
-    (0..model.rows()).flat_map(|row| all.iter().map(move |values| stored(row, values[row]))).collect()
+    model.table(all.len(), |row, i| stored(row, all[i][row]))
 }
 
 /// The twin's gradient in the layout of the table.
@@ -133,7 +133,11 @@ pub fn gradient_table(gaussians: &[Gaussian], gradient: &[Gaussian], model: &Spl
         }
         all.push(row_values(&tied, model));
     }
-    (0..model.rows()).flat_map(|row| all.iter().map(move |values| values[row])).collect()
+    let mut table = vec![0.0; model.rows() * all.len()];
+    for (i, values) in all.iter().enumerate() {
+        values.iter().enumerate().for_each(|(row, value)| table[model.index(row, i, all.len())] = *value);
+    }
+    table
 }
 
 pub struct Rendered {
