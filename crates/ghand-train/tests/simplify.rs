@@ -44,10 +44,10 @@ fn what_frames_left_out_do_not_require_is_left_out() {
     }
     println!("{}", found.summary());
     let [set, taken] = [&found.trials[0], &found.trials[found.taken]];
-    assert!(set.changes.is_empty() && taken.psnr >= set.psnr - 0.2);
+    assert!(set.changes.is_empty() && taken.psnr >= set.psnr - 0.15);
     // After so few iterations bases and colours of the pose bring nothing; fewer Gaussians do harm at some point.
     assert!(taken.bytes < set.bytes && taken.gaussians > 100, "{}", found.summary());
-    assert!(found.trials.last().unwrap().psnr < set.psnr - 0.2, "the search ends where something is lost");
+    assert!(found.trials.last().unwrap().psnr < set.psnr - 0.15, "the search ends where something is lost");
     assert_eq!((found.frames_left_out, found.images), (2, 12));
     // The avatar has what was taken.
     assert_eq!(trained.settings, found.apply(&settings).unwrap());

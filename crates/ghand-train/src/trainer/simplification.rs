@@ -31,8 +31,8 @@ const JUDGED_IMAGES: usize = 24;
 /// A trial has this part of the run's iterations, within these bounds.
 const PART_OF_RUN: u64 = 6;
 const ITERATIONS: [u64; 2] = [40, 250];
-/// What all that is left out may cost together, dB.
-const MOST_LOSS: f64 = 0.2;
+/// What all that is left out may cost together in a trial, dB. Long runs lose up to a third more by it.
+const MOST_LOSS: f64 = 0.15;
 /// The part of a run's limited time after which no further trial begins.
 const MOST_TIME: f64 = 0.4;
 /// Coarser rasters are tried in steps of this factor, down to this one.
