@@ -7,6 +7,7 @@
 import package::shared::dispatch::flat_index;
 import package::shared::four::{four_points, four_stored, invocations};
 import package::shared::pose::{CHAIN_STRIDE, pose};
+import package::shared::sigmoid::sigmoid_slope;
 import package::shared::weights::{joint_at, joints_of, weight_row};
 
 struct ResponseUniforms {
@@ -62,10 +63,6 @@ fn gain_at(channel: u32, k: u32) -> u32 {
 // Entry c of vec(R_k - I).
 fn feature(k: u32, c: u32) -> f32 {
     return chain[k * CHAIN_STRIDE + c] - select(0.0, 1.0, c % 4u == 0u);
-}
-
-fn sigmoid(x: f32) -> f32 {
-    return 1.0 / (1.0 + exp(-x));
 }
 
 @compute @workgroup_size(64)
@@ -188,12 +185,20 @@ fn respond_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if p >= n {
         return;
     }
-    let s = sigmoid(appearance[p]);
-    d_appearance[p] = d_scale[p] * (response_sizes.max_scale * s) * (1.0 - s);
+    d_appearance[p] = d_scale[p] * response_sizes.max_scale * sigmoid_slope(appearance[p]);
+    var logits = vec3(0.0);
+    for (var c = 0u; c < 3u; c++) {
+        logits[c] = appearance[(ROW_BASE_COLOR + c) * n + p];
+    }
+    for (var j = 0u; j < response_sizes.color_components; j++) {
+        let value = color_channels[j * n + p];
+        for (var c = 0u; c < 3u; c++) {
+            logits[c] += value * appearance[(ROW_COMPONENTS + 3u * j + c) * n + p];
+        }
+    }
     var d_logits = vec3(0.0);
     for (var c = 0u; c < 3u; c++) {
-        let value = color[c * n + p];
-        d_logits[c] = d_color[c * n + p] * value * (1.0 - value);
+        d_logits[c] = d_color[c * n + p] * sigmoid_slope(logits[c]);
         d_appearance[(ROW_BASE_COLOR + c) * n + p] = d_logits[c];
     }
     for (var j = 0u; j < response_sizes.color_components; j++) {

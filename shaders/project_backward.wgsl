@@ -6,9 +6,10 @@ import package::shared::counters::Counters;
 import package::shared::dispatch::flat_index;
 import package::shared::gaussian::{
     ANISOTROPIC, ANTIALIAS, COLOR_BASES, FLAT, FREE_OPACITY, Gaussian, ROW_COLOR, ROW_OPACITY, ROW_ROTATION, ROW_SCALE,
-    UNBOUNDED, axes_of, compensation, flattened, are_finite, footprint, load_gaussian,
+    UNBOUNDED, axes_of, compensation, flattened, are_finite, footprint, load_gaussian, stored,
     world_direction
 };
+import package::shared::sigmoid::sigmoid_slope;
 import package::shared::spherical_harmonics::{coefficient, direction_to, harmonic, stored_color};
 import package::shared::splat::{Splat, slot_of};
 import package::shared::tile_rects::{first_tile, tile_count};
@@ -248,7 +249,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if FREE_OPACITY {
         let d_plain = d_opacity * kept;
         if UNBOUNDED {
-            store(ROW_OPACITY, i, d_plain * g.opacity * (1.0 - g.opacity));
+            store(ROW_OPACITY, i, d_plain * sigmoid_slope(stored(ROW_OPACITY, i)));
         } else {
             store(ROW_OPACITY, i, d_plain);
         }

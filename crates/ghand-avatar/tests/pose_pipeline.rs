@@ -150,6 +150,27 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
     }
 }
 
+/// Where a sigmoid is almost 1, its derivative must not be computed from it: few digits are left.
+#[test]
+fn gradients_of_saturated_colors_and_sizes_keep_their_digits() {
+    let mut avatar = random_avatar(0, &AvatarConfig { shape_bases: 3, color_components: 2, ..Default::default() });
+    let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
+    // Size and base colours.
+    tables.appearance[..4 * COUNT].iter_mut().for_each(|logit| *logit += 13.0);
+    let pose = Pose::rest(JOINTS);
+    let d_gaussians = random(10, 7 * COUNT, 1.0);
+    let [device, exact] = [on_device(&avatar, &pose, &d_gaussians), in_f64(&avatar, &pose, &d_gaussians)];
+    let of_appearance = |outcome: &Outcome| {
+        let (_, values) = outcome.parts.iter().find(|(name, _)| name == "appearance").unwrap();
+        values.chunks_exact(COUNT).map(<[f64]>::to_vec).collect::<Vec<_>>()
+    };
+    for (row, (a, b)) in of_appearance(&device).iter().zip(&of_appearance(&exact)).enumerate() {
+        let difference: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        let norm: f64 = b.iter().map(|b| b * b).sum();
+        assert!(norm > 0.0 && (difference / norm).sqrt() <= 2e-5, "row {row}: {difference:e} of {norm:e}");
+    }
+}
+
 #[test]
 fn plain_skinning_is_skinning_with_residual_terms_of_zero_without_their_tables() {
     let config = AvatarConfig { shape_bases: 3, color_components: 2, ..Default::default() };

@@ -29,7 +29,7 @@ pub const STAGES: [&str; 5] = [
     "pose to picture",
 ];
 /// Most roundings of each stage that count as correct.
-pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 50.0];
+pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 100.0];
 
 /// Factors on the cut-offs of blending: what they change is decided by rounding.
 pub const LOWER: f64 = 0.99;
