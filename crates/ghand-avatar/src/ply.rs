@@ -60,6 +60,12 @@ impl SplatScene {
         SplatModel::trained(self.degree)
     }
 
+    /// A row of the table, a number of each Gaussian.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = f32> {
+        let model = self.model();
+        (0..self.count).filter_map(move |i| self.table.get(model.index(row, i, self.count)).copied())
+    }
+
     /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9,
     /// 24 or 45 of them), `opacity`, `scale_*` and `rot_*`; others are ignored.
     ///

@@ -44,7 +44,7 @@ impl Bounds {
     /// The bounds of the visible Gaussians, without outliers.
     fn of(scene: &SplatScene) -> Option<Bounds> {
         let model = scene.model();
-        let row = |row: usize| scene.table.iter().skip(row * scene.count).take(scene.count).map(|v| f64::from(*v));
+        let row = |row: usize| scene.row(row).map(f64::from);
         let columns = |first: usize| row(first).zip(row(first + 1)).zip(row(first + 2));
         let sizes = columns(SplatModel::SCALE_ROW).map(|((x, y), z)| x.max(y).max(z).exp());
         let opacities = row(model.opacity_row()).map(|logit| 1.0 / (1.0 + (-logit).exp()));

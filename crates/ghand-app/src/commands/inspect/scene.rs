@@ -17,11 +17,8 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
     row("file", file_size(path));
     row("Gaussians", scene.count.to_string());
     row("harmonics", format!("degree {}", scene.degree));
-    let column = |name: &str| {
-        let place = ROWS.iter().position(|own| *own == name).unwrap_or(0);
-        scene.table.chunks_exact(scene.count.max(1)).nth(place).unwrap_or_default()
-    };
-    let ranges = ["x", "y", "z"].map(|name| Spread::of(column(name).iter().copied()));
+    let column = |name: &str| scene.row(ROWS.iter().position(|own| *own == name).unwrap_or(0));
+    let ranges = ["x", "y", "z"].map(|name| Spread::of(column(name)));
     if let [Some(x), Some(y), Some(z)] = ranges {
         row(
             "extents",
@@ -32,7 +29,7 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
     if let Some(size) = Spread::of(sizes) {
         row("sizes", format!("{:.3e} to {:.3e}, half of them below {:.3e}", size.low, size.high, size.median));
     }
-    let opacities = column("opacity").iter().map(|logit| 1.0 / (1.0 + (-logit).exp()));
+    let opacities = column("opacity").map(|logit| 1.0 / (1.0 + (-logit).exp()));
     if let Some(opacity) = Spread::of(opacities) {
         row(
             "opacities",
@@ -40,23 +37,20 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
         );
     }
     let mut warnings = Vec::new();
-    let not_finite: Vec<(String, usize)> = scene
-        .table
-        .chunks_exact(scene.count.max(1))
-        .enumerate()
-        .map(|(place, values)| {
-            let name = ROWS.get(place).map_or_else(|| "f_rest".into(), |name| (*name).to_owned());
-            (name, values.iter().filter(|value| !value.is_finite()).count())
+    let not_finite: Vec<(&str, usize)> = (0..scene.model().rows())
+        .map(|row| {
+            let name = ROWS.get(row).copied().unwrap_or("f_rest");
+            (name, scene.row(row).filter(|value| !value.is_finite()).count())
         })
         .filter(|(_, count)| *count > 0)
         .collect();
     if !not_finite.is_empty() {
         let total: usize = not_finite.iter().map(|(_, count)| count).sum();
-        let mut names: Vec<&str> = not_finite.iter().map(|(name, _)| name.as_str()).collect();
+        let mut names: Vec<&str> = not_finite.iter().map(|(name, _)| *name).collect();
         names.dedup();
         warnings.push(format!("{total} numbers are not finite, in {}", names.join(", ")));
     }
-    let turns = ["rot_0", "rot_1", "rot_2", "rot_3"].map(column);
+    let turns = ["rot_0", "rot_1", "rot_2", "rot_3"].map(|name| column(name).collect::<Vec<f32>>());
     let zero = (0..scene.count).filter(|k| turns.iter().all(|turn| turn.get(*k) == Some(&0.0))).count();
     if zero > 0 {
         warnings.push(format!("{zero} quaternions are all zeros, which is not a rotation"));
