@@ -31,7 +31,7 @@ const JUDGED_IMAGES: usize = 24;
 /// A trial has this part of the run's iterations, within these bounds.
 const PART_OF_RUN: u64 = 6;
 const ITERATIONS: [u64; 2] = [40, 250];
-/// What all that is left out may cost together in a trial, dB. Long runs lose up to a third more by it.
+/// What all that is left out may cost together in a trial, dB. Long runs have lost up to a quarter more by it.
 const MOST_LOSS: f64 = 0.15;
 /// The part of a run's limited time after which no further trial begins.
 const MOST_TIME: f64 = 0.4;
