@@ -3,6 +3,9 @@
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+/// How the name of a file begins until it is complete.
+const UNFINISHED: &str = ".writing-";
+
 /// Writes a file atomically: to a temporary file in the same folder, synced, then renamed to `path`.
 ///
 /// Missing parent folders are created. A symbolic link is followed: its target is replaced, the link stays. A replaced
@@ -15,7 +18,7 @@ pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
     let folder = folder_of(&target);
     std::fs::create_dir_all(folder)?;
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".writing-");
+    builder.prefix(UNFINISHED);
     // Temporary files are private to their owner by default; an output file should not be.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -41,6 +44,16 @@ pub fn check_writable(path: &Path) -> io::Result<()> {
         // A file without a name, so that nothing changes, shows what permissions do not: whether the disk takes one.
         Some(folder) => tempfile::tempfile_in(folder).map(|_| ()),
         None => Ok(()),
+    }
+}
+
+/// Removes what programs that were killed within [`write_atomically`] have left in a folder; for who alone writes there.
+pub fn remove_unfinished(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            // What cannot be removed does no harm.
+            let _ = std::fs::remove_file(entry.path());
+        }
     }
 }
 
@@ -113,6 +126,18 @@ mod tests {
         let blocked = folder.path().join("blocked");
         std::fs::create_dir_all(blocked.join("inside")).unwrap();
         assert!(write_atomically(&blocked, b"x").unwrap_err().to_string().contains("folder"));
+        assert_eq!(entries(folder.path()), 2);
+    }
+
+    #[test]
+    fn what_killed_programs_left_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in [".writing-abc", "writing-abc", ".hidden"] {
+            std::fs::write(folder.path().join(name), "half").unwrap();
+        }
+        remove_unfinished(folder.path());
+        remove_unfinished(&folder.path().join("missing"));
+        assert!(!folder.path().join(".writing-abc").exists());
         assert_eq!(entries(folder.path()), 2);
     }
 

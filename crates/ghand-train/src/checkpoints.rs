@@ -74,7 +74,6 @@ impl Checkpoints {
     /// # Errors
     /// [`CheckpointError`] of the newest one if none of them can be used.
     pub fn latest(folder: &Path) -> Result<Option<Checkpoint>, CheckpointError> {
-        remove_unfinished(folder);
         let mut first_error = None;
         for (_, path) in files(folder).iter().rev() {
             match Checkpoint::load(path) {
@@ -115,15 +114,6 @@ fn files(folder: &Path) -> Vec<(u64, PathBuf)> {
         .collect();
     files.sort();
     files
-}
-
-/// Removes what a killed program was writing.
-fn remove_unfinished(folder: &Path) {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    for path in entries.filter(|path| name(path).is_some_and(|name| name.starts_with(".writing-"))) {
-        let _ = std::fs::remove_file(path);
-    }
 }
 
 #[cfg(test)]
@@ -177,9 +167,7 @@ mod tests {
         let mut checkpoints = Checkpoints::new(place.path(), Duration::ZERO, 0);
         checkpoints.save(&at(5));
         checkpoints.save(&at(9));
-        std::fs::write(place.path().join(".writing-abc"), "half").unwrap();
         assert_eq!(Checkpoints::latest(place.path()).unwrap().unwrap().stage.iteration, 9);
-        assert!(!place.path().join(".writing-abc").exists());
         let newest = place.path().join("0000000009.checkpoint");
         let bytes = std::fs::read(&newest).unwrap();
         std::fs::write(&newest, &bytes[..bytes.len() / 2]).unwrap();

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
+use ghand_files::atomic_file::remove_unfinished;
 use ghand_train::checkpoints::{has_checkpoints, remove_checkpoints};
 
 use crate::say;
@@ -177,7 +178,12 @@ impl RunFolder {
             .with_context(|| format!("{}: cannot create the output folder", path.display()))?;
         let leftovers = Leftovers { folder: path.into(), lock: FolderLock::file(path), made };
         Ok(match FolderLock::attempt(path) {
-            Ok(Attempt::Locked(lock)) => Ok(RunFolder { path: path.into(), leftovers, _lock: lock }),
+            Ok(Attempt::Locked(lock)) => {
+                // A killed run may have been writing.
+                remove_unfinished(path);
+                remove_unfinished(&path.join(CHECKPOINTS));
+                Ok(RunFolder { path: path.into(), leftovers, _lock: lock })
+            }
             Ok(Attempt::Taken(holder)) => Err(holder),
             Err(error) => {
                 leftovers.remove();
@@ -337,6 +343,21 @@ mod tests {
         let mut left: Vec<_> = std::fs::read_dir(&path).unwrap().map(|e| e.unwrap().file_name()).collect();
         left.sort();
         assert_eq!(left, ["avatar.ghand", "notes.txt"]);
+    }
+
+    #[test]
+    fn what_a_killed_run_was_writing_is_removed() {
+        let place = tempfile::tempdir().unwrap();
+        std::fs::create_dir(place.path().join(CHECKPOINTS)).unwrap();
+        let half = [place.path().join(".writing-abc"), place.path().join(CHECKPOINTS).join(".writing-def")];
+        for path in &half {
+            std::fs::write(path, "half").unwrap();
+        }
+        let folder = RunFolder::resumed(Some(place.path()), Path::new(DEFAULT_FOLDER)).unwrap();
+        assert!(!half.iter().any(|path| path.exists()));
+        folder.end(false);
+        drop(folder);
+        assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 0);
     }
 
     #[test]
