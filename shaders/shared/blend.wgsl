@@ -18,8 +18,11 @@ import package::shared::splat::Splat;
 // Expected camera z of the splats that cover a pixel, metres; 0 where none does.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> counters: Counters;
+// The bits of the largest weight with which a pixel takes each Gaussian, for positive floats sort like their bits.
+@group(0) @binding(8) var<storage, read_write> largest_weights: array<atomic<u32>>;
 
 override DEPTH: bool = false;
+override LARGEST_WEIGHTS: bool = false;
 // Most entries of a tile that the backward pass can process.
 override BACKWARD_ENTRIES: u32 = 0xffffffffu;
 
@@ -100,6 +103,12 @@ fn blend(pixels: ptr<function, Pixels>, i: u32, splat: Splat) {
     (*pixels).blue += weight * splat.color.z;
     if DEPTH {
         (*pixels).depth += weight * splat.depth;
+    }
+    if LARGEST_WEIGHTS {
+        let largest = max(max(weight.x, weight.y), max(weight.z, weight.w));
+        if largest > 0.0 {
+            atomicMax(&largest_weights[entries[i]], bitcast<u32>(largest));
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 pub mod avatar;
 pub mod bake;
 pub mod file;
+mod kept;
 pub mod light;
 pub mod local_thickness;
 pub mod neighbors;

@@ -103,8 +103,33 @@ impl Scene {
         max_size: [u32; 2],
         cut_offs: CutOffs,
     ) -> Result<Scene, RenderError> {
-        let columns = avatars.iter().map(|a| a.template.len()).sum();
         let options = SplatOptions { model: splat_model(avatars)?, purpose, cut_offs, ..SplatOptions::default() };
+        Scene::with_options(gpu, avatars, frames, max_size, options)
+    }
+
+    /// As [`Scene::new`], for images with the largest weight of each Gaussian ([`Splatter::largest_weights`]).
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_largest_weights(
+        gpu: &Gpu,
+        avatars: &[&Avatar],
+        frames: usize,
+        max_size: [u32; 2],
+    ) -> Result<Scene, RenderError> {
+        let images = SplatOptions { model: splat_model(avatars)?, purpose: Purpose::Images, ..SplatOptions::default() };
+        let options = SplatOptions { largest_weights: true, ..images };
+        Scene::with_options(gpu, avatars, frames, max_size, options)
+    }
+
+    fn with_options(
+        gpu: &Gpu,
+        avatars: &[&Avatar],
+        frames: usize,
+        max_size: [u32; 2],
+        options: SplatOptions,
+    ) -> Result<Scene, RenderError> {
+        let columns = avatars.iter().map(|a| a.template.len()).sum();
         let shape = options.model.shape;
         let splatter = Splatter::new(gpu, options, columns, max_size)?;
         let mut first = 0;

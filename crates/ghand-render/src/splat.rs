@@ -61,6 +61,8 @@ pub struct SplatOptions {
     pub purpose: Purpose,
     /// Whether the expected depth is rendered along with the image.
     pub depth: bool,
+    /// Whether each Gaussian's largest weight in a pixel is found along with the image.
+    pub largest_weights: bool,
     /// What is neglected.
     pub cut_offs: CutOffs,
 }
@@ -296,6 +298,7 @@ struct Shared {
     counters: wgpu::Buffer,
     image: wgpu::Buffer,
     depths: wgpu::Buffer,
+    largest_weights: wgpu::Buffer,
     d_image: wgpu::Buffer,
     d_camera: wgpu::Buffer,
 }
@@ -330,6 +333,7 @@ impl Splatter {
             counters: buffers::filled(gpu, "counters", &[Counters { gaussians: count as u32, ..Counters::default() }]),
             image: buffers::zeroed(gpu, "image", 4 * pixels),
             depths: buffers::zeroed(gpu, "depths", if options.depth { pixels } else { 0 }),
+            largest_weights: buffers::zeroed(gpu, "largest weights", if options.largest_weights { count } else { 0 }),
             d_image: buffers::zeroed(gpu, "d_image", if_gradients(4 * pixels)),
             d_camera: buffers::zeroed(gpu, "d_camera", frame_buffers::CAMERA_ROWS),
         };
@@ -368,6 +372,12 @@ impl Splatter {
     /// Expected camera z of each pixel, metres, 0 in pixels without coverage; empty if it was not requested.
     pub fn depths(&self) -> &wgpu::Buffer {
         &self.shared.depths
+    }
+
+    /// The largest weight with which a pixel of the image takes each Gaussian, N numbers of 0 to 1; empty if they were not
+    /// requested.
+    pub fn largest_weights(&self) -> &wgpu::Buffer {
+        &self.shared.largest_weights
     }
 
     /// dL/d(rotation, translation): the gradient with respect to a small rotation w and translation t that take the
@@ -432,6 +442,9 @@ impl Splatter {
     /// Encodes clearing the buffers that the forward pass accumulates into.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(&self.shared.counters, Counters::CLEARED_FROM, None);
+        if self.options.largest_weights {
+            encoder.clear_buffer(&self.shared.largest_weights, 0, None);
+        }
         self.frame.bin.clear(encoder);
     }
 

@@ -33,6 +33,7 @@ pub mod protocol;
 pub mod report;
 mod setting_rules;
 pub mod settings;
+mod shown_gaussians;
 pub mod ssim;
 pub mod step;
 pub mod synthetic_scene;

@@ -27,11 +27,12 @@ use crate::lpips::Lpips;
 use crate::memory_check;
 use crate::needed_texels::needed_texels;
 use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Simplify, TrainSettings};
+use crate::shown_gaussians::shown_gaussians;
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
 use crate::views::TrainViews;
 use onlooker::Onlooker;
-use simplification::Simplification;
+use simplification::{Simplification, Trial};
 use stage::Stage;
 
 /// The progress of a run.
@@ -49,6 +50,8 @@ pub struct Progress<'a> {
     pub curve: &'a [CurvePoint],
     /// Pictures that were just taken of images held out: see [`Trainer::watch`].
     pub previews: &'a [Preview],
+    /// A trial of `simplify=auto` that has just ended. The iterations are those of the run before it.
+    pub trial: Option<&'a Trial>,
 }
 
 /// A picture of an image that training does not see, cropped to the hand.
@@ -300,7 +303,7 @@ impl<'a> Trainer<'a> {
         self.gaussians
     }
 
-    /// Runs both stages and calls `progress` after each iteration.
+    /// Runs both stages and calls `progress` after each iteration and each trial.
     ///
     /// Stage 1 refines the poses with a simple avatar on smaller images: with little else to explain the images, the
     /// poses move to where they belong. Stage 2 starts a new avatar from the refined poses, which are then fixed.
@@ -345,7 +348,18 @@ impl<'a> Trainer<'a> {
             self.find_light(&mut gpu)?;
         }
         if reached < 2 && self.settings.simplify == Simplify::Auto {
-            self.prepared.simplification = self.simplify(&mut gpu).map_err(name_setting)?;
+            let mut ended = |trial: &Trial| {
+                progress(&Progress {
+                    iteration: pose_iterations,
+                    iterations: self.settings.iterations,
+                    stage: 2,
+                    l1: None,
+                    curve: &self.curve.borrow(),
+                    previews: &[],
+                    trial: Some(trial),
+                });
+            };
+            self.prepared.simplification = self.simplify(&mut gpu, &mut ended).map_err(name_setting)?;
         }
         let simplification = &self.prepared.simplification;
         let settings = simplification.as_ref().map_or(Ok(self.settings.clone()), |s| s.apply(&self.settings))?;
@@ -365,6 +379,17 @@ impl<'a> Trainer<'a> {
         let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
+        if let Some(simplification) = self.prepared.simplification.as_mut().filter(|_| !stopped) {
+            let (views, poses) = (&self.views, &self.prepared.poses);
+            let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
+                let images = (0..views.len()).map(|k| views.get(k, 1).map(|view| (view.frame, view.camera)));
+                shown_gaussians(gpu, &avatar, poses, images, views.largest(1))
+            })?;
+            if let Some(kept) = avatar.kept(&shown) {
+                simplification.never_shown = avatar.template.len() - kept.template.len();
+                avatar = kept;
+            }
+        }
         let seconds = self.seconds();
         let Prepared { poses, alignment, mut light, exposure, skipped_steps, simplification, .. } = self.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;

@@ -152,6 +152,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                         let text = serde_json::to_string(&(&settings, &run))?;
                         write_atomically(&file, text.as_bytes())
                             .with_context(|| format!("{}: cannot write", file.display()))?;
+                        say!("{}", one_line(&run));
                         run
                     }
                 };
@@ -218,6 +219,14 @@ fn train(
     })?;
     let (iterations, seconds) = (trained.iterations, trained.seconds);
     Ok(ArmRun { arm: arm.name.into(), seed: settings.seed, iterations, seconds, images })
+}
+
+/// Means over the images of a training.
+fn one_line(run: &ArmRun) -> String {
+    let mean = |of: fn(&ImageFigures) -> f64| run.images.iter().map(of).sum::<f64>() / run.images.len().max(1) as f64;
+    let (psnr, on_hand, ssim) = (mean(|image| image.psnr), mean(|image| image.psnr_hand), mean(|image| image.ssim));
+    let ArmRun { iterations, seconds, .. } = run;
+    format!("  {psnr:.2} dB, {on_hand:.2} on the hand, SSIM {ssim:.4}; {iterations} iterations, {seconds:.0} s")
 }
 
 /// Writes `ablation.json` and `ablation.md`.

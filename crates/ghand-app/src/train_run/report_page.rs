@@ -167,6 +167,9 @@ fn simplification_table(found: &Simplification) -> Markup {
                 }
             }
         }
+        @if found.never_shown > 0 {
+            p { (found.never_shown) " of its Gaussians were left out in the end: no image shows them, nor other views of the hand." }
+        }
     }
 }
 

@@ -36,6 +36,10 @@ pub fn train(trainer: Trainer, iterations: u64, live: &Path, viewer: Option<Live
         None => trainer,
     };
     let trained = trainer.train(|p| {
+        if let Some(trial) = p.trial {
+            bar.suspend(|| say!("trial, {trial}"));
+            return;
+        }
         let loss = p.l1.map_or(String::new(), |l1| format!(" L1 {l1:.4}"));
         let held_out = p.curve.iter().rev().find_map(|point| point.held_out_psnr);
         let held_out = held_out.map_or(String::new(), |psnr| format!(" held out {psnr:.2} dB"));

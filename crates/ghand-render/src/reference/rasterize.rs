@@ -108,6 +108,19 @@ impl Scene<'_> {
         image
     }
 
+    /// The largest weight with which a pixel takes each Gaussian.
+    pub fn largest_weights(&self) -> Vec<f64> {
+        let lists = self.lists();
+        let mut largest = vec![0.0f64; self.gaussians.len()];
+        for (y, x) in (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (y, x))) {
+            for (index, _, raw, before) in self.pixel(&lists, x, y).0 {
+                let slot = &mut largest[index as usize];
+                *slot = slot.max(raw.min(self.cuts.alpha_max) * before);
+            }
+        }
+        largest
+    }
+
     /// Expected depth: the camera z of each pixel's splats, with the same weights as their colours, divided by the
     /// coverage; 0 in empty pixels.
     pub fn depth(&self) -> Vec<f64> {

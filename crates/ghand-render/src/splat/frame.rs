@@ -20,12 +20,12 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
-        let SplatOptions { model, purpose, depth, cut_offs } = options;
+        let SplatOptions { model, purpose, cut_offs, .. } = options;
         Pipelines {
             project: project::Pipelines::new(gpu, model, *purpose, cut_offs),
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
-            rasterize: rasterize::Pipelines::new(gpu, model, *purpose, *depth, cut_offs),
+            rasterize: rasterize::Pipelines::new(gpu, options),
             slots: purpose.has_gradients().then(|| slots::Pipelines::new(gpu)),
         }
     }

@@ -1,7 +1,7 @@
 //! Host part of `rasterize.wgsl` and `rasterize_backward.wgsl`.
 
+use super::SplatOptions;
 use super::frame_buffers::FrameBuffers;
-use super::{CutOffs, Purpose, SplatModel};
 use crate::pipeline::{Bound, Module, Stage};
 use crate::{Gpu, Tier};
 
@@ -35,14 +35,19 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, depth: bool, cut_offs: &CutOffs) -> Pipelines {
+    pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
+        let SplatOptions { model, purpose, depth, largest_weights, cut_offs } = options;
         let forward = Module::new(gpu, gpu.tier.choose("rasterize", "fast/rasterize"));
         let entry =
             if gpu.tier == Tier::Fast && subgroups_are_tiles(gpu) { "rasterize_by_subgroup" } else { "rasterize" };
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
-        let depth = f64::from(u8::from(depth));
-        let constants = [("DEPTH", depth), ("BACKWARD_ENTRIES", f64::from(entries)), cut_offs.alpha_min()];
+        let constants = [
+            ("DEPTH", f64::from(u8::from(*depth))),
+            ("LARGEST_WEIGHTS", f64::from(u8::from(*largest_weights))),
+            ("BACKWARD_ENTRIES", f64::from(entries)),
+            cut_offs.alpha_min(),
+        ];
         Pipelines {
             rasterize: forward.stage(gpu, entry, &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
@@ -76,6 +81,7 @@ impl Stages {
                     ("pixel_states", &b.pixel_states),
                     ("depths", &s.depths),
                     ("counters", &s.counters),
+                    ("largest_weights", &s.largest_weights),
                 ],
             ),
             rasterize_backward: pipelines.rasterize_backward.as_ref().map(|stage| {

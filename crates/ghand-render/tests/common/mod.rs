@@ -143,6 +143,7 @@ pub fn gradient_table(gaussians: &[Gaussian], gradient: &[Gaussian], model: &Spl
 pub struct Rendered {
     pub image: Vec<[f32; 4]>,
     pub depths: Vec<f32>,
+    pub largest_weights: Vec<f32>,
     pub gradient: Vec<f32>,
     pub d_camera: Vec<f32>,
     pub broken: u32,
@@ -171,7 +172,8 @@ pub fn render_with(
     d_image: &[[f32; 4]],
 ) -> Rendered {
     let count = table.len() / model.rows();
-    let options = SplatOptions { model, purpose: Purpose::CameraGradients, depth: true, cut_offs };
+    let options =
+        SplatOptions { model, purpose: Purpose::CameraGradients, depth: true, largest_weights: true, cut_offs };
     let mut splatter = Splatter::new(gpu, options, count, [camera.width, camera.height]).unwrap();
     gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(table));
     splatter.set_view(gpu, View::new(camera, count, BACKGROUND, opacity)).unwrap();
@@ -183,6 +185,7 @@ pub fn render_with(
     gpu.queue.submit([encoder.finish()]);
     Rendered {
         depths: buffers::read(gpu, splatter.depths(), image.len()).unwrap(),
+        largest_weights: buffers::read(gpu, splatter.largest_weights(), count).unwrap(),
         gradient: buffers::read(gpu, splatter.d_gaussians(), table.len()).unwrap(),
         d_camera: buffers::read(gpu, splatter.d_camera(), 6).unwrap(),
         broken: splatter.read_counters(gpu).unwrap().broken,
@@ -272,7 +275,7 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         antialias: model.antialias,
         cuts: CutOffs { alpha_min: cut, ..CutOffs::default() },
     };
-    let (twin, depth) = (scene.rasterize(), scene.depth());
+    let (twin, depth, largest_weights) = (scene.rasterize(), scene.depth(), scene.largest_weights());
     let mut weights = random_weights(3, twin.len());
     let first = render_with(&devices()[0], model, cut_offs, &numbers, camera, opacity, &weights);
     // A contribution of just the cut can be used on one side and skipped on the other, and of two Gaussians at almost the
@@ -300,6 +303,8 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         );
         assert!(compare_images(&rendered.image, &twin, cut + 1.5 / 255.0).1 == 0, "a flip larger than the alpha cut");
         assert!(depth_error <= 1e-3, "depth: {depth_error}");
+        let weights_error = relative_error(&rendered.largest_weights, &largest_weights);
+        assert!(weights_error <= 1e-3, "largest weights: {weights_error}");
         let check = |what: &str, got: &[f32], expected: &[f64]| {
             let (error, cosine) = (relative_error(got, expected), cosine(got, expected));
             println!("  {what}: relative L2 error {error:.1e}, 1 - cosine {:.1e}", 1.0 - cosine);

@@ -4,6 +4,7 @@
 //! the other is left out or made smaller, as long as that costs little.
 
 use std::cell::RefCell;
+use std::fmt;
 use std::time::Instant;
 
 use ghand_capture::{Split, SplitView};
@@ -58,6 +59,14 @@ pub struct Trial {
     pub bytes: usize,
 }
 
+impl fmt::Display for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let changes = if self.changes.is_empty() { "as set".into() } else { self.changes.join(", ") };
+        let Trial { gaussians, psnr, iteration_ms, .. } = self;
+        write!(f, "{changes}: {gaussians} Gaussians, {psnr:.2} dB, {iteration_ms:.1} ms an iteration")
+    }
+}
+
 /// What was tried, and what was taken of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Simplification {
@@ -71,6 +80,9 @@ pub struct Simplification {
     pub trials: Vec<Trial>,
     /// Index of the one that was taken.
     pub taken: usize,
+    /// Number of Gaussians that were left out after training because nothing shows them.
+    #[serde(default)]
+    pub never_shown: usize,
 }
 
 impl Simplification {
@@ -89,10 +101,14 @@ impl Simplification {
     /// What was taken, and what that saves, in one line.
     pub fn summary(&self) -> String {
         let Some((taken, set)) = self.trials.get(self.taken).zip(self.trials.first()) else { return String::new() };
+        let hidden = match self.never_shown {
+            0 => String::new(),
+            count => format!(" and without {count} that nothing shows"),
+        };
         let what = if taken.changes.is_empty() { "as set".into() } else { taken.changes.join(", ") };
         format!(
-            "as the images require: {what}; {} Gaussians instead of {}, {:.1} ms an iteration instead of {:.1}, {:.1} MB \
-             instead of {:.1}, {:+.2} dB in {} images of {} frames left out",
+            "as the images require: {what}; {} Gaussians instead of {}{hidden}, {:.1} ms an iteration instead of {:.1}, \
+             {:.1} MB instead of {:.1}, {:+.2} dB in {} images of {} frames left out",
             taken.gaussians,
             set.gaussians,
             taken.iteration_ms,
@@ -112,14 +128,18 @@ fn trial_iterations(run: u64) -> u64 {
 }
 
 impl Trainer<'_> {
-    /// Finds out how simple the avatar may be; `None` if there are too few frames to tell.
-    pub(super) fn simplify(&self, gpu: &mut Gpu) -> Result<Option<Simplification>, TrainError> {
+    /// Finds out how simple the avatar may be, and calls `ended` after each trial; `None` if there are too few frames to tell.
+    pub(super) fn simplify(
+        &self,
+        gpu: &mut Gpu,
+        ended: &mut dyn FnMut(&Trial),
+    ) -> Result<Option<Simplification>, TrainError> {
         let Some(mut trials) = Trials::new(self)? else {
             log::warn!("simplify=auto: there are too few frames to leave some out, so the avatar is as set");
             return Ok(None);
         };
         let set = &self.settings;
-        trials.run(gpu, set, &[])?;
+        trials.run(gpu, set, &[], ended)?;
         for (key, values) in self.simpler(gpu)? {
             for value in values {
                 if set.max_seconds > 0.0 && self.seconds() > MOST_TIME * set.max_seconds {
@@ -128,14 +148,12 @@ impl Trainer<'_> {
                 let mut changes = trials.taken().changes.clone();
                 changes.retain(|change| !change.starts_with(&format!("{key}=")));
                 changes.push(format!("{key}={value}"));
-                if !trials.run(gpu, set, &changes)? {
+                if !trials.run(gpu, set, &changes, ended)? {
                     break;
                 }
             }
         }
-        let found = trials.finish();
-        log::info!("{}", found.summary());
-        Ok(Some(found))
+        Ok(Some(trials.finish()))
     }
 
     /// Settings with simpler and simpler values.
@@ -229,7 +247,13 @@ impl<'a> Trials<'a> {
     }
 
     /// Tries the settings with some changes, and takes them if they cost little; whether they are taken.
-    fn run(&mut self, gpu: &mut Gpu, set: &TrainSettings, changes: &[String]) -> Result<bool, TrainError> {
+    fn run(
+        &mut self,
+        gpu: &mut Gpu,
+        set: &TrainSettings,
+        changes: &[String],
+        ended: &mut dyn FnMut(&Trial),
+    ) -> Result<bool, TrainError> {
         let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
@@ -276,12 +300,7 @@ impl<'a> Trials<'a> {
             iteration_ms: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
             bytes: result.avatar.file_size().unwrap_or_default(),
         };
-        log::info!(
-            "trial: {}: {gaussians} Gaussians, {:.2} dB, {:.1} ms an iteration",
-            if changes.is_empty() { "as set".into() } else { changes.join(", ") },
-            trial.psnr,
-            trial.iteration_ms
-        );
+        ended(&trial);
         // A trial that is not a number is not taken.
         let is_good = self.done.first().is_none_or(|set| trial.psnr >= set.psnr - MOST_LOSS);
         self.done.push(trial);
@@ -298,6 +317,6 @@ impl<'a> Trials<'a> {
     fn finish(self) -> Simplification {
         let images = self.trainer.watched.as_ref().map_or(0, |watched| watched.views.len());
         let Trials { frames_left_out, iterations, done: trials, taken, .. } = self;
-        Simplification { frames_left_out, images, iterations, trials, taken }
+        Simplification { frames_left_out, images, iterations, trials, taken, never_shown: 0 }
     }
 }

@@ -191,6 +191,7 @@ impl Trainer<'_> {
                 l1: losses.mean,
                 curve: &self.curve.borrow(),
                 previews: &previews,
+                trial: None,
             });
         }
         // So that a run which is killed while it is evaluated need not repeat its last iterations.
