@@ -26,7 +26,7 @@ use crate::light_fit::{LightFit, fit_light_to};
 use crate::lpips::Lpips;
 use crate::memory_check;
 use crate::needed_texels::needed_texels;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Simplify, TrainSettings};
+use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Model, Simplify, TrainSettings};
 use crate::shown_gaussians::shown_gaussians;
 use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
@@ -379,7 +379,8 @@ impl<'a> Trainer<'a> {
         let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
         avatar.limit_response(&self.seen_poses());
-        if let Some(simplification) = self.prepared.simplification.as_mut().filter(|_| !stopped) {
+        let may_leave_out = !stopped && self.settings.model == Model::Direct;
+        if let Some(simplification) = self.prepared.simplification.as_mut().filter(|_| may_leave_out) {
             let (views, poses) = (&self.views, &self.prepared.poses);
             let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
                 let images = (0..views.len()).map(|k| views.get(k, 1).map(|view| (view.frame, view.camera)));
