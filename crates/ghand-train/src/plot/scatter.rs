@@ -3,6 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::label::label_width;
 use super::{COLORS, FONT, INK, SIZE, draw_axes, draw_legend, range};
 
 /// A point.
@@ -35,6 +36,8 @@ pub struct ScatterPlot {
 
 /// Taller than other plots: names need room.
 const HEIGHT: u32 = 560;
+/// Height of the names, pixels.
+const NAME_HEIGHT: i32 = 12;
 /// Room at the right for names, as a part of the axis.
 const NAMES: f64 = 0.28;
 
@@ -72,12 +75,17 @@ impl ScatterPlot {
             });
             let legend = move |(x, y): (i32, i32)| Circle::new((x + 9, y), 5, color.filled());
             chart.draw_series(circles).map_err(|e| text(&e))?.label(name).legend(legend);
-            let names = points.iter().map(|p| {
-                let font = (FONT, 12).into_font().color(&INK.mix(if p.best { 1.0 } else { 0.6 }));
-                EmptyElement::at((p.at[0], p.at[1])) + Text::new(p.name.clone(), (8, -14), font)
-            });
-            chart.draw_series(names).map_err(|e| text(&e))?;
         }
+        let (best, others): (Vec<&Point>, Vec<&Point>) = self.points.iter().partition(|point| point.best);
+        let named: Vec<&Point> = best.into_iter().chain(others).filter(|point| !point.name.is_empty()).collect();
+        let places: Vec<(i32, i32)> = named.iter().map(|p| chart.backend_coord(&(p.at[0], p.at[1]))).collect();
+        let widths: Vec<i32> = named.iter().map(|p| label_width(f64::from(NAME_HEIGHT), &p.name) as i32).collect();
+        let offsets = without_overlap(&places, &widths);
+        let names = named.iter().zip(offsets).filter_map(|(p, offset)| {
+            let font = (FONT, NAME_HEIGHT).into_font().color(&INK.mix(if p.best { 1.0 } else { 0.6 }));
+            Some(EmptyElement::at((p.at[0], p.at[1])) + Text::new(p.name.clone(), offset?, font))
+        });
+        chart.draw_series(names).map_err(|e| text(&e))?;
         if self.groups.len() > 1 {
             draw_legend(&mut chart, SeriesLabelPosition::LowerRight)?;
         }
@@ -85,9 +93,42 @@ impl ScatterPlot {
     }
 }
 
+/// Where each name goes, relative to its point, so that none lies on one before it; `None` where there is no room.
+fn without_overlap(places: &[(i32, i32)], widths: &[i32]) -> Vec<Option<(i32, i32)>> {
+    let mut taken: Vec<[i32; 4]> = vec![];
+    let mut offset_of = |((x, y), width): ((i32, i32), i32)| {
+        // Right of the point, higher and lower, then left of it.
+        let beside = [8, -8 - width].into_iter().flat_map(|dx| [-14, 4, -28, 18, -42, 32].map(|dy| (dx, dy)));
+        beside.into_iter().find(|(dx, dy)| {
+            let [left, top, right, bottom] = [x + dx, y + dy, x + dx + width, y + dy + NAME_HEIGHT];
+            let is_free = taken.iter().all(|[l, t, r, b]| right < *l || *r < left || bottom < *t || *b < top);
+            if is_free {
+                taken.push([left, top, right, bottom]);
+            }
+            is_free
+        })
+    };
+    places.iter().copied().zip(widths.iter().copied()).map(&mut offset_of).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_points_that_lie_together_do_not_overlap() {
+        let places: Vec<(i32, i32)> = (0..20).map(|k| (100 + k % 3, 200 + k % 2)).collect();
+        let offsets = without_overlap(&places, &[50; 20]);
+        let boxes: Vec<(i32, i32)> =
+            places.iter().zip(&offsets).filter_map(|((x, y), o)| o.map(|(dx, dy)| (x + dx, y + dy))).collect();
+        assert!(boxes.len() >= 10 && offsets[0] == Some((8, -14)), "{offsets:?}");
+        for (i, a) in boxes.iter().enumerate() {
+            for b in &boxes[..i] {
+                assert!((a.0 - b.0).abs() > 50 || (a.1 - b.1).abs() > NAME_HEIGHT, "{a:?} {b:?}");
+            }
+        }
+        assert_eq!(offsets.last(), Some(&None), "no room is left");
+    }
 
     #[test]
     fn points_are_drawn_with_their_names() {
