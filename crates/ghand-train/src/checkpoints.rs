@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use ghand_files::atomic_file::remove_unfinished;
+
 use crate::checkpoint::{Checkpoint, CheckpointError};
 
 /// The folder of a run's checkpoints.
@@ -71,9 +73,12 @@ impl Checkpoints {
 
     /// The newest checkpoint of a folder that is whole; `None` without any. Each damaged one is told.
     ///
+    /// What a killed program was writing there is removed.
+    ///
     /// # Errors
     /// [`CheckpointError`] of the newest one if none of them can be used.
     pub fn latest(folder: &Path) -> Result<Option<Checkpoint>, CheckpointError> {
+        remove_unfinished(folder);
         let mut first_error = None;
         for (_, path) in files(folder).iter().rev() {
             match Checkpoint::load(path) {
@@ -167,7 +172,9 @@ mod tests {
         let mut checkpoints = Checkpoints::new(place.path(), Duration::ZERO, 0);
         checkpoints.save(&at(5));
         checkpoints.save(&at(9));
+        std::fs::write(place.path().join(".writing-abc"), "half").unwrap();
         assert_eq!(Checkpoints::latest(place.path()).unwrap().unwrap().stage.iteration, 9);
+        assert!(!place.path().join(".writing-abc").exists());
         let newest = place.path().join("0000000009.checkpoint");
         let bytes = std::fs::read(&newest).unwrap();
         std::fs::write(&newest, &bytes[..bytes.len() / 2]).unwrap();

@@ -35,10 +35,16 @@ fn what_frames_left_out_do_not_require_is_left_out() {
             trainer = trainer.resume(checkpoint).unwrap();
         }
         let trainer = trainer.stop_when(&stop).save_to(Checkpoints::new(&checkpoints, Duration::from_secs(1000), 0));
-        trainer.train(|p| stop.store(p.iteration >= stop_at, Ordering::Relaxed)).unwrap()
+        let mut told = vec![];
+        let trained = trainer.train(|p| {
+            told.extend(p.trial.cloned());
+            stop.store(p.iteration >= stop_at, Ordering::Relaxed);
+        });
+        (trained.unwrap(), told)
     };
-    let trained = train("whole", u64::MAX);
+    let (trained, told) = train("whole", u64::MAX);
     let found = trained.simplification.clone().unwrap();
+    assert_eq!(told, found.trials);
     for trial in &found.trials {
         println!("{:?}: {} Gaussians, {:.2} dB, {} bytes", trial.changes, trial.gaussians, trial.psnr, trial.bytes);
     }
@@ -56,8 +62,9 @@ fn what_frames_left_out_do_not_require_is_left_out() {
     assert!(gaussians.abs_diff(tried) * 50 <= tried, "{gaussians} Gaussians, {tried} were tried");
     assert_eq!(trained.avatar.config, trained.settings.avatar());
     // A run that is interrupted afterwards does not try again, and ends with the same avatar.
-    assert!(train("parts", 30).stopped);
-    let resumed = train("parts", u64::MAX);
+    assert!(train("parts", 30).0.stopped);
+    let (resumed, told) = train("parts", u64::MAX);
+    assert!(told.is_empty());
     assert_eq!(resumed.simplification.unwrap().taken, found.taken);
     assert!(resumed.avatar == trained.avatar);
     // It may be stopped in a trial.

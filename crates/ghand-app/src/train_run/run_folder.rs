@@ -179,7 +179,7 @@ impl RunFolder {
         let leftovers = Leftovers { folder: path.into(), lock: FolderLock::file(path), made };
         Ok(match FolderLock::attempt(path) {
             Ok(Attempt::Locked(lock)) => {
-                // A killed run may have been writing.
+                // A killed run may have been writing, even before it had a record or a checkpoint.
                 remove_unfinished(path);
                 remove_unfinished(&path.join(CHECKPOINTS));
                 Ok(RunFolder { path: path.into(), leftovers, _lock: lock })
