@@ -51,14 +51,12 @@ pub struct ImagePaths {
     pub mask: Option<String>,
     /// Folder for masks made from the posed hand model, for images without a file at `mask`.
     pub made_masks: Option<PathBuf>,
-    /// Whether the images show more than the hand, so that pixels outside the mask get the background's colour.
-    pub hide_surroundings: bool,
 }
 
 impl ImagePaths {
     /// Images, and masks if there are any, that show the hand over the capture's background.
     pub fn plain(image: &str, mask: Option<&str>) -> ImagePaths {
-        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None, hide_surroundings: false }
+        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None }
     }
 }
 

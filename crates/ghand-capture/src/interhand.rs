@@ -191,7 +191,6 @@ fn paths(location: &Location) -> ImagePaths {
         image: format!("{}/{below}.jpg", location.images),
         mask: Some(format!("{masks}/{below}.png")),
         made_masks: Some(made),
-        hide_surroundings: true,
     }
 }
 

@@ -131,9 +131,7 @@ impl Capture {
             cut(&mut rgba);
         }
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
-        if self.images.hide_surroundings {
-            rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
-        }
+        rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
     }
 

@@ -12,6 +12,17 @@ pub enum Side {
     Left,
 }
 
+impl Side {
+    /// The other hand.
+    #[must_use]
+    pub fn other(self) -> Side {
+        match self {
+            Side::Right => Side::Left,
+            Side::Left => Side::Right,
+        }
+    }
+}
+
 /// An unusable part of a hand model, or an unusable request to one.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{origin}: {field}: {problem}")]
@@ -96,6 +107,27 @@ impl HandModel {
     /// Number of shape directions, `n_s`.
     pub fn shape_count(&self) -> usize {
         self.shape_directions.len() / self.vertices.len().max(1)
+    }
+
+    /// The hand of the other side: the mirror image in x, with the winding of the triangles reversed. The names of the
+    /// model and its joints, the weights, the UV atlas and the pose space stay.
+    #[must_use]
+    pub fn mirrored(&self) -> HandModel {
+        let mut model = HandModel { side: self.side.other(), ..self.clone() };
+        let points = model.vertices.iter_mut().chain(&mut model.joints);
+        for p in points.chain(&mut model.shape_directions).chain(&mut model.joint_directions) {
+            p.x = -p.x;
+        }
+        // The mirrored rotation is M R M with M = diag(-1, 1, 1): entries with one index x change sign.
+        for (feature, directions) in model.pose_directions.chunks_exact_mut(self.vertices.len().max(1)).enumerate() {
+            let (row, column) = (feature % 9 / 3, feature % 3);
+            let sign = if (row == 0) != (column == 0) { -1.0 } else { 1.0 };
+            directions.iter_mut().for_each(|d| *d *= DVec3::new(-sign, sign, sign));
+        }
+        for t in model.faces.iter_mut().chain(&mut model.face_uvs) {
+            t.swap(1, 2);
+        }
+        model
     }
 
     /// The model reduced to what skinning needs: no blend shapes, joints that do not depend on a shape, no

@@ -24,6 +24,15 @@ pub struct Pose {
     pub translation: DVec3,
 }
 
+impl Pose {
+    /// The pose of the other hand that is the mirror image in x.
+    #[must_use]
+    pub fn mirrored(&self) -> Pose {
+        let translation = DVec3::new(-self.translation.x, self.translation.y, self.translation.z);
+        Pose { rotations: self.rotations.iter().map(|r| DVec3::new(r.x, -r.y, -r.z)).collect(), translation }
+    }
+}
+
 /// An impossible part of a pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PoseRangeError {

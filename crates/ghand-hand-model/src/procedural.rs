@@ -142,7 +142,7 @@ impl ProceduralHand {
             source_vertices: vec![],
         };
         if self.left {
-            mirror(&mut model);
+            model = model.mirrored();
         }
         model.validate()?;
         Ok(model)
@@ -208,25 +208,6 @@ fn bending(chain: &skeleton::Chain, is_thumb: bool) -> BendingChain {
 
 fn invalid(field: &str, problem: String) -> HandModelError {
     HandModelError::invalid("procedural hand", field, problem)
-}
-
-/// Turns a right hand into a left one: mirrored in x, with the winding of the triangles reversed.
-fn mirror(model: &mut HandModel) {
-    model.side = Side::Left;
-    let points = model.vertices.iter_mut().chain(&mut model.joints);
-    for p in points.chain(&mut model.shape_directions).chain(&mut model.joint_directions) {
-        p.x = -p.x;
-    }
-    // The mirrored rotation is M R M with M = diag(-1, 1, 1): entries with one index x change sign.
-    let count = model.vertices.len();
-    for (feature, directions) in model.pose_directions.chunks_exact_mut(count).enumerate() {
-        let (row, column) = (feature % 9 / 3, feature % 3);
-        let sign = if (row == 0) != (column == 0) { -1.0 } else { 1.0 };
-        directions.iter_mut().for_each(|d| *d *= DVec3::new(-sign, sign, sign));
-    }
-    for t in model.faces.iter_mut().chain(&mut model.face_uvs) {
-        t.swap(1, 2);
-    }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod frame;
 mod priors;
 mod proportions;
 mod rejection;
+mod side;
 pub mod single_frames;
 mod spread;
 mod texture;
@@ -32,9 +33,11 @@ use distance_field::DistanceField;
 pub(crate) use distance_field::squared_distances;
 use frame::{FrameEquations, Rig};
 use priors::Priors;
-use proportions::Proportions;
+use proportions::{Proportions, Shaped};
 pub use rejection::Rejection;
 use rejection::rejection;
+use side::is_other_hand;
+use single_frames::PoseKnowledge;
 use spread::Estimate;
 use texture::SplitContrast;
 pub use texture::TextureRefinement;
@@ -71,6 +74,8 @@ pub struct Alignment {
     pub template: HandModel,
     /// Why poses and template are those of the capture, if they are.
     pub rejection: Option<Rejection>,
+    /// Poses and template that were found and rejected, for the picture of the alignment.
+    pub rejected: Option<Box<(Vec<Pose>, HandModel)>>,
     /// How well given poses and those that the alignment found fit the masks.
     pub fit: [MaskFit; 2],
     /// Frames, counted in the split, that keep their given poses because these overlap the masks better.
@@ -82,8 +87,19 @@ pub struct Alignment {
     /// Standard deviation of what the aligned rotations may be off by, by contours and priors without texture, root mean
     /// square over frames and axes, radians: by joint, 0 for those that do not move.
     pub uncertainty: Vec<f64>,
+    /// What it learned of poses in general; `None` in a run that goes on from a checkpoint.
+    #[serde(skip)]
+    pub knowledge: Option<PoseKnowledge>,
     /// Seconds that it took.
     pub seconds: f64,
+}
+
+impl Alignment {
+    /// All templates in it.
+    pub(crate) fn templates_mut(&mut self) -> impl Iterator<Item = &mut HandModel> {
+        let rejected = self.rejected.as_mut().map(|rejected| &mut rejected.1);
+        std::iter::once(&mut self.template).chain(rejected)
+    }
 }
 
 /// How well a template in certain poses fits the masks.
@@ -111,34 +127,37 @@ pub fn align(
     after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<Alignment, AlignmentError> {
     let start = Instant::now();
-    let fields: Vec<Option<DistanceField>> = (split.views.par_iter())
-        .map(|view| {
-            let mask = capture.load_hand_mask(view.camera, view.frame)?;
-            Ok(DistanceField::of_mask(&mask, capture.cameras[view.camera].width as usize))
-        })
-        .collect::<Result<_, CaptureError>>()?;
-    let mut images: Vec<Images> = vec![vec![]; split.frames.len()];
-    for (view, field) in split.views.iter().zip(&fields) {
-        images[view.position].extend(field.as_ref().map(|field| (&capture.cameras[view.camera], field)));
-    }
+    let fields = DistanceField::of_views(capture, &split.views)?;
+    let images = images_of_frames(capture, split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
-    let mut fit = Fit::new(&capture.template, given);
-    let steps = FIRST_STEPS.map(|huber| (huber, false)).into_iter().chain(STEPS.map(|huber| (huber, true)));
-    for (number, (huber, use_spreads)) in steps.enumerate() {
-        if number == FIRST_STEPS.len() {
-            fit.start_fingers_again(&images)?;
-        }
-        let [median, far] = fit.step(&images, huber, use_spreads)?;
-        let text = format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px");
-        if !after_step(&text, &fit.poses) {
-            return Err(AlignmentError::Stopped);
-        }
+    let mut fit = Fit::new(&capture.template, given, Shape::Unknown);
+    let went_on = fit.follow_contours(&images, &mut |number, [median, far], poses| {
+        after_step(&format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px"), poses)
+    })?;
+    if !went_on {
+        return Err(AlignmentError::Stopped);
     }
     let refine = |fit: &Fit, usable: &[bool]| {
         let contrast = SplitContrast::load(capture, split)?;
         texture::refine(fit, &contrast.by_frame(capture, split), &images, usable, after_step)
     };
     fit.finish(&images, start, refine)
+}
+
+/// The images of a split by frame; those without outline are left out.
+fn images_of_frames<'a>(capture: &'a Capture, split: &Split, fields: &'a [Option<DistanceField>]) -> Vec<Images<'a>> {
+    let mut images: Vec<Images> = vec![vec![]; split.frames.len()];
+    for (view, field) in split.views.iter().zip(fields) {
+        images[view.position].extend(field.as_ref().map(|field| (&capture.cameras[view.camera], field)));
+    }
+    images
+}
+
+/// Whether the template's shape is one of the unknowns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shape {
+    Known,
+    Unknown,
 }
 
 /// The state of an alignment.
@@ -149,12 +168,13 @@ struct Fit<'a> {
     carries: Vec<Vec<bool>>,
     given: Vec<&'a Pose>,
     poses: Vec<Pose>,
+    /// Empty if the shape is known.
     shape: Vec<f64>,
     priors: Priors,
 }
 
 impl<'a> Fit<'a> {
-    fn new(template: &'a HandModel, given: Vec<&'a Pose>) -> Fit<'a> {
+    fn new(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
         let joints = template.joint_count();
         let poses: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
         let moves = moving_joints(&poses);
@@ -171,7 +191,7 @@ impl<'a> Fit<'a> {
         Fit {
             edges: Edges::of(&template.faces),
             priors: Priors::new(template, &moving, given.len()),
-            shape: vec![0.0; proportions.parameter_count()],
+            shape: vec![0.0; if shape == Shape::Known { 0 } else { proportions.parameter_count() }],
             poses,
             proportions,
             moving,
@@ -180,8 +200,35 @@ impl<'a> Fit<'a> {
         }
     }
 
+    /// All steps. `after_step` gets the step's number, median and 95th percentile of the contours' distances before it, and
+    /// the poses, and returns whether to go on. Returns whether all steps were done.
+    fn follow_contours(
+        &mut self,
+        images: &[Images],
+        after_step: &mut dyn FnMut(usize, [f64; 2], &[Pose]) -> bool,
+    ) -> Result<bool, InvalidHandModel> {
+        let steps = FIRST_STEPS.map(|huber| (huber, false)).into_iter().chain(STEPS.map(|huber| (huber, true)));
+        for (number, (huber, use_spreads)) in steps.enumerate() {
+            if number == FIRST_STEPS.len() {
+                self.start_fingers_again(images)?;
+            }
+            let distances = self.step(images, huber, use_spreads)?;
+            if !after_step(number, distances, &self.poses) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn shaped(&self) -> Result<Shaped, InvalidHandModel> {
+        match self.shape.is_empty() {
+            true => Ok(Shaped::fixed(self.proportions.template())),
+            false => self.proportions.shaped(&self.shape),
+        }
+    }
+
     fn equations(&self, images: &[Images], huber: f64) -> Result<Vec<FrameEquations>, InvalidHandModel> {
-        let shaped = self.proportions.shaped(&self.shape)?;
+        let shaped = self.shaped()?;
         let rig = Rig { shaped: &shaped, edges: &self.edges, moving: &self.moving, carries: &self.carries, huber };
         self.poses.par_iter().zip(images).map(|(pose, images)| rig.equations(pose, images)).collect()
     }
@@ -212,12 +259,17 @@ impl<'a> Fit<'a> {
         let equations = self.equations_with_given(images, FIRST_STEPS[FIRST_STEPS.len() - 1])?;
         self.measure_priors(&equations);
         for k in 0..self.poses.len() {
-            let found = self.poses[k].clone();
-            self.poses[k] = self.prior_pose(self.given[k]);
-            self.poses[k].rotations[0] = found.rotations[0];
-            self.poses[k].translation = found.translation;
+            self.poses[k] = self.with_fingers_from_priors(&self.poses[k], self.given[k]);
         }
         Ok(())
+    }
+
+    /// A pose with the fingers of the likeliest one by the given one and the joints' spreads.
+    fn with_fingers_from_priors(&self, pose: &Pose, given: &Pose) -> Pose {
+        let mut likely = self.prior_pose(given);
+        likely.rotations[0] = pose.rotations[0];
+        likely.translation = pose.translation;
+        likely
     }
 
     /// The likeliest pose by the given one and the joints' spreads.
@@ -279,7 +331,7 @@ impl<'a> Fit<'a> {
     ) -> Result<Alignment, AlignmentError> {
         let given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
         let (given_fit, _) = self.fit_of(self.proportions.template(), &given, images)?;
-        let template = self.proportions.shaped(&self.shape)?.model;
+        let template = self.shaped()?.model;
         let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
         let (mut aligned_fit, overlaps) = self.fit_of(&template, &self.poses, images)?;
         let mut kept = vec![];
@@ -292,7 +344,8 @@ impl<'a> Fit<'a> {
         if !kept.is_empty() {
             (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
         }
-        let rejection = rejection([given_fit, aligned_fit], self.proportions.template(), &template);
+        let is_other_hand = is_other_hand(self.proportions.template(), &self.given, images)?;
+        let rejection = rejection([given_fit, aligned_fit], self.proportions.template(), &template, is_other_hand);
         let mut texture = None;
         if rejection.is_none() {
             let usable: Vec<bool> = (0..images.len()).map(|k| !images[k].is_empty() && !kept.contains(&k)).collect();
@@ -309,11 +362,24 @@ impl<'a> Fit<'a> {
         let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
         let uncertainty = self.uncertainty(images)?;
         let seconds = start.elapsed().as_secs_f64();
-        let (poses, template) = match rejection {
-            Some(_) => (given, self.proportions.template().clone()),
-            None => (self.poses, template),
+        let knowledge = Some(PoseKnowledge { moving: self.moving, priors: self.priors });
+        let (poses, template, rejected) = match rejection {
+            Some(_) => (given, self.proportions.template().clone(), Some(Box::new((self.poses, template)))),
+            None => (self.poses, template, None),
         };
-        Ok(Alignment { poses, template, rejection, fit, kept, prior_poses, texture, uncertainty, seconds })
+        Ok(Alignment {
+            poses,
+            template,
+            rejection,
+            rejected,
+            fit,
+            kept,
+            prior_poses,
+            texture,
+            uncertainty,
+            knowledge,
+            seconds,
+        })
     }
 
     /// The standard deviations of the joints' rotations, by all that is known.

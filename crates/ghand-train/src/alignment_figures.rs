@@ -84,7 +84,7 @@ impl AlignmentFigures {
         let names = alignment.template.joint_names.iter();
         let uncertain = names.zip(&alignment.uncertainty).zip(&moves).filter(|(_, moves)| **moves);
         AlignmentFigures {
-            rejection: alignment.rejection.map(|reason| reason.to_string()),
+            rejection: alignment.rejection.as_ref().map(ToString::to_string),
             kept_frames: alignment.kept.len(),
             seconds: alignment.seconds,
             texture: alignment.texture.as_ref().map(TextureFigures::of),

@@ -30,7 +30,8 @@ struct Panel {
 }
 
 /// One row per view, evenly over frames and cameras: the outline of the capture's template in the given pose at the left,
-/// that of the fitted template in the aligned pose at the right. `split` is the one that was aligned.
+/// that of the fitted template in the aligned pose at the right, also if the alignment was rejected. `split` is the one that
+/// was aligned.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
@@ -48,7 +49,11 @@ pub fn alignment_picture(capture: &Capture, split: &Split, alignment: &Alignment
             Rgb([r, g, b])
         });
         let given = silhouette(&capture.template, &capture.frames[view.frame].pose, camera)?;
-        let aligned = silhouette(&alignment.template, &alignment.poses[position], camera)?;
+        let (poses, template) = match alignment.rejected.as_deref() {
+            Some((poses, template)) => (poses, template),
+            None => (&alignment.poses, &alignment.template),
+        };
+        let aligned = silhouette(template, &poses[position], camera)?;
         let mask = loaded.rgba.iter().map(|pixel| pixel[3] >= 128);
         let shown: Vec<bool> = given.iter().zip(&aligned).zip(mask).map(|((a, b), mask)| *a || *b || mask).collect();
         let part = bounds(&shown, loaded.width);
@@ -111,7 +116,8 @@ fn with_outline(
 }
 
 fn sheet(panels: &[Panel], alignment: &Alignment) -> RgbImage {
-    let heads = ["given", "aligned"]
+    let found = if alignment.rejection.is_some() { "found, rejected" } else { "aligned" };
+    let heads = ["given", found]
         .into_iter()
         .zip(alignment.fit)
         .map(|(head, fit)| format!("{head}: contours {:.1} px off, overlap {:.3}", fit.contours[0], fit.overlap));

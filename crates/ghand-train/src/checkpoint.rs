@@ -14,13 +14,14 @@ use crate::alignment::Alignment;
 use crate::exposure::ExposureFit;
 use crate::light_fit::LightFit;
 use crate::light_training::LightState;
+use crate::protocol::PosedView;
 use crate::settings::TrainSettings;
 use crate::trainer::simplification::Simplification;
 
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
 /// Version of the format that this program writes and reads.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Bytes before the CBOR.
 const HEADER: usize = MAGIC.len() + 8;
 /// Maximum file size, bytes.
@@ -67,6 +68,8 @@ pub struct Prepared {
     pub poses: Vec<Pose>,
     /// The alignment, with `align=contours`. Its template has no pose blend shapes here: they are the capture's.
     pub alignment: Option<Alignment>,
+    /// The images of the watched split in poses that were fitted to their masks.
+    pub held_out: Option<Vec<PosedView>>,
     /// How the light was found.
     pub light: Option<LightFit>,
     /// The cameras' exposures. The maps are in `correction`.
@@ -84,7 +87,7 @@ impl Prepared {
     pub(crate) fn without_blend_shapes(&self) -> Prepared {
         let mut prepared = self.clone();
         if let Some(alignment) = &mut prepared.alignment {
-            alignment.template.pose_directions.clear();
+            alignment.templates_mut().for_each(|template| template.pose_directions.clear());
         }
         prepared
     }

@@ -196,6 +196,8 @@ pub struct Metrics {
     /// The figures on images; absent if there were no images to evaluate.
     #[serde(flatten)]
     pub images: Option<ImageMetrics>,
+    /// The same in the capture's own poses, where `images` has others; `null` otherwise.
+    pub given: Option<ImageMetrics>,
     /// The preset that the settings started from.
     pub preset: String,
     /// The property model.
@@ -262,6 +264,8 @@ impl ImageMetrics {
 pub struct SimilarityMetrics {
     /// Mean PSNR, dB.
     pub psnr: f64,
+    /// Mean PSNR over the squares around the hand, scaled to 256 x 256 pixels, dB; `null` if all masks are empty.
+    pub psnr_square: Option<f64>,
     /// Mean PSNR over the masks, dB.
     pub psnr_hand: f64,
     /// Mean SSIM.
@@ -277,8 +281,8 @@ pub struct SimilarityMetrics {
 
 impl SimilarityMetrics {
     fn of(similarity: &ImageSimilarity) -> SimilarityMetrics {
-        let ImageSimilarity { psnr, psnr_hand, ssim, flip, lpips, bands } = *similarity;
-        SimilarityMetrics { psnr, psnr_hand, ssim, flip, lpips, squared_error: bands.means() }
+        let ImageSimilarity { psnr, psnr_square, psnr_hand, ssim, flip, lpips, bands } = *similarity;
+        SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, flip, lpips, squared_error: bands.means() }
     }
 }
 

@@ -2,6 +2,7 @@
 //! size, on black.
 
 use ghand_core::Camera;
+use glam::DVec2;
 use image::imageops::{FilterType, resize};
 use image::{Rgba, RgbaImage};
 
@@ -23,7 +24,36 @@ impl HandBox {
     /// The square around the mask of an image (red, green, blue, mask); `None` if the mask is empty. Parts of the square
     /// outside the image are black.
     pub fn of(camera: &Camera, rgba: &[[u8; 4]]) -> Option<HandBox> {
-        let width = camera.width as usize;
+        let square = Square::around_mask(rgba, camera.width)?;
+        let size = [camera.width, camera.height];
+        let scale = square.scale();
+        let camera = Camera {
+            width: SIDE,
+            height: SIDE,
+            focal: camera.focal * scale,
+            principal: (camera.principal - square.corner) * scale,
+            ..camera.clone()
+        };
+        let masked: Vec<[u8; 4]> =
+            (rgba.iter()).map(|&[r, g, b, mask]| if mask >= 128 { [r, g, b, 255] } else { [0; 4] }).collect();
+        let scaled = square.scaled(&masked, size, [0; 4]);
+        Some(HandBox { rgba: scaled, camera })
+    }
+}
+
+/// A square of an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Square {
+    /// Its top left corner in the image, pixels; may be outside.
+    pub corner: DVec2,
+    /// Its side, pixels.
+    pub side: f64,
+}
+
+impl Square {
+    /// The square around the mask of an image (red, green, blue, mask) with so many columns; `None` if the mask is empty.
+    pub fn around_mask(rgba: &[[u8; 4]], width: u32) -> Option<Square> {
+        let width = width.max(1) as usize;
         let inside =
             || rgba.iter().enumerate().filter(|(_, pixel)| pixel[3] >= 128).map(|(i, _)| [i % width, i / width]);
         let least = inside().reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1])])?;
@@ -31,28 +61,29 @@ impl HandBox {
         let longest = [0, 1].map(|axis| most[axis] + 1 - least[axis]).into_iter().max()?;
         let side = (MARGIN * longest as f64).ceil();
         let corner = [0, 1].map(|axis| ((least[axis] + most[axis] + 1) as f64 / 2.0 - side / 2.0).floor());
-        let square = RgbaImage::from_fn(side as u32, side as u32, |x, y| {
-            let (x, y) = (corner[0] + f64::from(x), corner[1] + f64::from(y));
-            let is_in_image = x >= 0.0 && y >= 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
-            let pixel = is_in_image.then(|| rgba[y as usize * width + x as usize]).filter(|pixel| pixel[3] >= 128);
-            Rgba(pixel.map_or([0; 4], |[r, g, b, _]| [r, g, b, 255]))
+        Some(Square { corner: corner.into(), side })
+    }
+
+    /// How many times larger it is when scaled.
+    pub fn scale(&self) -> f64 {
+        f64::from(SIDE) / self.side
+    }
+
+    /// The square of an image of this size, scaled to `SIDE` x `SIDE`. Parts outside the image have the colour `outside`.
+    pub fn scaled(&self, pixels: &[[u8; 4]], [width, height]: [u32; 2], outside: [u8; 4]) -> Vec<[u8; 4]> {
+        let square = RgbaImage::from_fn(self.side as u32, self.side as u32, |x, y| {
+            let (x, y) = (self.corner.x + f64::from(x), self.corner.y + f64::from(y));
+            let is_in_image = x >= 0.0 && y >= 0.0 && x < f64::from(width) && y < f64::from(height);
+            let at = y.max(0.0) as usize * width as usize + x.max(0.0) as usize;
+            Rgba(is_in_image.then(|| pixels.get(at).copied()).flatten().unwrap_or(outside))
         });
-        let scale = f64::from(SIDE) / side;
-        let camera = Camera {
-            width: SIDE,
-            height: SIDE,
-            focal: camera.focal * scale,
-            principal: (camera.principal - glam::DVec2::from(corner)) * scale,
-            ..camera.clone()
-        };
-        let scaled = resize(&square, SIDE, SIDE, FilterType::Triangle);
-        Some(HandBox { camera, rgba: scaled.pixels().map(|pixel| pixel.0).collect() })
+        resize(&square, SIDE, SIDE, FilterType::Triangle).pixels().map(|pixel| pixel.0).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DMat3, DVec3};
 
     use super::*;
 

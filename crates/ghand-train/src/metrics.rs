@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::error_bands::{ErrorBands, bands_of, squared_error};
 use crate::flip::mean_flip;
+use crate::hand_box::Square;
 use crate::ssim::mean_ssim;
 
 /// Similarity of a picture to its truth.
@@ -13,6 +14,9 @@ use crate::ssim::mean_ssim;
 pub struct ImageSimilarity {
     /// PSNR over all pixels, dB, on 8-bit values.
     pub psnr: f64,
+    /// PSNR over the square around the truth's mask ([`crate::hand_box`]), both scaled to 256 x 256 pixels, dB; `None` if
+    /// the mask is empty.
+    pub psnr_square: Option<f64>,
     /// PSNR over the truth's mask, dB.
     pub psnr_hand: f64,
     /// Mean SSIM ([`mean_ssim`]).
@@ -65,12 +69,14 @@ pub fn psnr(picture: &[[u8; 3]], truth: &[[u8; 4]]) -> Psnr {
 pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth: &[[u8; 4]]) -> [ImageSimilarity; N] {
     let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
     let bands = bands_of(truth, size);
+    let square = Square::around_mask(truth, size[0]);
     pictures.map(|picture| {
         let psnr = psnr(picture, truth);
         let mut errors = ErrorBands::default();
         errors.add(&bands, picture, truth);
         ImageSimilarity {
             psnr: psnr.whole,
+            psnr_square: square.map(|square| psnr_in(&square, size, picture, &colors)),
             psnr_hand: psnr.hand,
             ssim: mean_ssim(size[0] as usize, picture, &colors),
             flip: mean_flip(size, picture, &colors),
@@ -80,14 +86,26 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
     })
 }
 
+/// PSNR over a square, both pictures scaled, dB.
+fn psnr_in(square: &Square, size: [u32; 2], picture: &[[u8; 3]], truth: &[[u8; 3]]) -> f64 {
+    let scaled = |pixels: &[[u8; 3]]| {
+        let opaque: Vec<[u8; 4]> = pixels.iter().map(|&[r, g, b]| [r, g, b, 255]).collect();
+        square.scaled(&opaque, size, [0, 0, 0, 255])
+    };
+    let picture: Vec<[u8; 3]> = scaled(picture).iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+    psnr(&picture, &scaled(truth)).whole
+}
+
 /// Means over pictures; errors by band are means over pixels.
 pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
     let mean = |value: fn(&ImageSimilarity) -> f64| all.iter().map(value).sum::<f64>() / all.len().max(1) as f64;
+    let squares: Vec<f64> = all.iter().filter_map(|s| s.psnr_square).collect();
     let distances: Option<Vec<f64>> = all.iter().map(|s| s.lpips).collect();
     let mut bands = ErrorBands::default();
     all.iter().for_each(|one| bands.merge(&one.bands));
     ImageSimilarity {
         psnr: mean(|s| s.psnr),
+        psnr_square: (!squares.is_empty()).then(|| squares.iter().sum::<f64>() / squares.len() as f64),
         psnr_hand: mean(|s| s.psnr_hand),
         ssim: mean(|s| s.ssim),
         flip: mean(|s| s.flip),

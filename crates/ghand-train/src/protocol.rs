@@ -2,10 +2,10 @@
 
 use ghand_capture::{Capture, Split};
 use ghand_core::{HandModel, Pose};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::alignment::AlignmentError;
-use crate::alignment::single_frames::{SingleFrame, align_single_frames};
+use crate::alignment::single_frames::{PoseKnowledge, SingleFrame, align_single_frames};
 use crate::pose_offsets::PoseOffsets;
 
 /// How the poses of the evaluated images are chosen. Figures of different protocols cannot be compared.
@@ -15,6 +15,9 @@ pub enum Protocol {
     /// The capture's own poses.
     #[default]
     Given,
+    /// Poses fitted to the frame's masks, by what the training frames' masks say of poses; without the mask of the image
+    /// that is compared where the frame has three images or more.
+    Masks,
     /// The capture's own poses, mapped by the constant offsets between true and refined training poses.
     Aligned,
     /// Poses fitted to the masks' contours of half of a frame's cameras, compared with the images of the other half.
@@ -29,6 +32,9 @@ impl Protocol {
     pub fn description(self) -> &'static str {
         match self {
             Protocol::Given => "test poses untouched",
+            Protocol::Masks => {
+                "test poses fitted to the masks; with three cameras or more without the compared image's own"
+            }
             Protocol::Aligned => "test poses mapped by the constant offsets of the refined training poses",
             Protocol::RefinedCross => "test poses fitted to the masks of half of the cameras, scored on the other half",
             Protocol::HandAvatar => "test poses untouched, squares of 256 x 256 pixels around the hand on black",
@@ -40,6 +46,7 @@ impl std::fmt::Display for Protocol {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Protocol::Given => "given",
+            Protocol::Masks => "masks",
             Protocol::Aligned => "aligned",
             Protocol::RefinedCross => "refined-cross",
             Protocol::HandAvatar => "handavatar",
@@ -48,7 +55,7 @@ impl std::fmt::Display for Protocol {
 }
 
 /// An image to compare with, and the pose to draw.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PosedView {
     /// Index of the camera in the capture.
     pub camera: usize,
@@ -71,6 +78,47 @@ pub fn given_views(capture: &Capture, split: &Split) -> Vec<PosedView> {
 pub fn aligned_views(capture: &Capture, split: &Split, offsets: &PoseOffsets) -> Vec<PosedView> {
     let aligned = |view: PosedView| PosedView { pose: offsets.apply(&view.pose), ..view };
     given_views(capture, split).into_iter().map(aligned).collect()
+}
+
+/// The images of a split, each in a pose that was fitted to its frame's masks from the capture's pose on. Of a frame with
+/// three images or more each is compared in a pose by the masks of the others. `template` is the avatar's; its shape is
+/// fixed. The images' colours have no part in it.
+///
+/// # Errors
+/// [`AlignmentError`] if a mask is unusable or a pose does not fit the template.
+pub fn mask_views(
+    capture: &Capture,
+    split: &Split,
+    template: &HandModel,
+    known: &PoseKnowledge,
+) -> Result<Vec<PosedView>, AlignmentError> {
+    let mut fits: Vec<SingleFrame> = vec![];
+    // Which fit each view is drawn in.
+    let mut fit_of_view = vec![0; split.views.len()];
+    for (position, frame) in split.frames.iter().enumerate() {
+        let views: Vec<usize> = (0..split.views.len()).filter(|k| split.views[*k].position == position).collect();
+        let camera = |view: &usize| split.views[*view].camera;
+        let pose = &capture.frames[*frame].pose;
+        let mut fit = |cameras: Vec<usize>| {
+            fits.push(SingleFrame { frame: *frame, cameras, pose: pose.clone() });
+            fits.len() - 1
+        };
+        if views.len() < 3 {
+            let all = fit(views.iter().map(camera).collect());
+            views.iter().for_each(|view| fit_of_view[*view] = all);
+        } else {
+            for view in &views {
+                fit_of_view[*view] = fit(views.iter().filter(|other| *other != view).map(camera).collect());
+            }
+        }
+    }
+    let poses = align_single_frames(capture, template, Some(known), &fits)?;
+    let view = |(view, fit): (&ghand_capture::SplitView, usize)| PosedView {
+        camera: view.camera,
+        frame: view.frame,
+        pose: poses[fit].clone(),
+    };
+    Ok(split.views.iter().zip(fit_of_view).map(view).collect())
 }
 
 /// Why poses could not be fitted to half of the cameras.
@@ -116,7 +164,7 @@ pub fn cross_views(capture: &Capture, split: &Split, template: &HandModel) -> Re
         }
     }
     let fits: Vec<SingleFrame> = halves.iter().flatten().cloned().collect();
-    let poses = align_single_frames(capture, template, &fits)?;
+    let poses = align_single_frames(capture, template, None, &fits)?;
     let mut views = vec![];
     for ([even, odd], fitted) in halves.iter().zip(poses.chunks_exact(2)) {
         for (scored, pose) in [(even, &fitted[1]), (odd, &fitted[0])] {

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
-use ghand_capture::{Capture, ColorCorrection, Split};
+use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::Pose;
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
@@ -26,6 +26,7 @@ use crate::light_fit::{LightFit, fit_light_to};
 use crate::lpips::Lpips;
 use crate::memory_check;
 use crate::needed_texels::needed_texels;
+use crate::protocol::{PosedView, mask_views};
 use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Model, Simplify, TrainSettings};
 use crate::shown_gaussians::shown_gaussians;
 use crate::texel_frames::TexelFrames;
@@ -72,6 +73,9 @@ pub struct Trained {
     pub avatar: Avatar,
     /// Refined poses of the split's frames.
     pub poses: Vec<Pose>,
+    /// The images of the watched split in poses by the protocol `masks`, for the avatar's template, where the capture has no
+    /// exact poses and the training poses were aligned.
+    pub held_out: Option<Vec<PosedView>>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
     pub alignment: Option<Alignment>,
     /// How the light was found, unless `light=none`.
@@ -136,8 +140,24 @@ pub struct Trainer<'a> {
 
 /// Images of another split that a run is compared with.
 struct Watched {
+    /// Name of the split.
+    split: String,
+    /// Those of its images that are compared.
+    shown: Vec<SplitView>,
     views: TrainViews,
     poses: Vec<Pose>,
+}
+
+impl Watched {
+    /// Takes the poses of the compared images from these of the whole split.
+    fn take_poses(&mut self, of_split: &[PosedView]) {
+        for (view, pose) in self.shown.iter().zip(&mut self.poses) {
+            let same = |other: &&PosedView| (other.camera, other.frame) == (view.camera, view.frame);
+            if let Some(found) = of_split.iter().find(same) {
+                pose.clone_from(&found.pose);
+            }
+        }
+    }
 }
 
 /// Number of those images.
@@ -211,8 +231,9 @@ impl<'a> Trainer<'a> {
         Trainer { stop: Some(stop), ..self }
     }
 
-    /// Compares the avatar now and then with some images of another split, in the capture's poses. That changes nothing of
-    /// what is learned. The split may have no images.
+    /// Compares the avatar now and then with some images of another split. That changes nothing of what is learned. The
+    /// split may have no images. Their poses are the capture's; where the capture has no exact poses and the training poses
+    /// are aligned, those by the protocol `masks` ([`Trained::held_out`]).
     ///
     /// # Errors
     /// [`TrainError`] if the split does not exist or one of its images is unusable.
@@ -228,7 +249,11 @@ impl<'a> Trainer<'a> {
         let split = Split { views: chosen, ..split.clone() };
         let views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
         let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
-        Ok(Trainer { watched: Some(Watched { views, poses }), ..self })
+        let mut watched = Watched { split: split_name.into(), shown: split.views, views, poses };
+        if let Some(held_out) = &self.prepared.held_out {
+            watched.take_poses(held_out);
+        }
+        Ok(Trainer { watched: Some(watched), ..self })
     }
 
     /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
@@ -263,7 +288,8 @@ impl<'a> Trainer<'a> {
             return Err(mismatch(format!("{what}; train anew, without --resume")).into());
         }
         if let Some(alignment) = &mut prepared.alignment {
-            alignment.template.pose_directions.clone_from(&self.capture.template.pose_directions);
+            let directions = &self.capture.template.pose_directions;
+            alignment.templates_mut().for_each(|template| template.pose_directions.clone_from(directions));
             let fits = alignment.template.joint_count() == self.capture.template.joint_count();
             alignment.template.validate().map_err(|error| mismatch(error.to_string()))?;
             if !fits {
@@ -392,7 +418,8 @@ impl<'a> Trainer<'a> {
             }
         }
         let seconds = self.seconds();
-        let Prepared { poses, alignment, mut light, exposure, skipped_steps, simplification, .. } = self.prepared;
+        let Prepared { poses, held_out, alignment, mut light, exposure, skipped_steps, simplification, .. } =
+            self.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;
         if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
             fit.set_trained(trained);
@@ -402,6 +429,7 @@ impl<'a> Trainer<'a> {
         Ok(Trained {
             avatar,
             poses,
+            held_out,
             alignment,
             light,
             exposure,
@@ -481,7 +509,7 @@ impl<'a> Trainer<'a> {
             }
             result => result?,
         };
-        if let Some(rejection) = aligned.rejection {
+        if let Some(rejection) = &aligned.rejection {
             log::warn!("the given poses are used: {rejection}");
         } else if !aligned.kept.is_empty() {
             log::warn!(
@@ -500,6 +528,12 @@ impl<'a> Trainer<'a> {
         }
         self.prepared.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
+        if let (None, Some(known), Some(watched)) = (&self.capture.truth, &aligned.knowledge, &mut self.watched) {
+            let split = self.capture.split(&watched.split)?;
+            let held_out = mask_views(&self.capture, split, &aligned.template, known)?;
+            watched.take_poses(&held_out);
+            self.prepared.held_out = Some(held_out);
+        }
         self.prepared.alignment = Some(aligned);
         Ok(())
     }

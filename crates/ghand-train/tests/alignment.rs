@@ -65,7 +65,7 @@ fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
         pose: pose.clone(),
     };
     let frames: Vec<SingleFrame> = split.frames.iter().zip(&given).map(frame).collect();
-    let found = align_single_frames(&capture, &template, &frames).unwrap();
+    let found = align_single_frames(&capture, &template, None, &frames).unwrap();
     let shift =
         |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
     let moving = moving_joints(&given);
@@ -73,7 +73,7 @@ fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
     println!("{:.2} -> {:.2} degrees", error(&given), error(&found));
     println!("{:.2} -> {:.2} mm", 1e3 * shift(&given) / 8.0, 1e3 * shift(&found) / 8.0);
     assert!(shift(&found) < 0.75 * shift(&given) && error(&found) < error(&given));
-    let alone = align_single_frames(&capture, &template, &frames[2..3]).unwrap();
+    let alone = align_single_frames(&capture, &template, None, &frames[2..3]).unwrap();
     assert!(alone[0] == found[2], "other frames have a part in it");
 }
 

@@ -173,7 +173,7 @@ fn a_template_of_another_size_takes_the_size_of_the_hand() {
 #[test]
 fn templates_that_cannot_be_right_are_refused() {
     let left = of_template("other side", builtin_hand(Side::Left).unwrap());
-    assert!(matches!(left.rejection, Some(Rejection::Proportions { .. })), "{left:?}");
+    assert_eq!(left.rejection, Some(Rejection::OtherHand { side: Side::Left }), "{left:?}");
     for factor in [0.1, 10.0] {
         let found = of_template(&format!("template x {factor}"), scaled(&exact().0.template, factor));
         assert!(
@@ -183,7 +183,7 @@ fn templates_that_cannot_be_right_are_refused() {
         assert_eq!(found.given, found.aligned);
     }
     let message = left.rejection.unwrap().to_string();
-    assert!(message.contains("side") && !message.contains('\n'), "{message}");
+    assert!(message.contains("fit a right hand better than the left one") && !message.contains('\n'), "{message}");
 }
 
 fn scaled(model: &HandModel, factor: f64) -> HandModel {

@@ -10,9 +10,10 @@ use ghand_avatar::Avatar;
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_train::Protocol;
+use ghand_train::alignment::single_frames::pose_knowledge;
 use ghand_train::evaluate::ImageMetrics;
 use ghand_train::pose_offsets::PoseOffsets;
-use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views};
+use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
 use ghand_train::report::report;
 use serde::Serialize;
 
@@ -42,9 +43,9 @@ pub struct EvaluateArgs {
     /// pixels with colours that the training images lack, and its fine detail relative to theirs
     #[arg(long, value_enum, conflicts_with_all = ["protocol", "training_poses", "lpips"])]
     poses: Option<PosesArg>,
-    /// In which poses avatar and floor are drawn
-    #[arg(long, value_enum, default_value_t)]
-    protocol: ProtocolArg,
+    /// In which poses avatar and floor are drawn [default: given if the capture has exact poses, else masks]
+    #[arg(long, value_enum)]
+    protocol: Option<ProtocolArg>,
     /// Split that the avatar was trained on: the floor's texture is made from its images [default: as the avatar says]
     #[arg(long)]
     train_split: Option<String>,
@@ -74,11 +75,12 @@ enum PosesArg {
 }
 
 /// [`Protocol`] as an option.
-#[derive(Debug, Clone, Copy, Default, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ProtocolArg {
     /// The capture's poses, untouched
-    #[default]
     Given,
+    /// Poses fitted to the masks; of frames with three cameras or more without the compared image's own mask
+    Masks,
     /// The capture's poses, mapped by the constant offsets between its exact training poses and the refined ones
     Aligned,
     /// Poses fitted to the masks of half of a frame's cameras and compared with the images of the other half, both ways
@@ -127,7 +129,12 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let file = refined_poses_file(args);
     let refined = file.as_ref().map(|file| poses_of_split(file, &capture, train_split)).transpose()?;
-    let (protocol, views) = match args.protocol {
+    let default = if capture.truth.is_some() { ProtocolArg::Given } else { ProtocolArg::Masks };
+    let (protocol, views) = match args.protocol.unwrap_or(default) {
+        ProtocolArg::Masks => {
+            let known = pose_knowledge(&capture, &avatar.model, capture.split(train_split)?)?;
+            (Protocol::Masks, mask_views(&capture, split, &avatar.model, &known)?)
+        }
         ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
         ProtocolArg::HandAvatar => (Protocol::HandAvatar, given_views(&capture, split)),
         ProtocolArg::Aligned => {

@@ -325,27 +325,36 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         .end_with(format!("stopped before evaluation: the avatar after {progress} is {}", avatar_path.display()));
 
     let mut shown = None;
-    let images = match capture.splits.get(test_split) {
-        Some(split) if !split.views.is_empty() => {
-            let views = given_views(&capture, split);
-            let test = TestImages {
-                capture: &capture,
-                split: test_split,
-                protocol: Protocol::Given,
-                views,
-                lpips: lpips.as_deref(),
-            };
-            let (metrics, views) = gpu.retry_on_device_loss("the evaluation", |gpu| {
-                evaluate_images(gpu, &trained.avatar, &test, &train_split, &trained.poses)
-            })?;
-            shown = Some(report(&views));
-            Some(metrics)
-        }
-        _ => None,
-    };
+    let (mut images, mut given) = (None, None);
+    if let Some(split) = capture.splits.get(test_split).filter(|split| !split.views.is_empty()) {
+        let test = |protocol, views| TestImages {
+            capture: &capture,
+            split: test_split,
+            protocol,
+            views,
+            lpips: lpips.as_deref(),
+        };
+        let mut evaluate = |test: &TestImages| {
+            gpu.retry_on_device_loss("the evaluation", |gpu| {
+                evaluate_images(gpu, &trained.avatar, test, &train_split, &trained.poses)
+            })
+        };
+        let as_given = evaluate(&test(Protocol::Given, given_views(&capture, split)))?;
+        // Without exact poses, given ones say more about the tracker than about the avatar.
+        let (headline, views) = match &trained.held_out {
+            Some(held_out) => {
+                given = Some(as_given.0);
+                evaluate(&test(Protocol::Masks, held_out.clone()))?
+            }
+            None => as_given,
+        };
+        shown = Some(report(&views));
+        images = Some(headline);
+    }
     let (pose_error_deg, alignment) = pose_figures(&start, &train_split.frames, &trained);
     let metrics = Metrics {
         images,
+        given,
         preset: record.preset.clone(),
         model: trained.settings.model,
         components: trained.settings.components,

@@ -52,7 +52,16 @@ pub fn evaluate_images(
 ) -> anyhow::Result<(ImageMetrics, Vec<EvaluatedView>)> {
     let total = test.views.len();
     let cameras = test.views.iter().map(|view| view.camera).collect::<HashSet<_>>().len();
-    let floor = Floor::new(gpu, test.capture, train, train_poses, FLOOR_VIEWS)?;
+    // Poses fitted to masks are poses of the avatar's template, whose proportions are the hand's.
+    let of_avatar;
+    let floor_capture = match test.protocol {
+        Protocol::Masks => {
+            of_avatar = Capture { template: avatar.model.clone(), ..test.capture.clone() };
+            &of_avatar
+        }
+        _ => test.capture,
+    };
+    let floor = Floor::new(gpu, floor_capture, train, train_poses, FLOOR_VIEWS)?;
     let mut shown: Vec<EvaluatedView> = Vec::new();
     let mut index = 0;
     let &TestImages { capture, protocol, ref views, lpips, .. } = test;
@@ -91,6 +100,16 @@ pub fn pose_figures(
 pub fn print_table(m: &Metrics) {
     if let Some(images) = &m.images {
         print_image_table(images);
+    }
+    if let Some(given) = &m.given {
+        say!(
+            "with {}: {:.2} dB, {} in the square, {:.2} on the hand; floor {:.2}",
+            given.protocol.description(),
+            given.avatar.psnr,
+            decibels(given.avatar.psnr_square),
+            given.avatar.psnr_hand,
+            given.floor.psnr
+        );
     }
     match m.pose_error_deg {
         Some(e) => {
@@ -192,14 +211,19 @@ pub fn print_image_table(m: &ImageMetrics) {
     say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
     let rows = [("floor", &m.floor), ("avatar", &m.avatar)];
     let heading = m.lpips_backbone.map_or(String::new(), |backbone| format!("      LPIPS ({backbone})"));
-    say!("            PSNR   PSNR on the hand   SSIM      FLIP{heading}");
-    for (name, SimilarityMetrics { psnr, psnr_hand, ssim, flip, lpips, .. }) in rows {
+    say!("            PSNR   in the hand's square   on the hand   SSIM      FLIP{heading}");
+    for (name, SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, flip, lpips, .. }) in rows {
         let lpips = lpips.map_or(String::new(), |lpips| format!("    {lpips:.4}"));
-        say!("  {name:<6}  {psnr:6.2}      {psnr_hand:6.2}         {ssim:.4}    {flip:.4}{lpips}");
+        let square = decibels(*psnr_square);
+        say!(
+            "  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}    {flip:.4}{lpips}"
+        );
     }
+    let squares = m.avatar.psnr_square.zip(m.floor.psnr_square);
+    let square = squares.map_or("-".into(), |(avatar, floor)| format!("{:+.2}", avatar - floor));
     let lpips = m.avatar.lpips.zip(m.floor.lpips).map(|(avatar, floor)| format!("   {:+.4}", avatar - floor));
     say!(
-        "  gain     {:+6.2}      {:+6.2}         {:+.4}   {:+.4}{}",
+        "  gain    {:+6.2}         {square:>6}            {:+6.2}      {:+.4}   {:+.4}{}",
         m.avatar.psnr - m.floor.psnr,
         m.avatar.psnr_hand - m.floor.psnr_hand,
         m.avatar.ssim - m.floor.ssim,
@@ -213,6 +237,11 @@ pub fn print_image_table(m: &ImageMetrics) {
         let [a, b, c, d] = bands.map(|error| error.map_or("-".into(), |error| format!("{:.2}", 1e3 * error)));
         say!("  {name:<6}  {a:>6}  {b:>6}  {c:>6}  {d:>6}");
     }
+}
+
+/// A PSNR, or a dash where there is none.
+fn decibels(psnr: Option<f64>) -> String {
+    psnr.map_or("-".into(), |psnr| format!("{psnr:.2}"))
 }
 
 /// A message that the avatar does not beat its floor, with likely reasons; `None` if it does, or without figures on
@@ -249,6 +278,7 @@ mod tests {
         let images = ImageMetrics::new(Protocol::Given, "test", &evaluation);
         Metrics {
             images: Some(images),
+            given: None,
             preset: "standard".into(),
             model: Model::Direct,
             components: Components::Full,

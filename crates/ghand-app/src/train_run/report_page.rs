@@ -85,9 +85,10 @@ impl Page<'_> {
                         h2 { "Images that training did not see" }
                         p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
                         table {
-                            tr { th { "" } th { "PSNR, dB" } th { "on the hand, dB" } th { "SSIM" } th { "FLIP" } }
+                            tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } th { "FLIP" } }
                             (row("floor: the textured template", &images.floor))
                             (row("avatar", &images.avatar))
+                            @if let Some(given) = &m.given { (row(&format!("avatar, {}", given.protocol.description()), &given.avatar)) }
                         }
                     }
                     @if let Some(simplification) = &m.simplification { (simplification_table(simplification)) }
@@ -139,6 +140,7 @@ fn row(name: &str, m: &SimilarityMetrics) -> Markup {
         tr {
             td { (name) }
             td { (format!("{:.2}", m.psnr)) }
+            td { (m.psnr_square.map_or("-".into(), |psnr| format!("{psnr:.2}"))) }
             td { (format!("{:.2}", m.psnr_hand)) }
             td { (format!("{:.4}", m.ssim)) }
             td { (format!("{:.4}", m.flip)) }

@@ -28,7 +28,7 @@ impl Capture {
 
     /// The format cannot express frames of several sequences, made masks, and splits that are not a product.
     fn check_writable(&self) -> Result<(), CaptureError> {
-        let odd = if self.images.made_masks.is_some() || self.images.hide_surroundings {
+        let odd = if self.images.made_masks.is_some() {
             "masks"
         } else if self.frames.iter().any(|f| !is_plain_id(&f.id)) {
             "frames"

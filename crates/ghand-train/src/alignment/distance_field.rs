@@ -1,6 +1,8 @@
 //! Signed distance to the outline of a mask, with its gradient.
 
+use ghand_capture::{Capture, CaptureError, SplitView};
 use glam::DVec2;
+use rayon::prelude::*;
 
 /// Distances beyond this are cut off, pixels; the field has that margin around the mask.
 const FARTHEST: f64 = 60.0;
@@ -19,6 +21,18 @@ pub struct DistanceField {
 }
 
 impl DistanceField {
+    /// The fields of a capture's masks; `None` where the mask has no outline.
+    ///
+    /// # Errors
+    /// [`CaptureError`] if a mask is unusable.
+    pub fn of_views(capture: &Capture, views: &[SplitView]) -> Result<Vec<Option<DistanceField>>, CaptureError> {
+        let field = |view: &SplitView| {
+            let mask = capture.load_hand_mask(view.camera, view.frame)?;
+            Ok(DistanceField::of_mask(&mask, capture.cameras[view.camera].width as usize))
+        };
+        views.par_iter().map(field).collect()
+    }
+
     /// The field of a row-major mask; `None` if the mask is empty or covers the whole image.
     pub fn of_mask(mask: &[bool], width: usize) -> Option<DistanceField> {
         let height = mask.len().checked_div(width)?;

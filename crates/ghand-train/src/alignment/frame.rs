@@ -37,6 +37,8 @@ pub struct FrameEquations {
     pub d_shape: DVector<f64>,
     /// Distances of the contour points from the masks' outlines, pixels.
     pub distances: Vec<f64>,
+    /// Half the squared, weighted residuals; linear beyond the Huber distance.
+    pub cost: f64,
 }
 
 impl Rig<'_> {
@@ -58,6 +60,7 @@ impl Rig<'_> {
         let mut matrix = DMatrix::zeros(count, count);
         let mut gradient = DVector::zeros(count);
         let mut distances = vec![];
+        let mut cost = 0.0;
         let mut row: Vec<(usize, f64)> = vec![];
         for (camera, field) in images {
             for point in self.edges.contour(&posed.vertices, &normals, camera, field) {
@@ -65,6 +68,8 @@ impl Rig<'_> {
                 motion.row(&point, &mut row);
                 let robust = (self.huber / point.residual.abs().max(1e-9)).min(1.0);
                 let weight = robust * point.length / (CORRELATION * (DEVIATION.powi(2) * images.len() as f64));
+                // Of Huber's function r (d - r / 2) from the distance r on, divided by its weight r / d.
+                cost += weight * point.residual.powi(2) * (1.0 - 0.5 * robust);
                 for (k, (i, a)) in row.iter().enumerate() {
                     gradient[*i] += weight * a * point.residual;
                     // The lower triangle, column by column.
@@ -85,6 +90,7 @@ impl Rig<'_> {
             d_pose: gradient.rows(0, pose_count).into(),
             d_shape: gradient.rows(pose_count, shape_count).into(),
             distances,
+            cost,
         })
     }
 }

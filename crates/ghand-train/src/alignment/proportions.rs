@@ -26,6 +26,13 @@ pub struct Shaped {
     pub d_joints: Vec<Vec<DVec3>>,
 }
 
+impl Shaped {
+    /// A template whose shape is known.
+    pub fn fixed(template: &HandModel) -> Shaped {
+        Shaped { model: template.clone(), d_vertices: vec![], d_joints: vec![] }
+    }
+}
+
 impl<'a> Proportions<'a> {
     pub fn new(model: &'a HandModel) -> Proportions<'a> {
         let bone = |k: usize| {

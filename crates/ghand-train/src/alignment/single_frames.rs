@@ -1,10 +1,12 @@
 //! Poses of single frames from the masks' contours of chosen images, for a template of fixed shape.
 
-use ghand_capture::{Capture, CaptureError};
+use ghand_capture::{Capture, CaptureError, Split};
 use ghand_core::{HandModel, Pose};
 use rayon::prelude::*;
 
-use super::{AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, Rig, STEPS, inverse};
+use super::{
+    AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, Rig, STEPS, Shape, images_of_frames, inverse,
+};
 use crate::alignment::proportions::Shaped;
 
 /// A frame and the images that its pose is fitted to.
@@ -18,13 +20,35 @@ pub struct SingleFrame {
     pub pose: Pose,
 }
 
-/// Fits the pose of each frame alone: neither the template's shape nor the other frames have a part in it.
+/// What the frames of a split say of poses in general: which joints move, how they vary, and how far the given poses are off.
+#[derive(Debug, Clone)]
+pub struct PoseKnowledge {
+    pub(super) moving: Vec<usize>,
+    pub(super) priors: Priors,
+}
+
+/// What the masks of a split's frames say of poses, for a template of fixed shape.
+///
+/// # Errors
+/// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
+pub fn pose_knowledge(capture: &Capture, template: &HandModel, split: &Split) -> Result<PoseKnowledge, AlignmentError> {
+    let fields = DistanceField::of_views(capture, &split.views)?;
+    let images = images_of_frames(capture, split, &fields);
+    let given = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+    let mut fit = Fit::new(template, given, Shape::Known);
+    fit.follow_contours(&images, &mut |_, _, _| true)?;
+    Ok(PoseKnowledge { moving: fit.moving, priors: fit.priors })
+}
+
+/// Fits the pose of each frame alone: neither the template's shape nor the other frames have a part in it, except by what
+/// is known of poses in general.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
 pub fn align_single_frames(
     capture: &Capture,
     template: &HandModel,
+    known: Option<&PoseKnowledge>,
     frames: &[SingleFrame],
 ) -> Result<Vec<Pose>, AlignmentError> {
     let fields = |frame: &SingleFrame| -> Result<Vec<Option<DistanceField>>, CaptureError> {
@@ -35,18 +59,28 @@ pub fn align_single_frames(
         frame.cameras.iter().map(field).collect()
     };
     let fields: Vec<Vec<Option<DistanceField>>> = frames.par_iter().map(fields).collect::<Result<_, _>>()?;
-    let fit = Fit::new(template, frames.iter().map(|frame| &frame.pose).collect());
-    let shaped = Shaped { model: template.clone(), d_vertices: vec![], d_joints: vec![] };
-    let priors = Priors::new(template, &fit.moving, 1);
+    let mut fit = Fit::new(template, frames.iter().map(|frame| &frame.pose).collect(), Shape::Known);
+    let shaped = Shaped::fixed(template);
+    let spreads_from = if known.is_some() { FIRST_STEPS.len() } else { usize::MAX };
+    match known.cloned() {
+        Some(PoseKnowledge { moving, priors }) => (fit.moving, fit.priors) = (moving, priors),
+        None => fit.priors = Priors::new(template, &fit.moving, 1),
+    }
     let aligned = |(frame, fields): (&SingleFrame, &Vec<Option<DistanceField>>)| {
         let pairs = frame.cameras.iter().zip(fields);
         let images: Images =
             pairs.filter_map(|(camera, field)| Some((&capture.cameras[*camera], field.as_ref()?))).collect();
         let mut pose = frame.pose.clone();
-        for huber in FIRST_STEPS.into_iter().chain(STEPS) {
+        for (number, huber) in FIRST_STEPS.into_iter().chain(STEPS).enumerate() {
+            if number == spreads_from {
+                pose = fit.with_fingers_from_priors(&pose, &frame.pose);
+            }
             let rig = Rig { shaped: &shaped, edges: &fit.edges, moving: &fit.moving, carries: &fit.carries, huber };
             let mut equations = rig.equations(&pose, &images)?;
-            priors.add_given(&pose, &frame.pose, &fit.moving, &mut equations.pose_pose, &mut equations.d_pose);
+            fit.priors.add_given(&pose, &frame.pose, &fit.moving, &mut equations.pose_pose, &mut equations.d_pose);
+            if number >= spreads_from {
+                fit.priors.spread.add(&pose, &mut equations.pose_pose, &mut equations.d_pose);
+            }
             let step = -(inverse(&equations.pose_pose) * &equations.d_pose);
             pose = fit.moved(&pose, &step);
         }

@@ -232,7 +232,12 @@ impl<'a> Trials<'a> {
             gaussians: 0,
             training_set: 0,
             prepared: Prepared { alignment: None, ..run.prepared.clone() },
-            watched: Some(Watched { views: views(judged)?, poses }),
+            watched: Some(Watched {
+                split: run.split_name.clone(),
+                shown: judged.clone(),
+                views: views(judged)?,
+                poses,
+            }),
             curve: RefCell::default(),
             stop: run.stop,
             checkpoints: RefCell::default(),
