@@ -90,6 +90,11 @@ impl CaptureInspection {
         Self::of_splits(capture, splits, files, &unusable, sample)
     }
 
+    /// Whether nothing that was found makes training pointless.
+    pub fn is_trainable(&self) -> bool {
+        self.findings.iter().all(|finding| finding.severity != Severity::Pointless)
+    }
+
     /// Inspects one split of a capture like [`CaptureInspection::of`], but only the files of the sample: the checks
     /// before training on it.
     ///

@@ -11,6 +11,7 @@ mod frame;
 mod priors;
 mod proportions;
 mod rejection;
+pub mod review;
 mod side;
 pub mod single_frames;
 mod spread;

@@ -4,6 +4,7 @@ use image::{Rgb, RgbImage};
 
 use crate::draw_text::{LINE, letter_width, write};
 use crate::evaluate::EvaluatedView;
+use crate::hand_box::Square;
 
 /// Gap between columns, pixels.
 const GAP: u32 = 4;
@@ -18,45 +19,71 @@ const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// One row per view: truth, rendering, absolute error times four and floor, below the names of camera and frame. Each
-/// column has a head; above rendering and floor is their PSNR on the hand.
+/// One row per view: truth, rendering, absolute error times four and floor, below the names of camera and frame, each cut
+/// to the hand and what is near it. Each column has a head; above rendering and floor is their PSNR in the hand's square.
 pub fn report(views: &[EvaluatedView]) -> RgbImage {
+    let parts: Vec<Part> = views.iter().map(Part::around_hand).collect();
     let widest_head = HEADS.iter().map(|head| head.len() as u32 * letter_width()).max().unwrap_or(0);
-    let width = views.iter().map(|v| v.size[0]).max().unwrap_or(1).max(widest_head);
+    let width = parts.iter().map(|part| part.size[0]).max().unwrap_or(1).max(widest_head);
     let sheet_width = 4 * (width + GAP) - GAP + 2 * MARGIN;
     // The two lines above each view are its name and its PSNR figures.
-    let height: u32 = views.iter().map(|v| v.size[1] + 2 * LINE + MARGIN).sum();
+    let height: u32 = parts.iter().map(|part| part.size[1] + 2 * LINE + MARGIN).sum();
     let mut sheet = RgbImage::from_pixel(sheet_width, MARGIN + LINE + height, PAPER);
     let left = |column: u32| MARGIN + column * (width + GAP);
     for (column, head) in (0..).zip(HEADS) {
         write(&mut sheet, [left(column), MARGIN], width, INK, head);
     }
     let mut top = MARGIN + LINE;
-    for view in views {
+    for (view, part) in views.iter().zip(&parts) {
         let [camera, frame] = &view.name;
         let title = format!("camera {camera}  frame {frame}");
         write(&mut sheet, [MARGIN, top], sheet_width - 2 * MARGIN, FAINT, &title);
         for (column, likeness) in [(1, &view.likeness), (3, &view.floor_likeness)] {
-            write(&mut sheet, [left(column), top + LINE], width, FAINT, &format!("{:.1} dB", likeness.psnr_hand));
+            let psnr = likeness.psnr_square.unwrap_or(likeness.psnr);
+            write(&mut sheet, [left(column), top + LINE], width, FAINT, &format!("{psnr:.1} dB"));
         }
         top += 2 * LINE;
         let truth = |i: usize| [view.truth[i][0], view.truth[i][1], view.truth[i][2]];
-        place(&mut sheet, [left(0), top], view.size, truth);
-        place(&mut sheet, [left(1), top], view.size, |i| view.render[i]);
-        place(&mut sheet, [left(2), top], view.size, |i| {
+        part.place(&mut sheet, [left(0), top], truth);
+        part.place(&mut sheet, [left(1), top], |i| view.render[i]);
+        part.place(&mut sheet, [left(2), top], |i| {
             let (t, r) = (truth(i), view.render[i]);
             [0, 1, 2].map(|c| (u32::from(t[c].abs_diff(r[c])) * ERROR_GAIN).min(255) as u8)
         });
-        place(&mut sheet, [left(3), top], view.size, |i| view.floor[i]);
-        top += view.size[1] + MARGIN;
+        part.place(&mut sheet, [left(3), top], |i| view.floor[i]);
+        top += part.size[1] + MARGIN;
     }
     sheet
 }
 
-/// Draws a picture with its top left corner at a pixel of the sheet.
-fn place(sheet: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], color: impl Fn(usize) -> [u8; 3]) {
-    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-        sheet.put_pixel(left + x, top + y, Rgb(color((y * width + x) as usize)));
+/// A part of an image.
+struct Part {
+    corner: [u32; 2],
+    size: [u32; 2],
+    /// Columns of the image.
+    width: u32,
+}
+
+impl Part {
+    /// The square around the hand as far as it is in the image; the whole image if there is no hand.
+    fn around_hand(view: &EvaluatedView) -> Part {
+        let [width, height] = view.size;
+        let Some(Square { corner, side }) = Square::around_mask(&view.truth, width) else {
+            return Part { corner: [0; 2], size: view.size, width };
+        };
+        let clip = |at: f64, size: u32| at.clamp(0.0, f64::from(size)) as u32;
+        let low = [clip(corner.x, width), clip(corner.y, height)];
+        let high = [clip(corner.x + side, width), clip(corner.y + side, height)];
+        Part { corner: low, size: [0, 1].map(|axis| high[axis] - low[axis]), width }
+    }
+
+    /// Draws it with its top left corner at a pixel of the sheet; `color` is that of a pixel of the image.
+    fn place(&self, sheet: &mut RgbImage, [left, top]: [u32; 2], color: impl Fn(usize) -> [u8; 3]) {
+        let [width, height] = self.size;
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let at = (self.corner[1] + y) * self.width + self.corner[0] + x;
+            sheet.put_pixel(left + x, top + y, Rgb(color(at as usize)));
+        }
     }
 }
 
@@ -105,6 +132,16 @@ mod tests {
         let mut renamed = views.clone();
         renamed[1].name[1] = "0013".into();
         assert_ne!(report(&renamed), sheet);
+    }
+
+    #[test]
+    fn a_small_hand_fills_its_row() {
+        let mut small = view([100, 90], 20.0);
+        // 20 x 10 pixels, so a square of 26 pixels.
+        small.truth.iter_mut().enumerate().for_each(|(i, pixel)| {
+            pixel[3] = if (40..60).contains(&(i % 100)) && (30..40).contains(&(i / 100)) { 255 } else { 0 };
+        });
+        assert_eq!(report(&[small]).height(), 12 + 18 + (26 + 36 + 12));
     }
 
     #[test]

@@ -16,6 +16,7 @@ use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
 use ghand_render::DeviceError;
+use ghand_train::alignment::review::review;
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
@@ -25,6 +26,8 @@ use crate::hand_model_file::is_hand_name;
 use crate::say;
 use contact_sheet::{SheetView, contact_sheet};
 
+/// The split whose hand, poses, masks and views are told apart.
+const REVIEWED_SPLIT: &str = "train";
 /// Number of views on a contact sheet.
 const SHEET_VIEWS: usize = 12;
 
@@ -101,7 +104,11 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
         .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
         .collect();
-    say!("{}", capture::describe(path, &opened, &found, &views).trim_end());
+    let reviewed = match opened.capture.splits.get(REVIEWED_SPLIT).filter(|_| found.is_trainable()) {
+        Some(split) => review(&opened.capture, split)?,
+        None => None,
+    };
+    say!("{}", capture::describe(path, &opened, &found, reviewed.as_ref(), &views).trim_end());
     match (args.no_sheet, views.is_empty()) {
         (true, _) => {}
         (_, true) => say!("\nno pictures: no image could be decoded"),

@@ -11,7 +11,7 @@
 mod agreement;
 mod bands;
 mod observations;
-mod surface;
+pub(super) mod surface;
 
 use std::collections::BTreeMap;
 

@@ -6,6 +6,7 @@ use ghand_capture::capture::{Capture, HandModelSource};
 use ghand_capture::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
 use ghand_capture::{Opened, capture};
 use ghand_core::Side;
+use ghand_train::alignment::review::Review;
 
 use super::contact_sheet::SheetView;
 
@@ -15,7 +16,13 @@ const MOST_CAMERAS: usize = 32;
 const MOST_FILES: usize = 5;
 
 /// The description of a capture with its oddities, and a numbered list of the views on its sheet.
-pub fn describe(path: &Path, opened: &Opened, found: &CaptureInspection, views: &[SheetView]) -> String {
+pub fn describe(
+    path: &Path,
+    opened: &Opened,
+    found: &CaptureInspection,
+    reviewed: Option<&Review>,
+    views: &[SheetView],
+) -> String {
     let capture = &opened.capture;
     let mut lines = vec![format!("{}: {}, {} hand", path.display(), opened.kind, side(capture))];
     let mut rows = |name: &str, texts: Vec<String>| {
@@ -31,8 +38,13 @@ pub fn describe(path: &Path, opened: &Opened, found: &CaptureInspection, views: 
     rows("files", files(opened, found));
     rows("masks", coverage(found));
     rows("template", fits(found));
-    if opened.warnings.is_empty() && found.findings.is_empty() {
+    let unusual = reviewed.map(Review::sentences).unwrap_or_default();
+    rows("fitted", reviewed.map(fitted).into_iter().collect());
+    if opened.warnings.is_empty() && found.findings.is_empty() && unusual.is_empty() {
         rows("warnings", vec!["none".into()]);
+    }
+    for sentence in unusual {
+        rows("warning", vec![sentence]);
     }
     for warning in &opened.warnings {
         rows("warning", vec![warning.clone()]);
@@ -49,6 +61,21 @@ pub fn describe(path: &Path, opened: &Opened, found: &CaptureInspection, views: 
         lines.extend(view_table(capture, views));
     }
     lines.join("\n") + "\n"
+}
+
+/// How the template fits the masks once size and poses are free.
+fn fitted(review: &Review) -> String {
+    let [given, found] = review.fit;
+    format!(
+        "to the masks of {} frames of train: contours {:.1} px off, {:.1} px as given; overlap {:.2}, {:.2} as given; {:.0} % of \
+         the template's size",
+        review.frames,
+        found.contours[0],
+        given.contours[0],
+        found.overlap,
+        given.overlap,
+        100.0 * review.size
+    )
 }
 
 fn side(capture: &Capture) -> &'static str {
