@@ -20,7 +20,7 @@ mod texture;
 use std::time::Instant;
 
 use ghand_capture::mask::covered_pixels;
-use ghand_capture::{Capture, CaptureError, Split};
+use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
@@ -71,6 +71,8 @@ pub enum AlignmentError {
 pub struct Alignment {
     /// Poses of the split's frames.
     pub poses: Vec<Pose>,
+    /// Poses of the frames of the split that is held out, by contours alone.
+    pub held_out: Vec<Pose>,
     /// The template in the proportions found.
     pub template: HandModel,
     /// Why poses and template are those of the capture, if they are.
@@ -117,20 +119,23 @@ pub struct MaskFit {
 /// A frame's images.
 type Images<'a> = Vec<(&'a Camera, &'a DistanceField)>;
 
-/// Aligns the frames of a split. `after_step` gets a description and the poses after each step, and returns whether to go
-/// on.
+/// Aligns the frames of a split, together with those of a split that is held out, if there is one: the masks of these have
+/// a say in the proportions and in how joints vary, their colours have none. `after_step` gets a description and the poses of
+/// all frames after each step, and returns whether to go on.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image or a pose is unusable, or the caller stopped it.
 pub fn align(
     capture: &Capture,
     split: &Split,
+    held_out: Option<&Split>,
     after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<Alignment, AlignmentError> {
     let start = Instant::now();
-    let fields = DistanceField::of_views(capture, &split.views)?;
-    let images = images_of_frames(capture, split, &fields);
-    let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+    let all = joined(split, held_out);
+    let fields = DistanceField::of_views(capture, &all.views)?;
+    let images = images_of_frames(capture, &all, &fields);
+    let given: Vec<&Pose> = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given, Shape::Unknown);
     let went_on = fit.follow_contours(&images, &mut |number, [median, far], poses| {
         after_step(&format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px"), poses)
@@ -140,9 +145,20 @@ pub fn align(
     }
     let refine = |fit: &Fit, usable: &[bool]| {
         let contrast = SplitContrast::load(capture, split)?;
-        texture::refine(fit, &contrast.by_frame(capture, split), &images, usable, after_step)
+        texture::refine(fit, &contrast.by_frame(capture, &all), &images, usable, after_step)
     };
-    fit.finish(&images, start, refine)
+    fit.finish(&images, split.frames.len(), start, refine)
+}
+
+/// The frames of a split and then those of another one.
+fn joined(split: &Split, other: Option<&Split>) -> Split {
+    let mut all = split.clone();
+    if let Some(other) = other {
+        let first = split.frames.len();
+        all.frames.extend(&other.frames);
+        all.views.extend(other.views.iter().map(|view| SplitView { position: first + view.position, ..*view }));
+    }
+    all
 }
 
 /// The images of a split by frame; those without outline are left out.
@@ -323,53 +339,55 @@ impl<'a> Fit<'a> {
         Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
     }
 
-    /// The result. `refine` refines the poses by texture, given which frames' poses may be believed.
+    /// The result for so many frames, those after them being held out. `refine` refines the poses by texture, given which
+    /// frames' poses may be believed.
     fn finish(
         mut self,
         images: &[Images],
+        frames: usize,
         start: Instant,
         refine: impl FnOnce(&Fit, &[bool]) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError>,
     ) -> Result<Alignment, AlignmentError> {
-        let given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
-        let (given_fit, _) = self.fit_of(self.proportions.template(), &given, images)?;
+        let mut given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
+        let given_fit = self.fit_of(self.proportions.template(), &given[..frames], &images[..frames])?.0;
         let template = self.shaped()?.model;
         let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
-        let (mut aligned_fit, overlaps) = self.fit_of(&template, &self.poses, images)?;
-        let mut kept = vec![];
-        for (k, (before, after)) in given_overlaps.iter().zip(&overlaps).enumerate() {
-            if before > after {
-                self.poses[k] = given[k].clone();
-                kept.push(k);
-            }
-        }
-        if !kept.is_empty() {
-            (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
-        }
+        let (_, overlaps) = self.fit_of(&template, &self.poses, images)?;
+        let mut kept: Vec<usize> = (0..images.len()).filter(|k| given_overlaps[*k] > overlaps[*k]).collect();
+        kept.iter().for_each(|k| self.poses[*k] = given[*k].clone());
+        let mut aligned_fit = self.fit_of(&template, &self.poses[..frames], &images[..frames])?.0;
         let is_other_hand = is_other_hand(self.proportions.template(), &self.given, images)?;
         let rejection = rejection([given_fit, aligned_fit], self.proportions.template(), &template, is_other_hand);
         let mut texture = None;
         if rejection.is_none() {
-            let usable: Vec<bool> = (0..images.len()).map(|k| !images[k].is_empty() && !kept.contains(&k)).collect();
+            let is_usable = |k: usize| k < frames && !images[k].is_empty() && !kept.contains(&k);
+            let usable: Vec<bool> = (0..images.len()).map(is_usable).collect();
             let (poses, mut refinement) = refine(&self, &usable)?;
-            let overlaps;
-            (aligned_fit, overlaps) = self.fit_of(&template, &poses, images)?;
+            let (_, overlaps) = self.fit_of(&template, &poses, images)?;
             self.poses = poses;
-            if refinement.take_back(&mut self.poses, |frame| overlaps[frame] < given_overlaps[frame]) {
-                (aligned_fit, _) = self.fit_of(&template, &self.poses, images)?;
-            }
+            refinement.take_back(&mut self.poses, |frame| overlaps[frame] < given_overlaps[frame]);
+            aligned_fit = self.fit_of(&template, &self.poses[..frames], &images[..frames])?.0;
+            refinement.contour_poses.truncate(frames);
             texture = Some(refinement);
         }
+        kept.retain(|k| *k < frames);
         let fit = [given_fit, aligned_fit];
-        let prior_poses = self.given.iter().map(|given| self.prior_pose(given)).collect();
+        let prior_poses = self.given[..frames].iter().map(|given| self.prior_pose(given)).collect();
         let uncertainty = self.uncertainty(images)?;
         let seconds = start.elapsed().as_secs_f64();
         let knowledge = Some(PoseKnowledge { moving: self.moving, priors: self.priors });
-        let (poses, template, rejected) = match rejection {
-            Some(_) => (given, self.proportions.template().clone(), Some(Box::new((self.poses, template)))),
+        let (mut poses, template, rejected) = match rejection {
+            Some(_) => {
+                self.poses.truncate(frames);
+                let own = self.proportions.template().clone();
+                (std::mem::take(&mut given), own, Some(Box::new((self.poses, template))))
+            }
             None => (self.poses, template, None),
         };
+        let held_out = poses.split_off(frames);
         Ok(Alignment {
             poses,
+            held_out,
             template,
             rejection,
             rejected,

@@ -1,6 +1,6 @@
 //! In which poses an avatar is compared with the images of a split.
 
-use ghand_capture::{Capture, Split};
+use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::{HandModel, Pose};
 use serde::{Deserialize, Serialize};
 
@@ -67,7 +67,7 @@ pub struct PosedView {
 
 /// The images of a split in the capture's own poses.
 pub fn given_views(capture: &Capture, split: &Split) -> Vec<PosedView> {
-    let view = |view: &ghand_capture::SplitView| {
+    let view = |view: &SplitView| {
         let pose = capture.frames[view.frame].pose.clone();
         PosedView { camera: view.camera, frame: view.frame, pose }
     };
@@ -80,9 +80,9 @@ pub fn aligned_views(capture: &Capture, split: &Split, offsets: &PoseOffsets) ->
     given_views(capture, split).into_iter().map(aligned).collect()
 }
 
-/// The images of a split, each in a pose that was fitted to its frame's masks from the capture's pose on. Of a frame with
-/// three images or more each is compared in a pose by the masks of the others. `template` is the avatar's; its shape is
-/// fixed. The images' colours have no part in it.
+/// The images of a split in poses that were fitted to its frames' masks: `poses`, one for each frame. Of a frame with three
+/// images or more each is compared in a pose by the masks of the others, fitted from the capture's pose on with what is
+/// known. `template` is the avatar's; its shape is fixed. The images' colours have no part in it.
 ///
 /// # Errors
 /// [`AlignmentError`] if a mask is unusable or a pose does not fit the template.
@@ -90,35 +90,27 @@ pub fn mask_views(
     capture: &Capture,
     split: &Split,
     template: &HandModel,
+    poses: &[Pose],
     known: &PoseKnowledge,
 ) -> Result<Vec<PosedView>, AlignmentError> {
-    let mut fits: Vec<SingleFrame> = vec![];
-    // Which fit each view is drawn in.
-    let mut fit_of_view = vec![0; split.views.len()];
-    for (position, frame) in split.frames.iter().enumerate() {
-        let views: Vec<usize> = (0..split.views.len()).filter(|k| split.views[*k].position == position).collect();
-        let camera = |view: &usize| split.views[*view].camera;
-        let pose = &capture.frames[*frame].pose;
-        let mut fit = |cameras: Vec<usize>| {
-            fits.push(SingleFrame { frame: *frame, cameras, pose: pose.clone() });
-            fits.len() - 1
-        };
-        if views.len() < 3 {
-            let all = fit(views.iter().map(camera).collect());
-            views.iter().for_each(|view| fit_of_view[*view] = all);
-        } else {
-            for view in &views {
-                fit_of_view[*view] = fit(views.iter().filter(|other| *other != view).map(camera).collect());
-            }
-        }
-    }
-    let poses = align_single_frames(capture, template, Some(known), &fits)?;
-    let view = |(view, fit): (&ghand_capture::SplitView, usize)| PosedView {
-        camera: view.camera,
-        frame: view.frame,
-        pose: poses[fit].clone(),
+    let others_of = |view: &SplitView| -> Vec<usize> {
+        let others = split.views.iter().filter(|other| other.position == view.position && *other != view);
+        others.map(|other| other.camera).collect()
     };
-    Ok(split.views.iter().zip(fit_of_view).map(view).collect())
+    let single = |view: &SplitView| {
+        let cameras = others_of(view);
+        let pose = capture.frames[view.frame].pose.clone();
+        (cameras.len() >= 2).then_some(SingleFrame { frame: view.frame, cameras, pose })
+    };
+    let singles: Vec<Option<SingleFrame>> = split.views.iter().map(single).collect();
+    let fits: Vec<SingleFrame> = singles.iter().flatten().cloned().collect();
+    let mut fitted = align_single_frames(capture, template, Some(known), &fits)?.into_iter();
+    let posed = |(view, single): (&SplitView, &Option<SingleFrame>)| {
+        let own = single.as_ref().and_then(|_| fitted.next());
+        let pose = own.unwrap_or_else(|| poses[view.position].clone());
+        PosedView { camera: view.camera, frame: view.frame, pose }
+    };
+    Ok(split.views.iter().zip(&singles).map(posed).collect())
 }
 
 /// Why poses could not be fitted to half of the cameras.

@@ -503,7 +503,10 @@ impl<'a> Trainer<'a> {
     /// Aligns poses and proportions.
     fn align(&mut self) -> Result<(), TrainError> {
         let mut go_on = |_: &str, _: &[Pose]| self.stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
-        let aligned = match align(&self.capture, &self.split, &mut go_on) {
+        // Where exact poses are known, the given test poses are judged as they are.
+        let watched = self.watched.as_ref().filter(|_| self.capture.truth.is_none());
+        let held_out = watched.map(|watched| self.capture.split(&watched.split)).transpose()?.cloned();
+        let aligned = match align(&self.capture, &self.split, held_out.as_ref(), &mut go_on) {
             Err(AlignmentError::Stopped) => {
                 return Err(TrainError::Stopped { iteration: 0, iterations: self.settings.iterations });
             }
@@ -528,9 +531,8 @@ impl<'a> Trainer<'a> {
         }
         self.prepared.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
-        if let (None, Some(known), Some(watched)) = (&self.capture.truth, &aligned.knowledge, &mut self.watched) {
-            let split = self.capture.split(&watched.split)?;
-            let held_out = mask_views(&self.capture, split, &aligned.template, known)?;
+        if let (Some(split), Some(known), Some(watched)) = (held_out, &aligned.knowledge, &mut self.watched) {
+            let held_out = mask_views(&self.capture, &split, &aligned.template, &aligned.held_out, known)?;
             watched.take_poses(&held_out);
             self.prepared.held_out = Some(held_out);
         }

@@ -27,7 +27,7 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
             assert!(alpha.iter().map(|pixel| pixel[3] == 255).eq(mask), "the mask alone is another one");
         }
         let [given, truth] = poses(&capture, split);
-        let aligned = align(&capture, split, &mut |_, _| true).unwrap();
+        let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
         let moving = moving_joints(&given);
         let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
         let shift =
@@ -48,7 +48,7 @@ fn contours_correct_poses_and_proportions_of_other_hands() {
         assert!(aligned.rejection.is_none() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
         // The same bits with one thread.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let again = one.install(|| align(&capture, split, &mut |_, _| true)).unwrap();
+        let again = one.install(|| align(&capture, split, None, &mut |_, _| true)).unwrap();
         assert!(again.poses == aligned.poses && again.template == aligned.template);
     }
 }
@@ -58,7 +58,7 @@ fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
     let (capture, _folder) = small_capture(3);
     let [given, truth] = poses(&capture, capture.split("train").unwrap());
     let split = capture.split("train").unwrap();
-    let template = align(&capture, split, &mut |_, _| true).unwrap().template;
+    let template = align(&capture, split, None, &mut |_, _| true).unwrap().template;
     let frame = |(frame, pose): (&usize, &Pose)| SingleFrame {
         frame: *frame,
         cameras: split.cameras.clone(),
@@ -89,14 +89,14 @@ fn frames_without_masks_keep_their_poses_and_a_caller_may_stop() {
     let full = capture.mask_file(split.cameras[0], split.frames[4]).unwrap().unwrap();
     image::GrayImage::from_pixel(128, 192, image::Luma([255])).save(full).unwrap();
     let [given, truth] = poses(&capture, split);
-    let aligned = align(&capture, split, &mut |_, _| true).unwrap();
+    let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
     let moving = moving_joints(&given);
     let error =
         |poses: &[Pose], frame: usize| pose_error_degrees(&poses[frame..=frame], &truth[frame..=frame], &moving);
     assert!(error(&aligned.poses, 2) < 1.3 * error(&given, 2), "{}", error(&aligned.poses, 2));
     assert!(error(&aligned.poses, 4) < error(&given, 4));
     let mut steps = 0;
-    let stopped = align(&capture, split, &mut |_, _| {
+    let stopped = align(&capture, split, None, &mut |_, _| {
         steps += 1;
         steps < 3
     });
@@ -137,7 +137,7 @@ fn figures_of_a_capture() {
     };
     println!("given: {}", figures(&given));
     let start = std::time::Instant::now();
-    let aligned = align(&capture, &split, &mut |text, poses| {
+    let aligned = align(&capture, &split, None, &mut |text, poses| {
         println!("{:.1} s, {text}: {}", start.elapsed().as_secs_f64(), figures(poses));
         true
     })

@@ -49,7 +49,7 @@ impl Figures {
 
 fn figures(name: &str, capture: &Capture, split: &Split) -> Figures {
     let [given, truth] = poses(capture, split);
-    let aligned = align(capture, split, &mut |_, _| true).unwrap();
+    let aligned = align(capture, split, None, &mut |_, _| true).unwrap();
     let contours = aligned.fit.map(|fit| fit.contours);
     let degrees = |poses: &[Pose], frame: usize| errors(&poses[frame..=frame], &truth[frame..=frame])[0];
     let worst = |worst: f64, frame| worst.max(degrees(&aligned.poses, frame) / degrees(&given, frame));

@@ -92,7 +92,7 @@ fn skin_without_light_on_it_needs_none() {
 
 /// Puts the fitted template into a capture, and gives the fitted poses of its training frames.
 fn align_in_place(capture: &mut Capture) -> Vec<Pose> {
-    let aligned = align(capture, capture.split("train").unwrap(), &mut |_, _| true).unwrap();
+    let aligned = align(capture, capture.split("train").unwrap(), None, &mut |_, _| true).unwrap();
     capture.template = aligned.template;
     aligned.poses
 }

@@ -132,8 +132,8 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let default = if capture.truth.is_some() { ProtocolArg::Given } else { ProtocolArg::Masks };
     let (protocol, views) = match args.protocol.unwrap_or(default) {
         ProtocolArg::Masks => {
-            let known = pose_knowledge(&capture, &avatar.model, capture.split(train_split)?)?;
-            (Protocol::Masks, mask_views(&capture, split, &avatar.model, &known)?)
+            let (known, poses) = pose_knowledge(&capture, &avatar.model, capture.split(train_split)?, split)?;
+            (Protocol::Masks, mask_views(&capture, split, &avatar.model, &poses, &known)?)
         }
         ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
         ProtocolArg::HandAvatar => (Protocol::HandAvatar, given_views(&capture, split)),

@@ -139,7 +139,9 @@ fn print_alignment(figures: &AlignmentFigures) {
         given.overlap,
         figures.seconds
     );
-    if let Some(texture) = figures.texture {
+    if figures.texture.is_some_and(|texture| texture.refined_frames + texture.kept_frames == 0) {
+        say!("           texture refined nothing: no frame has the three images that it needs");
+    } else if let Some(texture) = figures.texture {
         say!(
             "           texture refined {} frames, {} keep their poses; images held out differ by {:.4}, {:.4} before",
             texture.refined_frames,

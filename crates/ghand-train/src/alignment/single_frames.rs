@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{
     AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, Rig, STEPS, Shape, images_of_frames, inverse,
+    joined,
 };
 use crate::alignment::proportions::Shaped;
 
@@ -27,17 +28,25 @@ pub struct PoseKnowledge {
     pub(super) priors: Priors,
 }
 
-/// What the masks of a split's frames say of poses, for a template of fixed shape.
+/// What the masks of a split's frames, and of one that is held out, say of poses, for a template of fixed shape; and the
+/// poses of the latter.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
-pub fn pose_knowledge(capture: &Capture, template: &HandModel, split: &Split) -> Result<PoseKnowledge, AlignmentError> {
-    let fields = DistanceField::of_views(capture, &split.views)?;
-    let images = images_of_frames(capture, split, &fields);
-    let given = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+pub fn pose_knowledge(
+    capture: &Capture,
+    template: &HandModel,
+    split: &Split,
+    held_out: &Split,
+) -> Result<(PoseKnowledge, Vec<Pose>), AlignmentError> {
+    let all = joined(split, Some(held_out));
+    let fields = DistanceField::of_views(capture, &all.views)?;
+    let images = images_of_frames(capture, &all, &fields);
+    let given = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(template, given, Shape::Known);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
-    Ok(PoseKnowledge { moving: fit.moving, priors: fit.priors })
+    let poses = fit.poses.split_off(split.frames.len());
+    Ok((PoseKnowledge { moving: fit.moving, priors: fit.priors }, poses))
 }
 
 /// Fits the pose of each frame alone: neither the template's shape nor the other frames have a part in it, except by what

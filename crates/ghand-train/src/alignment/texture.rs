@@ -56,13 +56,12 @@ pub struct TextureRefinement {
 }
 
 impl TextureRefinement {
-    /// Gives refined frames for which `is_worse` their former poses. Returns whether there were any.
-    pub(super) fn take_back(&mut self, poses: &mut [Pose], is_worse: impl Fn(usize) -> bool) -> bool {
+    /// Gives refined frames for which `is_worse` their former poses.
+    pub(super) fn take_back(&mut self, poses: &mut [Pose], is_worse: impl Fn(usize) -> bool) {
         let (worse, refined): (Vec<usize>, Vec<usize>) = self.refined.iter().partition(|frame| is_worse(**frame));
         worse.iter().for_each(|frame| poses[*frame] = self.contour_poses[*frame].clone());
         self.refined = refined;
         self.kept.extend(&worse);
-        !worse.is_empty()
     }
 }
 
