@@ -55,8 +55,24 @@ struct Bend {
     inner: DVec3,
     /// Half the finger's width, metres.
     radius: f64,
-    /// Whether this is a knuckle or the thumb's base, where the palm shares the bend.
-    root: bool,
+    /// What the bend is of.
+    kind: BendKind,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum BendKind {
+    ThumbBase,
+    ThumbKnuckle,
+    Knuckle,
+    /// All other joints.
+    Hinge,
+}
+
+impl BendKind {
+    /// Whether the palm shares the bend.
+    fn is_in_palm(self) -> bool {
+        self != BendKind::Hinge
+    }
 }
 
 /// A rotation that is sampled.
@@ -98,7 +114,7 @@ pub(crate) fn pose_directions(
     for (c, chain) in chains.iter().enumerate() {
         for k in 0..3 {
             let bend = Bend::of(chain, k);
-            let fit = Fit::new(bend.samples(chain.is_thumb));
+            let fit = Fit::new(bend.samples());
             let moving = || chain.joints[k..].iter().chain(&chain.beyond);
             let fitted: Vec<[DVec3; FEATURES]> = (0..count)
                 .into_par_iter()
@@ -140,22 +156,21 @@ impl Bend {
         let direction = |from: usize| (chain.points[from + 1] - chain.points[from]).normalize();
         let along = (direction(k) + direction(k + 1)).normalize();
         let hinge = along.cross(chain.closing).normalize();
-        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], root: k == 0 }
+        let kind = match (chain.is_thumb, k) {
+            (true, 0) => BendKind::ThumbBase,
+            (true, 1) => BendKind::ThumbKnuckle,
+            (false, 0) => BendKind::Knuckle,
+            _ => BendKind::Hinge,
+        };
+        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], kind }
     }
 
     /// Flexion with a little of the other rotations, as far as the joint allows them.
-    fn samples(&self, thumb: bool) -> Vec<Sample> {
-        let flexions: &[f64] = match (self.root, thumb) {
-            (true, true) => &[-40.0, -20.0, 0.0, 20.0, 40.0],
-            (true, false) => &[-30.0, 0.0, 25.0, 50.0, 75.0, 95.0],
-            (false, _) => &[-20.0, 0.0, 25.0, 50.0, 75.0, 100.0],
-        };
-        let side: f64 = if self.root && thumb {
-            40.0
-        } else if self.root {
-            20.0
-        } else {
-            8.0
+    fn samples(&self) -> Vec<Sample> {
+        let (flexions, side): (&[f64], f64) = match self.kind {
+            BendKind::ThumbBase => (&[-40.0, -20.0, 0.0, 20.0, 40.0], 40.0),
+            BendKind::Knuckle => (&[-30.0, 0.0, 25.0, 50.0, 75.0, 95.0], 20.0),
+            BendKind::ThumbKnuckle | BendKind::Hinge => (&[-20.0, 0.0, 25.0, 50.0, 75.0, 100.0], 8.0),
         };
         // Sideways or twisted, not both.
         let others = [(0.0, 0.0), (-side, 0.0), (side, 0.0), (0.0, -TWIST), (0.0, TWIST)];
@@ -177,11 +192,12 @@ impl Bend {
         // Rotated by a part of the angle instead of blended, so that it keeps its distance from the joint. On the inner
         // side of a finger the rotation spreads farther along the finger than the weights do, because the flesh of both
         // bones needs room between them.
-        let spread = if self.root { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
+        let in_palm = self.kind.is_in_palm();
+        let spread = if in_palm { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
         let part = flesh.moving + spread * (smooth_step(0.5 * (along / INNER_REACH + 1.0)) - flesh.moving);
         let turned = rotation_from_axis_angle(sample.axis_angle * part);
         let blended = DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
-        let stays_blended = if self.root { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
+        let stays_blended = if in_palm { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
         let posed = turned * (1.0 - stays_blended) + blended * stays_blended;
         // Bulges caused by flexion: the knuckle on the back, the folds inside and the sides between.
         let squeeze = (1.0 - sample.flexion.max(0.0).cos()) * self.radius;
