@@ -27,6 +27,9 @@ const INNER_REACH: f64 = 1.3;
 const KNUCKLE: f64 = 0.03;
 const FOLD: f64 = 0.12;
 const SIDE: f64 = 0.02;
+/// How far skin that a bent knuckle would push beyond the plane where palm and finger meet stays on its side of it: 1 is
+/// on the plane; more, because the fit is smooth and skin between two fingers follows its own only in part.
+const FOLDED: f64 = 1.3;
 /// Largest twist of joints in the samples, degrees.
 const TWIST: f64 = 10.0;
 /// A share too small for a visible effect.
@@ -204,7 +207,20 @@ impl Bend {
         let knuckle = -KNUCKLE * bump(along / 1.1) * smooth_step(-1.2 * inner);
         let fold = FOLD * bump(along / 1.6) * smooth_step(1.2 * inner);
         let side = SIDE * bump(along / 1.5) * sideways;
-        posed * (flesh.offset + squeeze * ((knuckle + fold) * self.inner + side * self.hinge))
+        let posed = posed * (flesh.offset + squeeze * ((knuckle + fold) * self.inner + side * self.hinge));
+        if self.kind == BendKind::Knuckle { self.folded(posed, flesh.moving, sample.flexion) } else { posed }
+    }
+
+    /// A posed place, relative to the knuckle, on its own side of the plane in which palm and finger meet. A finger's
+    /// base is as thick as the palm, so that without this the skin up to the web would be inside the palm.
+    fn folded(&self, posed: DVec3, moving: f64, flexion: f64) -> DVec3 {
+        let half = rotation_from_axis_angle(self.hinge * (flexion.max(0.0) / 2.0));
+        let (across, within) = (half * self.along, half * self.inner);
+        let distance = posed.dot(across);
+        let of_finger = smooth_step((moving - 0.2) / 0.6);
+        let allowed = of_finger * distance.max(0.0) + (1.0 - of_finger) * distance.min(0.0);
+        let inside = smooth_step(2.0 * posed.dot(within) / self.radius);
+        if flexion > 0.0 { posed + across * (FOLDED * inside * (allowed - distance)) } else { posed }
     }
 }
 
