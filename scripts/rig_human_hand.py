@@ -12,9 +12,9 @@ else of the files: running it on its own result changes nothing. The left hand b
 Where the joints are. A bone reaches from one centre of rotation to the next. These are the centres of the bones'
 heads, not the gaps between bones that X-rays show: 7 mm (little finger 6) from the gap at a knuckle, 3.5 at a middle
 hinge, 2.5 at a last one, on the near side. LENGTHS are the means of Buryanov and Kotiuk ("Proportions of hand
-segments", Int. J. Morphol. 28, 2010) between gaps, moved to the centres and by up to 1 mm to where the mesh has its
-creases and bumps; the little finger is short in this mesh and has 0.9 of them. Knuckles come to lie 20 to 27 mm
-behind the webs.
+segments", Int. J. Morphol. 28, 2010) between gaps, moved to the centres, and from there by at most 0.7 of their standard
+deviations: hinges to where the mesh has its creases and bumps, knuckles to 20 mm behind the webs. The little finger is
+short in this mesh; its outer bones have 0.9 of the mean.
 """
 
 import argparse
@@ -27,17 +27,17 @@ import numpy as np
 # Millimetres from each joint to the next, metacarpal to tip.
 LENGTHS = {
     "thumb": [44.0, 33.0, 28.5],
-    "index-finger": [62.0, 43.5, 24.0, 22.0],
-    "middle-finger": [59.0, 48.5, 27.8, 23.2],
-    "ring-finger": [53.0, 44.5, 27.3, 23.2],
-    "pinky-finger": [48.5, 32.0, 18.0, 19.0],
+    "index-finger": [59.5, 46.0, 24.0, 22.0],
+    "middle-finger": [57.0, 50.5, 27.8, 23.2],
+    "ring-finger": [50.5, 47.0, 27.3, 23.2],
+    "pinky-finger": [47.0, 33.5, 18.0, 19.0],
 }
 FINGERS = list(LENGTHS)
 FIRST_JOINTS = [1, 5, 10, 15, 20]
 # Millimetres towards the little finger: bases of the metacarpals, side by side on the carpus, and knuckles, on the middle
 # lines of their fingers.
 BASES = {"index-finger": 0.5, "middle-finger": 11.0, "ring-finger": 21.5, "pinky-finger": 32.0}
-KNUCKLES = {"index-finger": -14.0, "middle-finger": 6.2, "ring-finger": 23.5, "pinky-finger": 41.2}
+KNUCKLES = {"index-finger": -13.6, "middle-finger": 5.8, "ring-finger": 22.7, "pinky-finger": 40.5}
 # The direction to the base of the thumb's metacarpal, from its knuckle: a point in the trapezium.
 TRAPEZIUM = np.array([29.0, 33.0, -12.0])
 # Depth below the skin of the back: of a hinge as a part of the thickness, of others millimetres (half the bone, tendon

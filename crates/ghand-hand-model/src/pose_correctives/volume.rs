@@ -27,7 +27,7 @@ struct Room {
 const IN_FINGER: Room = Room { reach: 1.8, back: 0.4, largest: 0.0025 };
 /// The flesh between a knuckle and the webs moves into the palm, which gives way all around. When the four knuckles bend
 /// together they displace less than the sum of each alone: the hand then has 1 % more volume than at rest.
-const IN_PALM: Room = Room { reach: 3.0, back: 0.6, largest: 0.0045 };
+const IN_PALM: Room = Room { reach: 3.0, back: 0.6, largest: 0.006 };
 /// Newton steps; the volume is nearly linear in the bulge.
 const STEPS: usize = 2;
 
