@@ -24,14 +24,14 @@ struct Gesture {
 
 const STRAIGHT: [f64; 4] = [0.0; 4];
 // Of a fist. Flexed farther, the tips would be inside the palm, and the skin of two bones inside each other.
-const INDEX: [f64; 4] = [66.0, 76.0, 68.0, -6.0];
-const MIDDLE: [f64; 4] = [79.0, 80.0, 51.0, 0.0];
-const RING: [f64; 4] = [74.0, 82.0, 49.0, 1.0];
-const LITTLE: [f64; 4] = [74.0, 76.0, 34.0, -3.0];
+const INDEX: [f64; 4] = [71.0, 91.0, 60.0, -2.0];
+const MIDDLE: [f64; 4] = [76.0, 91.0, 56.0, 0.0];
+const RING: [f64; 4] = [77.0, 93.0, 54.0, 1.0];
+const LITTLE: [f64; 4] = [77.0, 89.0, 47.0, -3.0];
 
 // Pad on pad.
-const INDEX_TO_THUMB: [f64; 4] = [54.0, 46.0, 8.0, -1.0];
-const THUMB_TO_INDEX: [f64; 5] = [38.0, 9.0, 11.0, 0.0, 2.0];
+const INDEX_TO_THUMB: [f64; 4] = [53.0, 39.0, 6.0, -5.0];
+const THUMB_TO_INDEX: [f64; 5] = [28.0, 9.0, 6.0, 5.0, 2.0];
 
 /// A straight finger that moves sideways.
 const fn sideways(abduction: f64) -> [f64; 4] {
@@ -50,15 +50,15 @@ fn gesture(name: &str) -> Option<Gesture> {
             [16.0, 7.0, 3.0, 8.0, 10.0],
         ),
         "spread" => ([sideways(8.0), STRAIGHT, sideways(7.0), sideways(13.0)], [-14.0, -3.0, 0.0, 0.0, -4.0]),
-        "fist" => ([INDEX, MIDDLE, RING, LITTLE], [22.0, 12.0, 12.0, 39.0, 44.0]),
+        "fist" => ([INDEX, MIDDLE, RING, LITTLE], [23.0, 28.0, 8.0, 35.0, 43.0]),
         "pinch" => (
             [INDEX_TO_THUMB, [34.0, 32.0, 18.0, 0.0], [27.0, 28.0, 16.0, 0.0], [22.0, 25.0, 15.0, 0.0]],
             THUMB_TO_INDEX,
         ),
-        "point" => ([STRAIGHT, MIDDLE, RING, LITTLE], [38.0, 26.0, 12.0, 38.0, 46.0]),
-        "victory" => ([sideways(9.0), sideways(-8.0), RING, LITTLE], [38.0, 12.0, 9.0, 40.0, 46.0]),
-        "three" => ([sideways(7.0), STRAIGHT, sideways(6.0), [79.0, 59.0, 28.0, -6.0]], [38.0, -9.0, -5.0, 40.0, 61.0]),
-        "four" => ([sideways(6.0), STRAIGHT, sideways(5.0), sideways(10.0)], [1.0, -12.0, 12.0, 40.0, 51.0]),
+        "point" => ([STRAIGHT, MIDDLE, RING, LITTLE], [34.0, 28.0, 6.0, 34.0, 47.0]),
+        "victory" => ([sideways(9.0), sideways(-8.0), RING, LITTLE], [38.0, 20.0, 2.0, 38.0, 47.0]),
+        "three" => ([sideways(7.0), STRAIGHT, sideways(6.0), [79.0, 68.0, 37.0, -5.0]], [38.0, 7.0, 2.0, 38.0, 59.0]),
+        "four" => ([sideways(6.0), STRAIGHT, sideways(5.0), sideways(10.0)], [10.0, -7.0, 10.0, 40.0, 51.0]),
         "thumbs-up" => ([INDEX, MIDDLE, RING, LITTLE], [-14.0, -7.0, 0.0, 0.0, -6.0]),
         "ok" => ([INDEX_TO_THUMB, [10.0, 13.0, 7.0, 0.0], [3.0, 6.0, 3.0, 3.0], [0.0, 2.0, 2.0, 8.0]], THUMB_TO_INDEX),
         _ => return None,

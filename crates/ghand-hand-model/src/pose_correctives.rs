@@ -27,6 +27,9 @@ const INNER_REACH: f64 = 1.3;
 const KNUCKLE: f64 = 0.03;
 const FOLD: f64 = 0.12;
 const SIDE: f64 = 0.02;
+/// How far skin that a bent knuckle would push beyond the plane where palm and finger meet stays on its side of it: 1 is
+/// on the plane; more, because the fit is smooth and skin between two fingers follows its own only in part.
+const FOLDED: f64 = 1.3;
 /// Largest twist of joints in the samples, degrees.
 const TWIST: f64 = 10.0;
 /// A share too small for a visible effect.
@@ -55,8 +58,24 @@ struct Bend {
     inner: DVec3,
     /// Half the finger's width, metres.
     radius: f64,
-    /// Whether this is a knuckle or the thumb's base, where the palm shares the bend.
-    root: bool,
+    /// What the bend is of.
+    kind: BendKind,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum BendKind {
+    ThumbBase,
+    ThumbKnuckle,
+    Knuckle,
+    /// All other joints.
+    Hinge,
+}
+
+impl BendKind {
+    /// Whether the palm shares the bend.
+    fn is_in_palm(self) -> bool {
+        self != BendKind::Hinge
+    }
 }
 
 /// A rotation that is sampled.
@@ -98,7 +117,7 @@ pub(crate) fn pose_directions(
     for (c, chain) in chains.iter().enumerate() {
         for k in 0..3 {
             let bend = Bend::of(chain, k);
-            let fit = Fit::new(bend.samples(chain.is_thumb));
+            let fit = Fit::new(bend.samples());
             let moving = || chain.joints[k..].iter().chain(&chain.beyond);
             let fitted: Vec<[DVec3; FEATURES]> = (0..count)
                 .into_par_iter()
@@ -140,22 +159,21 @@ impl Bend {
         let direction = |from: usize| (chain.points[from + 1] - chain.points[from]).normalize();
         let along = (direction(k) + direction(k + 1)).normalize();
         let hinge = along.cross(chain.closing).normalize();
-        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], root: k == 0 }
+        let kind = match (chain.is_thumb, k) {
+            (true, 0) => BendKind::ThumbBase,
+            (true, 1) => BendKind::ThumbKnuckle,
+            (false, 0) => BendKind::Knuckle,
+            _ => BendKind::Hinge,
+        };
+        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], kind }
     }
 
     /// Flexion with a little of the other rotations, as far as the joint allows them.
-    fn samples(&self, thumb: bool) -> Vec<Sample> {
-        let flexions: &[f64] = match (self.root, thumb) {
-            (true, true) => &[-40.0, -20.0, 0.0, 20.0, 40.0],
-            (true, false) => &[-30.0, 0.0, 25.0, 50.0, 75.0, 95.0],
-            (false, _) => &[-20.0, 0.0, 25.0, 50.0, 75.0, 100.0],
-        };
-        let side: f64 = if self.root && thumb {
-            40.0
-        } else if self.root {
-            20.0
-        } else {
-            8.0
+    fn samples(&self) -> Vec<Sample> {
+        let (flexions, side): (&[f64], f64) = match self.kind {
+            BendKind::ThumbBase => (&[-40.0, -20.0, 0.0, 20.0, 40.0], 40.0),
+            BendKind::Knuckle => (&[-30.0, 0.0, 25.0, 50.0, 75.0, 95.0], 20.0),
+            BendKind::ThumbKnuckle | BendKind::Hinge => (&[-20.0, 0.0, 25.0, 50.0, 75.0, 100.0], 8.0),
         };
         // Sideways or twisted, not both.
         let others = [(0.0, 0.0), (-side, 0.0), (side, 0.0), (0.0, -TWIST), (0.0, TWIST)];
@@ -177,18 +195,32 @@ impl Bend {
         // Rotated by a part of the angle instead of blended, so that it keeps its distance from the joint. On the inner
         // side of a finger the rotation spreads farther along the finger than the weights do, because the flesh of both
         // bones needs room between them.
-        let spread = if self.root { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
+        let in_palm = self.kind.is_in_palm();
+        let spread = if in_palm { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
         let part = flesh.moving + spread * (smooth_step(0.5 * (along / INNER_REACH + 1.0)) - flesh.moving);
         let turned = rotation_from_axis_angle(sample.axis_angle * part);
         let blended = DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
-        let stays_blended = if self.root { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
+        let stays_blended = if in_palm { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
         let posed = turned * (1.0 - stays_blended) + blended * stays_blended;
         // Bulges caused by flexion: the knuckle on the back, the folds inside and the sides between.
         let squeeze = (1.0 - sample.flexion.max(0.0).cos()) * self.radius;
         let knuckle = -KNUCKLE * bump(along / 1.1) * smooth_step(-1.2 * inner);
         let fold = FOLD * bump(along / 1.6) * smooth_step(1.2 * inner);
         let side = SIDE * bump(along / 1.5) * sideways;
-        posed * (flesh.offset + squeeze * ((knuckle + fold) * self.inner + side * self.hinge))
+        let posed = posed * (flesh.offset + squeeze * ((knuckle + fold) * self.inner + side * self.hinge));
+        if self.kind == BendKind::Knuckle { self.folded(posed, flesh.moving, sample.flexion) } else { posed }
+    }
+
+    /// A posed place, relative to the knuckle, on its own side of the plane in which palm and finger meet. A finger's
+    /// base is as thick as the palm, so that without this the skin up to the web would be inside the palm.
+    fn folded(&self, posed: DVec3, moving: f64, flexion: f64) -> DVec3 {
+        let half = rotation_from_axis_angle(self.hinge * (flexion.max(0.0) / 2.0));
+        let (across, within) = (half * self.along, half * self.inner);
+        let distance = posed.dot(across);
+        let of_finger = smooth_step((moving - 0.2) / 0.6);
+        let allowed = of_finger * distance.max(0.0) + (1.0 - of_finger) * distance.min(0.0);
+        let inside = smooth_step(2.0 * posed.dot(within) / self.radius);
+        if flexion > 0.0 { posed + across * (FOLDED * inside * (allowed - distance)) } else { posed }
     }
 }
 

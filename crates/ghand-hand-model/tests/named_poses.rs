@@ -115,8 +115,10 @@ fn the_thumb_lies_on_the_folded_fingers() {
 fn a_fist_closed_too_far_is_inside_itself() {
     let model = builtin_hand(Side::Right).unwrap();
     let mut pose = named_pose("fist", &model).unwrap();
-    let joint = Posed::new("fist", Side::Right).joint(Finger::Ring, 1);
-    pose.rotations[joint] *= 1.2;
+    let fist = Posed::new("fist", Side::Right);
+    for k in [1, 2] {
+        pose.rotations[fist.joint(Finger::Ring, k)] *= 1.2;
+    }
     let vertices = pose_hand(&model, &[], &pose).unwrap().vertices;
     assert!(deepest_penetration(&model.faces, &model.vertices, &vertices) > 2.0 * DEEPEST);
 }

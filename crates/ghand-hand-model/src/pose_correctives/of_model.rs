@@ -11,6 +11,10 @@ use crate::joint_names::{Finger, JointRole, finger_joints};
 
 /// Vertices this near to the cross-section of a joint measure the finger's width there, metres.
 const SECTION: f64 = 0.004;
+/// The palm of a coarse mesh has few vertices around a knuckle: the section becomes thicker until it has this many, up to
+/// so many times.
+const LEAST_VERTICES: usize = 4;
+const THICKER: [f64; 3] = [1.0, 1.5, 2.25];
 /// Half width of a finger where no vertex is near a joint's cross-section, metres.
 const USUAL_RADIUS: f64 = 0.009;
 /// Weight of nearness against skinning weights in deciding to which finger the skin of the palm belongs.
@@ -57,9 +61,14 @@ fn radius(model: &HandModel, chain: &BendingChain, k: usize) -> f64 {
     let along = (chain.points[k + 2] - center).normalize();
     let own = |i: usize| -> f64 { chain.joints.iter().map(|&j| model.vertex_weights(i)[j]).sum() };
     let near = (0..model.vertices.len()).filter(|&i| own(i) > 0.25).map(|i| model.vertices[i] - center);
-    let distances: Vec<f64> =
-        near.filter(|p| p.dot(along).abs() < SECTION).map(|p| p.reject_from(along).length()).collect();
-    if distances.is_empty() { USUAL_RADIUS } else { distances.iter().sum::<f64>() / distances.len() as f64 }
+    let near: Vec<DVec3> = near.collect();
+    let section = |thicker: f64| -> Vec<f64> {
+        let within = near.iter().filter(|p| p.dot(along).abs() < SECTION * thicker);
+        within.map(|p| p.reject_from(along).length()).collect()
+    };
+    let sections = THICKER.map(section);
+    let distances = sections.iter().find(|section| section.len() >= LEAST_VERTICES).or(sections.last());
+    distances.filter(|d| !d.is_empty()).map_or(USUAL_RADIUS, |d| d.iter().sum::<f64>() / d.len() as f64)
 }
 
 /// How much of each vertex belongs to each chain, `[V][chains]`; rows sum to 1. By skinning weights, and on the palm by
