@@ -15,6 +15,7 @@ pub mod review;
 mod side;
 pub mod single_frames;
 mod spread;
+mod stragglers;
 mod texture;
 
 use std::time::Instant;
@@ -48,6 +49,9 @@ const FIRST_STEPS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];
 /// Then the joints' spreads are measured and the fingers start once more, from what these and the given poses say: in the
 /// first steps a finger may have taken another one's outline for its own.
 const STEPS: [f64; 7] = [12.0, 8.0, 5.0, 4.0, 3.0, 3.0, 3.0];
+
+/// The last ones, once frames that were astray are back.
+const LAST_STEPS: [f64; 3] = [5.0, 3.0, 3.0];
 
 /// Newton steps to the likeliest pose without images.
 const PRIOR_STEPS: usize = 4;
@@ -234,7 +238,36 @@ impl<'a> Fit<'a> {
                 return Ok(false);
             }
         }
+        // What was astray had its say in shape and spreads: with it in its place they are found again.
+        if self.recover_stragglers(images)? > 0 {
+            for huber in LAST_STEPS {
+                self.step(images, huber, true)?;
+            }
+        }
         Ok(true)
+    }
+
+    /// The pose of a frame by its own images and what is known of poses, for a fixed shape, from `pose` on.
+    fn fitted_alone(
+        &self,
+        shaped: &Shaped,
+        mut pose: Pose,
+        given: &Pose,
+        images: &Images,
+        steps: &[f64],
+        use_spreads: bool,
+    ) -> Result<Pose, InvalidHandModel> {
+        for huber in steps {
+            let Fit { edges, moving, carries, .. } = self;
+            let rig = Rig { shaped, edges, moving, carries, huber: *huber };
+            let mut equations = rig.equations(&pose, images)?;
+            self.priors.add_given(&pose, given, moving, &mut equations.pose_pose, &mut equations.d_pose);
+            if use_spreads {
+                self.priors.spread.add(&pose, &mut equations.pose_pose, &mut equations.d_pose);
+            }
+            pose = self.moved(&pose, &-(inverse(&equations.pose_pose) * &equations.d_pose));
+        }
+        Ok(pose)
     }
 
     fn shaped(&self) -> Result<Shaped, InvalidHandModel> {

@@ -125,7 +125,7 @@ impl Review {
             ));
         }
         let [median, far] = self.fit[1].contours;
-        if self.rejection.is_none() && far > 3.0_f64.max(6.0 * median) {
+        if self.rejection.is_none() && far > 3.0_f64.max(3.0 * median) {
             all.push(format!(
                 "parts of the masks are not the hand's: 5 % of the outlines are more than {far:.0} pixels off the fitted \
                  hand, half of them less than {median:.1}; look for cut fingers, filled gaps and the arm"

@@ -5,10 +5,8 @@ use ghand_core::{HandModel, Pose};
 use rayon::prelude::*;
 
 use super::{
-    AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, Rig, STEPS, Shape, images_of_frames, inverse,
-    joined,
+    AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, STEPS, Shape, Shaped, images_of_frames, joined,
 };
-use crate::alignment::proportions::Shaped;
 
 /// A frame and the images that its pose is fitted to.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +58,9 @@ pub fn align_single_frames(
     known: Option<&PoseKnowledge>,
     frames: &[SingleFrame],
 ) -> Result<Vec<Pose>, AlignmentError> {
+    if frames.is_empty() {
+        return Ok(vec![]);
+    }
     let fields = |frame: &SingleFrame| -> Result<Vec<Option<DistanceField>>, CaptureError> {
         let field = |camera: &usize| {
             let mask = capture.load_hand_mask(*camera, frame.frame)?;
@@ -70,7 +71,7 @@ pub fn align_single_frames(
     let fields: Vec<Vec<Option<DistanceField>>> = frames.par_iter().map(fields).collect::<Result<_, _>>()?;
     let mut fit = Fit::new(template, frames.iter().map(|frame| &frame.pose).collect(), Shape::Known);
     let shaped = Shaped::fixed(template);
-    let spreads_from = if known.is_some() { FIRST_STEPS.len() } else { usize::MAX };
+    // The joints that move are those of the frames where the knowledge comes from.
     match known.cloned() {
         Some(PoseKnowledge { moving, priors }) => (fit.moving, fit.priors) = (moving, priors),
         None => fit.priors = Priors::new(template, &fit.moving, 1),
@@ -79,21 +80,11 @@ pub fn align_single_frames(
         let pairs = frame.cameras.iter().zip(fields);
         let images: Images =
             pairs.filter_map(|(camera, field)| Some((&capture.cameras[*camera], field.as_ref()?))).collect();
-        let mut pose = frame.pose.clone();
-        for (number, huber) in FIRST_STEPS.into_iter().chain(STEPS).enumerate() {
-            if number == spreads_from {
-                pose = fit.with_fingers_from_priors(&pose, &frame.pose);
-            }
-            let rig = Rig { shaped: &shaped, edges: &fit.edges, moving: &fit.moving, carries: &fit.carries, huber };
-            let mut equations = rig.equations(&pose, &images)?;
-            fit.priors.add_given(&pose, &frame.pose, &fit.moving, &mut equations.pose_pose, &mut equations.d_pose);
-            if number >= spreads_from {
-                fit.priors.spread.add(&pose, &mut equations.pose_pose, &mut equations.d_pose);
-            }
-            let step = -(inverse(&equations.pose_pose) * &equations.d_pose);
-            pose = fit.moved(&pose, &step);
+        let mut pose = fit.fitted_alone(&shaped, frame.pose.clone(), &frame.pose, &images, &FIRST_STEPS, false)?;
+        if known.is_some() {
+            pose = fit.with_fingers_from_priors(&pose, &frame.pose);
         }
-        Ok(pose)
+        Ok(fit.fitted_alone(&shaped, pose, &frame.pose, &images, &STEPS, known.is_some())?)
     };
     frames.par_iter().zip(&fields).map(aligned).collect()
 }
