@@ -5,7 +5,8 @@
 //! in [`super`], and shape and bones of likely lengths ([`proportions`]). It alternates: the poses of all frames, each on
 //! its own (`frame`), then one step of Gauss and Newton for the lengths, from which the poses are eliminated (Schur's
 //! complement), then the noise, by the EM rule for Student's distribution with the numbers that the unknowns take up
-//! subtracted. The noise starts large, so that wrong landmarks are told from right ones by degrees.
+//! subtracted. The noise starts large, so that wrong landmarks are told from right ones by degrees. In the end, the
+//! shape is what the found lengths say with a tracker's systematic errors in mind (`from_lengths`).
 //!
 //! Errors in pixels count in metres at the hand, since a tracker's errors grow with the hand in the image.
 
@@ -48,8 +49,14 @@ const NOISE_FALL: f64 = 0.6;
 const LEAST_FREEDOM: f64 = 0.1;
 /// Attempts at a step, each ten times as damped.
 const ATTEMPTS: usize = 4;
-/// Standard deviation of the logarithm of a bone's length as a median over frames, for the start.
-const START_DEVIATION: f64 = 0.05;
+/// Standard deviation of a tracker's landmark along the finger, from a model's joint, metres, with the degrees of freedom
+/// of its distribution: both mark places inside of a hand that nobody sees, and people's joints differ by as much beyond
+/// any shape (5 % of a phalanx of 40 mm are 2 mm; Buryanov and Kotiuk 2010).
+const PLACE_DEVIATION: f64 = 0.004;
+const PLACE_FREEDOM: f64 = 4.0;
+/// Steps to a shape, which is nearly linear in the lengths, and the width of the differences in them.
+const SHAPE_ROUNDS: usize = 20;
+const SHAPE_STEP: f64 = 1e-4;
 
 /// The hand of a person in all frames.
 #[derive(Debug, Clone)]
@@ -103,7 +110,7 @@ impl<'a> Frame<'a> {
 
 /// Fits a person's hand. `cameras` are those that pixels were seen by.
 pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras: &[Camera]) -> PersonFit {
-    let mut parameters = from_lengths(proportions, seen);
+    let mut parameters = from_medians(proportions, seen);
     let mut hand = proportions.hand(&parameters);
     let mut noise = FIRST_NOISE;
     let count = seen.len().min(MOST_FRAMES);
@@ -141,6 +148,8 @@ pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras:
             }
         }
     }
+    parameters = from_lengths(proportions, &Proportions::lengths(&hand));
+    hand = proportions.hand(&parameters);
     let mut some = some.into_iter();
     for k in chosen {
         if frames[k].is_some() {
@@ -193,43 +202,67 @@ fn finished(
 }
 
 /// Lengths from medians over the frames whose landmarks are all in space; the model's own without any.
-fn from_lengths(proportions: &Proportions, seen: &[SeenFrame]) -> Vec<f64> {
+fn from_medians(proportions: &Proportions, seen: &[SeenFrame]) -> Vec<f64> {
     let points: Vec<[DVec3; LANDMARK_COUNT]> = seen.iter().filter_map(SeenFrame::points).collect();
+    let observed = BONES.map(|(from, to)| median(points.iter().map(|p| p[from].distance(p[to])).collect()));
+    if observed.iter().all(|length| *length > 0.0) {
+        // Noise makes bones longer: only what all of them say together.
+        proportions.without_bones(&from_lengths(proportions, &observed))
+    } else {
+        vec![0.0; proportions.count()]
+    }
+}
+
+/// The parameters of a hand whose [`BONES`] have these lengths, metres. The shape is the most probable one if landmarks
+/// lie [`PLACE_DEVIATION`] from a model's joints along the fingers; the bones are what it leaves.
+///
+/// A shape is not asked for more: with many frames, what lies between a tracker's joints and a model's is sure to a
+/// fraction of a millimetre, and a shape that made up for it would be anybody's.
+fn from_lengths(proportions: &Proportions, observed: &[f64; BONES.len()]) -> Vec<f64> {
     let mut parameters = vec![0.0; proportions.count()];
-    if points.is_empty() {
-        return parameters;
-    }
-    let observed = BONES.map(|(from, to)| median(points.iter().map(|p| p[from].distance(p[to])).collect()).ln());
-    if observed.iter().any(|length| !length.is_finite()) {
-        return parameters;
-    }
-    let count = parameters.len();
-    let logarithms = |parameters: &[f64]| Proportions::lengths(&proportions.hand(parameters)).map(f64::ln);
-    // The lengths are nearly linear in the parameters.
-    for _ in 0..5 {
-        let now = logarithms(&parameters);
-        let jacobian = DMatrix::from_columns(
-            &(0..count)
-                .map(|k| {
-                    let mut moved = parameters.clone();
-                    moved[k] += 1e-4;
-                    let moved = logarithms(&moved);
-                    DVector::from_iterator(BONES.len(), moved.iter().zip(&now).map(|(a, b)| (a - b) / 1e-4))
-                })
-                .collect::<Vec<_>>(),
-        );
-        let error = DVector::from_iterator(BONES.len(), now.iter().zip(&observed).map(|(now, seen)| now - seen));
-        let weight = START_DEVIATION.powi(-2);
-        let mut matrix = jacobian.transpose() * &jacobian * weight;
-        let mut gradient = jacobian.transpose() * error * weight;
-        add_prior(proportions, &parameters, &mut matrix, &mut gradient);
+    let count = proportions.own_count();
+    let lengths = |parameters: &[f64]| Proportions::lengths(&proportions.hand(parameters));
+    let target = along_fingers(observed);
+    for _ in 0..SHAPE_ROUNDS {
+        let now = along_fingers(&lengths(&parameters));
+        let moved = |k: usize| {
+            let mut moved = parameters.clone();
+            moved[k] += SHAPE_STEP;
+            along_fingers(&lengths(&moved))
+        };
+        let columns: Vec<_> = (0..count).map(moved).collect();
+        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        for (place, (now, target)) in now.iter().zip(&target).enumerate() {
+            let error = (now - target) / PLACE_DEVIATION;
+            let weight = (PLACE_FREEDOM + 1.0) / (PLACE_FREEDOM + error * error);
+            let slope = |k: usize| (columns[k][place] - now) / (SHAPE_STEP * PLACE_DEVIATION);
+            for i in 0..count {
+                gradient[i] += weight * slope(i) * error;
+                (0..count).for_each(|j| matrix[(i, j)] += weight * slope(i) * slope(j));
+            }
+        }
+        add_prior(proportions, &parameters[..count], &mut matrix, &mut gradient);
         let Some(step) = matrix.cholesky().map(|factor| factor.solve(&gradient)) else { break };
         if step.iter().any(|value| !value.is_finite()) {
             break;
         }
         parameters.iter_mut().zip(step.iter()).for_each(|(value, step)| *value -= step);
     }
+    let left = lengths(&parameters);
+    for ((value, observed), left) in parameters.iter_mut().skip(count).zip(observed).zip(left) {
+        let logarithm = (observed / left).ln();
+        *value = if logarithm.is_finite() { logarithm } else { 0.0 };
+    }
     parameters
+}
+
+/// The way from the wrist along the bones to each landmark but the wrist.
+fn along_fingers(lengths: &[f64; BONES.len()]) -> [f64; BONES.len()] {
+    let mut way = 0.0;
+    std::array::from_fn(|k| {
+        way = if k % 4 == 0 { lengths[k] } else { way + lengths[k] };
+        way
+    })
 }
 
 fn add_prior(proportions: &Proportions, parameters: &[f64], matrix: &mut DMatrix<f64>, gradient: &mut DVector<f64>) {

@@ -86,7 +86,7 @@ impl Proportions {
     }
 
     /// Number of parameters before the bones'.
-    fn own_count(&self) -> usize {
+    pub fn own_count(&self) -> usize {
         self.directions.len().max(1)
     }
 

@@ -149,6 +149,11 @@ fn lengths_and_poses_come_back_from_noisy_landmarks_with_wrong_ones() {
         let solved = |hand: &HandIk| points.iter().map(|p| hand.solve(p, None).unwrap().pose).collect::<Vec<Pose>>();
         let median_error = person.pose_error(&by_medians, solved(&by_medians).iter());
         let unfitted_error = person.pose_error(&before, solved(&before).iter());
+        // The shape alone has the person's size, and is one that people have.
+        let alone = person.proportions.hand(&person.proportions.without_bones(&fit.parameters));
+        let (_, size) = person.length_errors(&alone);
+        let shape = person.proportions.shape(&fit.parameters);
+        assert!(size < 0.02 && shape.iter().all(|value| value.abs() < 3.0), "{size} {shape:?}");
         println!(
             "person {seed}: bones {:.1} %, sum {:.2} %, joints {:.1} mm ({:.1} by medians and least squares, {:.1} \
              unfitted), noise {:.1} mm",
@@ -278,4 +283,79 @@ fn a_frame_of_pixels_has_the_derivative_of_its_cost() {
     };
     assert!((0..UNKNOWNS).all(|k| check(k, 1.0)));
     assert!(!(0..UNKNOWNS).all(|k| check(k, 1.01)));
+}
+
+#[test]
+fn one_wrong_landmark_moves_least_squares_but_not_this_fit() {
+    let person = person(9, 0.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(700);
+    let (mut robust, mut squares) = (0.0f64, 0.0f64);
+    for (k, pose) in person.poses.iter().take(20).enumerate() {
+        let truth = person.truth.landmarks(pose);
+        let mut points = truth.map(|at| at + vector(&mut rng, 0.001));
+        let wrong = 1 + k;
+        points[wrong] += 0.05 * vector(&mut rng, 1.0).normalize();
+        let sighting =
+            |(landmark, at): (usize, &DVec3)| Sighting { landmark, confidence: 1.0, place: Place::Point(*at) };
+        let seen = SeenFrame { id: String::new(), sightings: points.iter().enumerate().map(sighting).collect() };
+        let fit = FrameFit { hand: &person.truth, seen: &seen, cameras: &[], scales: &[], noise: 0.001 };
+        let x = start::with_fingers_retried(&fit, start::first_pose(&fit, None).unwrap());
+        let off = |pose: &Pose| {
+            let found = person.truth.landmarks(pose);
+            let right = (0..LANDMARK_COUNT).filter(|i| *i != wrong);
+            (right.map(|i| found[i].distance_squared(truth[i])).sum::<f64>() / (LANDMARK_COUNT - 1) as f64).sqrt()
+        };
+        robust = robust.max(off(&person.truth.pose(&x)));
+        squares = squares.max(off(&person.truth.solve(&points, None).unwrap().pose));
+    }
+    println!("right landmarks: {:.1} mm, by least squares {:.1} mm", 1e3 * robust, 1e3 * squares);
+    assert!(robust < 0.004 && squares > 2.0 * robust, "{robust} {squares}");
+}
+
+#[test]
+fn fingers_swapped_in_one_camera_are_taken_from_the_other() {
+    let person = person(10, 0.006);
+    let cameras = cameras(3);
+    let mut seen = person.in_images(&mut ChaCha8Rng::seed_from_u64(800), &cameras);
+    let swapped = [5, 20, 47];
+    for k in swapped {
+        for sighting in &mut seen[k].sightings {
+            if matches!(sighting.place, Place::Pixel(1, _)) {
+                // Index and middle finger.
+                sighting.landmark = match sighting.landmark {
+                    i @ 5..=8 => i + 4,
+                    i @ 9..=12 => i - 4,
+                    i => i,
+                };
+            }
+        }
+    }
+    let fit = fit_person(&person.proportions, &seen, &cameras);
+    let hand = person.proportions.hand(&fit.parameters);
+    let found = poses(&fit);
+    for k in swapped {
+        let (truth, found) = (person.truth.landmarks(&person.poses[k]), hand.landmarks(&found[k]));
+        let off = truth.iter().zip(&found).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        println!("frame {k}: {:.1} mm", 1e3 * off);
+        assert!(off < 0.012, "frame {k}: {off}");
+    }
+}
+
+#[test]
+fn a_model_with_a_joint_in_the_wrong_place_does_not_distort_the_shape() {
+    let person = person(11, 0.006);
+    let truth = Proportions::lengths(&person.truth);
+    let found = from_lengths(&person.proportions, &truth);
+    assert_eq!(found.len(), person.proportions.count());
+    let shape = |parameters: &[f64]| person.proportions.shape(parameters);
+    let lengths = Proportions::lengths(&person.proportions.hand(&found));
+    assert!(lengths.iter().zip(&truth).all(|(a, b)| (a / b - 1.0).abs() < 1e-9));
+    // The thumb's first joint 15 mm further out, its second bone as much shorter.
+    let mut moved = truth;
+    moved[0] += 0.015;
+    moved[1] -= 0.015;
+    let other = from_lengths(&person.proportions, &moved);
+    let change = shape(&found).iter().zip(shape(&other)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("the shape changes by {change:.2}");
+    assert!(change < 0.5, "{change}");
 }
