@@ -160,11 +160,27 @@ pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras:
     PersonFit { parameters, noise, frames }
 }
 
-/// Poses of a hand of other proportions, near those of a fit.
-pub(crate) fn refitted(hand: &HandIk, fit: &PersonFit, seen: &[SeenFrame], cameras: &[Camera]) -> Vec<Option<Pose>> {
+/// Poses of the model in the person's shape, without the bones' own lengths, near those of a fit. Landmarks at which the
+/// model has its joint elsewhere count less, by Student's distribution: they would pull all others with them.
+pub(crate) fn refitted(
+    proportions: &Proportions,
+    fit: &PersonFit,
+    seen: &[SeenFrame],
+    cameras: &[Camera],
+) -> Vec<Option<Pose>> {
+    let [person, hand] = [fit.parameters.clone(), proportions.without_bones(&fit.parameters)]
+        .map(|parameters| proportions.hand(&parameters));
+    let [theirs, own] = [&person, &hand].map(|hand| along_fingers(&Proportions::lengths(hand)));
+    let agreement = |landmark: usize| {
+        let place = landmark.checked_sub(1);
+        let off = place.map_or(0.0, |place| (theirs[place] - own[place]) / PLACE_DEVIATION);
+        PLACE_FREEDOM / (PLACE_FREEDOM + off * off)
+    };
     let pose = |(frame, seen): (&Option<FittedFrame>, &SeenFrame)| {
         let frame = frame.as_ref()?;
-        let problem = FrameFit { hand, seen, cameras, scales: &frame.scales, noise: fit.noise };
+        let mut seen = seen.clone();
+        seen.sightings.iter_mut().for_each(|sighting| sighting.confidence *= agreement(sighting.landmark));
+        let problem = FrameFit { hand: &hand, seen: &seen, cameras, scales: &frame.scales, noise: fit.noise };
         Some(hand.pose(&problem.solve(hand.unknowns(&frame.pose), COLD_STEPS).1))
     };
     fit.frames.iter().zip(seen).map(pose).collect()

@@ -115,7 +115,7 @@ fn fitted(
     // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
     // bones' directions are right.
     let poses: Vec<Option<Pose>> = if proportions.has_shape() {
-        refitted(&proportions.hand(&proportions.without_bones(&fit.parameters)), &fit, &seen, cameras)
+        refitted(&proportions, &fit, &seen, cameras)
     } else {
         fit.frames.iter().map(|frame| Some(frame.as_ref()?.pose.clone())).collect()
     };

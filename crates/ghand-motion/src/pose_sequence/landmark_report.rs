@@ -208,10 +208,11 @@ pub(super) fn report(
     let mut remarks = vec![];
     let ratio = lengths[1] / lengths[0];
     if cameras.len() == 1 {
-        remarks.push(format!(
+        remarks.push(
             "one camera sees how large the hand is only from its distance, and the distance only from its size: both rest \
              on the model's mean size, and people's differ by 5 to 6 %; a second calibrated camera would tell"
-        ));
+                .into(),
+        );
     } else if (ratio - 1.0).abs() > USUAL_SIZE {
         let (percent, than) = (100.0 * (ratio - 1.0).abs(), if ratio < 1.0 { "shorter" } else { "longer" });
         remarks.push(format!(

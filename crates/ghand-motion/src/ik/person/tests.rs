@@ -299,7 +299,7 @@ fn one_wrong_landmark_moves_least_squares_but_not_this_fit() {
             |(landmark, at): (usize, &DVec3)| Sighting { landmark, confidence: 1.0, place: Place::Point(*at) };
         let seen = SeenFrame { id: String::new(), sightings: points.iter().enumerate().map(sighting).collect() };
         let fit = FrameFit { hand: &person.truth, seen: &seen, cameras: &[], scales: &[], noise: 0.001 };
-        let x = start::with_fingers_retried(&fit, start::first_pose(&fit, None).unwrap());
+        let x = with_fingers_retried(&fit, first_pose(&fit, None).unwrap());
         let off = |pose: &Pose| {
             let found = person.truth.landmarks(pose);
             let right = (0..LANDMARK_COUNT).filter(|i| *i != wrong);
