@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
+use ghand_capture::camera_list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_hand_model::read::ReadOptions;
 use ghand_motion::motions::{MOTION_NAMES, motion};
-use ghand_motion::pose_sequence::DEFAULT_FPS;
-use ghand_motion::{PoseFrame, PoseOptions, PoseSequence, read_poses};
+use ghand_motion::pose_sequence::{DEFAULT_FPS, read_poses_and_fit};
+use ghand_motion::{LandmarkFit, PoseFrame, PoseOptions, PoseSequence};
 
 use crate::hand_model_file::load_hand_model;
 
@@ -32,6 +33,9 @@ pub struct PoseReadingArgs {
     /// Keep the hand in its rest position: only the fingers move
     #[arg(long)]
     in_place: bool,
+    /// The cameras of landmarks in images: a capture.json, its folder, or a JSON file with such cameras
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
     /// Frames per second of a motion, or of a file (interpolated) [default: 30, or the file's]; also of a film
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     pub(crate) fps: Option<f64>,
@@ -57,13 +61,22 @@ impl PoseReadingArgs {
     /// # Errors
     /// One sentence that names the file and the field, or lists the existing names.
     pub fn load(&self, text: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
+        Ok(self.load_with_fit(text, model)?.0)
+    }
+
+    /// Like [`Self::load`], with how well the hand fits if the poses are from landmarks.
+    ///
+    /// # Errors
+    /// As in [`Self::load`].
+    pub fn load_with_fit(&self, text: &str, model: &HandModel) -> anyhow::Result<(PoseSequence, Option<LandmarkFit>)> {
         if POSE_NAMES.contains(&text) {
             let frame = PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] };
             let joint_names = model.joint_names.clone();
-            return Ok(PoseSequence { fps: DEFAULT_FPS, joint_names, frames: vec![frame], warnings: vec![] });
+            let sequence = PoseSequence { fps: DEFAULT_FPS, joint_names, frames: vec![frame], warnings: vec![] };
+            return Ok((sequence, None));
         }
         if let Some(found) = motion(text, model, self.fps.unwrap_or(DEFAULT_FPS)) {
-            return found.with_context(|| format!("the motion {text:?}"));
+            return Ok((found.with_context(|| format!("the motion {text:?}"))?, None));
         }
         let path = Path::new(text);
         let is_path = path.extension().is_some() || path.components().count() > 1;
@@ -80,14 +93,18 @@ impl PoseReadingArgs {
             flat_mean: self.flat_mean,
             take: self.take.clone(),
             in_place: self.in_place,
+            cameras: match &self.cameras {
+                Some(path) => read_cameras(path).context("--cameras")?,
+                None => vec![],
+            },
         };
-        let sequence = read_poses(path, model, &options)?;
+        let (sequence, fit) = read_poses_and_fit(path, model, &options)?;
         for warning in &sequence.warnings {
             log::warn!("{text}: {warning}");
         }
         match self.fps {
-            Some(fps) => Ok(sequence.resampled(fps).with_context(|| format!("{text}: --fps {fps}"))?),
-            None => Ok(sequence),
+            Some(fps) => Ok((sequence.resampled(fps).with_context(|| format!("{text}: --fps {fps}"))?, fit)),
+            None => Ok((sequence, fit)),
         }
     }
 }

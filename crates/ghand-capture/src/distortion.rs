@@ -7,6 +7,9 @@ use glam::DVec2;
 const GRID: u32 = 32;
 /// Number of steps of the search for the fold, in squared radius, from the axis to the farthest corner.
 const FOLD_STEPS: u32 = 4096;
+/// Steps of the iteration for the inverse, and its largest error, in focal lengths: a thousandth of a pixel.
+const INVERSE_STEPS: usize = 100;
+const INVERSE_ERROR: f64 = 1e-6;
 
 /// Distortion of a lens by OpenCV's model of five coefficients: a ray of the pinhole camera, `(x, y, 1)` with
 /// `r² = x² + y²`, is seen at `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
@@ -40,6 +43,24 @@ impl Distortion {
         let tangential =
             DVec2::new(2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
         ray * radial + tangential
+    }
+
+    /// The ray that is seen at a position, as a ray of an undistorted camera: the inverse of [`Self::distorted`]. `None`
+    /// if there is none, because the model's polynomial turns back before.
+    pub fn undistorted_ray(&self, seen: DVec2) -> Option<DVec2> {
+        let [p1, p2] = self.tangential;
+        let [k1, k2, k3] = self.radial;
+        let mut ray = seen;
+        for _ in 0..INVERSE_STEPS {
+            let r2 = ray.length_squared();
+            let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+            let tangential = DVec2::new(
+                2.0 * p1 * ray.x * ray.y + p2 * (r2 + 2.0 * ray.x * ray.x),
+                p1 * (r2 + 2.0 * ray.y * ray.y) + 2.0 * p2 * ray.x * ray.y,
+            );
+            ray = (seen - tangential) / radial;
+        }
+        (self.distorted(ray).distance(seen) < INVERSE_ERROR).then_some(ray)
     }
 
     /// The part of an undistorted image, `[0, 1]`, that is visible in the distorted one; both have the camera's

@@ -5,6 +5,7 @@
 //! published data sets. [`ViewStore`] decodes images in the background, [`inspection`] checks any capture.
 
 pub mod camera_file;
+pub mod camera_list;
 pub mod camera_sampling;
 pub mod capture;
 mod capture_validation;

@@ -9,19 +9,22 @@
 //! joint's axis-angle vector along its axes ([`RestSkeleton::axes`]). Projection keeps them in the joint's range
 //! (`limits`). One more term per finger couples the last hinge to the one before. `s` is the
 //! residual itself, within bounds: if the landmarks fit a hand exactly, the second sum has no weight; if they are
-//! noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method; its Jacobian
-//! consists of vector-Jacobian products of ghand-core's chain, one for each coordinate of a landmark.
+//! noisy, it decides what they leave open. The minimum is found by Levenberg and Marquardt's method.
 //!
 //! A first frame starts from the palm's orientation, once with straight and once with bent fingers, and the better
 //! result is used; other frames start from the previous frame. [`HandIk::reach`] (`reach`) bends one finger to a point.
+//!
+//! [`person`] fits one hand to all frames at once, and bears single wrong landmarks.
 
+mod derivatives;
 mod levenberg_marquardt;
 mod limits;
+pub(crate) mod person;
 mod reach;
 
 use ghand_core::Pose;
-use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle, rotation_from_axis_angle_vjp};
-use ghand_core::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp};
+use ghand_core::rotation::axis_angle_from_rotation;
+use ghand_core::skeleton::{Chain, pose_skeleton};
 use ghand_hand_model::joint_axes::JointAxes;
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
@@ -30,6 +33,7 @@ use crate::rest_skeleton::RestSkeleton;
 
 /// Number of landmarks of a hand.
 pub const LANDMARK_COUNT: usize = 21;
+use derivatives::{Square, add, settle_root};
 use levenberg_marquardt::{Problem, minimize};
 use limits::{Coupling, Range, couplings, ranges};
 
@@ -54,7 +58,7 @@ const BONE_RANGE: (f64, f64) = (0.75, 1.33);
 const FRAMES_FOR_BONES: usize = 10;
 
 /// Pairs of landmarks joined by a bone, starting at the wrist.
-const BONES: [(usize, usize); 20] = [
+pub(crate) const BONES: [(usize, usize); 20] = [
     (0, 1),
     (1, 2),
     (2, 3),
@@ -282,19 +286,14 @@ struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    fn chain(&self, x: &[f64; UNKNOWNS]) -> Chain {
-        pose_skeleton(&self.hand.parents, &self.hand.joints, &self.hand.rotations(x))
-    }
-
     fn errors(&self, chain: &Chain, x: &[f64; UNKNOWNS]) -> [DVec3; LANDMARK_COUNT] {
-        let translation = read(x, 3);
-        std::array::from_fn(|i| chain.world[self.hand.landmarks[i]].translation + translation - self.landmarks[i])
+        let places = self.hand.places(chain, x);
+        std::array::from_fn(|i| places[i] - self.landmarks[i])
     }
 
     /// Root mean square distance, metres.
     fn residual(&self, x: &[f64; UNKNOWNS]) -> f64 {
-        let errors = self.errors(&self.chain(x), x);
-        (errors.iter().map(|e| e.length_squared()).sum::<f64>() / LANDMARK_COUNT as f64).sqrt()
+        (self.squares(x) / LANDMARK_COUNT as f64).sqrt()
     }
 }
 
@@ -308,55 +307,22 @@ impl Problem for Fit<'_> {
     }
 
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64 {
-        self.errors(&self.chain(x), x).iter().map(|e| e.length_squared()).sum()
+        self.errors(&self.hand.chain(x), x).iter().map(|e| e.length_squared()).sum()
     }
 
-    /// Sums `J^T J` and `J^T e` over the coordinates of all landmarks.
-    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]) {
-        let hand = self.hand;
-        let chain = self.chain(x);
+    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Square, [f64; UNKNOWNS]) {
+        let chain = self.hand.chain(x);
         let errors = self.errors(&chain, x);
         let mut matrix = Box::new([[0.0; UNKNOWNS]; UNKNOWNS]);
         let mut vector = [0.0; UNKNOWNS];
-        let mut seeds = vec![DVec3::ZERO; hand.joints.len()];
-        let mut row: Vec<(usize, f64)> = Vec::with_capacity(18);
-        for (i, error) in errors.iter().enumerate() {
-            for axis in 0..3 {
-                seeds[hand.landmarks[i]] = DVec3::AXES[axis];
-                let d_chain = pose_skeleton_vjp(&hand.parents, &hand.joints, &chain, &[], &seeds);
-                seeds[hand.landmarks[i]] = DVec3::ZERO;
-                row.clear();
-                let mut push = |at: usize, gradient: DVec3| {
-                    row.extend((0..3).map(|k| (at + k, gradient[k])));
-                };
-                push(0, rotation_from_axis_angle_vjp(read(x, 0), &d_chain.local[0]));
-                push(3, DVec3::AXES[axis]);
-                for (k, (joint, axes)) in hand.hinges.iter().enumerate() {
-                    // A landmark moves with the joints between it and the wrist only.
-                    if d_chain.local[*joint] != DMat3::ZERO {
-                        let rotation = axes.rotation(read(x, 6 + 3 * k));
-                        let gradient = rotation_from_axis_angle_vjp(rotation, &d_chain.local[*joint]);
-                        push(6 + 3 * k, axes.angles(gradient));
-                    }
-                }
-                for &(a, value) in &row {
-                    vector[a] += value * error[axis];
-                    for &(b, other) in &row {
-                        matrix[a][b] += value * other;
-                    }
-                }
-            }
+        for (row, error) in self.hand.landmark_derivatives(&chain, x).iter().zip(errors) {
+            add(row, &DMat3::IDENTITY, error, &mut matrix, &mut vector);
         }
         (matrix, vector)
     }
 
-    /// The vector for the root's rotation with at most half a turn: longer ones come near a whole turn, where the
-    /// derivative vanishes.
     fn settle(&self, x: &mut [f64; UNKNOWNS]) {
-        let root = read(x, 0);
-        if root.length() > std::f64::consts::PI {
-            write(x, 0, axis_angle_from_rotation(&rotation_from_axis_angle(root)));
-        }
+        settle_root(x);
     }
 }
 

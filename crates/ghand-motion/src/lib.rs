@@ -18,5 +18,5 @@ mod test_hands;
 
 pub use error::PoseError;
 pub use key_frames::KeyFrames;
-pub use pose_sequence::{PoseFrame, PoseOptions, PoseSequence, read_poses};
+pub use pose_sequence::{LandmarkFit, PoseFrame, PoseOptions, PoseSequence, read_poses};
 pub use rest_skeleton::RestSkeleton;

@@ -149,10 +149,14 @@ impl LivePoses {
                 let own = &Skeleton::kept(&mut self.skeleton, model)?.own;
                 (PacketKind::XrJoints, Retarget::new(&RestSkeleton::webxr(side), own).pose(&frame.pose))
             }
-            Motion::Landmarks { frames } => {
+            Motion::Landmarks { frames, .. } => {
                 let points = only(&source, frames)?.points;
                 let points = if side == model.side { points } else { points.map(mirrored_point) };
                 (PacketKind::Landmarks, self.fit(&source, &points)?)
+            }
+            Motion::ImageLandmarks { .. } => {
+                let problem = "are those of images; send MediaPipe's world landmarks (worldLandmarks)";
+                return Err(source.invalid("landmarks", problem.into()));
             }
             Motion::Mano(found) => {
                 let frames = mano_rows(found, side, model, &no_options, ignored)?;

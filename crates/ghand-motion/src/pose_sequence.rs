@@ -10,10 +10,11 @@
 //! | HO-3D | `.pkl`, or the folder of them | [`ho3d`] |
 //! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
+//! | landmarks in images of calibrated cameras | JSON, JSON Lines | [`image_landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
 //!
 //! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another
-//! skeleton, and [`crate::ik`] fits landmarks. Poses of the other hand are mirrored, with a warning. ghand's own files
+//! skeleton, and [`crate::ik`] fits landmarks: one hand for all frames, whose shape is that of the poses. Poses of the other hand are mirrored, with a warning. ghand's own files
 //! must be correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number
 //! that is not finite or that no hand can have ([`Pose::check_range`]).
 
@@ -21,6 +22,9 @@ mod file_skeleton;
 mod folder;
 pub mod ghand;
 pub mod ho3d;
+pub mod image_landmarks;
+mod landmark_fit;
+pub mod landmark_report;
 pub mod landmarks;
 pub mod mano;
 pub mod plain;
@@ -33,6 +37,7 @@ pub mod xr;
 
 use std::path::Path;
 
+use ghand_capture::camera_list::LensCamera;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_files::value::Value;
@@ -40,9 +45,10 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::PoseError;
 use crate::rest_skeleton::RestSkeleton;
+pub use landmark_report::LandmarkFit;
 pub(crate) use recording::{Motion, Recording};
 pub(crate) use source::{Skipped, Source};
-use to_model::{fitted, retargeted};
+use to_model::retargeted;
 pub(crate) use to_model::{mano_rows, rows, side_name};
 
 /// Default rate, frames per second.
@@ -91,6 +97,8 @@ pub struct PoseOptions {
     pub take: Option<String>,
     /// Ignore the rotation and the position of the whole hand.
     pub in_place: bool,
+    /// The cameras of landmarks in images.
+    pub cameras: Vec<LensCamera>,
 }
 
 /// Reads a file of poses for a hand model, or the folder of a capture or of an HO-3D sequence; see the module.
@@ -110,8 +118,20 @@ pub struct PoseOptions {
 /// [`PoseError`] names the file, the field and a remedy when the file's kind is not supported, when no frame is usable,
 /// or when the names of the model's joints do not identify their parts and the poses are not for them.
 pub fn read_poses(path: &Path, model: &HandModel, options: &PoseOptions) -> Result<PoseSequence, PoseError> {
+    Ok(read_poses_and_fit(path, model, options)?.0)
+}
+
+/// Like [`read_poses`], with how well the hand fits if the file has landmarks.
+///
+/// # Errors
+/// As in [`read_poses`].
+pub fn read_poses_and_fit(
+    path: &Path,
+    model: &HandModel,
+    options: &PoseOptions,
+) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let (path, value) = folder::read(path)?;
-    poses_of_value(&path.display().to_string(), &value, model, options)
+    poses_and_fit(&path.display().to_string(), &value, model, options)
 }
 
 /// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only
@@ -142,16 +162,36 @@ pub fn poses_of_value(
     model: &HandModel,
     options: &PoseOptions,
 ) -> Result<PoseSequence, PoseError> {
+    Ok(poses_and_fit(origin, value, model, options)?.0)
+}
+
+fn poses_and_fit(
+    origin: &str,
+    value: &Value,
+    model: &HandModel,
+    options: &PoseOptions,
+) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let wanted = options.side.unwrap_or(model.side);
     let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count(), model };
     let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
     // Poses of an unknown side are read as the wanted side.
     let side = options.side.or(side).unwrap_or(model.side);
+    let mut fit = None;
     let (mut frames, side) = match motion {
         Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
         Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
         Motion::WebXr { frames } => (retargeted(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
-        Motion::Landmarks { frames } => (fitted(&source, &frames, side, model, &mut warnings)?, side),
+        Motion::Landmarks { frames, tip_inset } => {
+            let (frames, found) = landmark_fit::from_points(&source, &frames, tip_inset, side, model, &mut warnings)?;
+            fit = Some(found);
+            (frames, side)
+        }
+        Motion::ImageLandmarks { frames, tip_inset } => {
+            let (frames, found) =
+                landmark_fit::from_images(&source, &frames, tip_inset, side, model, options, &mut warnings)?;
+            fit = Some(found);
+            (frames, side)
+        }
     };
     if side != model.side {
         let [theirs, own] = [side, model.side].map(side_name);
@@ -169,12 +209,13 @@ pub fn poses_of_value(
             frame.pose.rotations.iter_mut().take(1).for_each(|root| *root = DVec3::ZERO);
         }
     }
-    Ok(PoseSequence { fps: fps.unwrap_or(DEFAULT_FPS), joint_names: model.joint_names.clone(), frames, warnings })
+    let fps = fps.unwrap_or(DEFAULT_FPS);
+    Ok((PoseSequence { fps, joint_names: model.joint_names.clone(), frames, warnings }, fit))
 }
 
 /// The content of a file, read by the first reader that recognises its kind.
 pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
-    let readers: [Reader; 5] = [xr::read, landmarks::read, mano::read, ho3d::read, plain::read];
+    let readers: [Reader; 6] = [xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
     if let Some(recording) = trackers(source, value) {
         return recording;

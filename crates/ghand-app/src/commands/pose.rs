@@ -13,8 +13,8 @@ use ghand_hand_model::glb::write_glb;
 use ghand_hand_model::obj::write_obj;
 use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
-use ghand_motion::pose_sequence::ghand::write_poses;
-use ghand_motion::{PoseFrame, PoseSequence};
+use ghand_motion::pose_sequence::ghand::{write_fitted_poses, write_poses};
+use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
@@ -103,7 +103,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         log::warn!("{warning}");
     }
     let model = &file.model;
-    let mut sequence = sequence(args, model)?;
+    let (mut sequence, fit) = sequence(args, model)?;
+    if let Some(fit) = &fit {
+        say!("{}", fit.to_string().trim_end());
+    }
     if let Some(text) = &args.shape {
         let shape = shape_from_text(model, text).context("--shape")?;
         sequence.frames.iter_mut().for_each(|frame| frame.shape.clone_from(&shape));
@@ -118,7 +121,10 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         if let Some(wanted) = &args.frame {
             sequence.frames = vec![chosen(args, sequence.frames, wanted)?];
         }
-        write_poses(path, &sequence, model)?;
+        match &fit {
+            Some(fit) => write_fitted_poses(path, &sequence, fit, model)?,
+            None => write_poses(path, &sequence, model)?,
+        }
         say!("{}: {} frames at {} per second", path.display(), sequence.frames.len(), sequence.fps);
         return Ok(());
     }
@@ -178,9 +184,9 @@ fn picture(
     Ok(picture.in_linear_light())
 }
 
-fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> {
+fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<(PoseSequence, Option<LandmarkFit>)> {
     if let Some(text) = &args.pose {
-        return args.reading_poses.load(text, model);
+        return args.reading_poses.load_with_fit(text, model);
     }
     // Zeros are the mean pose of a MANO model.
     let mut pose = Pose::rest(model.joint_count());
@@ -188,7 +194,8 @@ fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<PoseSequence> 
         pose.rotations.iter_mut().skip(1).zip(&space.mean).for_each(|(rotation, mean)| *rotation += *mean);
     }
     let frames = vec![PoseFrame { id: "zeros".into(), pose, shape: vec![] }];
-    Ok(PoseSequence { fps: DEFAULT_FPS, joint_names: model.joint_names.clone(), frames, warnings: vec![] })
+    let joint_names = model.joint_names.clone();
+    Ok((PoseSequence { fps: DEFAULT_FPS, joint_names, frames, warnings: vec![] }, None))
 }
 
 fn chosen(args: &PoseArgs, frames: Vec<PoseFrame>, wanted: &str) -> anyhow::Result<PoseFrame> {

@@ -1,5 +1,6 @@
 //! The Levenberg-Marquardt method for least squares inside a box, with a prior whose weight follows the residual.
 
+use super::derivatives::Square;
 use super::limits::{Coupling, Range};
 use super::{LANDMARK_COUNT, UNKNOWNS};
 
@@ -24,59 +25,80 @@ pub(super) trait Problem {
     fn ranges(&self) -> &[Range];
     /// Couplings among the last unknowns.
     fn couplings(&self) -> &[Coupling];
-    /// Sum of the squared errors, square metres.
+    /// Sum of the squared errors, square metres, or of what takes their place.
     fn squares(&self, x: &[f64; UNKNOWNS]) -> f64;
+    /// Variance of an error, in the unit of `squares`, by which the prior is weighted.
+    fn variance(&self, squares: f64) -> f64 {
+        (squares / LANDMARK_COUNT as f64).clamp(LEAST_SIGMA * LEAST_SIGMA, MOST_SIGMA * MOST_SIGMA)
+    }
     /// `J^T J` and `J^T e`.
-    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]);
+    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Square, [f64; UNKNOWNS]);
     /// Replaces the unknowns by an equivalent vector, if one is better.
     fn settle(&self, x: &mut [f64; UNKNOWNS]);
 }
 
+/// The sum of the prior's squares, without their weight.
+pub(super) fn prior(problem: &impl Problem, x: &[f64; UNKNOWNS]) -> f64 {
+    let angles = &x[UNKNOWNS - problem.ranges().len()..];
+    let alone = angles.iter().zip(problem.ranges()).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
+    let coupled = problem.couplings().iter().map(|c| (c.error(angles) / c.spread).powi(2));
+    alone.sum::<f64>() + coupled.sum::<f64>()
+}
+
+/// Matrix and gradient with the prior, and which unknowns are at a bound that they would leave: those stay, and have no
+/// equation.
+pub(super) fn equations(
+    problem: &impl Problem,
+    x: &[f64; UNKNOWNS],
+    variance: f64,
+) -> (Square, [f64; UNKNOWNS], [bool; UNKNOWNS]) {
+    let (ranges, couplings) = (problem.ranges(), problem.couplings());
+    let free = UNKNOWNS - ranges.len();
+    let (mut matrix, mut gradient) = problem.normal_equations(x);
+    for (k, range) in ranges.iter().enumerate() {
+        let weight = variance / (range.spread * range.spread);
+        matrix[free + k][free + k] += weight;
+        gradient[free + k] += weight * (x[free + k] - range.mean);
+    }
+    for c in couplings {
+        let weight = variance / (c.spread * c.spread);
+        let (of, with) = (free + c.of, free + c.with);
+        let error = c.error(&x[free..]);
+        matrix[of][of] += weight;
+        matrix[with][with] += weight * c.ratio * c.ratio;
+        matrix[of][with] -= weight * c.ratio;
+        matrix[with][of] -= weight * c.ratio;
+        gradient[of] += weight * error;
+        gradient[with] -= weight * c.ratio * error;
+    }
+    let mut stays = [false; UNKNOWNS];
+    for (k, range) in ranges.iter().enumerate() {
+        let (at, value) = (free + k, x[free + k]);
+        if (value <= range.low && gradient[at] > 0.0) || (value >= range.high && gradient[at] < 0.0) {
+            for other in 0..UNKNOWNS {
+                matrix[at][other] = 0.0;
+                matrix[other][at] = 0.0;
+            }
+            matrix[at][at] = 1.0;
+            gradient[at] = 0.0;
+            stays[at] = true;
+        }
+    }
+    (matrix, gradient, stays)
+}
+
 /// The unknowns at the minimum near `start`, and the number of steps tried, at most `most`.
 pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usize) -> ([f64; UNKNOWNS], usize) {
-    let (ranges, couplings) = (problem.ranges(), problem.couplings());
+    let ranges = problem.ranges();
     let free = UNKNOWNS - ranges.len();
     let mut x = start;
     let mut squares = problem.squares(&x);
     let mut damping = FIRST_DAMPING;
     let mut steps = 0;
     'outer: while steps < most && squares.is_finite() {
-        let variance = (squares / LANDMARK_COUNT as f64).clamp(LEAST_SIGMA * LEAST_SIGMA, MOST_SIGMA * MOST_SIGMA);
-        let prior = |x: &[f64; UNKNOWNS]| -> f64 {
-            let alone = x[free..].iter().zip(ranges).map(|(c, range)| ((c - range.mean) / range.spread).powi(2));
-            let coupled = couplings.iter().map(|c| (c.error(&x[free..]) / c.spread).powi(2));
-            variance * (alone.sum::<f64>() + coupled.sum::<f64>())
-        };
-        let cost = squares + prior(&x);
-        let (mut matrix, mut gradient) = problem.normal_equations(&x);
-        for (k, range) in ranges.iter().enumerate() {
-            let weight = variance / (range.spread * range.spread);
-            matrix[free + k][free + k] += weight;
-            gradient[free + k] += weight * (x[free + k] - range.mean);
-        }
-        for c in couplings {
-            let weight = variance / (c.spread * c.spread);
-            let (of, with) = (free + c.of, free + c.with);
-            let error = c.error(&x[free..]);
-            matrix[of][of] += weight;
-            matrix[with][with] += weight * c.ratio * c.ratio;
-            matrix[of][with] -= weight * c.ratio;
-            matrix[with][of] -= weight * c.ratio;
-            gradient[of] += weight * error;
-            gradient[with] -= weight * c.ratio * error;
-        }
-        // Unknowns at a bound that would leave the range stay there.
-        for (k, range) in ranges.iter().enumerate() {
-            let (at, value) = (free + k, x[free + k]);
-            if (value <= range.low && gradient[at] > 0.0) || (value >= range.high && gradient[at] < 0.0) {
-                for other in 0..UNKNOWNS {
-                    matrix[at][other] = 0.0;
-                    matrix[other][at] = 0.0;
-                }
-                matrix[at][at] = 1.0;
-                gradient[at] = 0.0;
-            }
-        }
+        let variance = problem.variance(squares);
+        let cost = squares + variance * prior(problem, &x);
+        let (matrix, gradient, _) = equations(problem, &x, variance);
         loop {
             steps += 1;
             let mut tried = x;
@@ -91,7 +113,7 @@ pub(super) fn minimize(problem: &impl Problem, start: [f64; UNKNOWNS], most: usi
                 largest = tried.iter().zip(&x).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
             }
             let tried_squares = problem.squares(&tried);
-            let tried_cost = tried_squares + prior(&tried);
+            let tried_cost = tried_squares + variance * prior(problem, &tried);
             if tried_cost < cost {
                 let settled = damping <= FIRST_DAMPING && cost - tried_cost < SMALL_GAIN * cost;
                 problem.settle(&mut tried);

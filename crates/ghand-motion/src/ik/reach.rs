@@ -11,6 +11,7 @@ use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
+use super::derivatives::Square;
 use super::levenberg_marquardt::{Problem, minimize};
 use super::limits::{Coupling, Range, ranges};
 use super::{COLD_STEPS, FOUND, HandIk, UNKNOWNS, read, write};
@@ -74,7 +75,7 @@ impl HandIk {
     }
 
     /// The hinges between the palm and a landmark, as indices.
-    fn moving_hinges(&self, landmark: usize) -> Vec<usize> {
+    pub(super) fn moving_hinges(&self, landmark: usize) -> Vec<usize> {
         let Some(&end) = self.landmarks.get(landmark) else { return Vec::new() };
         let above = |joint: usize| std::iter::successors(self.parents[end], |j| self.parents[*j]).any(|j| j == joint);
         (0..self.hinges.len()).filter(|hinge| above(self.hinges[*hinge].0)).collect()
@@ -157,7 +158,7 @@ impl Problem for Pull<'_> {
         self.error(&self.chain(x)).length_squared()
     }
 
-    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Box<[[f64; UNKNOWNS]; UNKNOWNS]>, [f64; UNKNOWNS]) {
+    fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Square, [f64; UNKNOWNS]) {
         let hand = self.hand;
         let chain = self.chain(x);
         let error = self.error(&chain);

@@ -1,5 +1,6 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
+use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::joint_limits::random_pose;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};

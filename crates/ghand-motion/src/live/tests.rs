@@ -86,7 +86,15 @@ fn every_kind_of_packet_gives_the_pose_that_a_file_with_it_gives() {
         for (kind, packet) in packets {
             let found = LivePoses::default().read(&bytes(&packet), model, 0.0, &AS_SENT).unwrap();
             let file = read_poses_bytes("file", &bytes(&packet), model, &PoseOptions::default()).unwrap();
-            assert_eq!((found.kind, &found.pose), (kind, &file.frames[0].pose), "{packet}");
+            assert_eq!(found.kind, kind, "{packet}");
+            if kind == PacketKind::Landmarks {
+                // A file is fitted with all that one can know about a person; a stream must be quick.
+                let [a, b] = [&found.pose, &file.frames[0].pose].map(|pose| landmarks_of(model, pose));
+                let off = a.iter().zip(&b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+                assert!(off < 0.008, "{off} m");
+            } else {
+                assert_eq!(found.pose, file.frames[0].pose, "{packet}");
+            }
             assert_eq!(found.sent_ms, packet.get("sent_ms").and_then(Json::as_f64));
         }
     }

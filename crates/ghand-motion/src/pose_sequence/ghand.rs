@@ -26,7 +26,7 @@ use serde_json::json;
 use super::file_skeleton::{FileSkeleton, texts};
 use super::recording::Rows;
 use super::source::{fps_of_times, id_of, shown, side_of};
-use super::{Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
+use super::{LandmarkFit, Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
 
 /// Format name and version of a capture.
 const CAPTURE_FORMAT: &str = "ghand-capture";
@@ -245,6 +245,22 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
 /// [`PoseError::Write`] when the file cannot be written; it is then unchanged.
 pub fn write_poses(path: &Path, sequence: &PoseSequence, model: &HandModel) -> Result<(), PoseError> {
     let json = poses_json(sequence, model);
+    write_atomically(path, json.as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
+}
+
+/// Like [`write_poses`], with how well the hand fits the landmarks that the poses are from. Readers of poses ignore it.
+///
+/// # Errors
+/// As in [`write_poses`].
+pub fn write_fitted_poses(
+    path: &Path,
+    sequence: &PoseSequence,
+    fit: &LandmarkFit,
+    model: &HandModel,
+) -> Result<(), PoseError> {
+    let mut document = document(sequence, model);
+    document["landmark_fit"] = fit.to_json();
+    let json = document.to_string();
     write_atomically(path, json.as_bytes()).map_err(|source| PoseError::Write { path: path.into(), source })
 }
 

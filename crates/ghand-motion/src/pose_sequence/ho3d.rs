@@ -63,7 +63,7 @@ fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recordi
     let motion = if has_poses {
         Motion::Mano(ManoRows { frames: posed, from_mean: false, opengl: true })
     } else {
-        Motion::Landmarks { frames: seen }
+        Motion::Landmarks { frames: seen, tip_inset: 0.0 }
     };
     Ok(Recording { side: Some(side), fps: Some(fps), motion, warnings })
 }

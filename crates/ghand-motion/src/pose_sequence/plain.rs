@@ -318,7 +318,7 @@ impl Reader {
         let side = side_in(value);
         let fps = source.fps(value, &["fps", "frame_rate", "mocap_framerate"])?.or(fps);
         let (motion, side) = match self.meaning {
-            Meaning::Landmarks => (Motion::Landmarks { frames: self.seen }, side),
+            Meaning::Landmarks => (Motion::Landmarks { frames: self.seen, tip_inset: 0.0 }, side),
             Meaning::Own => {
                 let from_mean = !flat.unwrap_or(true);
                 let rows = Rows { rig: None, frames: self.posed, capture_kind: None, from_mean, side };

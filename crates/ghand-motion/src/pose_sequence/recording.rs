@@ -1,7 +1,7 @@
 //! The result of a reader, before it is converted to a hand model.
 
 use ghand_core::Side;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::PoseFrame;
 use super::file_skeleton::FileSkeleton;
@@ -23,8 +23,10 @@ pub(crate) enum Motion {
     Mano(ManoRows),
     /// Rotations of WebXR's 25 joints, each in the frame of its parent; the translation is the wrist's position.
     WebXr { frames: Vec<PoseFrame> },
-    /// Positions of 21 landmarks.
-    Landmarks { frames: Vec<LandmarkFrame> },
+    /// Positions of 21 landmarks, those of the fingertips `tip_inset` metres inside the finger.
+    Landmarks { frames: Vec<LandmarkFrame>, tip_inset: f64 },
+    /// Landmarks in the images of cameras.
+    ImageLandmarks { frames: Vec<ImageFrame>, tip_inset: f64 },
 }
 
 /// Rotations in the order of the joints of the model that they are used with, or of a skeleton that the file describes.
@@ -55,4 +57,22 @@ pub(crate) struct LandmarkFrame {
     pub id: String,
     /// Positions, metres.
     pub points: [DVec3; LANDMARK_COUNT],
+}
+
+/// One moment, seen by several cameras.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ImageFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// The landmarks that each camera, by its id, saw.
+    pub cameras: Vec<(String, [Option<ImagePoint>; LANDMARK_COUNT])>,
+}
+
+/// A landmark in an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ImagePoint {
+    /// Pixels, or fractions of the image's width and height.
+    pub at: DVec2,
+    /// How sure the tracker is, from 0 to 1.
+    pub score: f64,
 }

@@ -2,6 +2,7 @@
 
 mod arrays;
 mod hands;
+mod images;
 mod mano;
 mod messages;
 mod rigs;
@@ -262,7 +263,15 @@ fn world_landmarks_are_fitted_and_image_landmarks_are_rejected() {
         let ik = HandIk::new(&RestSkeleton::of(model).unwrap());
         let poses: Vec<Pose> =
             ["rest", "fist", "point", "victory"].map(|name| named_pose(name, model).unwrap()).to_vec();
-        let points: Vec<[[f64; 3]; 21]> = poses.iter().map(|pose| ik.landmarks(pose).map(|p| p.to_array())).collect();
+        // MediaPipe's tips lie 6 mm before the end of the finger.
+        let seen = |pose: &Pose| {
+            let mut places = ik.landmarks(pose);
+            for tip in [4, 8, 12, 16, 20] {
+                places[tip] -= 0.006 * (places[tip] - places[tip - 1]).normalize();
+            }
+            places.map(|p| p.to_array())
+        };
+        let points: Vec<[[f64; 3]; 21]> = poses.iter().map(seen).collect();
         let name = if side == Side::Right { "Right" } else { "Left" };
         let named = |points: &[[f64; 3]; 21]| -> Json {
             points.iter().map(|p| json!({"x": p[0], "y": p[1], "z": p[2], "visibility": 0})).collect()
@@ -283,9 +292,11 @@ fn world_landmarks_are_fitted_and_image_landmarks_are_rejected() {
         for file in &files {
             let sequence = read(file, model).unwrap();
             for (frame, points) in sequence.frames.iter().zip(&points) {
-                let reached = ik.landmarks(&frame.pose);
-                let off = reached.iter().zip(points).map(|(a, b)| a.distance(DVec3::from_array(*b))).fold(0.0, larger);
-                assert!(off < 5e-4, "{off}");
+                let reached = seen(&frame.pose);
+                let off =
+                    reached.iter().zip(points).map(|(a, b)| DVec3::from_array(*a).distance(DVec3::from_array(*b)));
+                let off = off.fold(0.0, larger);
+                assert!(off < 1e-3, "{off}");
             }
             let mirrored_hand = procedural(crate::retarget::other_side(side));
             let sequence = read(file, mirrored_hand).unwrap();

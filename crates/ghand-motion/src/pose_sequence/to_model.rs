@@ -10,10 +10,9 @@ use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 
 use super::file_skeleton::FileSkeleton;
-use super::recording::{LandmarkFrame, ManoRows, Rows};
+use super::recording::{ManoRows, Rows};
 use super::source::{OPENGL_AXES, in_range};
-use super::{PoseError, PoseFrame, PoseOptions, Skipped, Source, mano};
-use crate::ik::HandIk;
+use super::{PoseError, PoseFrame, PoseOptions, Source, mano};
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
 
@@ -275,32 +274,6 @@ pub(super) fn retargeted(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &RestS
     let retarget = Retarget::new(from, to);
     let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
     frames.into_iter().map(frame).collect()
-}
-
-/// Poses of the model that place its joints at the landmarks, as far as its skeleton allows.
-pub(super) fn fitted(
-    source: &Source,
-    frames: &[LandmarkFrame],
-    side: Side,
-    model: &HandModel,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<PoseFrame>, PoseError> {
-    let mirror = |points: &[DVec3; 21]| if side == model.side { *points } else { points.map(mirrored_point) };
-    let points: Vec<[DVec3; 21]> = frames.iter().map(|frame| mirror(&frame.points)).collect();
-    let ik = HandIk::new(&RestSkeleton::of(model)?).fitted(&points);
-    let (mut posed, mut skipped): (Vec<PoseFrame>, _) = (Vec::new(), Skipped::default());
-    let mut last: Option<Pose> = None;
-    for (frame, points) in frames.iter().zip(&points) {
-        match ik.solve(points, last.as_ref()) {
-            Some(solution) => {
-                last = Some(solution.pose.clone());
-                posed.push(PoseFrame { id: frame.id.clone(), pose: solution.pose, shape: vec![] });
-            }
-            None => skipped.add(&frame.id, "its landmarks are not a hand: they are at one point or on a line"),
-        }
-    }
-    warnings.extend(skipped.finish(source, frames.len())?);
-    Ok(posed)
 }
 
 /// For messages.

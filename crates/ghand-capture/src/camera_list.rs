@@ -1,0 +1,104 @@
+//! All cameras of a capture or of a file of cameras, with the distortion of their lenses.
+
+use std::path::Path;
+
+use ghand_core::Camera;
+use glam::DVec2;
+use serde::Deserialize;
+
+use crate::camera_file::CameraFile;
+use crate::capture::CaptureError;
+use crate::capture_validation::FileValidator;
+use crate::distortion::Distortion;
+use crate::ghand_format::CAPTURE_FILE;
+use crate::json_file::{LARGEST_FILE, parse};
+use crate::text_file::read_text;
+
+/// A camera with a lens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LensCamera {
+    /// The camera, as if its lens did not distort.
+    pub camera: Camera,
+    /// What the lens does, if anything.
+    pub distortion: Option<Distortion>,
+}
+
+impl LensCamera {
+    /// Where a pixel of the image as filmed is in the image without distortion, pixels; `None` if the lens cannot have
+    /// seen anything there.
+    pub fn undistorted(&self, pixel: DVec2) -> Option<DVec2> {
+        let Some(distortion) = self.distortion else { return Some(pixel) };
+        let ray = distortion.undistorted_ray((pixel - self.camera.principal) / self.camera.focal)?;
+        Some(ray * self.camera.focal + self.camera.principal)
+    }
+}
+
+#[derive(Deserialize)]
+struct CameraList {
+    cameras: Vec<CameraFile>,
+}
+
+/// Reads the cameras of a `capture.json`, of the folder that holds it, or of any JSON file with such `cameras`.
+///
+/// # Errors
+/// [`CaptureError`] names the file, the field and its problem.
+pub fn read_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
+    let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path.to_path_buf() };
+    let remedy = "give a capture.json, or a JSON file with `cameras` as in one";
+    let text = read_text(&path, LARGEST_FILE, "read the cameras", remedy)?;
+    let validator = FileValidator { path: &path };
+    let files = parse::<CameraList>(&path, &text)?.cameras;
+    validator.index("cameras", files.iter().map(|file| file.id.as_str()))?;
+    let camera = |file: &CameraFile| {
+        let field = format!("cameras[{:?}]", file.id);
+        let camera = file.camera(validator, field.clone())?;
+        let distortion = file.distortion(validator, &field, &camera)?;
+        Ok(LensCamera { camera, distortion })
+    };
+    files.iter().map(camera).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: &str = r#"{"id":"a","width":64,"height":48,"intrinsics":[[100,0,32],[0,110,24],[0,0,1]],
+        "rotation":[[1,0,0],[0,1,0],[0,0,1]],"translation":[0,0,1],"distortion":[-0.2,0.05,0.004,-0.006,-0.01]}"#;
+
+    fn read(json: &str) -> Result<Vec<LensCamera>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(CAPTURE_FILE), json).unwrap();
+        let [file, folder] = [folder.path().join(CAPTURE_FILE), folder.path().to_path_buf()].map(|p| read_cameras(&p));
+        assert_eq!(file.as_ref().ok(), folder.as_ref().ok());
+        file.map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn cameras_are_read_with_their_lenses_and_faults_are_named() {
+        let plain = CAMERA.replace(",\"distortion\":[-0.2,0.05,0.004,-0.006,-0.01]", "").replace("\"a\"", "\"b\"");
+        let found = read(&format!("{{\"cameras\":[{CAMERA},{plain}]}}")).unwrap();
+        assert_eq!((found[0].camera.id.as_str(), found[1].camera.id.as_str()), ("a", "b"));
+        assert!(found[0].distortion.is_some() && found[1].distortion.is_none());
+        let error = read(&format!("{{\"cameras\":[{CAMERA},{CAMERA}]}}")).unwrap_err();
+        assert!(error.contains("cameras") && error.contains("\"a\""), "{error}");
+        let error = read(&format!("{{\"cameras\":[{}]}}", CAMERA.replace("[100,", "[-100,"))).unwrap_err();
+        assert!(error.contains("cameras[\"a\"].intrinsics"), "{error}");
+        assert!(read("{}").is_err());
+    }
+
+    #[test]
+    fn undistorted_pixels_are_those_that_the_lens_moves_to_where_they_were_seen() {
+        let lens = read(&format!("{{\"cameras\":[{CAMERA}]}}")).unwrap().remove(0);
+        let (camera, distortion) = (&lens.camera, lens.distortion.unwrap());
+        for pixel in [DVec2::new(32.0, 24.0), DVec2::new(3.0, 40.0), DVec2::new(63.0, 1.0)] {
+            let ray = (lens.undistorted(pixel).unwrap() - camera.principal) / camera.focal;
+            let seen = distortion.distorted(ray) * camera.focal + camera.principal;
+            assert!(seen.distance(pixel) < 1e-6, "{pixel} {seen}");
+        }
+        // Away from the middle it matters.
+        assert!(lens.undistorted(DVec2::new(63.0, 1.0)).unwrap().distance(DVec2::new(63.0, 1.0)) > 0.2);
+        // r (1 - 0.9 r^2) never exceeds 0.406: nothing is seen there.
+        let barrel = LensCamera { distortion: Some(Distortion::from_opencv([-0.9, 0.0, 0.0, 0.0, 0.0])), ..lens };
+        assert!(barrel.undistorted(DVec2::new(32.0 + 60.0, 24.0)).is_none());
+    }
+}
