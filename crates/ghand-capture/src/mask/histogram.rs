@@ -6,8 +6,6 @@ const BINS: [usize; 3] = [16, 64, 64];
 const WIDTHS: [i32; 3] = [16, 8, 8];
 /// Times that the counts are blurred along each axis by 1, 2, 1.
 const BLURS: usize = 2;
-/// The part of an even distribution over all colours: no colour is impossible.
-const EVEN: f64 = 0.02;
 /// Colours in all.
 const COLORS: f64 = 256.0 * 256.0 * 256.0;
 
@@ -59,14 +57,14 @@ impl Histogram {
         self
     }
 
-    /// Probability of a colour among the 2^24.
-    pub fn probability(&self, rgb: [u8; 3]) -> f64 {
+    /// Probability of a colour among the 2^24, if `even` of the colours are distributed evenly: no colour is impossible.
+    pub fn probability(&self, rgb: [u8; 3], even: f64) -> f64 {
         if self.total == 0.0 {
             return 1.0 / COLORS;
         }
         // The axes have a determinant of 1: a bin has as many colours as its widths say.
         let colors = f64::from(WIDTHS.iter().product::<i32>());
-        EVEN / COLORS + (1.0 - EVEN) * f64::from(self.counts[bin(rgb)]) / (self.total * colors)
+        even / COLORS + (1.0 - even) * f64::from(self.counts[bin(rgb)]) / (self.total * colors)
     }
 }
 
@@ -83,15 +81,16 @@ mod tests {
     #[test]
     fn probabilities_sum_to_one_and_are_highest_near_what_was_counted() {
         let mut counted = Histogram::new();
-        assert_eq!(counted.probability([1, 2, 3]), 1.0 / COLORS);
+        assert_eq!(counted.probability([1, 2, 3], 0.1), 1.0 / COLORS);
         (0..100).for_each(|k| counted.add([200, 150 + k / 10, 120]));
         let smooth = counted.smoothed();
         assert!((smooth.total() - f64::from(smooth.counts.iter().sum::<f32>())).abs() < 1e-2);
-        let [near, beside, far] = [[201, 154, 119], [208, 148, 122], [60, 80, 200]].map(|c| smooth.probability(c));
+        let [near, beside, far] =
+            [[201, 154, 119], [208, 148, 122], [60, 80, 200]].map(|c| smooth.probability(c, 0.01));
         assert!(near > beside && beside > 20.0 * far && far > 0.0, "{near} {beside} {far}");
         let mut other = Histogram::new();
         other.add([60, 80, 200]);
         let both = smooth.mixed(&other);
-        assert!(both.probability([60, 80, 200]) > 100.0 * far && both.probability([201, 154, 119]) < near);
+        assert!(both.probability([60, 80, 200], 0.01) > 100.0 * far && both.probability([201, 154, 119], 0.01) < near);
     }
 }

@@ -7,6 +7,7 @@ use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::distance::squared_distances;
 use super::guide::Guide;
 use super::histogram::Histogram;
 use super::segment::{Colors, Poses};
@@ -19,12 +20,12 @@ use crate::error::CaptureError;
 const MOST_FRAMES: usize = 48;
 const MOST_BYTES: usize = 1 << 28;
 const LEAST_FRAMES: usize = 8;
-/// Frames whose first masks tell more about the hand's colours: fingers are often narrower than poses are exact.
-const MASKED_FRAMES: usize = 12;
 /// Pixels this far inside the posed model are hand, and this far outside surroundings, relative to the hand's size, whatever
 /// the poses' errors.
 const INSIDE: f64 = 0.10;
 const OUTSIDE: f64 = 0.35;
+/// Pixels this far from a first mask are surroundings, relative to the hand's size.
+const BESIDE: f64 = 0.04;
 
 /// A hand model and poses better than the capture's own, by frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,6 +90,8 @@ pub(super) fn key(
 struct Example {
     /// Alpha is 255 where neither hand nor arm can be, 0 outside what the camera sees.
     rgba: Vec<[u8; 4]>,
+    /// Whether a pixel is certainly hand.
+    hand: Vec<bool>,
     guide: Guide,
     poses: Poses,
 }
@@ -110,52 +113,67 @@ pub(super) fn learn(
     let width = view_camera.width as usize;
     let example = |&frame: &usize| -> Result<Option<Example>, CaptureError> {
         let (model, vertices, poses) = posed(capture, aligned, frame)?;
-        let Some(guide) = Guide::new(view_camera, model, &vertices, poses.reach().max(OUTSIDE)) else {
-            return Ok(None);
-        };
-        let Ok(mut rgba) = capture.undistorted_image(camera, frame) else { return Ok(None) };
-        for (i, pixel) in rgba.iter_mut().enumerate().filter(|(_, pixel)| pixel[3] > 0) {
-            let (x, y) = (i % width, i / width);
-            let is_far = guide.distance(x, y).is_none_or(|d| d > OUTSIDE) && !guide.may_be_arm(x, y);
-            pixel[3] = if is_far { 255 } else { NEAR };
-        }
-        Ok(Some(Example { rgba, guide, poses }))
+        let guide = Guide::new(view_camera, model, &vertices, poses.reach().max(OUTSIDE));
+        let image = capture.undistorted_image(camera, frame).ok();
+        Ok(guide.zip(image).map(|(guide, rgba)| Example::new(rgba, guide, poses, width)))
     };
     let mut examples: Vec<Example> =
         frames.par_iter().map(example).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+    let first = colors(&examples, width);
+    // Fingers are often narrower than poses are exact, and things beside the hand may never be far from it: first masks
+    // tell more of both.
+    examples.par_iter_mut().for_each(|example| {
+        let mask = first.mask(&example.rgba, width, &example.guide, example.poses);
+        example.set_mask(mask, width);
+    });
+    let second = colors(&examples, width);
+    Ok(Colors { hand: first.hand.mixed(&second.hand), ..second })
+}
+
+/// What examples show.
+fn colors(examples: &[Example], width: usize) -> Colors {
     let (mut hand, mut surroundings) = (Histogram::new(), Histogram::new());
-    for Example { rgba, guide, .. } in &examples {
-        for y in guide.rows.clone() {
-            for x in guide.columns.clone() {
-                let Some([r, g, b, alpha]) = rgba.get(y * width + x).copied() else { continue };
-                match guide.distance(x, y) {
-                    Some(d) if d < -INSIDE && alpha > 0 => hand.add([r, g, b]),
-                    _ if alpha == 255 => surroundings.add([r, g, b]),
-                    _ => {}
-                }
+    for Example { rgba, hand: is_hand, guide, .. } in examples {
+        for i in guide.rows.clone().flat_map(|y| guide.columns.clone().map(move |x| y * width + x)) {
+            match (rgba.get(i), is_hand.get(i)) {
+                (Some([r, g, b, _]), Some(true)) => hand.add([*r, *g, *b]),
+                (Some([r, g, b, 255]), _) => surroundings.add([*r, *g, *b]),
+                _ => {}
             }
         }
     }
-    let pictures: Vec<Vec<[u8; 4]>> = examples.iter_mut().map(|example| std::mem::take(&mut example.rgba)).collect();
-    let still = Still::of(&pictures, view_camera.width as usize * view_camera.height as usize);
-    let mut colors = Colors { hand: hand.clone().smoothed(), surroundings: surroundings.smoothed(), still };
+    let still = Still::of(examples.iter().map(|example| example.rgba.as_slice()).collect());
+    Colors { hand: hand.smoothed(), surroundings: surroundings.smoothed(), still }
+}
 
-    let step = examples.len().div_ceil(MASKED_FRAMES).max(1);
-    let chosen: Vec<usize> = (0..examples.len()).step_by(step).collect();
-    let masks: Vec<Vec<bool>> =
-        (chosen.par_iter()).map(|&k| colors.mask(&pictures[k], width, &examples[k].guide, examples[k].poses)).collect();
-    let mut masked = Histogram::new();
-    for (k, mask) in chosen.into_iter().zip(masks) {
-        let inside = pictures[k].iter().zip(mask).filter(|(_, inside)| *inside);
-        inside.for_each(|([r, g, b, _], _)| masked.add([*r, *g, *b]));
+impl Example {
+    fn new(mut rgba: Vec<[u8; 4]>, guide: Guide, poses: Poses, width: usize) -> Example {
+        let mut hand = vec![false; rgba.len()];
+        for (i, (pixel, hand)) in rgba.iter_mut().zip(&mut hand).enumerate().filter(|(_, (pixel, _))| pixel[3] > 0) {
+            let (x, y) = (i % width, i / width);
+            let distance = guide.distance(x, y);
+            let is_far = distance.is_none_or(|d| d > OUTSIDE) && !guide.may_be_arm(x, y);
+            pixel[3] = if is_far { 255 } else { NEAR };
+            *hand = distance.is_some_and(|d| d < -INSIDE);
+        }
+        Example { rgba, hand, guide, poses }
     }
-    log::debug!(
-        "camera {}: colours learned from {} frames, {} and {} pixels of the hand",
-        view_camera.id,
-        examples.len(),
-        hand.total(),
-        masked.total()
-    );
-    colors.hand = colors.hand.mixed(&masked.smoothed());
-    Ok(colors)
+
+    /// Pixels in a mask are hand, those beside it surroundings.
+    fn set_mask(&mut self, mask: Vec<bool>, width: usize) {
+        let (columns, rows) = (self.guide.columns.clone(), self.guide.rows.clone());
+        let at = |x: usize, y: usize| (rows.start + y) * width + columns.start + x;
+        let size = [columns.len(), rows.len()];
+        let pixels = || (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y]));
+        let start = pixels().map(|[x, y]| if mask[at(x, y)] { 0.0 } else { f64::INFINITY }).collect();
+        let squared = squared_distances(start, size);
+        let least = (BESIDE * self.guide.size).powi(2);
+        for ([x, y], _) in pixels().zip(squared).filter(|(_, squared)| *squared > least) {
+            let pixel = &mut self.rgba[at(x, y)];
+            if pixel[3] == NEAR && !self.guide.may_be_arm(columns.start + x, rows.start + y) {
+                pixel[3] = 255;
+            }
+        }
+        self.hand = mask;
+    }
 }

@@ -35,6 +35,9 @@ impl Poses {
     }
 }
 
+/// The parts of hand and surroundings that may have any colour: a hand has few colours, what is behind it may have all.
+const ODD_HAND: f64 = 0.003;
+const ODD_SURROUNDINGS: f64 = 0.1;
 /// Integer costs per natural unit of information.
 const UNIT: f64 = 64.0;
 /// Largest odds by colour and by place, natural logarithms: neither decides alone.
@@ -93,8 +96,9 @@ impl Colors {
 
     /// Natural logarithm of the odds that a pixel is hand by its colour.
     fn odds(&self, pixel: usize, rgb: [u8; 3]) -> f64 {
-        let behind = self.still.probability(pixel, rgb, self.surroundings.probability(rgb));
-        (self.hand.probability(rgb) / behind).ln().clamp(-MOST_COLOR, MOST_COLOR)
+        let anywhere = self.surroundings.probability(rgb, ODD_SURROUNDINGS);
+        let behind = self.still.probability(pixel, rgb, anywhere);
+        (self.hand.probability(rgb, ODD_HAND) / behind).ln().clamp(-MOST_COLOR, MOST_COLOR)
     }
 
     fn set_costs(&self, grid: &mut GridCut, size: [usize; 2], rgb: impl Fn(usize, usize) -> [u8; 3]) {

@@ -24,8 +24,9 @@ pub(super) struct Still {
 }
 
 impl Still {
-    /// The scene of frames of `count` pixels, in which alpha is 255 where neither hand nor arm can be.
-    pub fn of(frames: &[Vec<[u8; 4]>], count: usize) -> Still {
+    /// The scene of frames of one size, in which alpha is 255 where neither hand nor arm can be.
+    pub fn of(frames: Vec<&[[u8; 4]]>) -> Still {
+        let count = frames.iter().map(|frame| frame.len()).max().unwrap_or(0);
         let pixel = |i: usize| {
             let seen = || frames.iter().filter_map(|frame| frame.get(i)).filter(|pixel| pixel[3] == 255);
             if seen().count() < LEAST_FRAMES {
@@ -73,7 +74,7 @@ mod tests {
         let frames: Vec<Vec<[u8; 4]>> = (0..10u8)
             .map(|k| vec![[100 + k % 3, 80, 60, 255], if k < 4 { [10, 20, 30, 255] } else { [200, 150, 120, 0] }])
             .collect();
-        let still = Still::of(&frames, 2);
+        let still = Still::of(frames.iter().map(Vec::as_slice).collect());
         let anywhere = 1e-6;
         let at = |pixel, rgb| still.probability(pixel, rgb, anywhere);
         assert_eq!(at(1, [10, 20, 30]), anywhere);
