@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
@@ -11,7 +12,7 @@ use ghand_hand_model::procedural::ProceduralHand;
 use crate::color_correction::ColorCorrection;
 use crate::distortion::Distortion;
 pub use crate::error::CaptureError;
-use crate::mask::MadeMasks;
+use crate::mask::{AlignedHand, MadeMasks};
 pub use crate::split::{Split, SplitView};
 
 /// The source of a capture's hand model; a writer stores this instead of the model.
@@ -52,6 +53,8 @@ pub struct ImagePaths {
     pub mask: Option<String>,
     /// How masks are made for images without a file at `mask`, if they are.
     pub made_masks: Option<MadeMasks>,
+    /// The hand that masks are cut to. No file has it: training finds it.
+    pub aligned: Option<Arc<AlignedHand>>,
     /// Whether the images show more than the hand, so that pixels outside the mask get the background's colour.
     pub hide_surroundings: bool,
 }
@@ -59,7 +62,13 @@ pub struct ImagePaths {
 impl ImagePaths {
     /// Images, and masks if there are any, that show the hand over the capture's background.
     pub fn plain(image: &str, mask: Option<&str>) -> ImagePaths {
-        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None, hide_surroundings: false }
+        ImagePaths {
+            image: image.into(),
+            mask: mask.map(Into::into),
+            made_masks: None,
+            aligned: None,
+            hide_surroundings: false,
+        }
     }
 }
 

@@ -191,6 +191,7 @@ fn paths(location: &Location) -> ImagePaths {
         image: format!("{}/{below}.jpg", location.images),
         mask: Some(format!("{masks}/{below}.png")),
         made_masks: Some(MadeMasks::new(MaskMethod::Outline, location.root.clone(), place)),
+        aligned: None,
         hide_surroundings: true,
     }
 }

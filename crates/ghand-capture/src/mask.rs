@@ -7,6 +7,7 @@
 //! colours (`histogram.rs`) the hand and its surroundings have, and what stands still (`still.rs`); `segment.rs` parts
 //! them near the posed model (`guide.rs`) by a minimum cut (`min_cut.rs`).
 
+mod aligned;
 mod cache;
 mod contour;
 mod distance;
@@ -26,6 +27,7 @@ use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 use crate::mask_values::mask_values;
 
+pub use aligned::AlignedHand;
 pub use distance::squared_distances;
 pub use fill::covered_pixels;
 pub(crate) use made::mask_by_colors;

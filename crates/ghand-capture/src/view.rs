@@ -131,6 +131,7 @@ impl Capture {
             rgba.iter_mut().zip(values).for_each(|(pixel, mask)| pixel[3] = mask);
             has_mask = true;
         }
+        self.cut_arm(camera, frame, &mut rgba)?;
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
         if self.images.hide_surroundings || made.is_some() {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);

@@ -270,6 +270,10 @@ impl<'a> Trainer<'a> {
                 return Err(mismatch("its template has other joints".into()).into());
             }
             self.capture.template = alignment.template.clone();
+            if alignment.rejection.is_none() {
+                self.capture.align_masks(&alignment.template, &self.split.frames, &alignment.poses);
+                self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+            }
         }
         if !prepared.correction.is_empty() {
             self.capture.color_correction = prepared.correction.clone();
@@ -500,6 +504,10 @@ impl<'a> Trainer<'a> {
         }
         self.prepared.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
+        if aligned.rejection.is_none() {
+            self.capture.align_masks(&aligned.template, &self.split.frames, &aligned.poses);
+            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        }
         self.prepared.alignment = Some(aligned);
         Ok(())
     }

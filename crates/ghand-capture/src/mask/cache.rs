@@ -59,7 +59,9 @@ impl Place {
         add(&[camera.rotation.x_axis, camera.rotation.y_axis, camera.rotation.z_axis]);
         frame.shape.iter().for_each(|v| v.to_bits().hash(&mut hasher));
         (&capture.hand_model.faces, camera.width, camera.height, image, mask, made_from).hash(&mut hasher);
-        let folder = capture.images.made_masks.as_ref().map(MadeMasks::folder).unwrap_or_default();
+        // Masks made from aligned poses do not replace those from the given ones, which are needed again first.
+        let poses = if capture.images.aligned.is_some() { "aligned" } else { "" };
+        let folder = capture.images.made_masks.as_ref().map(MadeMasks::folder).unwrap_or_default().join(poses);
         let file = folder.join(fill_template("{sequence}/{camera}/{number}.png", &camera.id, &frame.id));
         Ok(Place { file, key: hasher.finish(), size: (camera.width, camera.height) })
     }

@@ -9,10 +9,6 @@ use glam::{DVec2, DVec3};
 use super::distance::squared_distances;
 use super::fill::covered_pixels;
 
-/// Pixels beyond this many bands behind the start of the model's end are no part of a mask: the band is 6 % of the hand
-/// long, and poses are off by a little.
-const MOST_ARM: f64 = 1.6;
-
 /// Distances from a posed model's outline in a part of an image around it.
 pub(super) struct Guide {
     /// Columns and rows of the part.
@@ -74,9 +70,9 @@ impl Guide {
         self.arm.is_some_and(|arm| arm.may_be_arm(center(x, y)))
     }
 
-    /// Whether a pixel is too far along the arm to be in a mask.
-    pub fn is_beyond(&self, x: usize, y: usize) -> bool {
-        self.arm.is_some_and(|arm| arm.beyond(center(x, y)) > MOST_ARM)
+    /// Whether a pixel is farther along the arm than so many bands from where the band before the model's end starts.
+    pub fn is_beyond(&self, x: usize, y: usize, bands: f64) -> bool {
+        self.arm.is_some_and(|arm| arm.beyond(center(x, y)) > bands)
     }
 }
 

@@ -2,11 +2,10 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use ghand_core::posing::pose_hand;
-use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::aligned::posed;
 use super::distance::squared_distances;
 use super::guide::Guide;
 use super::histogram::Histogram;
@@ -27,32 +26,6 @@ const OUTSIDE: f64 = 0.35;
 /// Pixels this far from a first mask are surroundings, relative to the hand's size.
 const BESIDE: f64 = 0.04;
 
-/// A hand model and poses better than the capture's own, by frame.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct AlignedHand {
-    pub model: HandModel,
-    /// `None` for a frame that keeps its pose.
-    pub poses: Vec<Option<Pose>>,
-}
-
-/// The hand of a frame: the model, its vertices (world, metres), and how exact they are.
-pub(super) fn posed<'a>(
-    capture: &'a Capture,
-    aligned: Option<&'a AlignedHand>,
-    frame: usize,
-) -> Result<(&'a HandModel, Vec<DVec3>, Poses), CaptureError> {
-    let better = aligned.and_then(|aligned| Some((&aligned.model, aligned.poses.get(frame)?.as_ref()?)));
-    let found = match better {
-        Some((model, pose)) => pose_hand(model, &[], pose).map(|hand| (model, hand.vertices, Poses::Aligned)),
-        None => {
-            let frame = capture.frame(frame)?;
-            pose_hand(&capture.hand_model, &frame.shape, &frame.pose)
-                .map(|hand| (&capture.hand_model, hand.vertices, Poses::Given))
-        }
-    };
-    found.map_err(|source| CaptureError::HandModel { path: capture.root.clone(), source: source.into() })
-}
-
 /// The frames that a camera's colours are learned from.
 pub(super) fn frames_to_learn(capture: &Capture, camera: usize) -> Vec<usize> {
     let views = capture.splits.values().flat_map(|split| &split.views);
@@ -65,15 +38,10 @@ pub(super) fn frames_to_learn(capture: &Capture, camera: usize) -> Vec<usize> {
 }
 
 /// A number that changes with what the colours of a camera are learned from.
-pub(super) fn key(
-    capture: &Capture,
-    aligned: Option<&AlignedHand>,
-    camera: usize,
-    frames: &[usize],
-) -> Result<u64, CaptureError> {
+pub(super) fn key(capture: &Capture, camera: usize, frames: &[usize]) -> Result<u64, CaptureError> {
     let mut hasher = DefaultHasher::new();
     for &frame in frames {
-        let (_, vertices, poses) = posed(capture, aligned, frame)?;
+        let (_, vertices, poses) = posed(capture, frame)?;
         poses.hash(&mut hasher);
         vertices.iter().flat_map(DVec3::to_array).for_each(|v| v.to_bits().hash(&mut hasher));
         let file = capture.image_file(camera, frame)?;
@@ -103,16 +71,11 @@ const NEAR: u8 = 128;
 ///
 /// # Errors
 /// [`CaptureError`] if a pose does not fit the hand model.
-pub(super) fn learn(
-    capture: &Capture,
-    aligned: Option<&AlignedHand>,
-    camera: usize,
-    frames: &[usize],
-) -> Result<Colors, CaptureError> {
+pub(super) fn learn(capture: &Capture, camera: usize, frames: &[usize]) -> Result<Colors, CaptureError> {
     let (view_camera, _) = capture.camera_and_frame(camera, frames.first().copied().unwrap_or(0))?;
     let width = view_camera.width as usize;
     let example = |&frame: &usize| -> Result<Option<Example>, CaptureError> {
-        let (model, vertices, poses) = posed(capture, aligned, frame)?;
+        let (model, vertices, poses) = posed(capture, frame)?;
         let guide = Guide::new(view_camera, model, &vertices, poses.reach().max(OUTSIDE));
         let image = capture.undistorted_image(camera, frame).ok();
         Ok(guide.zip(image).map(|(guide, rgba)| Example::new(rgba, guide, poses, width)))

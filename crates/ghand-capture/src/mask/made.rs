@@ -4,10 +4,9 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use ghand_core::{HandModel, Pose};
-
+use super::aligned::posed;
 use super::guide::Guide;
-use super::learn::{AlignedHand, frames_to_learn, key, learn, posed};
+use super::learn::{frames_to_learn, key, learn};
 use super::segment::Colors;
 use super::{Facts, cache};
 use crate::capture::Capture;
@@ -31,7 +30,6 @@ pub struct MadeMasks {
     root: PathBuf,
     place: PathBuf,
     folder: Arc<OnceLock<PathBuf>>,
-    aligned: Option<Arc<AlignedHand>>,
     learned: Arc<Mutex<HashMap<(usize, u64), Slot>>>,
 }
 
@@ -41,8 +39,7 @@ type Slot = Arc<OnceLock<Option<Arc<Colors>>>>;
 impl PartialEq for MadeMasks {
     /// What was already learned does not count.
     fn eq(&self, other: &MadeMasks) -> bool {
-        (self.method, &self.root, &self.place, &self.aligned)
-            == (other.method, &other.root, &other.place, &other.aligned)
+        (self.method, &self.root, &self.place) == (other.method, &other.root, &other.place)
     }
 }
 
@@ -50,13 +47,12 @@ impl MadeMasks {
     /// Masks made in a way, for the capture in a folder. They are kept in a folder `ghand-masks` in it, or in the user's
     /// cache if that cannot be written, in `place` there.
     pub fn new(method: MaskMethod, root: PathBuf, place: PathBuf) -> MadeMasks {
-        MadeMasks { method, root, place, folder: Arc::default(), aligned: None, learned: Arc::default() }
+        MadeMasks { method, root, place, folder: Arc::default(), learned: Arc::default() }
     }
 
-    /// Where they are kept, apart from those made from other poses. The folder is made.
+    /// Where they are kept. The folder is made.
     pub fn folder(&self) -> PathBuf {
-        let poses = if self.aligned.is_some() { "aligned" } else { "" };
-        self.folder.get_or_init(|| cache::mask_folder(&self.root)).join(&self.place).join(poses)
+        self.folder.get_or_init(|| cache::mask_folder(&self.root)).join(&self.place)
     }
 
     /// The colours of a camera, which are learned once. They are `None` if that failed, which [`Capture::load_view`] of
@@ -64,7 +60,7 @@ impl MadeMasks {
     fn colors(&self, capture: &Capture, camera: usize, frames: &[usize], key: u64) -> Option<Arc<Colors>> {
         let slot = self.learned.lock().ok()?.entry((camera, key)).or_default().clone();
         let learn = || {
-            let learned = learn(capture, self.aligned.as_deref(), camera, frames);
+            let learned = learn(capture, camera, frames);
             learned.inspect_err(|error| log::warn!("masks cannot be made: {error}")).ok().map(Arc::new)
         };
         slot.get_or_init(|| apart(learn).flatten()).clone()
@@ -89,8 +85,8 @@ pub(crate) fn mask_by_colors(
     rgba: &[[u8; 4]],
 ) -> Result<Vec<u8>, CaptureError> {
     let frames = frames_to_learn(capture, camera);
-    let key = key(capture, made.aligned.as_deref(), camera, &frames)?;
-    let (model, vertices, poses) = posed(capture, made.aligned.as_deref(), frame)?;
+    let key = key(capture, camera, &frames)?;
+    let (model, vertices, poses) = posed(capture, frame)?;
     let place = cache::Place::new(capture, camera, frame, file, None, key)?;
     if let Some(mask) = place.read().and_then(|stored| stored.mask()) {
         return Ok(mask);
@@ -107,23 +103,4 @@ pub(crate) fn mask_by_colors(
     };
     place.write(&Facts::of(rgba, &mask), Some(&mask));
     Ok(mask)
-}
-
-impl Capture {
-    /// Makes masks anew from now on, around a better posed hand: `poses` of `frames` (indices) for a `template` without
-    /// shape parameters. Returns whether there are any: masks by [`MaskMethod::Colors`].
-    pub fn remake_masks(&mut self, template: &HandModel, frames: &[usize], poses: &[Pose]) -> bool {
-        let count = self.frames.len();
-        let Some(made) = self.images.made_masks.as_mut().filter(|made| made.method == MaskMethod::Colors) else {
-            return false;
-        };
-        let mut better = vec![None; count];
-        for (frame, pose) in frames.iter().zip(poses) {
-            if let Some(entry) = better.get_mut(*frame) {
-                *entry = Some(pose.clone());
-            }
-        }
-        made.aligned = Some(Arc::new(AlignedHand { model: template.clone(), poses: better }));
-        true
-    }
 }

@@ -38,6 +38,9 @@ impl Poses {
 /// The parts of hand and surroundings that may have any colour: a hand has few colours, what is behind it may have all.
 const ODD_HAND: f64 = 0.003;
 const ODD_SURROUNDINGS: f64 = 0.1;
+/// Pixels beyond this many bands from the start of the model's end are no part of a mask: the band is 6 % of the hand long,
+/// and poses are off by a little.
+const MOST_ARM: f64 = 1.6;
 /// Integer costs per natural unit of information.
 const UNIT: f64 = 64.0;
 /// Largest odds by colour and by place, natural logarithms: neither decides alone.
@@ -71,7 +74,7 @@ impl Colors {
                 let [column, row] = [columns.start + x, rows.start + y];
                 let is_seen = rgba.get(at(x, y)).is_some_and(|pixel| pixel[3] > 0);
                 let distance = guide.distance(column, row).filter(|d| *d < poses.reach() && is_seen);
-                let preference = match distance.filter(|_| !guide.is_beyond(column, row)) {
+                let preference = match distance.filter(|_| !guide.is_beyond(column, row, MOST_ARM)) {
                     Some(distance) => {
                         let place = (-distance / poses.deviation()).clamp(-MOST_PLACE, MOST_PLACE);
                         (UNIT * (place + self.odds(at(x, y), rgb(x, y)))) as i32
