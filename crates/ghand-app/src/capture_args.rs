@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Args;
+use ghand_capture::mask::MaskMethod;
 use ghand_capture::{Capture, OpenOptions, Opened};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -68,8 +69,15 @@ impl CaptureArgs {
         needed.iter().try_for_each(|name| capture.split(name).map(|_| ()))?;
         let has_images = |name: &&&str| capture.splits.get(**name).is_some_and(|split| !split.views.is_empty());
         let splits: Vec<&str> = needed.iter().chain(optional.iter().filter(has_images)).copied().collect();
-        if capture.images.made_masks.is_some() {
-            say!("checking the images of {}; missing masks are made once", splits.join(" and "));
+        match capture.images.made_masks.as_ref().map(|made| made.method) {
+            Some(MaskMethod::Outline) => {
+                say!("checking the images of {}; missing masks are made once", splits.join(" and "));
+            }
+            Some(MaskMethod::Colors) => say!(
+                "masks: missing ones are made once, from the poses and the colours of all frames; see them with \
+                 `ghand inspect`"
+            ),
+            None => {}
         }
         let dropped = capture.skip_unusable_images(&splits)?;
         for counts in [opened.skipped_images, dropped] {

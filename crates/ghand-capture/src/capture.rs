@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
@@ -11,6 +12,7 @@ use ghand_hand_model::procedural::ProceduralHand;
 use crate::color_correction::ColorCorrection;
 use crate::distortion::Distortion;
 pub use crate::error::CaptureError;
+use crate::mask::{AlignedHand, MadeMasks};
 pub use crate::split::{Split, SplitView};
 
 /// The source of a capture's hand model; a writer stores this instead of the model.
@@ -42,21 +44,23 @@ pub struct Frame {
 
 /// Paths of the images, relative to the capture's folder, with `{camera}` and `{frame}` in place of the ids. For a
 /// frame called `sequence/number`, `{sequence}` and `{number}` are its parts.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ImagePaths {
     /// Path of the images.
     pub image: String,
-    /// Path of the masks (8-bit, hand at >= 128). Without it the images' alpha channel is the mask, and without that
-    /// the hand may be anywhere in the image.
+    /// Path of the masks (8-bit, hand at >= 128). Without it, and if none are made, the images' alpha channel is the
+    /// mask, and without that the hand may be anywhere in the image.
     pub mask: Option<String>,
-    /// Folder for masks made from the posed hand model, for images without a file at `mask`.
-    pub made_masks: Option<PathBuf>,
+    /// How masks are made for images without a file at `mask`, if they are.
+    pub made_masks: Option<MadeMasks>,
+    /// The hand that masks are cut to. No file has it: training finds it.
+    pub aligned: Option<Arc<AlignedHand>>,
 }
 
 impl ImagePaths {
     /// Images, and masks if there are any, that show the hand over the capture's background.
     pub fn plain(image: &str, mask: Option<&str>) -> ImagePaths {
-        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None }
+        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None, aligned: None }
     }
 }
 
@@ -145,7 +149,7 @@ impl Capture {
         self.frames.get(index).ok_or_else(|| self.absent("frames", index, self.frames.len()))
     }
 
-    fn absent(&self, field: &str, index: usize, count: usize) -> CaptureError {
+    pub(crate) fn absent(&self, field: &str, index: usize, count: usize) -> CaptureError {
         let problem = format!("number {index} does not exist; the capture has {count}, counted from 0");
         CaptureError::Invalid { path: self.root.clone(), field: field.into(), problem }
     }

@@ -22,6 +22,8 @@ use crate::camera_file::CameraFile;
 const FORMAT: &str = "ghand-capture";
 const VERSION: u64 = 1;
 const UNITS: &str = "metre";
+/// The value of `masks`.
+const MADE: &str = "made";
 pub(crate) use read::read_capture;
 pub use read::read_capture_text;
 
@@ -48,6 +50,9 @@ struct CaptureFile {
     image_path: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask_path: Option<String>,
+    /// `"made"`: masks are made for images that have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    masks: Option<String>,
     splits: BTreeMap<String, SplitFile>,
 }
 

@@ -90,6 +90,18 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
     Ok(tail.windows(mark.len()).any(|bytes| bytes == mark))
 }
 
+/// Whether an image has an alpha channel, from its header; `None` if it cannot be read.
+pub(crate) fn has_alpha(file: &Path, size: (u32, u32)) -> Option<bool> {
+    let read = || {
+        let opened = input_file::open(file).map_err(|error| Refusal::Broken(ImageError::IoError(error)))?;
+        let read = |error| Refusal::Broken(ImageError::IoError(error));
+        let mut reader = ImageReader::new(BufReader::new(opened)).with_guessed_format().map_err(read)?;
+        reader.limits(limits(u64::from(size.0) * u64::from(size.1)));
+        Ok(reader.into_decoder().map_err(Refusal::Broken)?.color_type().has_alpha())
+    };
+    guarded(read).ok()
+}
+
 /// Why bytes are not an image.
 enum Refusal {
     Broken(ImageError),

@@ -28,7 +28,7 @@ use crate::camera_sampling::farthest_point_sampling;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::capture_validation::{CameraEntry, FileValidator, JointRows, Position};
 use crate::error::CaptureError;
-use crate::mask::mask_folder;
+use crate::mask::{MadeMasks, MaskMethod};
 use crate::opened::{CaptureKind, Opened};
 use crate::skipped_images::{SkipReason, SkippedImages};
 use crate::truth::{TRUTH_FILE, read_truth};
@@ -186,11 +186,12 @@ fn check_model<'a>(location: &Location, mano: Option<&'a HandModel>) -> Result<&
 fn paths(location: &Location) -> ImagePaths {
     let below = format!("{}/Capture{}/{{sequence}}/cam{{camera}}/image{{number}}", location.subset, location.capture);
     let masks = location.images.replace("images", "masks_removeblack");
-    let made = mask_folder(&location.root).join(&location.subset).join(format!("Capture{}", location.capture));
+    let place = Path::new(&location.subset).join(format!("Capture{}", location.capture));
     ImagePaths {
         image: format!("{}/{below}.jpg", location.images),
         mask: Some(format!("{masks}/{below}.png")),
-        made_masks: Some(made),
+        made_masks: Some(MadeMasks::new(MaskMethod::Outline, location.root.clone(), place)),
+        aligned: None,
     }
 }
 

@@ -1,10 +1,24 @@
-//! Masks made from the posed hand model, as HandAvatar (Chen et al., CVPR 2023) makes them for InterHand2.6M: the
-//! filled outline of the projected mesh, without pixels too dark or too bright for skin, and of that the part inside
-//! the largest contour.
+//! Masks made for images that have none, in one of two ways.
+//!
+//! By outline, as HandAvatar (Chen et al., CVPR 2023) makes them for InterHand2.6M, in exact poses: the filled outline of
+//! the projected mesh, without pixels too dark or too bright for skin, and of that the part inside the largest contour.
+//!
+//! By colours, in a tracker's poses and before any surroundings: `learn.rs` learns over the frames of a camera which
+//! colours (`histogram.rs`) the hand and its surroundings have, and what stands still (`still.rs`); `segment.rs` parts
+//! them near the posed model (`guide.rs`) by a minimum cut (`min_cut.rs`).
 
+mod aligned;
 mod cache;
 mod contour;
+mod distance;
 mod fill;
+mod guide;
+mod histogram;
+mod learn;
+mod made;
+mod min_cut;
+mod segment;
+mod still;
 
 use ghand_core::posing::pose_hand;
 
@@ -13,8 +27,11 @@ use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 use crate::mask_values::mask_values;
 
-pub(crate) use cache::mask_folder;
+pub use aligned::AlignedHand;
+pub use distance::squared_distances;
 pub use fill::covered_pixels;
+pub(crate) use made::mask_by_colors;
+pub use made::{MadeMasks, MaskMethod};
 
 /// Skin has a mean of red, green and blue between these, exclusively.
 const GREY_RANGE: [u16; 2] = [10, 200];
@@ -54,7 +71,7 @@ pub(crate) fn made_mask(
     file: &[u8],
     rgba: &[[u8; 4]],
 ) -> Result<Vec<u8>, CaptureError> {
-    let place = cache::Place::new(capture, camera, frame, file, None)?;
+    let place = cache::Place::new(capture, camera, frame, file, None, 0)?;
     if let Some(mask) = place.read().and_then(|stored| stored.mask()) {
         return Ok(mask);
     }
@@ -70,7 +87,7 @@ pub(crate) fn facts(capture: &Capture, camera: usize, frame: usize) -> Result<Fa
     let bytes = read_bytes(&file, Role::Image, size)?;
     let mask_file = capture.mask_file(camera, frame)?.filter(|file| file.exists());
     let mask_bytes = mask_file.as_ref().map(|file| read_bytes(file, Role::Mask, size)).transpose()?;
-    let place = cache::Place::new(capture, camera, frame, &bytes, mask_bytes.as_deref())?;
+    let place = cache::Place::new(capture, camera, frame, &bytes, mask_bytes.as_deref(), 0)?;
     if let Some(stored) = place.read() {
         return Ok(stored.facts);
     }

@@ -27,7 +27,8 @@ pub struct OpenOptions {
 }
 
 impl Capture {
-    /// Opens a capture that does not need [`OpenOptions`]: its folder or its `capture.json`. No image is read.
+    /// Opens a capture that does not need [`OpenOptions`]: its folder or its `capture.json`. No image is
+    /// read, but perhaps the header of one.
     ///
     /// # Errors
     /// As in [`Capture::open_with`].
@@ -36,7 +37,7 @@ impl Capture {
     }
 
     /// Opens a capture: a folder with a `capture.json` or that file, InterHand2.6M (its root or one of its folders
-    /// `Capture0`), or a subject of the Hand Appearance dataset. No image is read.
+    /// `Capture0`), or a subject of the Hand Appearance dataset. No image is read, but perhaps the header of one.
     ///
     /// # Errors
     /// [`CaptureError`] names the file, the missing or wrong field, and what to do.

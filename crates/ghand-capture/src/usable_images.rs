@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, check};
-use crate::mask::{Facts, facts};
+use crate::mask::{Facts, MadeMasks, MaskMethod, facts};
 use crate::skipped_images::{SkipReason, SkippedImages};
 
 /// Least number of pixels of a mask.
@@ -21,7 +21,7 @@ impl Capture {
     /// unreadable, truncated or not of its camera's size. Only parts of each PNG and JPEG are read; damage inside is an
     /// error of [`Capture::load_view`]. EXR images are decoded, and those with only NaN are removed.
     ///
-    /// For a data set with made masks, the images are decoded; those that are broken, black or almost without hand in
+    /// For a data set with masks made by outline, the images are decoded; those that are broken, black or almost without hand in
     /// the mask are removed. Missing masks are made and cached.
     ///
     /// # Errors
@@ -65,7 +65,8 @@ impl Capture {
     }
 
     fn unusable(&self, camera: usize, frame: usize) -> Option<Unusable> {
-        let found = if self.images.made_masks.is_some() {
+        let by_outline = |made: &MadeMasks| made.method == MaskMethod::Outline;
+        let found = if self.images.made_masks.as_ref().is_some_and(by_outline) {
             facts(self, camera, frame).map(|facts| verdict(&facts))
         } else {
             self.check_files(camera, frame).map(|()| None)
@@ -84,8 +85,8 @@ impl Capture {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
         check(&self.image_file(camera, frame)?, Role::Image, size)?;
         match self.mask_file(camera, frame)? {
-            Some(mask) => check(&mask, Role::Mask, size),
-            None => Ok(()),
+            Some(mask) if self.images.made_masks.is_none() || mask.exists() => check(&mask, Role::Mask, size),
+            _ => Ok(()),
         }
     }
 }

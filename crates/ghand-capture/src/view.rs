@@ -6,7 +6,7 @@ use image::{DynamicImage, ImageFormat};
 use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
-use crate::mask::made_mask;
+use crate::mask::{MaskMethod, made_mask, mask_by_colors};
 use crate::mask_values::{MaskValues, mask_values};
 
 /// One image of the capture with its mask.
@@ -107,13 +107,12 @@ impl Capture {
         let picture = decode(&file, Role::Image, &bytes, size)?;
         let nan_pixels = nan_pixels(&picture);
         let mut rgba = self.display_values(picture, &bytes);
-        let mask = match self.load_mask(camera, frame, size)? {
-            None if self.images.made_masks.is_some() => {
-                let values = made_mask(self, camera, frame, &bytes, &rgba)?;
-                Some(MaskValues { values, is_zero_one: false })
-            }
-            mask => mask,
-        };
+        let mut mask = self.load_mask(camera, frame, size)?;
+        let made = self.images.made_masks.as_ref().filter(|_| mask.is_none());
+        if made.is_some_and(|made| made.method == MaskMethod::Outline) {
+            let values = made_mask(self, camera, frame, &bytes, &rgba)?;
+            mask = Some(MaskValues { values, is_zero_one: false });
+        }
         let is_zero_one = mask.as_ref().is_some_and(|mask| mask.is_zero_one);
         let mut has_mask = mask.is_some();
         if let Some(mask) = mask {
@@ -125,14 +124,33 @@ impl Capture {
         cut(&mut rgba);
         has_mask |= rgba.iter().any(|pixel| pixel[3] == 0);
         let [r, g, b] = self.background.map(|v| (v * 255.0).round() as u8);
-        if let Some(distortion) = self.distortion.get(camera).copied().flatten() {
-            let (camera, _) = self.camera_and_frame(camera, frame)?;
-            rgba = distortion.undistorted(camera, &rgba, [r, g, b, 0]);
-            cut(&mut rgba);
+        rgba = self.undistorted(camera, rgba)?;
+        cut(&mut rgba);
+        if let Some(made) = made.filter(|made| made.method == MaskMethod::Colors) {
+            let values = mask_by_colors(self, made, camera, frame, &bytes, &rgba)?;
+            rgba.iter_mut().zip(values).for_each(|(pixel, mask)| pixel[3] = mask);
+            has_mask = true;
         }
+        self.cut_arm(camera, frame, &mut rgba)?;
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
         rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
+    }
+
+    /// The pixels of a camera's image without the distortion of its lens; alpha is 0 outside what the camera sees.
+    fn undistorted(&self, camera: usize, rgba: Vec<[u8; 4]>) -> Result<Vec<[u8; 4]>, CaptureError> {
+        let Some(distortion) = self.distortion.get(camera).copied().flatten() else { return Ok(rgba) };
+        let camera = self.cameras.get(camera).ok_or_else(|| self.absent("cameras", camera, self.cameras.len()))?;
+        let [r, g, b] = self.background.map(|v| (v * 255.0).round() as u8);
+        Ok(distortion.undistorted(camera, &rgba, [r, g, b, 0]))
+    }
+
+    /// An image alone, as in [`Capture::load_view`] but for its mask: alpha is 0 outside what the camera sees.
+    pub(crate) fn undistorted_image(&self, camera: usize, frame: usize) -> Result<Vec<[u8; 4]>, CaptureError> {
+        let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
+        let file = self.image_file(camera, frame)?;
+        let bytes = read_bytes(&file, Role::Image, size)?;
+        self.undistorted(camera, self.display_values(decode(&file, Role::Image, &bytes, size)?, &bytes))
     }
 
     /// The mask from its file, if the capture has masks. `None` for a missing mask that can be made.

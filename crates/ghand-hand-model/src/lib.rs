@@ -9,6 +9,7 @@
 //!
 //! Units are metres and radians.
 
+pub mod arm_end;
 pub mod builtin;
 mod cholesky;
 mod error;

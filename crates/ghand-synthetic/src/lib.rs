@@ -6,10 +6,12 @@
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
 //! Training poses have the errors of a tracker (`pose_errors.rs`), and training masks those of a segmentation if wanted
 //! (`mask_errors.rs`); test poses, test masks and truth are exact. The same options give the same capture, up to the
-//! renderer's rounding.
+//! renderer's rounding. Behind the hand there may be a desk (`background.rs`), and the hand may have a forearm
+//! (`forearm.rs`), as in photographs.
 
 pub(crate) mod anatomy;
 mod atlas;
+mod background;
 pub(crate) mod camera_placement;
 mod cast_shadow;
 mod complexion;
@@ -18,6 +20,7 @@ mod draw;
 mod exposure;
 mod finger_play;
 mod folds;
+mod forearm;
 mod light_visibility;
 mod lighting;
 mod mask_errors;
@@ -64,6 +67,28 @@ pub enum CaptureFormat {
     /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in
     /// a file with MANO's keys ([`HAND_MODEL_FILE`]).
     InterHand,
+}
+
+/// What is behind the hand in the images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Background {
+    /// Black.
+    #[default]
+    Plain,
+    /// A desk with things on it, some of them with colours like skin: another one for each camera, in all frames the same.
+    Clutter,
+}
+
+/// What the masks of a synthetic capture show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Masks {
+    /// The hand up to the template's end at the wrist.
+    #[default]
+    Hand,
+    /// The hand with its forearm.
+    Arm,
+    /// There are none.
+    None,
 }
 
 /// The light of a synthetic capture, fixed in the world.
@@ -164,6 +189,12 @@ pub struct SyntheticOptions {
     pub side: Side,
     /// The light.
     pub light: LightSetup,
+    /// What is behind the hand.
+    pub background: Background,
+    /// Whether the hand has a forearm, which bends at the wrist.
+    pub forearm: bool,
+    /// What the masks show.
+    pub masks: Masks,
     /// Its layout.
     pub format: CaptureFormat,
 }
@@ -188,6 +219,9 @@ impl Default for SyntheticOptions {
             abduction_degrees: 0.0,
             side: Side::Right,
             light: LightSetup::Soft,
+            background: Background::Plain,
+            forearm: false,
+            masks: Masks::Hand,
             format: CaptureFormat::Ghand,
         }
     }
@@ -360,7 +394,11 @@ impl Templates {
 /// The hand in the images.
 fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
     let person = random_hand(&builtin_hand(Side::Right)?, options.identity)?;
-    Ok(TrueHand::new(&with_joints_of(options.format, person)?, options.side, options.identity))
+    let person = with_joints_of(options.format, person)?;
+    if options.forearm {
+        return Ok(TrueHand::with_forearm(forearm::with_forearm(&person)?, options.side, options.identity));
+    }
+    Ok(TrueHand::new(&person, options.side, options.identity))
 }
 
 /// The model with the joints of a format's poses: InterHand2.6M's are MANO's.
@@ -430,7 +468,10 @@ fn plan(options: &SyntheticOptions, templates: Templates, true_hand: &TrueHand, 
         distortion: vec![],
         color_correction: Default::default(),
         frames: frames.collect(),
-        images: ImagePaths::plain("images/{camera}/{frame}.png", Some("masks/{camera}/{frame}.png")),
+        images: ImagePaths::plain(
+            "images/{camera}/{frame}.png",
+            (options.masks != Masks::None).then_some("masks/{camera}/{frame}.png"),
+        ),
         splits,
         truth: Some(truth.into_iter().map(Some).collect()),
     }

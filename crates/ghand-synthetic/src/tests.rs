@@ -98,7 +98,7 @@ fn the_true_hand_is_not_the_template_under_linear_skinning() {
             weights.map(|(w, m)| m.apply(model.vertices[v]) * *w).sum::<DVec3>() + pose.translation
         })
         .collect();
-    let truth = hand.pose(pose);
+    let truth = hand.pose(pose, DVec3::ZERO);
     let gaps: Vec<f64> = (truth.positions.iter().step_by(37))
         .map(|p| linear.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min))
         .collect();
@@ -142,7 +142,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
     let elsewhere = (0..rise.len()).filter(|&v| hand.model.vertex_weights(v)[anatomy.fingers[1].joints[1]] > 0.5);
     assert!(elsewhere.map(|v| rise[v].abs()).all(|moved| moved == 0.0), "the next finger is unchanged");
 
-    let [a, b] = [0.0, 1.4].map(|bend| hand.pose(&index_finger(bend)).texture);
+    let [a, b] = [0.0, 1.4].map(|bend| hand.pose(&index_finger(bend), DVec3::ZERO).texture);
     let brightness = |texel: &[u8; 3]| texel.iter().map(|v| i32::from(*v)).sum::<i32>();
     let change: Vec<i32> = a.rgb.iter().zip(&b.rgb).map(|(a, b)| brightness(b) - brightness(a)).collect();
     assert!(change.iter().filter(|c| **c < -60).count() > 100, "creases darken");
@@ -226,7 +226,7 @@ fn a_left_hand_is_the_mirror_image() {
         let options = SyntheticOptions { side, ..options() };
         (true_hand(&options).unwrap(), poses(&options, &Templates::of(&options).unwrap().right)[1][4].clone())
     });
-    let [a, b] = [right.0.pose(&right.1), left.0.pose(&left.1)];
+    let [a, b] = [right.0.pose(&right.1, DVec3::ZERO), left.0.pose(&left.1, DVec3::ZERO)];
     let mirror = |p: &DVec3| DVec3::new(-p.x, p.y, p.z);
     let apart = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| mirror(a).distance(*b)).fold(0.0, f64::max);
     assert!(apart(&a.positions, &b.positions) < 1e-12 && apart(&a.normals, &b.normals) < 1e-12);
@@ -251,7 +251,7 @@ fn a_left_hand_is_the_mirror_image() {
 fn a_light_from_the_side_leaves_the_far_side_dark() {
     let hand = true_hand(&options()).unwrap();
     let setup = lighting::lighting(LightSetup::Side);
-    let mut posed = hand.pose(&index_finger(1.4));
+    let mut posed = hand.pose(&index_finger(1.4), DVec3::ZERO);
     let soft = posed.light_visibility.clone();
     cast_shadow::add_shadow(&mut posed, &setup);
     let light = setup.lights[0].direction;

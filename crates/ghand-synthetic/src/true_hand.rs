@@ -14,6 +14,7 @@ use super::anatomy::{Anatomy, SkinPoint};
 use super::atlas::Atlas;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
+use super::forearm::HandWithForearm;
 use super::light_visibility::LightVisibility;
 use super::mirror::{mirrored_point, mirrored_pose};
 use super::skin::{Look, Skin};
@@ -30,8 +31,10 @@ pub(super) struct TrueHand {
     side: Side,
     /// The right hand at rest, without relief.
     pub(super) model: HandModel,
-    /// Number of its vertices that belong to the mesh before subdivision.
+    /// Number of its vertices that belong to the hand's mesh before subdivision.
     coarse_vertices: usize,
+    /// Whether a render vertex is on the forearm; empty without one.
+    pub on_forearm: Vec<bool>,
     pub(super) normals: Vec<DVec3>,
     /// Appearance of each vertex without its folds, and the folds.
     looks: Vec<(Look, Vec<Fold>)>,
@@ -56,11 +59,22 @@ impl TrueHand {
     ///
     /// [`random_hand`]: super::random_shape::random_hand
     pub(super) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
-        let mut model = hand.without_blend_shapes();
+        let whole = hand.without_blend_shapes();
+        TrueHand::grown(whole, hand.vertices.len(), side, seed)
+    }
+
+    /// The same of a right hand with its forearm.
+    pub(super) fn with_forearm(hand: HandWithForearm, side: Side, seed: u64) -> TrueHand {
+        let grown = TrueHand::grown(hand.model, hand.hand_vertices, side, seed);
+        let sources = grown.mesh.source_vertices.iter();
+        let on_forearm = sources.map(|&v| grown.model.vertices[v as usize].y > hand.end).collect();
+        TrueHand { on_forearm, ..grown }
+    }
+
+    fn grown(mut model: HandModel, coarse_vertices: usize, side: Side, seed: u64) -> TrueHand {
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
-        let coarse_vertices = model.vertices.len();
         for _ in 0..SUBDIVISIONS {
             model = subdivided(&model);
         }
@@ -84,7 +98,20 @@ impl TrueHand {
             // Mirrored triangles would be seen from inside.
             mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
-        TrueHand { side, mesh, looks, atlas, light_visibility, normals, anatomy, complexion, coarse_vertices, model }
+        let on_forearm = vec![];
+        TrueHand {
+            side,
+            mesh,
+            looks,
+            atlas,
+            light_visibility,
+            normals,
+            anatomy,
+            complexion,
+            coarse_vertices,
+            on_forearm,
+            model,
+        }
     }
 
     /// Rest positions with the relief of a pose.
@@ -96,8 +123,13 @@ impl TrueHand {
             .collect()
     }
 
-    pub(super) fn pose(&self, pose: &Pose) -> PosedHand {
-        let pose = &self.as_right_hand(pose);
+    /// The hand in a pose. `wrist` rotates its forearm, if it has one, against a right hand; axis-angle, radians.
+    pub(super) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedHand {
+        let mut pose = self.as_right_hand(pose);
+        if let Some(forearm) = pose.rotations.last_mut().filter(|_| !self.on_forearm.is_empty()) {
+            *forearm = wrist;
+        }
+        let pose = &pose;
         let bend = Bend::of(&self.anatomy, pose);
         let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
         let normals = self.model.vertex_normals(&positions);
@@ -123,17 +155,21 @@ impl TrueHand {
     pub(super) fn landmarks(&self, pose: &Pose) -> Landmarks {
         let pose = &self.as_right_hand(pose);
         let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
-        let joints = (0..self.model.joint_count()).map(|k| motions[k].apply(self.model.joints[k]));
+        let count = self.model.joint_count() - usize::from(!self.on_forearm.is_empty());
+        let joints = (0..count).map(|k| motions[k].apply(self.model.joints[k]));
         let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
         let mut points = joints.chain(tips).map(|p| self.placed(p + pose.translation));
         std::array::from_fn(|_| points.next().unwrap_or_default())
     }
-    /// The right hand's pose that is this pose of the hand.
+
+    /// The right hand's pose that is this pose of the hand, with the forearm straight.
     fn as_right_hand(&self, pose: &Pose) -> Pose {
-        match self.side {
+        let mut pose = match self.side {
             Side::Right => pose.clone(),
             Side::Left => mirrored_pose(pose),
-        }
+        };
+        pose.rotations.resize(self.model.joint_count(), DVec3::ZERO);
+        pose
     }
 
     /// Where a point or direction of the posed right hand is on the hand.

@@ -32,8 +32,8 @@ use serde::{Deserialize, Serialize};
 use crate::metrics::moving_joints;
 use contour::Edges;
 use distance_field::DistanceField;
-pub(crate) use distance_field::squared_distances;
 use frame::{FrameEquations, Rig};
+pub(crate) use ghand_capture::mask::squared_distances;
 use priors::Priors;
 use proportions::{Proportions, Shaped};
 pub use rejection::Rejection;
@@ -210,7 +210,7 @@ impl<'a> Fit<'a> {
         let carries = (0..joints).map(|k| (0..joints).map(|j| is_above(k, j)).collect()).collect();
         let proportions = Proportions::new(template);
         Fit {
-            edges: Edges::of(&template.faces),
+            edges: Edges::of(template),
             priors: Priors::new(template, &moving, given.len()),
             shape: vec![0.0; if shape == Shape::Known { 0 } else { proportions.parameter_count() }],
             poses,
@@ -464,8 +464,9 @@ impl<'a> Fit<'a> {
             for (camera, field) in images {
                 let contour = self.edges.contour(&positions, &normals, camera, field);
                 distances.extend(contour.iter().map(|point| point.residual.abs()));
-                overlaps
-                    .push(field.overlap(&covered_pixels(camera, &positions, &template.faces), camera.width as usize));
+                let covered = covered_pixels(camera, &positions, &template.faces);
+                let arm_end = self.edges.arm_end(&positions, camera);
+                overlaps.push(field.overlap(&covered, camera.width as usize, arm_end));
             }
             Ok((distances, overlaps))
         };

@@ -11,8 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
+use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
-use ghand_core::Pose;
+use ghand_core::{HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
 use glam::DVec3;
@@ -76,6 +77,8 @@ pub struct Trained {
     /// The images of the watched split in poses by the protocol `masks`, for the avatar's template, where the capture has no
     /// exact poses and the training poses were aligned.
     pub held_out: Option<Vec<PosedView>>,
+    /// The hand that the masks were cut to, once the poses were aligned.
+    pub masks_of: Option<Arc<AlignedHand>>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
     pub alignment: Option<Alignment>,
     /// How the light was found, unless `light=none`.
@@ -296,6 +299,10 @@ impl<'a> Trainer<'a> {
                 return Err(mismatch("its template has other joints".into()).into());
             }
             self.capture.template = alignment.template.clone();
+            let found = (alignment.rejection.is_none()).then(|| (alignment.template.clone(), alignment.poses.clone()));
+            if let Some((template, poses)) = found {
+                self.align_masks(&template, &poses, prepared.held_out.as_deref())?;
+            }
         }
         if !prepared.correction.is_empty() {
             self.capture.color_correction = prepared.correction.clone();
@@ -430,6 +437,7 @@ impl<'a> Trainer<'a> {
             avatar,
             poses,
             held_out,
+            masks_of: self.capture.images.aligned.clone(),
             alignment,
             light,
             exposure,
@@ -536,7 +544,34 @@ impl<'a> Trainer<'a> {
             watched.take_poses(&held_out);
             self.prepared.held_out = Some(held_out);
         }
+        if aligned.rejection.is_none() {
+            let held_out = self.prepared.held_out.take();
+            self.align_masks(&aligned.template, &aligned.poses, held_out.as_deref())?;
+            self.prepared.held_out = held_out;
+        }
         self.prepared.alignment = Some(aligned);
+        Ok(())
+    }
+
+    /// Takes the masks from the aligned hand on: of the training frames in these poses, and of the images held out.
+    fn align_masks(
+        &mut self,
+        template: &HandModel,
+        poses: &[Pose],
+        held_out: Option<&[PosedView]>,
+    ) -> Result<(), TrainError> {
+        let mut frames = self.split.frames.clone();
+        let mut poses = poses.to_vec();
+        for view in held_out.unwrap_or_default() {
+            frames.push(view.frame);
+            poses.push(view.pose.clone());
+        }
+        self.capture.align_masks(template, &frames, &poses);
+        self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        if let Some(watched) = &mut self.watched {
+            let split = Split { views: watched.shown.clone(), ..self.capture.split(&watched.split)?.clone() };
+            watched.views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+        }
         Ok(())
     }
 

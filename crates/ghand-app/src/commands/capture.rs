@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 use ghand_core::Side;
-use ghand_synthetic::{CaptureFormat, LightSetup, SyntheticOptions};
+use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
 use crate::cli::{AdapterArgs, parse_size};
@@ -69,10 +69,22 @@ pub struct CaptureArgs {
     /// rim: one strong light from one of two sides, added in linear light. flat: the skin's own colours
     #[arg(long, value_name = "LIGHT", default_value = "soft", value_parser = LIGHTS.map(|(name, _)| name))]
     light: String,
+    /// plain: black. clutter: a desk with things on it, some of them with colours like skin, another one for each camera
+    #[arg(long, value_name = "WHAT", default_value = "plain", value_parser = ["plain", "clutter"])]
+    background: String,
+    /// Shows the forearm, too, which bends at the wrist. The template ends there
+    #[arg(long)]
+    forearm: bool,
+    /// What the masks show. hand: the hand alone. arm: the hand and its forearm. none: there are no masks
+    #[arg(long, value_name = "WHAT", default_value = "hand", value_parser = MASKS.map(|(name, _)| name))]
+    masks: String,
     /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
     #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
     format: String,
 }
+
+/// The kinds of masks by name.
+const MASKS: [(&str, Masks); 3] = [("hand", Masks::Hand), ("arm", Masks::Arm), ("none", Masks::None)];
 
 /// The lights by name.
 const LIGHTS: [(&str, LightSetup); 5] = [
@@ -108,6 +120,9 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
         side: if args.side == "left" { Side::Left } else { Side::Right },
         light: LIGHTS.iter().find(|(name, _)| args.light == *name).map_or(defaults.light, |(_, light)| *light),
+        background: if args.background == "clutter" { Background::Clutter } else { Background::Plain },
+        forearm: args.forearm,
+        masks: MASKS.iter().find(|(name, _)| args.masks == *name).map_or(defaults.masks, |(_, masks)| *masks),
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };

@@ -129,11 +129,15 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let file = refined_poses_file(args);
     let refined = file.as_ref().map(|file| poses_of_split(file, &capture, train_split)).transpose()?;
+    let mut scored = capture.clone();
     let default = if capture.truth.is_some() { ProtocolArg::Given } else { ProtocolArg::Masks };
     let (protocol, views) = match args.protocol.unwrap_or(default) {
         ProtocolArg::Masks => {
             let (known, poses) = pose_knowledge(&capture, &avatar.model, capture.split(train_split)?, split)?;
-            (Protocol::Masks, mask_views(&capture, split, &avatar.model, &poses, &known)?)
+            let views = mask_views(&capture, split, &avatar.model, &poses, &known)?;
+            // As in training, masks end where the avatar's template does.
+            scored.align_masks(&avatar.model, &split.frames, &poses);
+            (Protocol::Masks, views)
         }
         ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
         ProtocolArg::HandAvatar => (Protocol::HandAvatar, given_views(&capture, split)),
@@ -157,7 +161,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(refined) => refined,
         None => train.frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect(),
     };
-    let test = TestImages { capture: &capture, split: &args.split, protocol, views, lpips: lpips.as_deref() };
+    let test = TestImages { capture: &scored, split: &args.split, protocol, views, lpips: lpips.as_deref() };
     let (images, shown) =
         gpu.retry_on_device_loss("the evaluation", |gpu| evaluate_images(gpu, &avatar, &test, train, &train_poses))?;
     let results = EvaluationFile {

@@ -10,19 +10,22 @@ use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
 
 use super::fields::{parameters, read_fields};
-use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, SplitFile, UNITS, VERSION};
+use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::capture_validation::{FileValidator, JointRows, member};
 use crate::distortion::Distortion;
+use crate::image_file::has_alpha;
 use crate::json_file::{LARGEST_FILE, parse};
+use crate::mask::{MadeMasks, MaskMethod};
 use crate::text_file::read_text;
 use crate::truth::{TRUTH_FILE, read_truth};
 
 /// Most images of all splits together; the largest data sets have a few million.
 const MOST_VIEWS: usize = 1 << 23;
 
-/// Reads a `capture.json`. No image is read. `mano` is the user's MANO model, for captures whose poses are MANO's.
+/// Reads a `capture.json`. Of the images, at most one header is read: masks are made for a capture without masks whose
+/// images have no alpha channel. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
 /// # Errors
 /// [`CaptureError`] names the file, the missing or wrong field, and what to do.
@@ -30,7 +33,21 @@ pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capt
     let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
                   Capture1 and so on, or a subject of the Hand Appearance dataset";
     let text = read_text(path, LARGEST_FILE, "read the capture", remedy)?;
-    read_capture_text(path, &text, mano)
+    let mut capture = read_capture_text(path, &text, mano)?;
+    if capture.images.mask.is_none() && capture.images.made_masks.is_none() && lacks_alpha(&capture) {
+        capture.images.made_masks = Some(MadeMasks::new(MaskMethod::Colors, capture.root.clone(), PathBuf::new()));
+    }
+    Ok(capture)
+}
+
+/// Whether the first image has no alpha channel. One that cannot be read is reported when it is needed.
+fn lacks_alpha(capture: &Capture) -> bool {
+    let first = || {
+        let view = capture.splits.values().find_map(|split| split.views.first())?;
+        let camera = capture.cameras.get(view.camera)?;
+        has_alpha(&capture.image_file(view.camera, view.frame).ok()?, (camera.width, camera.height))
+    };
+    first() == Some(false)
 }
 
 /// Reads the text of a `capture.json`; the path is for messages and for the files beside it.
@@ -116,7 +133,18 @@ impl Reader<'_> {
         }
         let template = mean_shaped(&hand_model, &frames).map_err(|source| self.hand_model_error(source))?;
 
-        let images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
+        let mut images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
+        match file.masks.as_deref() {
+            None => {}
+            Some(MADE) => images.made_masks = Some(MadeMasks::new(MaskMethod::Colors, root.clone(), PathBuf::new())),
+            Some(other) => {
+                let problem = format!(
+                    "is {other:?}, must be {MADE:?}, so that masks are made for images without any; paths of masks \
+                     belong into mask_path"
+                );
+                return Err(self.invalid("masks", problem));
+            }
+        }
         self.templates(&images, &camera_indices, &frame_indices)?;
         let mut views_left = MOST_VIEWS;
         let splits = (file.splits.into_iter())

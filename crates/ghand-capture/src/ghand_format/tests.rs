@@ -9,6 +9,7 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
+use crate::mask::{MadeMasks, MaskMethod};
 
 fn hand() -> ProceduralHand {
     ProceduralHand { detail: 1, ..Default::default() }
@@ -209,9 +210,36 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["hand_model"] = json!({"kind": "gltf", "path": "hand.glb"}), &["hand_model", "hand.glb"]),
         (|v| v["image_path"] = json!("/etc/{camera}/{frame}"), &["image_path", "leaves the capture's folder"]),
         (|v| v["mask_path"] = json!("masks/{camera}.png"), &["mask_path", "does not contain {frame}"]),
+        (|v| v["masks"] = json!("masks/{camera}/{frame}.png"), &["masks", "must be \"made\"", "mask_path"]),
     ];
     for (change, parts) in cases {
         assert_contains(&message_after(change), parts);
+    }
+}
+
+#[test]
+fn masks_are_made_if_the_file_says_so_or_the_images_have_neither_mask_nor_alpha() {
+    let method = |capture: &Capture| capture.images.made_masks.as_ref().map(|made| made.method);
+    for (color, channels, says_made, expected) in [
+        (image::ExtendedColorType::Rgb8, 3, false, Some(MaskMethod::Colors)),
+        (image::ExtendedColorType::Rgba8, 4, false, None),
+        (image::ExtendedColorType::Rgba8, 4, true, Some(MaskMethod::Colors)),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut capture = sample(folder.path());
+        assert_eq!(method(&capture), None);
+        capture.images.mask = None;
+        if says_made {
+            capture.images.made_masks = Some(MadeMasks::new(MaskMethod::Colors, folder.path().into(), PathBuf::new()));
+        }
+        capture.save().unwrap();
+        // The first view of the first split by name.
+        write_image(&folder.path().join("images/cam1/0001.png"), &vec![9; 12 * channels], 4, 3, color);
+        let opened = Capture::open(folder.path()).unwrap();
+        assert_eq!(method(&opened), expected);
+        assert!(says_made == (read_json(&folder.path().join("capture.json"))["masks"] == "made"));
+        // Nothing is written before a mask is needed.
+        assert!(!folder.path().join("ghand-masks").exists());
     }
 }
 

@@ -4,12 +4,13 @@ use ghand_core::{Camera, HandModel, Side};
 use ghand_hand_model::procedural::ProceduralHand;
 use serde_json::{Map, Value};
 
-use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, SplitFile, UNITS, VERSION};
+use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, MADE, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 use crate::capture_validation::is_plain_id;
 use crate::distortion::Distortion;
 use crate::json_file::write_json;
+use crate::mask::MaskMethod;
 use crate::truth::{pose_rows, write_truth};
 
 impl Capture {
@@ -26,9 +27,10 @@ impl Capture {
         write_json(&self.root.join(CAPTURE_FILE), &self.to_file())
     }
 
-    /// The format cannot express frames of several sequences, made masks, and splits that are not a product.
+    /// The format cannot express frames of several sequences, masks made by outline, and splits that are not a product.
     fn check_writable(&self) -> Result<(), CaptureError> {
-        let odd = if self.images.made_masks.is_some() {
+        let by_outline = self.images.made_masks.as_ref().is_some_and(|made| made.method == MaskMethod::Outline);
+        let odd = if by_outline {
             "masks"
         } else if self.frames.iter().any(|f| !is_plain_id(&f.id)) {
             "frames"
@@ -68,6 +70,7 @@ impl Capture {
             frames: frames.collect(),
             image_path: self.images.image.clone(),
             mask_path: self.images.mask.clone(),
+            masks: self.images.made_masks.as_ref().map(|_| MADE.into()),
             splits: splits.collect(),
         }
     }

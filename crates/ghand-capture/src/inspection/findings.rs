@@ -5,6 +5,7 @@ use std::fmt;
 
 use super::{CaptureInspection, SplitFacts, ViewFit};
 use crate::capture::Capture;
+use crate::mask::{MadeMasks, MaskMethod};
 
 /// A template that overlaps the masks less than this may use another convention for poses or cameras than the capture:
 /// noise of four degrees in every joint gives a mean of 0.8, transposed rotations, with cameras all around a hand, 0.5
@@ -57,7 +58,7 @@ impl fmt::Display for Finding {
 
 /// All findings.
 pub(super) fn findings(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
-    [cameras(capture, found), poses(capture, found), images(found), masks(found), fits(found)].concat()
+    [cameras(capture, found), poses(capture, found), images(found), masks(capture, found), fits(found)].concat()
 }
 
 fn finding(is_pointless: bool, text: String) -> Finding {
@@ -120,7 +121,7 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
     [dark, flat, holes].into_iter().flatten().collect()
 }
 
-fn masks(found: &CaptureInspection) -> Vec<Finding> {
+fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     let mut findings = vec![];
     let (checked, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
     if without > 0 {
@@ -152,11 +153,14 @@ fn masks(found: &CaptureInspection) -> Vec<Finding> {
     }
     let made = found.files.made_masks;
     if made > 0 {
-        let text = format!(
-            "{made} of {} masks have no file and are made from the posed hand, so they always match it; check the \
-             pictures",
-            found.files.images
-        );
+        let by_colors = |made: &MadeMasks| made.method == MaskMethod::Colors;
+        let how = if capture.images.made_masks.as_ref().is_some_and(by_colors) {
+            "from colours near the posed hand"
+        } else {
+            "from the posed hand, so they always match it"
+        };
+        let text =
+            format!("{made} of {} masks have no file and are made {how}; check the pictures", found.files.images);
         findings.push(finding(false, text));
     }
     findings

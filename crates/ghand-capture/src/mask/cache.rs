@@ -10,13 +10,13 @@ use glam::DVec3;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::Facts;
+use super::{Facts, MadeMasks};
 use crate::capture::{Capture, fill_template};
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 
 /// Data after the PNG: this tag, the key, the facts. Changes whenever masks are made in another way.
-const MARK: [u8; 8] = *b"ghandms1";
+const MARK: [u8; 8] = *b"ghandms2";
 /// Lengths: tag, key, pixels, two brightnesses.
 const TRAILER: usize = 8 + 8 + 4 + 1 + 1;
 
@@ -36,13 +36,15 @@ pub(super) struct Stored {
 }
 
 impl Place {
-    /// `image` are the bytes of the image's file, `mask` those of its mask's if it has one.
+    /// `image` are the bytes of the image's file, `mask` those of its mask's if it has one. `made_from` tells apart what
+    /// else it is made from.
     pub fn new(
         capture: &Capture,
         camera: usize,
         frame: usize,
         image: &[u8],
         mask: Option<&[u8]>,
+        made_from: u64,
     ) -> Result<Place, CaptureError> {
         let (camera, frame) = capture.camera_and_frame(camera, frame)?;
         let mut hasher = DefaultHasher::new();
@@ -56,8 +58,10 @@ impl Place {
         add(&[frame.pose.translation, camera.translation, camera.focal.extend(0.0), camera.principal.extend(0.0)]);
         add(&[camera.rotation.x_axis, camera.rotation.y_axis, camera.rotation.z_axis]);
         frame.shape.iter().for_each(|v| v.to_bits().hash(&mut hasher));
-        (&capture.hand_model.faces, camera.width, camera.height, image, mask).hash(&mut hasher);
-        let folder = capture.images.made_masks.clone().unwrap_or_default();
+        (&capture.hand_model.faces, camera.width, camera.height, image, mask, made_from).hash(&mut hasher);
+        // Masks made from aligned poses do not replace those from the given ones, which are needed again first.
+        let poses = if capture.images.aligned.is_some() { "aligned" } else { "" };
+        let folder = capture.images.made_masks.as_ref().map(MadeMasks::folder).unwrap_or_default().join(poses);
         let file = folder.join(fill_template("{sequence}/{camera}/{number}.png", &camera.id, &frame.id));
         Ok(Place { file, key: hasher.finish(), size: (camera.width, camera.height) })
     }
@@ -110,7 +114,7 @@ impl Stored {
 }
 
 /// A folder for the masks of a data set: beside it if that is writable, else in the user's cache.
-pub(crate) fn mask_folder(root: &Path) -> PathBuf {
+pub(super) fn mask_folder(root: &Path) -> PathBuf {
     let beside = root.join("ghand-masks");
     let may_write = std::fs::create_dir_all(&beside).is_ok() && tempfile::tempfile_in(&beside).is_ok();
     if may_write {

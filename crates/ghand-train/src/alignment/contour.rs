@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use ghand_capture::mask::covered_pixels;
-use ghand_core::Camera;
+use ghand_core::{Camera, HandModel};
+use ghand_hand_model::arm_end::{ArmEnd, ArmEndInImage};
 use glam::{DVec2, DVec3};
 
 use super::distance_field::DistanceField;
@@ -19,9 +20,11 @@ const LEAST_AGREEMENT: f64 = 0.5;
 /// Geometry nearer to the camera than this is ignored, metres.
 const NEAR: f64 = 0.01;
 
-/// The edges of a mesh that two triangles share.
+/// The edges of a template that two triangles share.
 pub struct Edges {
     triangles: Vec<[u32; 3]>,
+    /// Where it ends at the wrist.
+    arm_end: Option<ArmEnd>,
     /// Two vertices and two triangles each.
     edges: Vec<([u32; 2], [u32; 2])>,
 }
@@ -40,7 +43,8 @@ pub struct ContourPoint {
 }
 
 impl Edges {
-    pub fn of(triangles: &[[u32; 3]]) -> Edges {
+    pub fn of(template: &HandModel) -> Edges {
+        let triangles = &template.faces;
         let mut sides: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
         for (triangle, [a, b, c]) in (0..).zip(triangles) {
             for [p, q] in [[a, b], [b, c], [c, a]] {
@@ -48,11 +52,16 @@ impl Edges {
             }
         }
         let edges = sides.into_iter().filter_map(|(edge, sides)| Some((edge, <[u32; 2]>::try_from(sides).ok()?)));
-        Edges { triangles: triangles.to_vec(), edges: edges.collect() }
+        Edges { triangles: triangles.clone(), arm_end: ArmEnd::of(template), edges: edges.collect() }
+    }
+
+    /// The end of the template at `positions` in an image.
+    pub fn arm_end(&self, positions: &[DVec3], camera: &Camera) -> Option<ArmEndInImage> {
+        self.arm_end.as_ref()?.seen(positions, camera)
     }
 
     /// The outer contour of the mesh at `positions` (metres, world; `normals` are those of the vertices) as far as it may
-    /// correspond to the mask's outline.
+    /// correspond to the mask's outline: not its end at the wrist, nor what may lie over the arm, if the mask has one.
     pub fn contour(
         &self,
         positions: &[DVec3],
@@ -72,8 +81,10 @@ impl Edges {
             let clamp = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as usize;
             covered[clamp(pixel.y, camera.height) * camera.width as usize + clamp(pixel.x, camera.width)]
         };
+        let arm = self.arm_end(positions, camera);
+        let is_end = |v: u32| self.arm_end.as_ref().is_some_and(|end| end.contains(v));
         let point = |&([a, b], [first, second]): &([u32; 2], [u32; 2])| {
-            if is_front[first as usize] == is_front[second as usize] {
+            if is_front[first as usize] == is_front[second as usize] || is_end(a) || is_end(b) {
                 return None;
             }
             let [(p, p_depth), (q, q_depth)] = [a, b].map(|v| camera.project(corner(v)));
@@ -85,7 +96,8 @@ impl Edges {
             let across = (q - p).perp() / length;
             let normal = if across.dot(outwards.truncate()) < 0.0 { -across } else { across };
             let middle = 0.5 * (p + q);
-            if length < LENGTHS[0] || is_covered(middle + OUTSIDE * normal) {
+            let outside = middle + OUTSIDE * normal;
+            if length < LENGTHS[0] || is_covered(outside) || arm.is_some_and(|arm| arm.may_be_arm(outside)) {
                 return None;
             }
             let (residual, slope) = field.at(middle)?;

@@ -1,6 +1,8 @@
 //! Signed distance to the outline of a mask, with its gradient.
 
+use ghand_capture::mask::squared_distances;
 use ghand_capture::{Capture, CaptureError, SplitView};
+use ghand_hand_model::arm_end::ArmEndInImage;
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -67,16 +69,24 @@ impl DistanceField {
         self.values.iter().filter(|value| **value < 0).count()
     }
 
-    /// Intersection over union of the mask and another one of the same image, row-major.
-    pub fn overlap(&self, other: &[bool], width: usize) -> f64 {
+    /// Intersection over union of the mask and another one of the same image, row-major, on the hand's side of the
+    /// template's end.
+    pub fn overlap(&self, other: &[bool], width: usize, arm_end: Option<ArmEndInImage>) -> f64 {
         let ([left, top], [columns, rows]) = (self.origin, self.size);
-        let mut both = 0;
-        for y in 0..rows {
-            let start = (top + y) * width + left;
-            let line = self.values[y * columns..(y + 1) * columns].iter().zip(&other[start..start + columns]);
-            both += line.filter(|(value, other)| **value < 0 && **other).count();
+        let is_hand_side = |x: usize, y: usize| {
+            arm_end.is_none_or(|end| end.beyond(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) <= 0.0)
+        };
+        let (mut both, mut all) = (0, 0);
+        for (y, line) in other.chunks_exact(width.max(1)).enumerate() {
+            for (x, other) in line.iter().enumerate() {
+                let local = [x.wrapping_sub(left), y.wrapping_sub(top)];
+                let own = local[0] < columns && local[1] < rows && self.values[local[1] * columns + local[0]] < 0;
+                if (own || *other) && is_hand_side(x, y) {
+                    both += usize::from(own && *other);
+                    all += 1;
+                }
+            }
         }
-        let all = self.area() + other.iter().filter(|other| **other).count() - both;
         both as f64 / all.max(1) as f64
     }
 
@@ -94,57 +104,6 @@ impl DistanceField {
         let distance = (a * (1.0 - u) + b * u) * (1.0 - v) + (c * (1.0 - u) + d * u) * v;
         let gradient = DVec2::new((b - a) * (1.0 - v) + (d - c) * v, (c - a) * (1.0 - u) + (d - b) * u);
         Some((distance, gradient))
-    }
-}
-
-/// Squared distances to the nearest pixel of value 0, exact, along columns and then rows (Felzenszwalb and Huttenlocher
-/// 2012).
-pub fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> Vec<f64> {
-    let mut envelope = Envelope::default();
-    for x in 0..columns {
-        let line: Vec<f64> = (0..rows).map(|y| values[y * columns + x]).collect();
-        envelope.lower(&line, |y, d| values[y * columns + x] = d);
-    }
-    for row in values.chunks_exact_mut(columns) {
-        let line = row.to_vec();
-        envelope.lower(&line, |x, d| row[x] = d);
-    }
-    values
-}
-
-/// The lower envelope of parabolas.
-#[derive(Default)]
-struct Envelope {
-    /// Each parabola's place and the place from which it is the lowest.
-    parabolas: Vec<(usize, f64)>,
-}
-
-impl Envelope {
-    /// Calls `set` with each place and the least of (place - q)^2 + line[q].
-    fn lower(&mut self, line: &[f64], mut set: impl FnMut(usize, f64)) {
-        self.parabolas.clear();
-        for (q, value) in line.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-            let height = value + (q * q) as f64;
-            let mut from = f64::NEG_INFINITY;
-            while let Some(&(p, start)) = self.parabolas.last() {
-                from = (height - line[p] - (p * p) as f64) / (2 * (q - p)) as f64;
-                if from > start {
-                    break;
-                }
-                self.parabolas.pop();
-                from = f64::NEG_INFINITY;
-            }
-            self.parabolas.push((q, from));
-        }
-        let mut k = 0;
-        for x in 0..line.len() {
-            while self.parabolas.get(k + 1).is_some_and(|(_, from)| *from < x as f64) {
-                k += 1;
-            }
-            let distance =
-                self.parabolas.get(k).map_or(f64::INFINITY, |(p, _)| (x as f64 - *p as f64).powi(2) + line[*p]);
-            set(x, distance);
-        }
     }
 }
 
@@ -174,11 +133,11 @@ mod tests {
         let (distance, gradient) = field.at(DVec2::new(3.2, 10.0)).unwrap();
         assert!((distance - 1.8).abs() < 0.01 && (gradient - DVec2::NEG_X).length() < 0.01, "{distance} {gradient}");
         assert!(field.at(DVec2::new(-1.0, 3.0)).is_none());
-        assert_eq!(field.overlap(&mask, width), 1.0);
+        assert_eq!(field.overlap(&mask, width, None), 1.0);
         // Half of the block, and as much elsewhere.
         let other: Vec<bool> =
             (0..width * height).map(|i| (8..10).contains(&(i / width)) && (5..35).contains(&(i % width))).collect();
-        assert!((field.overlap(&other, width) - 30.0 / 91.0).abs() < 1e-12);
+        assert!((field.overlap(&other, width, None) - 30.0 / 91.0).abs() < 1e-12);
         assert!(DistanceField::of_mask(&[true; 12], 4).is_none() && DistanceField::of_mask(&[false; 12], 4).is_none());
     }
 }

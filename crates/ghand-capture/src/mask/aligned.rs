@@ -1,0 +1,77 @@
+//! Masks around a hand whose poses are better than the capture's own: they end where the template ends, and those that are
+//! made are made anew.
+
+use std::sync::Arc;
+
+use ghand_core::posing::pose_hand;
+use ghand_core::{HandModel, Pose};
+use glam::DVec3;
+
+use super::guide::Guide;
+use super::segment::Poses;
+use crate::capture::Capture;
+use crate::error::CaptureError;
+
+/// Pixels beyond the template's end, beside where its arm may be, are cut off at this distance from it, relative to the
+/// hand's size: nearer ones may be fingers that point towards the arm.
+const BESIDE: f64 = 0.06;
+
+/// A hand model and poses better than the capture's own, by frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AlignedHand {
+    model: HandModel,
+    /// `None` for a frame that keeps its pose.
+    poses: Vec<Option<Pose>>,
+}
+
+impl Capture {
+    /// From now on masks are those of a better posed hand: `poses` of `frames` (indices) for a `template` without shape
+    /// parameters. Masks end where the template does, so that arms are surroundings, and masks by
+    /// [`MaskMethod::Colors`](super::MaskMethod::Colors) are made anew. Alignment itself needs no such cut.
+    pub fn align_masks(&mut self, template: &HandModel, frames: &[usize], poses: &[Pose]) {
+        let mut better = vec![None; self.frames.len()];
+        for (frame, pose) in frames.iter().zip(poses) {
+            if let Some(entry) = better.get_mut(*frame) {
+                *entry = Some(pose.clone());
+            }
+        }
+        self.images.aligned = Some(Arc::new(AlignedHand { model: template.clone(), poses: better }));
+    }
+
+    fn aligned(&self, frame: usize) -> Option<(&HandModel, &Pose)> {
+        let aligned = self.images.aligned.as_deref()?;
+        Some((&aligned.model, aligned.poses.get(frame)?.as_ref()?))
+    }
+
+    /// Takes the arm out of a view (alpha 255 on the hand, 0 elsewhere) if its frame's pose is aligned.
+    pub(crate) fn cut_arm(&self, camera: usize, frame: usize, rgba: &mut [[u8; 4]]) -> Result<(), CaptureError> {
+        if self.aligned(frame).is_none() {
+            return Ok(());
+        }
+        let (model, vertices, _) = posed(self, frame)?;
+        let (camera, _) = self.camera_and_frame(camera, frame)?;
+        let Some(guide) = Guide::new(camera, model, &vertices, BESIDE) else { return Ok(()) };
+        let width = camera.width as usize;
+        for (i, pixel) in rgba.iter_mut().enumerate().filter(|(_, pixel)| pixel[3] > 0) {
+            let (x, y) = (i % width, i / width);
+            let least = if guide.may_be_arm(x, y) { 0.0 } else { BESIDE };
+            if guide.is_beyond(x, y, 1.0) && guide.distance(x, y).is_none_or(|distance| distance > least) {
+                pixel[3] = 0;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The hand of a frame: the model, its vertices (world, metres), and how exact they are.
+pub(super) fn posed(capture: &Capture, frame: usize) -> Result<(&HandModel, Vec<DVec3>, Poses), CaptureError> {
+    let found = match capture.aligned(frame) {
+        Some((model, pose)) => pose_hand(model, &[], pose).map(|hand| (model, hand.vertices, Poses::Aligned)),
+        None => {
+            let frame = capture.frame(frame)?;
+            pose_hand(&capture.hand_model, &frame.shape, &frame.pose)
+                .map(|hand| (&capture.hand_model, hand.vertices, Poses::Given))
+        }
+    };
+    found.map_err(|source| CaptureError::HandModel { path: capture.root.clone(), source: source.into() })
+}

@@ -1,0 +1,52 @@
+//! Exact Euclidean distances in an image.
+
+/// Squared distances to the nearest pixel of value 0, along columns and then rows (Felzenszwalb and Huttenlocher, Distance
+/// Transforms of Sampled Functions, 2012). `values` are 0 or infinite, row-major.
+pub fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> Vec<f64> {
+    let mut envelope = Envelope::default();
+    for x in 0..columns {
+        let line: Vec<f64> = (0..rows).map(|y| values[y * columns + x]).collect();
+        envelope.lower(&line, |y, d| values[y * columns + x] = d);
+    }
+    for row in values.chunks_exact_mut(columns) {
+        let line = row.to_vec();
+        envelope.lower(&line, |x, d| row[x] = d);
+    }
+    values
+}
+
+/// The lower envelope of parabolas.
+#[derive(Default)]
+struct Envelope {
+    /// Each parabola's place and the place from which it is the lowest.
+    parabolas: Vec<(usize, f64)>,
+}
+
+impl Envelope {
+    /// Calls `set` with each place and the least of (place - q)^2 + line[q].
+    fn lower(&mut self, line: &[f64], mut set: impl FnMut(usize, f64)) {
+        self.parabolas.clear();
+        for (q, value) in line.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+            let height = value + (q * q) as f64;
+            let mut from = f64::NEG_INFINITY;
+            while let Some(&(p, start)) = self.parabolas.last() {
+                from = (height - line[p] - (p * p) as f64) / (2 * (q - p)) as f64;
+                if from > start {
+                    break;
+                }
+                self.parabolas.pop();
+                from = f64::NEG_INFINITY;
+            }
+            self.parabolas.push((q, from));
+        }
+        let mut k = 0;
+        for x in 0..line.len() {
+            while self.parabolas.get(k + 1).is_some_and(|(_, from)| *from < x as f64) {
+                k += 1;
+            }
+            let distance =
+                self.parabolas.get(k).map_or(f64::INFINITY, |(p, _)| (x as f64 - *p as f64).powi(2) + line[*p]);
+            set(x, distance);
+        }
+    }
+}
