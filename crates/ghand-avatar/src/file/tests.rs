@@ -9,8 +9,9 @@ fn lit() -> Avatar {
     let mut avatar = small();
     let samples = sample_surface(&avatar.model, 16).unwrap();
     let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
+    let trust = Trust::new((0..64).map(|k| k as f32 / 63.0).collect());
     avatar.light = Some(AvatarLight::new(
-        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
+        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients, trust },
         Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
         &samples,
     ));
