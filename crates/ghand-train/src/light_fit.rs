@@ -12,7 +12,7 @@ mod observations;
 
 use std::time::Instant;
 
-use ghand_avatar::light::{Gloss, Parts};
+use ghand_avatar::light::{Gloss, Parts, Trust};
 use ghand_avatar::{AvatarLight, Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::directions;
@@ -97,6 +97,8 @@ pub struct LightReport {
     /// Unit vector towards the brightest part of the light, world axes: the mean of the directions by radiance above the
     /// mean; `null` without directions.
     pub towards: Option<[f64; 3]>,
+    /// Mean trust in the light over all normals: the part of them for which images tell how much light falls on them.
+    pub trusted: f64,
     /// What the skin mirrors; `null` without gloss.
     pub gloss: Option<GlossReport>,
 }
@@ -131,6 +133,7 @@ impl LightFit {
             frames_differ: self.frames_differ(),
             seconds: self.seconds,
             towards: self.light.as_ref().and_then(towards),
+            trusted: self.light.as_ref().and_then(|light| light.trust.as_ref()).map_or(1.0, mean_trust),
             gloss: self.gloss.as_ref().map(GlossFit::report),
         }
     }
@@ -152,6 +155,10 @@ impl LightFit {
         let squares = self.frame_factors.iter().map(|factor| factor.ln().powi(2)).sum::<f64>();
         (squares / self.frame_factors.len().max(1) as f64).sqrt()
     }
+}
+
+fn mean_trust(trust: &Trust) -> f64 {
+    trust.values().iter().map(|value| f64::from(*value)).sum::<f64>() / trust.values().len().max(1) as f64
 }
 
 /// Unit vector towards the brightest part of a light from directions.

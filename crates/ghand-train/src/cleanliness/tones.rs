@@ -48,17 +48,19 @@ impl Tones {
     /// The darkest luminance and the strongest saturation that are no accidents; `None` without parts.
     fn extremes(&self) -> Option<[f64; 2]> {
         let few = EXTREME * self.luminances.iter().sum::<u64>() as f64;
-        let beyond = |counts: &mut dyn Iterator<Item = &u64>| {
-            let mut sum = 0;
-            counts.position(|count| {
-                sum += count;
-                sum as f64 > few
-            })
-        };
-        let darkest = beyond(&mut self.luminances.iter())? as f64 / STEPS as f64;
-        let strongest = 1.0 - beyond(&mut self.saturations.iter().rev())? as f64 / STEPS as f64;
+        let darkest = first_beyond(few, self.luminances.iter())? as f64 / STEPS as f64;
+        let strongest = 1.0 - first_beyond(few, self.saturations.iter().rev())? as f64 / STEPS as f64;
         Some([darkest, strongest])
     }
+}
+
+/// The first place at which the sum of counts is more than a few.
+fn first_beyond<'a>(few: f64, mut counts: impl Iterator<Item = &'a u64>) -> Option<usize> {
+    let mut sum = 0;
+    counts.position(|count| {
+        sum += count;
+        sum as f64 > few
+    })
 }
 
 /// Sums over pictures.
@@ -99,7 +101,7 @@ impl HandPicture {
         let [width, height] = self.size.map(|n| n as usize);
         let inner = |n: usize| REACH..n.saturating_sub(REACH);
         let places = inner(height).flat_map(move |y| inner(width).map(move |x| (x, y)));
-        let is_part = |(x, y): &(usize, usize)| {
+        let is_part = move |(x, y): &(usize, usize)| {
             let at = y * width + x;
             self.depths[at] > DEEP && self.is_opaque[at]
         };
