@@ -5,7 +5,7 @@
 mod common;
 
 use common::{assert_one_sentence, listing, run, save_avatar};
-use ghand_avatar::{Avatar, AvatarLight, Light, LightKind};
+use ghand_avatar::{Avatar, AvatarLight, Light};
 use ghand_core::light::directions;
 use ghand_hand_model::surface::sample_surface;
 use image::{ImageBuffer, Rgb, RgbImage};
@@ -157,7 +157,7 @@ fn save_lit_avatar(folder: &std::path::Path) {
     let mut avatar = Avatar::load(&save_avatar(folder)).unwrap();
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution).unwrap();
     let coefficients = directions().map(|d| [if d.x > 0.7 { 6.0 } else { 0.1 }; 3]).to_vec();
-    let light = Light { kind: LightKind::Transfer, turn: glam::DQuat::IDENTITY, coefficients };
+    let light = Light { coefficients, ..Light::studio() };
     avatar.light = Some(AvatarLight::new(light, None, &samples));
     avatar.save(&folder.join("lit.ghand")).unwrap();
 }

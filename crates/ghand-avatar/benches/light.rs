@@ -17,7 +17,7 @@ use ghand_hand_model::named_poses::named_pose;
 fn benchmark(c: &mut Criterion) {
     let model = builtin_hand(Side::Right).unwrap().without_blend_shapes();
     let pose = named_pose("relaxed", &model).unwrap();
-    let sh = Light { kind: LightKind::Sh, turn: glam::DQuat::IDENTITY, coefficients: vec![[0.3; 3]; 9] };
+    let sh = Light { kind: LightKind::Sh, turn: glam::DQuat::IDENTITY, coefficients: vec![[0.3; 3]; 9], trust: None };
     // A fitted light has some dark directions.
     let mut fitted = Light::studio();
     fitted.coefficients.iter_mut().step_by(2).for_each(|radiance| *radiance = [0.0; 3]);

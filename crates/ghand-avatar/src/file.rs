@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
+use ghand_core::light::DIRECTION_COUNT;
 use ghand_core::{HandModel, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
@@ -15,7 +16,7 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, Provenance};
-use crate::light::{AvatarLight, Gloss, Light, LightKind};
+use crate::light::{AvatarLight, Gloss, Light, LightKind, Trust};
 use crate::properties::PropertyTables;
 use crate::properties::baked::BakedTables;
 use crate::properties::baked::template::{BakedTemplateParts, template_parts};
@@ -168,6 +169,9 @@ fn tensors(avatar: &Avatar) -> Tensors {
         out.add("light.turn", Dtype::F64, &[4], &light.turn.to_array());
         out.add("light.faces", Dtype::U32, &[lit.faces.len()], &lit.faces);
         out.add("light.barycentric", Dtype::F32, &[lit.barycentric.len(), 3], lit.barycentric.as_flattened());
+        if let Some(trust) = &light.trust {
+            out.add("light.trust", Dtype::F32, &[trust.values().len()], trust.values());
+        }
         if let Some(gloss) = &lit.gloss {
             out.add("light.roughness", Dtype::F64, &[1], &[gloss.roughness]);
             out.add("light.gloss", Dtype::F32, &[gloss.strengths.len(), 3], gloss.strengths.as_flattened());
@@ -548,7 +552,18 @@ impl<'a> Reader<'a> {
         }
         let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
         let gloss = self.gloss(joints)?;
-        Ok(AvatarLight { light: Light { kind, turn, coefficients }, faces: on, barycentric, gloss })
+        let light = Light { kind, turn, coefficients, trust: self.trust()? };
+        Ok(AvatarLight { light, faces: on, barycentric, gloss })
+    }
+
+    /// How far the light may be trusted; in files without it, everywhere.
+    fn trust(&self) -> Result<Option<Trust>, AvatarFileError> {
+        if !self.has("light.trust") {
+            return Ok(None);
+        }
+        let trust = Trust::new(self.floats("light.trust", &[Some(DIRECTION_COUNT)])?);
+        let problem = || self.invalid("light.trust", "a value is below 0 or above 1; train the avatar again");
+        trust.ok_or_else(problem).map(Some)
     }
 
     /// The gloss of a hand of `joints` joints; earlier files have none.

@@ -9,9 +9,12 @@ mod depth_maps;
 pub mod environment;
 pub mod gloss;
 pub(crate) mod lit_hand;
+mod trust;
 pub mod visibility;
 
-use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, directions, harmonics, shade, shade_derivative};
+use ghand_core::light::{
+    DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade, shade_derivative,
+};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
@@ -21,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub use gloss::Gloss;
 pub use lit_hand::LightGradient;
+pub use trust::Trust;
 
 /// Vertices whose shades are summed at once.
 const CHUNK: usize = 256;
@@ -60,6 +64,9 @@ pub struct Light {
     /// Radiance of each direction of `ghand_core::light::directions`, or the factor of each harmonic; linear RGB, with a
     /// mean over the directions of 1.
     pub coefficients: Vec<[f32; 3]>,
+    /// How far it may be trusted, by normal; `None` if everywhere.
+    #[serde(default)]
+    pub trust: Option<Trust>,
 }
 
 /// An avatar's light, and where its Gaussians lie on the mesh that light falls on.
@@ -140,12 +147,29 @@ impl Light {
         Ok(self.shades(&self.parts(model, pose)?))
     }
 
-    /// What each of the light's coefficients, of those that are not 0, gives the vertices of a hand in a pose.
+    /// What each of the light's coefficients, of those that are not 0, gives the vertices of a hand in a pose: of its mean
+    /// where the light is not to be trusted.
     ///
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn parts(&self, model: &HandModel, pose: &Pose) -> Result<Parts, InvalidHandModel> {
-        Parts::new(self.kind, self.turn, model, pose, &|k| self.coefficients[k] != [0.0; 3])
+        let is_bright = |k: usize| self.coefficients[k] != [0.0; 3];
+        let Some(trust) = &self.trust else { return Parts::new(self.kind, self.turn, model, pose, &is_bright) };
+        // How open a vertex is, all directions say.
+        let mut parts = Parts::new(self.kind, self.turn, model, pose, &|_| true)?;
+        trust.blend(self.kind, self.turn, &mut parts.columns, &parts.normals);
+        (0..parts.columns.len()).filter(|k| !is_bright(*k)).for_each(|k| parts.columns[k] = vec![]);
+        Ok(parts)
+    }
+
+    /// The irradiance of a surface with a normal in the light's own axes, RGB, where nothing is in the way, as if the
+    /// light were to be trusted everywhere.
+    pub fn open_irradiance(&self, normal: DVec3) -> [f64; 3] {
+        let parts: Vec<f64> = match self.kind {
+            LightKind::Transfer => directions().iter().map(|d| cosine_transfer(normal, *d)).collect(),
+            LightKind::Sh => harmonics(normal).to_vec(),
+        };
+        [0, 1, 2].map(|c| parts.iter().zip(&self.coefficients).map(|(part, l)| part * f64::from(l[c])).sum())
     }
 
     /// The shade of each vertex, RGB, from its parts of this light.

@@ -1,5 +1,7 @@
 //! How clean pictures of a hand are that nothing can be compared with: whether their colours occur in the training images,
-//! and whether their fine detail is as strong as there.
+//! whether their fine detail is as strong as there, and whether any part is darker or more saturated ([`tones`]).
+
+mod tones;
 
 use ghand_capture::{Split, SplitView};
 use rand::SeedableRng;
@@ -9,6 +11,7 @@ use serde::Serialize;
 
 use crate::error_bands::depths;
 use crate::metrics::quantize;
+use tones::{ToneSums, Tones};
 
 /// Bins of a colour channel, 8 grey levels wide.
 const BINS: usize = 32;
@@ -72,11 +75,12 @@ pub struct KnownColors {
     /// Pixels in each bin and those that touch it.
     near: Vec<u64>,
     total: u64,
+    tones: Tones,
 }
 
 impl Default for KnownColors {
     fn default() -> KnownColors {
-        KnownColors { near: vec![0; BINS.pow(3)], total: 0 }
+        KnownColors { near: vec![0; BINS.pow(3)], total: 0, tones: Tones::default() }
     }
 }
 
@@ -91,6 +95,7 @@ fn bins_of(color: [u8; 3]) -> [usize; 3] {
 impl KnownColors {
     /// Adds those of one image.
     pub fn add(&mut self, picture: &HandPicture) {
+        self.tones.add(picture);
         for (color, _) in picture.hand_pixels() {
             let at = bins_of(color);
             let around = |k: usize| at[k].saturating_sub(1)..=(at[k] + 1).min(BINS - 1);
@@ -124,7 +129,7 @@ impl DetailEnergy {
     /// Adds the pixels of a picture whose whole square is hand.
     pub fn add(&mut self, picture: &HandPicture) {
         let [width, height] = picture.size.map(|n| n as usize);
-        let luminance: Vec<f64> = picture.colors.iter().map(|c| luminance(*c)).collect();
+        let luminance: Vec<f64> = picture.colors.iter().map(|c| luminance(c.map(|v| f64::from(v) / 255.0))).collect();
         let side = 2 * REACH + 1;
         for y in REACH..height.saturating_sub(REACH) {
             for x in REACH..width.saturating_sub(REACH) {
@@ -157,8 +162,8 @@ impl DetailEnergy {
 }
 
 /// Luminance of display values, 0..1.
-fn luminance([r, g, b]: [u8; 3]) -> f64 {
-    (0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)) / 255.0
+fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Sums over pictures.
@@ -167,6 +172,7 @@ pub struct PictureSums {
     pixels: usize,
     see_through: usize,
     outside: usize,
+    tones: ToneSums,
     /// High-frequency energy.
     pub detail: DetailEnergy,
 }
@@ -182,6 +188,7 @@ impl PictureSums {
                 self.outside += 1;
             }
         }
+        self.tones.add(picture, &known.tones);
         self.detail.add(picture);
     }
 
@@ -190,16 +197,20 @@ impl PictureSums {
         self.pixels += other.pixels;
         self.see_through += other.see_through;
         self.outside += other.outside;
+        self.tones.merge(&other.tones);
         self.detail.merge(&other.detail);
     }
 
     /// The figures, against the training images' energy.
     pub fn figures(&self, training: &DetailEnergy) -> Cleanliness {
         let share = |count: usize, of: usize| (of > 0).then(|| count as f64 / of as f64);
+        let [darker_share, more_saturated_share] = self.tones.shares();
         Cleanliness {
             outside_share: share(self.outside, self.pixels - self.see_through),
             see_through_share: share(self.see_through, self.pixels),
             detail: self.detail.relative_to(training),
+            darker_share,
+            more_saturated_share,
         }
     }
 }
@@ -213,6 +224,11 @@ pub struct Cleanliness {
     pub see_through_share: Option<f64>,
     /// High-frequency energy as a multiple of the training images'.
     pub detail: Option<f64>,
+    /// Part of the hand that is darker than all but a hundredth of the skin in the training images, by a tenth or more:
+    /// means over 5 x 5 pixels.
+    pub darker_share: Option<f64>,
+    /// Part of the hand that is more saturated in the same sense.
+    pub more_saturated_share: Option<f64>,
 }
 
 /// At most `count` of a split's images, at random with a fixed seed, so that all cameras and frames occur.

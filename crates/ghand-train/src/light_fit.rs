@@ -2,15 +2,17 @@
 //!
 //! A texel's mean colour in a frame, in linear light, is its albedo times its irradiance, which is linear in the light's
 //! coefficients: albedo and light are fitted in turns ([`least_squares`]). Which kind of light a capture needs is decided
-//! on frames that the fit has not seen. Gloss is found from the images of one frame ([`gloss`]).
+//! on frames that the fit has not seen. Gloss is found from the images of one frame ([`gloss`]). How far the light may be
+//! trusted follows from the normals that the images show ([`coverage`]).
 
+mod coverage;
 mod gloss;
 mod least_squares;
 mod observations;
 
 use std::time::Instant;
 
-use ghand_avatar::light::{Gloss, Parts};
+use ghand_avatar::light::{Gloss, Parts, Trust};
 use ghand_avatar::{AvatarLight, Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::directions;
@@ -25,7 +27,8 @@ use serde::{Deserialize, Serialize};
 use crate::floor::FloorError;
 use crate::settings::{GlossChoice, LightChoice};
 use crate::texel_frames::TexelFrames;
-use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, squared_error};
+use coverage::Coverage;
+use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, irradiances, squared_error};
 use observations::Observations;
 
 pub use gloss::GlossFit;
@@ -94,6 +97,8 @@ pub struct LightReport {
     /// Unit vector towards the brightest part of the light, world axes: the mean of the directions by radiance above the
     /// mean; `null` without directions.
     pub towards: Option<[f64; 3]>,
+    /// Mean trust in the light over all normals: the part of them for which images tell how much light falls on them.
+    pub trusted: f64,
     /// What the skin mirrors; `null` without gloss.
     pub gloss: Option<GlossReport>,
 }
@@ -128,6 +133,7 @@ impl LightFit {
             frames_differ: self.frames_differ(),
             seconds: self.seconds,
             towards: self.light.as_ref().and_then(towards),
+            trusted: self.light.as_ref().and_then(|light| light.trust.as_ref()).map_or(1.0, mean_trust),
             gloss: self.gloss.as_ref().map(GlossFit::report),
         }
     }
@@ -149,6 +155,10 @@ impl LightFit {
         let squares = self.frame_factors.iter().map(|factor| factor.ln().powi(2)).sum::<f64>();
         (squares / self.frame_factors.len().max(1) as f64).sqrt()
     }
+}
+
+fn mean_trust(trust: &Trust) -> f64 {
+    trust.values().iter().map(|value| f64::from(*value)).sum::<f64>() / trust.values().len().max(1) as f64
 }
 
 /// Unit vector towards the brightest part of a light from directions.
@@ -227,17 +237,19 @@ pub(crate) fn fit_light_to(
         Unknowns::Harmonics => (Some(LightKind::Sh), DQuat::IDENTITY, sh),
         Unknowns::Lamps | Unknowns::Directions => (Some(LightKind::Transfer), turn, transfer),
     };
-    let light = |fits: &[ChannelFit]| {
+    let coverage = Coverage::new(&seen, &model, poses, turn)?;
+    let light = |columns: &[FrameColors], fits: &[ChannelFit]| {
         kind.map(|kind| {
             let coefficients = (0..kind.len()).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
-            Light { kind, turn, coefficients }
+            let light = Light { kind, turn, coefficients, trust: None };
+            Light { trust: coverage.trust(&light, &irradiances(columns, fits)), ..light }
         })
     };
     let mut fits = all(&columns, unknowns);
     let mut gloss: Option<GlossFit> = None;
     if gloss_choice != GlossChoice::None && kind == Some(LightKind::Transfer) {
         for _ in 0..GLOSS_ROUNDS {
-            let Some(light) = light(&fits) else { break };
+            let Some(light) = light(&columns, &fits) else { break };
             let first = gloss.as_ref().map(|found| found.gloss.roughness);
             let roughnesses = first.map_or(gloss::ROUGHNESSES.to_vec(), |roughness| vec![roughness]);
             let always = first.is_some() || gloss_choice == GlossChoice::Always;
@@ -252,7 +264,8 @@ pub(crate) fn fit_light_to(
     }
     let frame_factors = frame_factors(&columns, &fits);
     let (frames, texels, seconds) = (seen.frames.len(), seen.used(), start.elapsed().as_secs_f64());
-    Ok(LightFit { light: light(&fits), gloss, figures, frames, texels, frame_factors, seconds })
+    let light = light(&columns, &fits);
+    Ok(LightFit { light, gloss, figures, frames, texels, frame_factors, seconds })
 }
 
 /// What each coefficient of a light gives the texels in each frame.

@@ -131,7 +131,7 @@ fn exact(planted: &PlantedLight) -> Light {
     let mean = coefficients.iter().map(|c| c[0]).sum::<f64>() / DIRECTION_COUNT as f64;
     let coefficients = coefficients.iter().map(|c| c.map(|radiance| (radiance / mean) as f32)).collect();
     let turn = DQuat::from_rotation_arc(directions()[0], planted.towards);
-    Light { kind: LightKind::Transfer, turn, coefficients }
+    Light { kind: LightKind::Transfer, turn, coefficients, trust: None }
 }
 
 /// An avatar trained in the light `key` and relit with the exact light `rim`, against the same capture in that light:

@@ -197,6 +197,12 @@ fn print_light(report: &LightReport) {
         1e3 * lamps,
         1e3 * transfer
     );
+    if report.trusted < 1.0 {
+        say!(
+            "       images tell how much light falls on {:.0} % of all normals; on others it is the mean of these",
+            1e2 * report.trusted
+        );
+    }
     if let Some(gloss) = &report.gloss {
         say!(
             "       gloss of roughness {} and mean strength {:.2} leaves {:.0} % of how images of a frame left out differ",

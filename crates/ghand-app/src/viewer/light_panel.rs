@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn a_chosen_light_is_shown_until_the_reset() {
         let coefficients = (0..64).map(|k| [k as f32 / 31.5; 3]).collect();
-        let captured = Light { kind: ghand_avatar::LightKind::Transfer, turn: glam::DQuat::IDENTITY, coefficients };
+        let captured = Light { coefficients, ..Light::studio() };
         let panel = LightPanel::new(&captured);
         let mut ui = Harness::new_ui_state(|ui, panel: &mut LightPanel| panel.show(ui), panel);
         assert_eq!(ui.state().light(), &captured);

@@ -9,8 +9,9 @@ fn lit() -> Avatar {
     let mut avatar = small();
     let samples = sample_surface(&avatar.model, 16).unwrap();
     let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
+    let trust = Trust::new((0..64).map(|k| k as f32 / 63.0).collect());
     avatar.light = Some(AvatarLight::new(
-        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients },
+        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients, trust },
         Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
         &samples,
     ));
@@ -64,6 +65,38 @@ fn files_from_before_a_light_could_be_turned_have_an_unturned_one() {
     let mut expected = lit().light.unwrap();
     expected.light.turn = DQuat::IDENTITY;
     assert_eq!(read, expected);
+}
+
+#[test]
+fn a_light_of_a_file_that_says_nothing_of_trust_is_trusted_everywhere() {
+    let read = from_bytes(Path::new("a"), &without_tensor(&lit(), "light.trust")).unwrap().light.unwrap();
+    let mut expected = lit().light.unwrap();
+    expected.light.trust = None;
+    assert_eq!(read, expected);
+}
+
+#[test]
+fn a_trust_that_is_no_part_is_rejected() {
+    let bytes = lit().to_bytes(Path::new("a")).unwrap();
+    let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let all = SafeTensors::deserialize(&bytes).unwrap();
+    let with = |values: &[f32]| {
+        let raw: &[u8] = bytemuck::cast_slice(values);
+        let trust = TensorView::new(Dtype::F32, vec![values.len()], raw).unwrap();
+        let tensors = all.tensors().into_iter().map(|(name, view)| {
+            let view = if name == "light.trust" { trust.clone() } else { view };
+            (name, view)
+        });
+        from_bytes(Path::new("a"), &serialize(tensors, header.metadata().clone()).unwrap())
+    };
+    assert!(with(&[0.5; 64]).is_ok());
+    let mut values = [0.5; 64];
+    for bad in [-0.1, 1.5, f32::NAN] {
+        values[7] = bad;
+        let error = with(&values).unwrap_err().to_string();
+        assert!(error.contains("light.trust"), "{bad}: {error}");
+    }
+    assert!(with(&[0.5; 9]).unwrap_err().to_string().contains("light.trust"));
 }
 
 #[test]

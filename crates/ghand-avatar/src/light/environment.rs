@@ -58,7 +58,12 @@ impl Light {
 
     /// The same light from everywhere.
     fn even() -> Light {
-        Light { kind: LightKind::Transfer, turn: DQuat::IDENTITY, coefficients: vec![[1.0; 3]; DIRECTION_COUNT] }
+        Light {
+            kind: LightKind::Transfer,
+            turn: DQuat::IDENTITY,
+            coefficients: vec![[1.0; 3]; DIRECTION_COUNT],
+            trust: None,
+        }
     }
 
     /// The light of a panorama of all directions (equirectangular, row-major, linear RGB, width = 2 height): the row is
@@ -110,7 +115,12 @@ impl Light {
 fn scaled(radiances: [[f64; 3]; DIRECTION_COUNT]) -> Option<Light> {
     let mean = radiances.iter().flatten().sum::<f64>() / (3 * DIRECTION_COUNT) as f64;
     let coefficients = radiances.iter().map(|radiance| radiance.map(|r| (r / mean) as f32)).collect();
-    (mean > 0.0 && mean.is_finite()).then_some(Light { kind: LightKind::Transfer, turn: DQuat::IDENTITY, coefficients })
+    (mean > 0.0 && mean.is_finite()).then_some(Light {
+        kind: LightKind::Transfer,
+        turn: DQuat::IDENTITY,
+        coefficients,
+        trust: None,
+    })
 }
 
 #[cfg(test)]

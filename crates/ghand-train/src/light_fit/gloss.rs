@@ -220,12 +220,11 @@ impl Differences {
 
 #[cfg(test)]
 mod tests {
-    use ghand_avatar::LightKind;
     use ghand_core::Side;
     use ghand_core::light::shade;
     use ghand_hand_model::builtin::builtin_hand;
     use ghand_hand_model::surface::sample_surface;
-    use glam::{DQuat, DVec3};
+    use glam::DVec3;
 
     use super::*;
     use crate::texel_frames::TexelImage;
@@ -236,7 +235,7 @@ mod tests {
         let model = builtin_hand(Side::Right).unwrap().without_blend_shapes();
         let mut coefficients = vec![[0.3; 3]; 64];
         coefficients[20] = [30.0, 28.0, 24.0];
-        let light = Light { kind: LightKind::Transfer, turn: DQuat::IDENTITY, coefficients };
+        let light = Light { coefficients, ..Light::studio() };
         let poses: Vec<Pose> = (0..8)
             .map(|f| {
                 let mut pose = Pose::rest(model.joint_count());

@@ -212,6 +212,15 @@ pub(super) fn squared_error(frames: &[&FrameColors], fits: &[ChannelFit]) -> f64
     sum / count.max(1) as f64
 }
 
+/// The irradiance of each texel in each frame, RGB.
+pub(super) fn irradiances(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<[f64; 3]> {
+    let of_frame = |frame: &FrameColors| {
+        let channels: Vec<DVector<f64>> = fits.iter().map(|fit| &frame.parts * &fit.light).collect();
+        (0..frame.texels.len()).map(|i| [0, 1, 2].map(|c| channels[c][i])).collect::<Vec<_>>()
+    };
+    frames.iter().flat_map(of_frame).collect()
+}
+
 /// How much brighter each frame is than a fit: the median ratio of its display values, over a mean logarithm of 0.
 pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<f64> {
     let logarithm = |frame: &FrameColors| {

@@ -53,6 +53,11 @@ impl Observations {
         (0..self.samples.len()).filter(|t| self.colors.iter().any(|frame| frame[*t].is_some())).count()
     }
 
+    /// The texels that a frame shows.
+    pub fn shown(&self, frame: usize) -> impl Iterator<Item = usize> {
+        self.colors[frame].iter().enumerate().filter_map(|(t, color)| color.map(|_| t))
+    }
+
     /// Changes a frame's colours of other observations, which found the same texels, to these.
     pub fn recolor(&self, frame: usize, colors: &mut FrameColors) {
         for (t, color) in colors.texels.iter().zip(&mut colors.colors) {

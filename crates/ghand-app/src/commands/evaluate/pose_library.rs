@@ -330,10 +330,15 @@ fn print_table(results: &LibraryFile) {
         training.split
     );
     say!("outside: hand pixels with colours that these images lack; detail: high-frequency energy, theirs is 1");
-    say!("                    outside  see-through   detail   detail without light");
+    say!("darker, more saturated: parts of the hand that are so by a tenth than all but a hundredth of these images");
+    say!("                    outside  see-through     darker  more saturated   detail   detail without light");
     let row = |name: &str, lit: &Cleanliness, albedo: Option<f64>| {
         let [outside, see_through] = [lit.outside_share, lit.see_through_share].map(percent);
-        say!("  {name:<14}  {outside:>9}    {see_through:>9}   {:>6}   {:>6}", factor(lit.detail), factor(albedo));
+        let [darker, saturated] = [lit.darker_share, lit.more_saturated_share].map(percent);
+        let [detail, albedo] = [lit.detail, albedo].map(factor);
+        say!(
+            "  {name:<14}  {outside:>9}    {see_through:>9}  {darker:>9}       {saturated:>9}   {detail:>6}   {albedo:>6}"
+        );
     };
     poses.iter().for_each(|named| row(&named.pose, &named.figures.lit, named.figures.albedo_detail));
     row("all", &total.lit, total.albedo_detail);

@@ -40,7 +40,7 @@ pub fn draw(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<AvatarLight> {
         strengths: (0..avatar.template.joint_count()).map(|_| [0; 3].map(|_| bright(draw, 0.3))).collect(),
     });
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution)?;
-    Ok(AvatarLight::new(Light { kind, turn, coefficients }, gloss, &samples))
+    Ok(AvatarLight::new(Light { kind, turn, coefficients, trust: None }, gloss, &samples))
 }
 
 /// What falls on an avatar's mesh in a pose, as an eye sees it: the numbers that the device is given.

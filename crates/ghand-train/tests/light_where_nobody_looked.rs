@@ -1,0 +1,112 @@
+//! A hand that was seen only from its back, in light from one side: its palm is no darker and no more saturated than skin
+//! in the images.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{make, small_options};
+use ghand_avatar::{Avatar, Light, Scene};
+use ghand_capture::{Capture, Split};
+use ghand_core::rotation::rotation_from_axis_angle;
+use ghand_core::sphere::spiral_direction;
+use ghand_core::{Camera, Pose};
+use ghand_hand_model::hand_directions::hand_directions;
+use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_render::splat::Purpose;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::{LightSetup, SyntheticOptions};
+use ghand_train::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
+use ghand_train::{Align, TrainSettings, Trainer};
+use glam::{DVec2, DVec3};
+
+const VIEWS: usize = 24;
+/// Pixels around the hand, from 0.6 m away.
+const SIDE: u32 = 160;
+/// Least cosine between the direction that the back faces and that to a camera: within 53 degrees.
+const FROM_BEHIND: f64 = 0.6;
+
+/// The direction that the back of a hand faces in a pose, world axes.
+fn back(capture: &Capture, pose: &Pose) -> DVec3 {
+    rotation_from_axis_angle(pose.rotations[0]) * hand_directions(&capture.template).unwrap().back
+}
+
+/// The images of a capture that show the back of the hand.
+fn seen_from_the_back(capture: &Capture) -> Split {
+    capture.split("train").unwrap().filtered(|view| {
+        let pose = &capture.frames[view.frame].pose;
+        let towards = (capture.cameras[view.camera].center() - pose.translation).normalize();
+        back(capture, pose).dot(towards) > FROM_BEHIND
+    })
+}
+
+/// The parts of the hand that are darker and that are more saturated than the images' skin, in the library's poses with
+/// the hand where it was in a frame, from all around.
+fn parts_beyond(gpu: &Gpu, avatar: &Avatar, root: &Pose, known: &KnownColors) -> [f64; 2] {
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [SIDE; 2]).unwrap();
+    let mut sums = PictureSums::default();
+    for name in POSE_NAMES {
+        let mut pose = named_pose(name, &avatar.model).unwrap();
+        pose.rotations[0] = root.rotations[0];
+        pose.translation = root.translation;
+        scene.set_pose(gpu, 0, 0, &pose).unwrap();
+        let vertices = ghand_core::posing::pose_hand(&avatar.model, &[], &pose).unwrap().vertices;
+        let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        for k in 0..VIEWS {
+            let eye = middle + 0.6 * spiral_direction(k, VIEWS);
+            let camera = Camera::look_at(eye, middle, DVec3::NEG_Y, 1.0, SIDE, SIDE);
+            let camera = Camera { focal: DVec2::splat(2.0 * f64::from(SIDE)), ..camera };
+            let image = scene.render(gpu, 0, &camera, [0.0; 3]).unwrap();
+            sums.add(&HandPicture::of_rendering(&image.rgba, [SIDE; 2]), known);
+        }
+    }
+    let figures = sums.figures(&DetailEnergy::default());
+    [figures.darker_share.unwrap(), figures.more_saturated_share.unwrap()]
+}
+
+#[test]
+fn a_palm_that_no_image_showed_is_no_darker_and_no_more_saturated_than_the_skin_that_images_show() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let options = SyntheticOptions {
+        light: LightSetup::Side,
+        views: 10,
+        train_frames: 12,
+        width: 160,
+        height: 240,
+        pose_noise_degrees: 0.0,
+        translation_noise: 0.0,
+        ..small_options(5)
+    };
+    let (mut capture, _folder) = make(&options);
+    let split = seen_from_the_back(&capture);
+    assert!(split.views.len() >= 20, "only {} images show the back", split.views.len());
+    let mut known = KnownColors::default();
+    for view in &split.views {
+        let image = capture.load_view(view.camera, view.frame).unwrap();
+        known.add(&HandPicture::of_image(&image.rgba, [image.width, image.height]));
+    }
+    let root = capture.frames[split.frames[0]].pose.clone();
+    capture.splits.insert("back".into(), split);
+    let settings = TrainSettings { iterations: 150, align: Align::None, ..Default::default() };
+    let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
+    println!("{:?}", trained.light.unwrap().report());
+    let avatar = trained.avatar;
+    let light = avatar.light.as_ref().unwrap();
+    let trust = light.light.trust.as_ref().unwrap();
+    let towards_palm = -back(&capture, &root);
+    let at = |towards: DVec3| {
+        let directions = light.light.directions();
+        let nearest =
+            (0..directions.len()).max_by(|a, b| directions[*a].dot(towards).total_cmp(&directions[*b].dot(towards)));
+        trust.values()[nearest.unwrap()]
+    };
+    assert!(at(towards_palm) < 0.1 && at(-towards_palm) > 0.95, "{} {}", at(towards_palm), at(-towards_palm));
+
+    let found = parts_beyond(&gpu, &avatar, &root, &known);
+    let mut blind = avatar.clone();
+    let lit = blind.light.as_mut().unwrap();
+    lit.light = Light { trust: None, ..lit.light.clone() };
+    let without = parts_beyond(&gpu, &blind, &root, &known);
+    println!("darker, more saturated: {found:?}; if the light is trusted everywhere: {without:?}");
+    assert!(without[0] > 0.05, "nothing is dark anyway: {without:?}");
+    assert!(found[0] < 0.01 && found[1] < 0.01, "{found:?}");
+}
