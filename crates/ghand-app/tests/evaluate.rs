@@ -205,7 +205,10 @@ fn start_poses_that_cannot_be_used_are_one_sentence() {
 fn paint_green(folder: &Path) {
     let mut avatar = Avatar::load(&folder.join("run/avatar.ghand")).unwrap();
     let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
-    tables.set_base_colors(&vec![[0.01, 0.99, 0.01]; avatar.template.len()]);
+    let count = avatar.template.len();
+    tables.set_base_colors(&vec![[0.01, 0.99, 0.01]; count]);
+    // One Gaussian in two hundred lies some centimetres beside its place.
+    tables.shape_basis.iter_mut().take(3 * count).step_by(200).for_each(|offset| *offset += 0.04);
     avatar.light = None;
     std::fs::create_dir(folder.join("green")).unwrap();
     avatar.save(&folder.join("green/avatar.ghand")).unwrap();
@@ -230,8 +233,14 @@ fn the_pose_library_shows_how_clean_an_avatar_is() {
         share(&figures["outside_share"]);
         assert!(share(&figures["see_through_share"]) < 0.5, "{figures}");
         assert!(number(&figures["detail"]) > 0.0 && number(&figures["albedo_detail"]) > 0.0, "{figures}");
+        assert!(share(&figures["loose_share"]) < 0.1 && number(&figures["roughness"]) > 0.0, "{figures}");
     }
     views.iter().for_each(|view| assert!(share(&view["outside_share"]) <= 1.0));
+    for (worst, figure) in [("loose", "loose_share"), ("rough", "roughness")] {
+        let worst = &clean["worst"][worst];
+        let of_pose = poses.iter().find(|pose| pose["pose"] == worst["pose"]).unwrap();
+        assert!(number(&worst[figure]) >= number(&of_pose[figure]) && worst["direction"].is_array(), "{worst}");
+    }
     let held_out = &clean["held_out"];
     assert_eq!((&held_out["split"], &held_out["images"]), (&"test".into(), &1.into()));
     assert!(
@@ -241,11 +250,14 @@ fn the_pose_library_shows_how_clean_an_avatar_is() {
     let (width, height) = image::image_dimensions(folder.path().join("clean/cleanliness.png")).unwrap();
     assert!(width > 200 && height > 200, "{width} x {height}");
 
-    // Colours that no image shows.
+    // Colours that no image shows, and loose Gaussians.
     paint_green(folder.path());
     let green = ["evaluate", "green/avatar.ghand", "--capture", "capture", "--poses", "library", "--out", "green-out"];
     assert_evaluated(&run(GHAND, folder.path(), &green));
-    let [own, painted] = [clean, results("green-out")].map(|file| share(&file["outside_share"]));
+    let painted = results("green-out");
+    let [own_loose, loose] = [&clean, &painted].map(|file| share(&file["loose_share"]));
+    assert!(loose > own_loose + 1e-4, "{own_loose} of the avatar is loose, {loose} of one with loose Gaussians");
+    let [own, painted] = [clean, painted].map(|file| share(&file["outside_share"]));
     assert!(painted > 0.99 && own < 0.5 * painted, "{own} of the avatar's pixels, {painted} of the green one's");
 
     // The figures alone need no folder; results are replaced only on request.

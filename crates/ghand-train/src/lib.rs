@@ -23,6 +23,7 @@ pub mod lpips;
 mod memory_check;
 pub mod metrics;
 mod needed_texels;
+pub mod outline;
 mod outline_band;
 pub mod planted;
 pub mod plot;

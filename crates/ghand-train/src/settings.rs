@@ -297,7 +297,7 @@ impl Default for TrainSettings {
             offset_weight: 10.0,
             scale_weight: 1.0,
             color_roughness: 0.1,
-            offset_roughness: 0.0,
+            offset_roughness: 300.0,
             crop_margin: 16,
             final_rate: 0.05,
             rate_shape_basis: 1e-4,

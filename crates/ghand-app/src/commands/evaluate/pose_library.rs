@@ -10,6 +10,7 @@ use ghand_render::splat::Purpose;
 use ghand_train::cleanliness::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
 use ghand_train::cleanliness_sheet::{PoseViews, cleanliness_sheet};
 use ghand_train::metrics::quantize;
+use ghand_train::outline::{Outline, OutlineSums, silhouette};
 use glam::{DQuat, DVec3};
 use image::{Rgb, RgbImage};
 use serde::Serialize;
@@ -43,6 +44,8 @@ struct LibraryFile {
     total: PoseFigures,
     poses: Vec<NamedFigures>,
     views: Vec<ViewFigures>,
+    /// The picture with the most loose coverage, and that with the roughest outline.
+    worst: Worst,
     training: Images,
     /// The images that training did not see; `null` without any.
     held_out: Option<HeldOut>,
@@ -54,6 +57,8 @@ struct LibraryFile {
 struct PoseFigures {
     #[serde(flatten)]
     lit: Cleanliness,
+    #[serde(flatten)]
+    outline: Outline,
     /// High-frequency energy of the skin's colours without light, as a multiple of the training images'.
     albedo_detail: Option<f64>,
 }
@@ -70,6 +75,22 @@ struct ViewFigures {
     /// From the hand to the camera, in the axes of [`direction_around`].
     direction: [f64; 3],
     outside_share: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Worst {
+    loose: Option<WorstView>,
+    rough: Option<WorstView>,
+}
+
+/// One picture.
+#[derive(Debug, Serialize)]
+struct WorstView {
+    pose: String,
+    /// As in [`ViewFigures`].
+    direction: [f64; 3],
+    #[serde(flatten)]
+    outline: Outline,
 }
 
 #[derive(Debug, Serialize)]
@@ -99,6 +120,7 @@ struct Training {
 struct PosedSums {
     /// Of each view.
     lit: Vec<PictureSums>,
+    outlines: Vec<OutlineSums>,
     albedo: DetailEnergy,
     /// Of the sheet's directions.
     pictures: Vec<RgbImage>,
@@ -133,14 +155,16 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let training = measure_training(&capture, train).with_context(|| format!("{}: --poses library", path.display()))?;
     let cameras = all_around(&avatar.model, &poses.iter().collect::<Vec<_>>(), VIEWS, training.footprint);
     let posed = gpu.retry_on_device_loss("the evaluation", |gpu| {
-        draw(gpu, &avatar, &poses, &cameras, capture.background, &training.known)
+        draw(gpu, &avatar, &poses, &cameras, capture.background, &training)
     })?;
 
-    let figures = |lit: &PictureSums, albedo: &DetailEnergy| PoseFigures {
+    let figures = |lit: &PictureSums, outline: &OutlineSums, albedo: &DetailEnergy| PoseFigures {
         lit: lit.figures(&training.detail),
+        outline: outline.figures(),
         albedo_detail: albedo.relative_to(&training.detail),
     };
     let (mut lit, mut albedo) = (PictureSums::default(), DetailEnergy::default());
+    let mut outline = OutlineSums::default();
     let mut by_view = vec![PictureSums::default(); VIEWS];
     let mut by_pose: Vec<NamedFigures> = vec![];
     for (name, posed) in POSE_NAMES.iter().zip(&posed) {
@@ -149,9 +173,13 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             of_pose.merge(sums);
             of_view.merge(sums);
         }
+        let mut outline_of_pose = OutlineSums::default();
+        posed.outlines.iter().for_each(|of_view| outline_of_pose.merge(of_view));
         lit.merge(&of_pose);
+        outline.merge(&outline_of_pose);
         albedo.merge(&posed.albedo);
-        by_pose.push(NamedFigures { pose: (*name).into(), figures: figures(&of_pose, &posed.albedo) });
+        by_pose
+            .push(NamedFigures { pose: (*name).into(), figures: figures(&of_pose, &outline_of_pose, &posed.albedo) });
     }
     let view = |(k, sums): (usize, &PictureSums)| ViewFigures {
         direction: direction_around(k, VIEWS).to_array(),
@@ -160,9 +188,13 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let results = LibraryFile {
         avatar: args.avatar.display().to_string(),
         capture: path.display().to_string(),
-        total: figures(&lit, &albedo),
+        total: figures(&lit, &outline, &albedo),
         poses: by_pose,
         views: by_view.iter().enumerate().map(view).collect(),
+        worst: Worst {
+            loose: worst_view(&posed, |outline| outline.loose_share),
+            rough: worst_view(&posed, |outline| outline.roughness),
+        },
         held_out: measure_held_out(&capture, &args.split, &training)?,
         pixels_per_metre: training.footprint.pixels_per_metre,
         training: Images { split: train_split.into(), images: training.images },
@@ -261,9 +293,10 @@ fn draw(
     poses: &[Pose],
     cameras: &[Vec<Camera>],
     background: [f64; 3],
-    known: &KnownColors,
+    training: &Training,
 ) -> anyhow::Result<Vec<PosedSums>> {
     let background = background.map(|b| b as f32);
+    let pixels_per_metre = training.footprint.pixels_per_metre;
     let size = cameras.iter().flatten().next().map_or([1; 2], |camera| [camera.width, camera.height]);
     let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, size)?;
     // Without its light, an avatar shows its skin's own colours.
@@ -276,6 +309,7 @@ fn draw(
         let mut posed = PosedSums::default();
         let mut pictures: [Option<RgbImage>; SHEET_DIRECTIONS.len()] = Default::default();
         scene.set_pose(gpu, 0, 0, pose)?;
+        let vertices = posed_vertices(&avatar.model, pose);
         if let Some(scene) = &mut unlit_scene {
             scene.set_pose(gpu, 0, 0, pose)?;
         }
@@ -283,8 +317,12 @@ fn draw(
             let rendering = scene.render(gpu, 0, camera, background)?.rgba;
             let picture = HandPicture::of_rendering(&rendering, size);
             let mut sums = PictureSums::default();
-            sums.add(&picture, known);
+            sums.add(&picture, &training.known);
             posed.lit.push(sums);
+            let coverage: Vec<f32> = rendering.iter().map(|pixel| pixel[3]).collect();
+            let mut outline = OutlineSums::default();
+            outline.add(&coverage, &silhouette(camera, &vertices, &avatar.model.faces), size, pixels_per_metre);
+            posed.outlines.push(outline);
             match &mut unlit_scene {
                 Some(scene) => {
                     let rendering = scene.render(gpu, 0, camera, background)?.rgba;
@@ -305,6 +343,20 @@ fn draw(
     Ok(all)
 }
 
+/// The picture for which a figure is largest.
+fn worst_view(posed: &[PosedSums], figure: impl Fn(&Outline) -> Option<f64>) -> Option<WorstView> {
+    let pictures = POSE_NAMES.iter().zip(posed).flat_map(|(name, posed)| {
+        let view = |(k, sums): (usize, &OutlineSums)| WorstView {
+            pose: (*name).into(),
+            direction: direction_around(k, VIEWS).to_array(),
+            outline: sums.figures(),
+        };
+        posed.outlines.iter().enumerate().map(view)
+    });
+    let measured = pictures.filter_map(|picture| Some((figure(&picture.outline)?, picture)));
+    measured.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, picture)| picture)
+}
+
 /// The view whose direction is closest to another.
 fn nearest_view(direction: DVec3) -> usize {
     let closeness = |k: &usize| direction_around(*k, VIEWS).dot(direction);
@@ -314,7 +366,8 @@ fn nearest_view(direction: DVec3) -> usize {
 fn sheet(results: &LibraryFile, posed: Vec<PosedSums>) -> RgbImage {
     let with_title = |(named, posed): (&NamedFigures, PosedSums)| {
         let lit = &named.figures.lit;
-        let title = format!("{}  outside {}  detail {}", named.pose, percent(lit.outside_share), factor(lit.detail));
+        let [outside, loose] = [lit.outside_share, named.figures.outline.loose_share].map(percent);
+        let title = format!("{}  outside {outside}  detail {}  loose {loose}", named.pose, factor(lit.detail));
         PoseViews { title, pictures: posed.pictures }
     };
     let poses: Vec<PoseViews> = results.poses.iter().zip(posed).take(SHEET_POSES).map(with_title).collect();
@@ -331,19 +384,42 @@ fn print_table(results: &LibraryFile) {
     );
     say!("outside: hand pixels with colours that these images lack; detail: high-frequency energy, theirs is 1");
     say!("darker, more saturated: parts of the hand that are so by a tenth than all but a hundredth of these images");
-    say!("                    outside  see-through     darker  more saturated   detail   detail without light");
-    let row = |name: &str, lit: &Cleanliness, albedo: Option<f64>| {
+    say!(
+        "loose: coverage more than 3 mm outside the posed template, as part of it; rough: how frayed the outline is, its is 1"
+    );
+    say!(
+        "                    outside  see-through     darker  more saturated   detail   detail without light     loose    rough"
+    );
+    let row = |name: &str, lit: &Cleanliness, rest: Option<(Option<f64>, &Outline)>| {
         let [outside, see_through] = [lit.outside_share, lit.see_through_share].map(percent);
         let [darker, saturated] = [lit.darker_share, lit.more_saturated_share].map(percent);
-        let [detail, albedo] = [lit.detail, albedo].map(factor);
+        let detail = factor(lit.detail);
+        let (albedo, outline) = rest.map_or((None, None), |(albedo, outline)| (albedo, Some(outline)));
+        let [albedo, rough] = [albedo, outline.and_then(|outline| outline.roughness)].map(factor);
+        let loose = percent(outline.and_then(|outline| outline.loose_share));
         say!(
-            "  {name:<14}  {outside:>9}    {see_through:>9}  {darker:>9}       {saturated:>9}   {detail:>6}   {albedo:>6}"
+            "  {name:<14}  {outside:>9}    {see_through:>9}  {darker:>9}       {saturated:>9}   {detail:>6}   {albedo:>6}               {loose:>9}   {rough:>6}"
         );
     };
-    poses.iter().for_each(|named| row(&named.pose, &named.figures.lit, named.figures.albedo_detail));
-    row("all", &total.lit, total.albedo_detail);
+    let posed =
+        |name: &str, figures: &PoseFigures| row(name, &figures.lit, Some((figures.albedo_detail, &figures.outline)));
+    poses.iter().for_each(|named| posed(&named.pose, &named.figures));
+    posed("all", total);
     if let Some(HeldOut { from, figures }) = held_out {
         row(&format!("split `{}`", from.split), figures, None);
+    }
+    if let Some(worst) = &results.worst.loose {
+        let [back, side, tips] = worst.direction;
+        let loose = percent(worst.outline.loose_share);
+        say!(
+            "most loose coverage in one picture: {loose}, pose `{}` from [{back:.2}, {side:.2}, {tips:.2}]",
+            worst.pose
+        );
+    }
+    if let Some(worst) = &results.worst.rough {
+        let [back, side, tips] = worst.direction;
+        let rough = factor(worst.outline.roughness);
+        say!("roughest outline in one picture: {rough}, pose `{}` from [{back:.2}, {side:.2}, {tips:.2}]", worst.pose);
     }
 }
 

