@@ -18,8 +18,9 @@ pub struct View {
     pub height: u32,
     /// Row-major display values: red, green and blue, and 255 where the mask says hand, 0 elsewhere. Colours are
     /// exactly those of the file, with these exceptions: images with an alpha channel are composited over the capture's
-    /// background, the linear light of EXR is encoded as sRGB, images of cameras with distortion are undistorted,
-    /// colours are corrected if the capture says so, and captures may hide the surroundings.
+    /// background, the linear light of EXR is encoded as sRGB, images of cameras with distortion are undistorted
+    /// and colours are corrected if the capture says so. Outside the mask there is the capture's background: what an image
+    /// shows there is hidden, except for the soft edges of a hand that the image shows before that background.
     pub rgba: Vec<[u8; 4]>,
 }
 
@@ -133,7 +134,9 @@ impl Capture {
         }
         self.cut_arm(camera, frame, &mut rgba)?;
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
-        rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
+        if shows_surroundings(&rgba, size.0 as usize, [r, g, b]) {
+            rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
+        }
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
     }
 
@@ -189,6 +192,32 @@ impl Capture {
             })
             .collect()
     }
+}
+
+/// Pixels outside a mask that are nearer than this to it may be edges of the hand, half covered by it.
+const EDGE: usize = 2;
+/// Channels of the background's colour differ by no more than this from it, by lossy compression.
+const LIKE_BACKGROUND: u8 = 16;
+/// Part of an image outside its mask that may have other colours: wrong pixels of a mask, and of the compression.
+const OTHER_COLORS: f64 = 0.002;
+
+/// Whether an image (red, green, blue, mask 0 or 255) shows anything but the background beside the hand. If it does not, its
+/// edges are mixed of hand and background, and stay; else they are mixed of hand and surroundings.
+fn shows_surroundings(rgba: &[[u8; 4]], width: usize, background: [u8; 3]) -> bool {
+    let width = width.max(1);
+    let height = rgba.len() / width;
+    let is_other = |pixel: &[u8; 4]| {
+        pixel[3] == 0 && (0..3).any(|channel| pixel[channel].abs_diff(background[channel]) > LIKE_BACKGROUND)
+    };
+    let is_edge = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let rows = y.saturating_sub(EDGE)..(y + EDGE + 1).min(height);
+        let columns = x.saturating_sub(EDGE)..(x + EDGE + 1).min(width);
+        rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).any(|i| rgba[i][3] != 0)
+    };
+    let outside = rgba.iter().filter(|pixel| pixel[3] == 0).count();
+    let allowed = (OTHER_COLORS * outside as f64) as usize;
+    rgba.iter().enumerate().filter(|(i, pixel)| is_other(pixel) && !is_edge(*i)).nth(allowed).is_some()
 }
 
 /// Number of pixels with a NaN channel.
