@@ -273,4 +273,31 @@ mod tests {
         assert_eq!(crop.camera.principal, camera.principal - glam::DVec2::new(3.0, 4.0));
         assert_eq!((crop.pixels[3][3], crop.pixels[7][3], crop.pixels[20][3]), (255, 255, 255));
     }
+
+    #[test]
+    fn a_desk_is_surroundings_and_the_soft_edge_of_a_hand_is_not() {
+        // A hand of 20 x 20 pixels in 60 x 60, with a half covered edge.
+        let image = |beside: [u8; 3]| -> Vec<[u8; 4]> {
+            let pixel = |i: usize| {
+                let (x, y) = (i % 60, i / 60);
+                let within = |low: usize, high: usize| (low..high).contains(&x) && (low..high).contains(&y);
+                match (within(20, 40), within(19, 41)) {
+                    (true, _) => [200, 150, 120, 255],
+                    (_, true) => [90, 70, 60, 0],
+                    _ => [beside[0], beside[1], beside[2], 0],
+                }
+            };
+            (0..3600).map(pixel).collect()
+        };
+        assert!(!shows_surroundings(&image([0; 3]), 60, [0; 3]));
+        // Noise of the compression.
+        assert!(!shows_surroundings(&image([9, 3, 14]), 60, [0; 3]));
+        assert!(shows_surroundings(&image([180, 170, 160]), 60, [0; 3]));
+        assert!(shows_surroundings(&image([0; 3]), 60, [255; 3]));
+        // A small thing on an empty table.
+        let mut thing = image([0; 3]);
+        (0..12).for_each(|x| thing[3 * 60 + x] = [0, 200, 0, 0]);
+        assert!(shows_surroundings(&thing, 60, [0; 3]));
+        assert!(!shows_surroundings(&[[7, 7, 7, 255]; 9], 3, [0; 3]));
+    }
 }
