@@ -170,7 +170,7 @@ fn tensors(avatar: &Avatar) -> Tensors {
         out.add("light.faces", Dtype::U32, &[lit.faces.len()], &lit.faces);
         out.add("light.barycentric", Dtype::F32, &[lit.barycentric.len(), 3], lit.barycentric.as_flattened());
         if let Some(trust) = &light.trust {
-            out.add("light.trust", Dtype::F32, &[trust.values().len()], trust.values());
+            out.add("light.trust", Dtype::F32, &[trust.values().len(), 2], trust.values().as_flattened());
         }
         if let Some(gloss) = &lit.gloss {
             out.add("light.roughness", Dtype::F64, &[1], &[gloss.roughness]);
@@ -561,8 +561,14 @@ impl<'a> Reader<'a> {
         if !self.has("light.trust") {
             return Ok(None);
         }
-        let trust = Trust::new(self.floats("light.trust", &[Some(DIRECTION_COUNT)])?);
-        let problem = || self.invalid("light.trust", "a value is below 0 or above 1; train the avatar again");
+        let trust =
+            Trust::new(self.floats("light.trust", &[Some(DIRECTION_COUNT), Some(2)])?.as_chunks::<2>().0.to_vec());
+        let problem = || {
+            self.invalid(
+                "light.trust",
+                "is not between 0 and 1, or says that images show nothing; train the avatar again",
+            )
+        };
         trust.ok_or_else(problem).map(Some)
     }
 

@@ -133,7 +133,7 @@ impl LightFit {
             frames_differ: self.frames_differ(),
             seconds: self.seconds,
             towards: self.light.as_ref().and_then(towards),
-            trusted: self.light.as_ref().and_then(|light| light.trust.as_ref()).map_or(1.0, mean_trust),
+            trusted: self.light.as_ref().and_then(|light| light.trust.as_ref()).map_or(1.0, Trust::mean),
             gloss: self.gloss.as_ref().map(GlossFit::report),
         }
     }
@@ -155,10 +155,6 @@ impl LightFit {
         let squares = self.frame_factors.iter().map(|factor| factor.ln().powi(2)).sum::<f64>();
         (squares / self.frame_factors.len().max(1) as f64).sqrt()
     }
-}
-
-fn mean_trust(trust: &Trust) -> f64 {
-    trust.values().iter().map(|value| f64::from(*value)).sum::<f64>() / trust.values().len().max(1) as f64
 }
 
 /// Unit vector towards the brightest part of a light from directions.

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{make, small_options};
-use ghand_avatar::{Avatar, Light, Scene};
+use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::sphere::spiral_direction;
@@ -16,7 +16,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, SyntheticOptions};
 use ghand_train::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
-use ghand_train::{Align, TrainSettings, Trainer};
+use ghand_train::{Align, GlossChoice, LightChoice, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
 
 const VIEWS: usize = 24;
@@ -86,27 +86,29 @@ fn a_palm_that_no_image_showed_is_no_darker_and_no_more_saturated_than_the_skin_
     }
     let root = capture.frames[split.frames[0]].pose.clone();
     capture.splits.insert("back".into(), split);
-    let settings = TrainSettings { iterations: 150, align: Align::None, ..Default::default() };
-    let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
-    println!("{:?}", trained.light.unwrap().report());
-    let avatar = trained.avatar;
-    let light = avatar.light.as_ref().unwrap();
-    let trust = light.light.trust.as_ref().unwrap();
-    let towards_palm = -back(&capture, &root);
-    let at = |towards: DVec3| {
-        let directions = light.light.directions();
-        let nearest =
-            (0..directions.len()).max_by(|a, b| directions[*a].dot(towards).total_cmp(&directions[*b].dot(towards)));
-        trust.values()[nearest.unwrap()]
-    };
-    assert!(at(towards_palm) < 0.1 && at(-towards_palm) > 0.95, "{} {}", at(towards_palm), at(-towards_palm));
-
-    let found = parts_beyond(&gpu, &avatar, &root, &known);
-    let mut blind = avatar.clone();
-    let lit = blind.light.as_mut().unwrap();
-    lit.light = Light { trust: None, ..lit.light.clone() };
-    let without = parts_beyond(&gpu, &blind, &root, &known);
-    println!("darker, more saturated: {found:?}; if the light is trusted everywhere: {without:?}");
-    assert!(without[0] > 0.05, "nothing is dark anyway: {without:?}");
-    assert!(found[0] < 0.01 && found[1] < 0.01, "{found:?}");
+    for (light, gloss) in [(LightChoice::Sh, GlossChoice::Auto), (LightChoice::Transfer, GlossChoice::Auto)] {
+        let settings = TrainSettings { iterations: 150, align: Align::None, light, gloss, ..Default::default() };
+        let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
+        println!("{:?}", trained.light.unwrap().report());
+        let avatar = trained.avatar;
+        let found = &avatar.light.as_ref().unwrap().light;
+        let trust = found.trust.as_ref().unwrap();
+        let at = |towards: DVec3| {
+            let closeness = |d: &DVec3| d.dot(towards);
+            let pairs = found.directions().into_iter().zip(trust.values());
+            let nearest = pairs.max_by(|(a, _), (b, _)| closeness(a).total_cmp(&closeness(b)));
+            nearest.unwrap().1[0]
+        };
+        let [of_back, of_palm] = [1.0, -1.0].map(|sign| at(sign * back(&capture, &root)));
+        let with = parts_beyond(&gpu, &avatar, &root, &known);
+        let mut blind = avatar.clone();
+        blind.light.as_mut().unwrap().light.trust = None;
+        let without = parts_beyond(&gpu, &blind, &root, &known);
+        println!(
+            "{light:?}: trust {of_back} {of_palm}; darker, more saturated: {with:?}, trusted everywhere {without:?}"
+        );
+        assert!(of_back > 0.95 && of_palm < 0.1, "{of_back} {of_palm}");
+        assert!(without[0] > 0.05, "nothing is dark anyway: {without:?}");
+        assert!(with[0] < 0.01 && with[1] < 0.01, "{with:?}");
+    }
 }

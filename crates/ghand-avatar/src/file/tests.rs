@@ -9,7 +9,7 @@ fn lit() -> Avatar {
     let mut avatar = small();
     let samples = sample_surface(&avatar.model, 16).unwrap();
     let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
-    let trust = Trust::new((0..64).map(|k| k as f32 / 63.0).collect());
+    let trust = Trust::new((0..64).map(|k| [k as f32 / 63.0, 5.0]).collect());
     avatar.light = Some(AvatarLight::new(
         Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients, trust },
         Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
@@ -80,23 +80,23 @@ fn a_trust_that_is_no_part_is_rejected() {
     let bytes = lit().to_bytes(Path::new("a")).unwrap();
     let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
     let all = SafeTensors::deserialize(&bytes).unwrap();
-    let with = |values: &[f32]| {
+    let with = |values: &[[f32; 2]]| {
         let raw: &[u8] = bytemuck::cast_slice(values);
-        let trust = TensorView::new(Dtype::F32, vec![values.len()], raw).unwrap();
+        let trust = TensorView::new(Dtype::F32, vec![values.len(), 2], raw).unwrap();
         let tensors = all.tensors().into_iter().map(|(name, view)| {
             let view = if name == "light.trust" { trust.clone() } else { view };
             (name, view)
         });
         from_bytes(Path::new("a"), &serialize(tensors, header.metadata().clone()).unwrap())
     };
-    assert!(with(&[0.5; 64]).is_ok());
-    let mut values = [0.5; 64];
-    for bad in [-0.1, 1.5, f32::NAN] {
+    assert!(with(&[[0.5; 2]; 64]).is_ok());
+    let mut values = [[0.5; 2]; 64];
+    for bad in [[-0.1, 1.0], [1.5, 1.0], [f32::NAN, 1.0], [0.5, -1.0]] {
         values[7] = bad;
         let error = with(&values).unwrap_err().to_string();
-        assert!(error.contains("light.trust"), "{bad}: {error}");
+        assert!(error.contains("light.trust"), "{bad:?}: {error}");
     }
-    assert!(with(&[0.5; 9]).unwrap_err().to_string().contains("light.trust"));
+    assert!(with(&[[0.5; 2]; 9]).unwrap_err().to_string().contains("light.trust"));
 }
 
 #[test]

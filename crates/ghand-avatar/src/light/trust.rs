@@ -1,7 +1,8 @@
 //! How far the light of a capture may be trusted.
 //!
 //! Images tell how much light falls on the normals that they show. What falls on others, such as on a palm in a capture of
-//! the back of a hand, is a guess. There the light falls back to the mean over the normals that are known, smoothly.
+//! the back of a hand, is a guess. There the light falls back to the mean over what the images show, smoothly:
+//! skin there is as bright as skin in the images is on average.
 
 use ghand_core::light::{DIRECTION_COUNT, cosine_transfer, directions, harmonics};
 use glam::{DQuat, DVec3};
@@ -15,19 +16,26 @@ const SHARPNESS: i32 = 32;
 
 /// How far a light may be trusted, by the normal on which it falls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Trust(Vec<f32>);
+pub struct Trust(Vec<[f32; 2]>);
 
 impl Trust {
-    /// From the values at normals along each of `ghand_core::light::directions`, in the light's own axes: 1 where the
-    /// light is known, 0 where nothing is known of it. `None` unless there is one for each, 0 to 1.
-    pub fn new(values: Vec<f32>) -> Option<Trust> {
-        let valid = values.len() == DIRECTION_COUNT && values.iter().all(|value| (0.0..=1.0).contains(value));
-        valid.then_some(Trust(values))
+    /// From two values at normals along each of `ghand_core::light::directions`, in the light's own axes: the trust, 1 where
+    /// the light is known and 0 where nothing is known of it, and how often images show such a normal, in any unit. `None`
+    /// unless there are two for each, the trust is 0 to 1, and images show anything.
+    pub fn new(values: Vec<[f32; 2]>) -> Option<Trust> {
+        let valid = |[trust, shown]: &[f32; 2]| (0.0..=1.0).contains(trust) && (0.0..f32::MAX).contains(shown);
+        let whole: f64 = values.iter().map(|[_, shown]| f64::from(*shown)).sum();
+        (values.len() == DIRECTION_COUNT && values.iter().all(valid) && whole > 0.0).then_some(Trust(values))
     }
 
-    /// The values at normals along each of the directions.
-    pub fn values(&self) -> &[f32] {
+    /// The two values at normals along each of the directions.
+    pub fn values(&self) -> &[[f32; 2]] {
         &self.0
+    }
+
+    /// The mean trust over all normals.
+    pub fn mean(&self) -> f64 {
+        self.0.iter().map(|[trust, _]| f64::from(*trust)).sum::<f64>() / self.0.len().max(1) as f64
     }
 
     /// The trust at a normal, in the light's own axes.
@@ -35,20 +43,19 @@ impl Trust {
         let weights = towards.iter().map(|d| normal.dot(*d).max(0.0).powi(SHARPNESS));
         let (sum, whole) = weights
             .zip(&self.0)
-            .fold((0.0, 0.0), |(sum, whole), (weight, value)| (sum + weight * f64::from(*value), whole + weight));
+            .fold((0.0, 0.0), |(sum, whole), (weight, [trust, _])| (sum + weight * f64::from(*trust), whole + weight));
         sum / whole
     }
 
-    /// What each coefficient of a light gives the normals that are trusted, on average, where nothing is in its way.
+    /// What each coefficient of a light gives the normals that images show, on average, where nothing is in its way.
     fn mean_parts(&self, kind: LightKind, towards: &[DVec3; DIRECTION_COUNT]) -> Vec<f64> {
-        let trusted = self.0.iter().any(|value| *value > 0.0);
-        let weight = |k: usize| if trusted { f64::from(self.0[k]) } else { 1.0 };
-        let whole: f64 = (0..DIRECTION_COUNT).map(weight).sum();
+        let whole: f64 = self.0.iter().map(|[_, shown]| f64::from(*shown)).sum();
         let part = |normal: &DVec3, k: usize| match kind {
             LightKind::Transfer => cosine_transfer(*normal, towards[k]),
             LightKind::Sh => harmonics(*normal)[k],
         };
-        let mean = |k| towards.iter().enumerate().map(|(n, normal)| weight(n) * part(normal, k)).sum::<f64>() / whole;
+        let normals = || towards.iter().zip(&self.0);
+        let mean = |k| normals().map(|(normal, [_, shown])| f64::from(*shown) * part(normal, k)).sum::<f64>() / whole;
         (0..kind.len()).map(mean).collect()
     }
 
@@ -85,7 +92,7 @@ mod tests {
 
     /// Known on one side; the border is smooth.
     fn half(axis: DVec3) -> Trust {
-        let value = |d: DVec3| (0.5 + 2.0 * d.dot(axis)).clamp(0.0, 1.0) as f32;
+        let value = |d: DVec3| [(0.5 + 2.0 * d.dot(axis)).clamp(0.0, 1.0) as f32; 2];
         Trust::new(directions().map(value).to_vec()).unwrap()
     }
 
@@ -97,14 +104,17 @@ mod tests {
 
     #[test]
     fn values_that_are_no_trust_are_refused() {
-        let with = |value: f32| {
-            let mut values = vec![0.5; DIRECTION_COUNT];
+        let with = |value: [f32; 2]| {
+            let mut values = vec![[0.5; 2]; DIRECTION_COUNT];
             values[3] = value;
             Trust::new(values)
         };
-        assert!(with(0.0).is_some() && with(1.0).is_some());
-        assert!([-0.1, 1.1, f32::NAN].into_iter().all(|value| with(value).is_none()));
-        assert_eq!(Trust::new(vec![1.0; 9]), None);
+        assert!(with([0.0, 0.0]).is_some() && with([1.0, 1e6]).is_some());
+        for bad in [[-0.1, 1.0], [1.1, 1.0], [f32::NAN, 1.0], [0.5, -1.0], [0.5, f32::NAN], [0.5, f32::INFINITY]] {
+            assert_eq!(with(bad), None, "{bad:?}");
+        }
+        assert_eq!(Trust::new(vec![[1.0; 2]; 9]), None);
+        assert_eq!(Trust::new(vec![[1.0, 0.0]; DIRECTION_COUNT]), None, "images show nothing");
     }
 
     #[test]
@@ -116,7 +126,7 @@ mod tests {
             let change = at(f64::from(degrees)) - at(f64::from(degrees + 1));
             assert!(change.abs() < 0.06, "{degrees}: {change}");
         }
-        let full = Trust::new(vec![1.0; DIRECTION_COUNT]).unwrap();
+        let full = Trust::new(vec![[1.0; 2]; DIRECTION_COUNT]).unwrap();
         assert!((full.at(DVec3::new(0.6, 0.0, -0.8), &towards) - 1.0).abs() < 1e-12);
     }
 
@@ -128,7 +138,7 @@ mod tests {
         for plain in [Light::studio(), sh] {
             let shades = plain.vertex_shades(&model, &pose).unwrap();
             let with = |value: f32| {
-                let trust = Trust::new(vec![value; DIRECTION_COUNT]);
+                let trust = Trust::new(vec![[value, 1.0]; DIRECTION_COUNT]);
                 Light { trust, ..plain.clone() }.vertex_shades(&model, &pose).unwrap()
             };
             for (full, plain) in with(1.0).as_flattened().iter().zip(shades.as_flattened()) {

@@ -97,7 +97,7 @@ impl Scene {
     }
 
     fn fit(&self) -> Fit<'_> {
-        Fit::new(&self.template, self.given.iter().collect())
+        Fit::new(&self.template, self.given.iter().collect(), crate::alignment::Shape::Unknown)
     }
 
     fn shaped(&self) -> Shaped {
