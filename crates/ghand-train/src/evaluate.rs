@@ -2,9 +2,12 @@
 
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, CaptureError};
-use ghand_core::Pose;
+use ghand_core::posing::pose_hand;
+use ghand_core::{Camera, Pose};
+use ghand_hand_model::arm_end::ArmEnd;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
+use glam::DVec2;
 use serde::Serialize;
 
 use crate::alignment_figures::AlignmentFigures;
@@ -118,7 +121,7 @@ pub fn evaluate_views(
 ) -> Result<Evaluation, EvaluateError> {
     let &TestViews { capture, protocol, views, lpips } = test;
     let boxed = protocol == Protocol::HandAvatar;
-    let largest = |axis: fn(&ghand_core::Camera) -> u32| {
+    let largest = |axis: fn(&Camera) -> u32| {
         views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1)
     };
     let max_size = if boxed { [SIDE; 2] } else { [largest(|c| c.width), largest(|c| c.height)] };
@@ -149,8 +152,18 @@ pub fn evaluate_views(
         };
         let size = [camera.width, camera.height];
         let image = scene.render(gpu, 0, &camera, background.map(|b| b as f32))?;
-        let render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
-        let floor_picture: Vec<[u8; 3]> = floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
+        let mut truth = truth;
+        let mut render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
+        let mut floor_picture: Vec<[u8; 3]> =
+            floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
+        if protocol == Protocol::Masks
+            && let Some(arm) = arm_pixels(avatar, pose, &camera)
+        {
+            let [r, g, b] = background.map(|v| (v * 255.0).round() as u8);
+            for (i, _) in arm.iter().enumerate().filter(|(_, is_arm)| **is_arm) {
+                (truth[i], render[i], floor_picture[i]) = ([r, g, b, 0], [r, g, b], [r, g, b]);
+            }
+        }
         let [mut likeness, mut floor_likeness] = compare(size, [&render, &floor_picture], &truth);
         if let Some(lpips) = lpips {
             let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
@@ -174,6 +187,15 @@ pub fn evaluate_views(
     let count = similarities[0].len();
     let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
     Ok(Evaluation { views: count, avatar, floor, lpips_backbone: lpips.map(Lpips::backbone) })
+}
+
+/// The pixels, row-major, where the template's end at the wrist and the arm behind it may be: where a mask ends there is its
+/// maker's choice, and says nothing about the avatar. `None` where no end is seen.
+fn arm_pixels(avatar: &Avatar, pose: &Pose, camera: &Camera) -> Option<Vec<bool>> {
+    let positions = pose_hand(&avatar.model, &[], pose).ok()?.vertices;
+    let end = ArmEnd::of(&avatar.model)?.seen(&positions, camera)?;
+    let is_arm = |x: u32, y: u32| end.may_be_arm(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+    Some((0..camera.height).flat_map(|y| (0..camera.width).map(move |x| is_arm(x, y))).collect())
 }
 
 /// LPIPS of 8-bit pictures.

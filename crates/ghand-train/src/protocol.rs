@@ -16,7 +16,7 @@ pub enum Protocol {
     #[default]
     Given,
     /// Poses fitted to the frame's masks, by what the training frames' masks say of poses; without the mask of the image
-    /// that is compared where the frame has three images or more.
+    /// that is compared where the frame has three images or more. The template's end at the wrist is not compared.
     Masks,
     /// The capture's own poses, mapped by the constant offsets between true and refined training poses.
     Aligned,

@@ -28,11 +28,6 @@ impl Histogram {
         self.total += 1.0;
     }
 
-    /// Number of colours counted.
-    pub fn total(&self) -> f64 {
-        self.total
-    }
-
     /// The mean of two distributions; one without any colour does not count.
     pub fn mixed(&self, other: &Histogram) -> Histogram {
         let part = |h: &Histogram| if h.total > 0.0 { 1.0 / h.total as f32 } else { 0.0 };
@@ -84,7 +79,7 @@ mod tests {
         assert_eq!(counted.probability([1, 2, 3], 0.1), 1.0 / COLORS);
         (0..100).for_each(|k| counted.add([200, 150 + k / 10, 120]));
         let smooth = counted.smoothed();
-        assert!((smooth.total() - f64::from(smooth.counts.iter().sum::<f32>())).abs() < 1e-2);
+        assert!((smooth.total - f64::from(smooth.counts.iter().sum::<f32>())).abs() < 1e-2);
         let [near, beside, far] =
             [[201, 154, 119], [208, 148, 122], [60, 80, 200]].map(|c| smooth.probability(c, 0.01));
         assert!(near > beside && beside > 20.0 * far && far > 0.0, "{near} {beside} {far}");
