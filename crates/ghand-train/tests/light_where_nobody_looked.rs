@@ -112,7 +112,7 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     trusting.light.as_mut().unwrap().light.trust = None;
     let [darker_trusting, _] = parts_beyond(&gpu, &trusting, &root, &known);
     println!("light=sh: {darker} are darker; if the light is trusted everywhere: {darker_trusting}");
-    // Measured: 0.023, and 0.215 if the light is trusted everywhere.
+    // Measured: 0.003, and 0.221 if the light is trusted everywhere.
     assert!(darker_trusting > 0.1, "nothing is dark anyway: {darker_trusting}");
-    assert!(darker < 0.05 && darker < 0.25 * darker_trusting, "{darker}");
+    assert!(darker < 0.01, "{darker}");
 }
