@@ -54,7 +54,7 @@ impl ArmEnd {
         let start = end - BAND * reach;
         let of_root = |v: usize| model.vertex_weights(v).first().is_some_and(|weight| *weight > 0.9);
         let stub: Vec<usize> = (0..along.len()).filter(|&v| along[v] > end - STUB * reach && of_root(v)).collect();
-        if stub.len() < LEAST_STUB || !(reach > 0.0) {
+        if stub.len() < LEAST_STUB || reach <= 0.0 {
             return None;
         }
         let mean = stub.iter().map(|&v| model.vertices[v]).sum::<DVec3>() / stub.len() as f64;

@@ -121,9 +121,7 @@ pub fn evaluate_views(
 ) -> Result<Evaluation, EvaluateError> {
     let &TestViews { capture, protocol, views, lpips } = test;
     let boxed = protocol == Protocol::HandAvatar;
-    let largest = |axis: fn(&Camera) -> u32| {
-        views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1)
-    };
+    let largest = |axis: fn(&Camera) -> u32| views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1);
     let max_size = if boxed { [SIDE; 2] } else { [largest(|c| c.width), largest(|c| c.height)] };
     if let Some(lpips) = lpips {
         for view in views {
