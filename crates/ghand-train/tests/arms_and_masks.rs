@@ -17,7 +17,7 @@ fn options(masks: Masks) -> SyntheticOptions {
 }
 
 fn aligned(capture: &Capture) -> Alignment {
-    align(capture, capture.split("train").unwrap(), &mut |_, _| true).unwrap()
+    align(capture, capture.split("train").unwrap(), None, &mut |_, _| true).unwrap()
 }
 
 /// Degrees and millimetres.

@@ -327,11 +327,11 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut shown = None;
     let (mut images, mut given) = (None, None);
     if let Some(split) = capture.splits.get(test_split).filter(|split| !split.views.is_empty()) {
-        // Held-out masks end where those of training do.
-        let mut scored = capture.clone();
-        scored.images.aligned = trained.masks_of.clone();
+        let mut cut = capture.clone();
+        cut.images.aligned = trained.masks_of.clone();
         let test = |protocol, views| TestImages {
-            capture: &scored,
+            // Poses that are fitted to masks come with masks that end where those of training do.
+            capture: if protocol == Protocol::Masks { &cut } else { &capture },
             split: test_split,
             protocol,
             views,

@@ -157,7 +157,7 @@ fn a_file_that_is_missing_or_not_json_is_named() {
 #[test]
 fn each_unusable_field_is_named_with_what_to_do() {
     type Change = fn(&mut Value);
-    let cases: [(Change, &[&str]); 37] = [
+    let cases: [(Change, &[&str]); 38] = [
         (|v| v["format"] = json!("other"), &["format", "ghand-capture"]),
         (|v| drop(v.as_object_mut().unwrap().remove("format")), &["format", "nothing"]),
         (|v| v["version"] = json!(2), &["version", "is 2", "newer program"]),

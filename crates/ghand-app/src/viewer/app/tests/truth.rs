@@ -77,7 +77,7 @@ fn settle(ui: &mut Headless) {
     panic!("the comparison does not end");
 }
 
-/// Replaces the capture's image of the view by the picture.
+/// Replaces the capture's image of the view by the picture, all of which is hand.
 fn put_picture_into_capture(ui: &mut Headless) {
     let viewer = ui.viewer();
     let panel = viewer.capture.as_ref().unwrap();
@@ -89,6 +89,8 @@ fn put_picture_into_capture(ui: &mut Headless) {
     let bytes = picture.into_iter().flat_map(quantize).collect();
     let image = image::RgbImage::from_raw(camera.width, camera.height, bytes).unwrap();
     image.save(capture.image_file(camera_index, frame).unwrap()).unwrap();
+    let mask = image::GrayImage::from_pixel(camera.width, camera.height, image::Luma([255]));
+    mask.save(capture.mask_file(camera_index, frame).unwrap().unwrap()).unwrap();
 }
 
 /// What the panel says of the PSNR of the image, dB.
