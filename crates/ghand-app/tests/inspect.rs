@@ -135,7 +135,7 @@ fn causes_of_hopeless_training_are_problems_and_oddities_are_warnings() {
     );
     json["mask_path"] = serde_json::Value::Null;
     std::fs::write(&file, json.to_string()).unwrap();
-    assert_says(&said(&inspect(folder.path(), &["rig", "--no-sheet"])), &["warning      22 of 22 images have no mask"]);
+    assert_says(&said(&inspect(folder.path(), &["rig", "--no-sheet"])), &["22 of 22 masks have no file and are made"]);
 }
 
 #[test]

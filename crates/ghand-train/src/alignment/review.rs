@@ -23,8 +23,10 @@ const FRAMES: usize = 12;
 const LEAST_COSINE: f64 = 0.3;
 /// A part of the hand of which less than this is seen is named.
 const LEAST_SEEN: f64 = 0.3;
-/// Holes in masks of fewer pixels do not count.
-const LEAST_HOLE: usize = 12;
+/// Holes in masks of fewer pixels do not count, nor those of which the fitted template covers less than the second: they may
+/// be gaps between fingers.
+const LEAST_HOLE: usize = 16;
+const COVERED_HOLE: f64 = 0.9;
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,14 +113,14 @@ impl Review {
             let how = if percent > 0.0 { "larger" } else { "smaller" };
             all.push(format!("the hand is {:.0} % {how} than the template; training takes its size", percent.abs()));
         }
-        if self.shift >= 0.003 || self.turn >= 3.0_f64.to_radians() {
+        if self.shift >= 0.005 || self.turn >= 5.0_f64.to_radians() {
             all.push(format!(
                 "the given poses put the hand {:.0} mm beside the masks and turned by {:.0} degrees (medians)",
                 1e3 * self.shift,
                 self.turn.to_degrees()
             ));
         }
-        if self.fingers >= 6.0_f64.to_radians() {
+        if self.fingers >= 10.0_f64.to_radians() {
             all.push(format!(
                 "the given rotations of the fingers' joints are {:.0} degrees off what the masks show (median)",
                 self.fingers.to_degrees()
@@ -171,7 +173,7 @@ fn has_hole(mask: &[bool], covered: &[bool], width: usize) -> bool {
         }
         let (pixels, at_border) = fill(&mut reached, start, width);
         let hidden = pixels.iter().filter(|pixel| covered[**pixel]).count();
-        !at_border && pixels.len() >= LEAST_HOLE && 2 * hidden > pixels.len()
+        !at_border && pixels.len() >= LEAST_HOLE && hidden as f64 >= COVERED_HOLE * pixels.len() as f64
     })
 }
 

@@ -36,6 +36,9 @@ pub(super) fn is_other_hand(
     images: &[Images],
 ) -> Result<bool, InvalidHandModel> {
     let shown: Vec<usize> = (0..given.len()).filter(|k| !images[*k].is_empty()).collect();
+    if shown.is_empty() {
+        return Ok(false);
+    }
     let count = FRAMES.min(shown.len());
     let chosen: Vec<usize> = (0..count).map(|k| shown[(2 * k + 1) * shown.len() / (2 * count)]).collect();
     let images: Vec<Images> = chosen.iter().map(|k| images[*k].clone()).collect();
