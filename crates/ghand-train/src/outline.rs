@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn the_template_itself_and_a_hand_that_is_a_little_larger_are_neither_loose_nor_rough() {
         assert_eq!(figures(&disc(|_| 25.0)), [0.0, 1.0]);
-        let [loose, roughness] = figures(&disc(|_| 27.5));
+        let [loose, roughness] = figures(&disc(|angle| 26.5 + 0.8 * angle.cos()));
         assert!(loose == 0.0 && roughness < 1.5, "{loose} {roughness}");
     }
 
@@ -172,8 +172,8 @@ mod tests {
     fn loose_flakes_count_by_their_area_and_opacity() {
         let area = std::f64::consts::PI * 625.0;
         for opacity in [1.0, 0.4] {
-            // The disc ends at x = 65: one flake is 5 pixels away from it, the other only 1.
-            let [far, near] = [71, 66].map(|x| figures(&with_flake(disc(|_| 25.0), [x, 39], opacity)));
+            // The disc ends at x = 65: one flake is 5 pixels away from it, the other touches it.
+            let [far, near] = [71, 65].map(|x| figures(&with_flake(disc(|_| 25.0), [x, 39], opacity)));
             let expected = 9.0 * f64::from(opacity) / area;
             assert!((far[0] / expected - 1.0).abs() < 0.01, "{} instead of {expected}", far[0]);
             assert_eq!(near[0], 0.0);

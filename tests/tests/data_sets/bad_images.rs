@@ -53,7 +53,7 @@ fn exr_has_linear_light_and_premultiplied_alpha() {
     ImageBuffer::from_fn(128, 192, |x, _| if x < 9 { Rgb([0.6f32; 3]) } else { Rgb([0.4; 3]) }).save(&path).unwrap();
     let capture = capture_in(folder.path(), "image.exr", Some("image.exr"));
     let view = capture.load_view(0, 0).unwrap();
-    assert_eq!((view.rgba[0], view.rgba[9]), ([203, 203, 203, 255], [170, 170, 170, 0]));
+    assert_eq!((view.rgba[0], view.rgba[9]), ([203, 203, 203, 255], [0, 128, 255, 0]));
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub struct ViewFit {
     pub shows_template: bool,
     /// The largest value of any channel on the hand, or of the whole image where no hand is marked.
     pub brightest: u8,
-    /// The largest difference of two values of a channel, over the whole image.
+    /// The largest difference of two values of a channel on the hand, or over the whole image where no hand is marked.
     pub contrast: u8,
     /// Whether the mask's file has 0 and 1 instead of 0 and 255.
     pub is_zero_one: bool,
@@ -119,10 +119,11 @@ fn brightest(view: &View) -> u8 {
     on_hand.or_else(|| view.rgba.iter().map(value).max()).unwrap_or(0)
 }
 
-/// The largest difference of two values of a channel.
+/// The largest difference of two values of a channel on the hand, or over the whole image where no hand is marked.
 fn contrast(view: &View) -> u8 {
+    let has_hand = view.rgba.iter().any(|pixel| pixel[3] >= 128);
     let range = |channel: usize| {
-        let values = || view.rgba.iter().map(|pixel| pixel[channel]);
+        let values = || view.rgba.iter().filter(|pixel| !has_hand || pixel[3] >= 128).map(|pixel| pixel[channel]);
         values().max().unwrap_or(0) - values().min().unwrap_or(0)
     };
     range(0).max(range(1)).max(range(2))
