@@ -42,6 +42,8 @@ pub(crate) struct ViewNotes {
     pub is_zero_one: bool,
     /// Pixels of the image's file with a channel that is not a number. Such channels are black.
     pub nan_pixels: usize,
+    /// The largest difference of two values of a channel in what the image shows, surroundings and all.
+    pub contrast: u8,
 }
 
 impl View {
@@ -134,10 +136,11 @@ impl Capture {
         }
         self.cut_arm(camera, frame, &mut rgba)?;
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
+        let contrast = contrast(&rgba);
         if shows_surroundings(&rgba, size.0 as usize, [r, g, b]) {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }
-        Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels }))
+        Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels, contrast }))
     }
 
     /// The pixels of a camera's image without the distortion of its lens; alpha is 0 outside what the camera sees.
@@ -192,6 +195,15 @@ impl Capture {
             })
             .collect()
     }
+}
+
+/// The largest difference of two values of a channel.
+fn contrast(rgba: &[[u8; 4]]) -> u8 {
+    let range = |channel: usize| {
+        let values = || rgba.iter().map(|pixel| pixel[channel]);
+        values().max().unwrap_or(0) - values().min().unwrap_or(0)
+    };
+    range(0).max(range(1)).max(range(2))
 }
 
 /// Pixels outside a mask that are nearer than this to it may be edges of the hand, half covered by it.

@@ -59,15 +59,13 @@ fn an_arm_in_the_masks_costs_an_alignment_nothing_and_is_cut_off_after_it() {
     assert!(e[0] < f[0] + 0.3 && e[1] < f[1] + 0.3, "{e:.2?} with arm, {f:.2?} without");
     // The overlap is that of the hand.
     assert!((with.fit[1].overlap - without.fit[1].overlap).abs() < 0.01, "{:?} {:?}", with.fit, without.fit);
-    let pixels = |capture: &Capture, view: &SplitView| {
-        let pixels = capture.load_view(view.camera, view.frame).unwrap().rgba;
-        pixels.iter().filter(|pixel| pixel[3] == 255).count() as f64
+    let count = |capture: &Capture| {
+        let of_view = |view: &SplitView| {
+            let pixels = capture.load_view(view.camera, view.frame).unwrap().rgba;
+            pixels.iter().filter(|pixel| pixel[3] == 255).count() as f64
+        };
+        capture.split("train").unwrap().views.iter().map(of_view).sum::<f64>()
     };
-    // The view that shows the most of the arm.
-    let part = |view: &SplitView| pixels(&arm, view) / pixels(&hand, view);
-    let views = &arm.split("train").unwrap().views;
-    let view = *views.iter().max_by(|a, b| part(a).total_cmp(&part(b))).unwrap();
-    let count = |capture: &Capture| pixels(capture, &view);
     let frames = arm.split("train").unwrap().frames.clone();
     let before = count(&arm);
     arm.align_masks(&with.template, &frames, &with.poses);

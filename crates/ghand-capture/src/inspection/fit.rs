@@ -29,7 +29,7 @@ pub struct ViewFit {
     pub shows_template: bool,
     /// The largest value of any channel on the hand, or of the whole image where no hand is marked.
     pub brightest: u8,
-    /// The largest difference of two values of a channel on the hand, or over the whole image where no hand is marked.
+    /// The largest difference of two values of a channel, over the whole image as it is filmed.
     pub contrast: u8,
     /// Whether the mask's file has 0 and 1 instead of 0 and 255.
     pub is_zero_one: bool,
@@ -106,7 +106,7 @@ fn view_fit(
         iou_true: truth.and_then(|truth| agreement(&outline(truth))),
         shows_template: given.contains(&true),
         brightest: brightest(&view),
-        contrast: contrast(&view),
+        contrast: notes.contrast,
         is_zero_one: notes.is_zero_one,
         nan_pixels: notes.nan_pixels,
     })
@@ -117,14 +117,4 @@ fn brightest(view: &View) -> u8 {
     let value = |[r, g, b, _]: &[u8; 4]| *r.max(g).max(b);
     let on_hand = view.rgba.iter().filter(|pixel| pixel[3] >= 128).map(value).max();
     on_hand.or_else(|| view.rgba.iter().map(value).max()).unwrap_or(0)
-}
-
-/// The largest difference of two values of a channel on the hand, or over the whole image where no hand is marked.
-fn contrast(view: &View) -> u8 {
-    let has_hand = view.rgba.iter().any(|pixel| pixel[3] >= 128);
-    let range = |channel: usize| {
-        let values = || view.rgba.iter().filter(|pixel| !has_hand || pixel[3] >= 128).map(|pixel| pixel[channel]);
-        values().max().unwrap_or(0) - values().min().unwrap_or(0)
-    };
-    range(0).max(range(1)).max(range(2))
 }
