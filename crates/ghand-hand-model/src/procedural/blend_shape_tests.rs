@@ -217,13 +217,13 @@ fn a_bent_finger_keeps_its_volume_with_correctives() {
 }
 
 #[test]
-fn correctives_flip_no_more_triangles_than_blending_alone() {
+fn correctives_flip_hardly_more_triangles_than_blending_alone() {
     for name in POSE_NAMES {
         let pose = named_pose(name, hand()).unwrap();
         let count = |model: &HandModel| inverted(&pose_hand(model, &[], &pose).unwrap().vertices);
         let (blended, corrected) = (count(&blended_only()), count(hand()));
         println!("{name}: {blended} blended, {corrected} corrected");
-        // In a fist the fold between palm and fingers turns one more over: 6 for 5.
+        // The skin inside a hinge bent by more than a right angle folds onto itself either way: in the fist 6 for 5.
         assert!(corrected <= blended + 1 && corrected <= 6, "{name}");
     }
 }
