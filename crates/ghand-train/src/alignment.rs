@@ -174,6 +174,10 @@ fn images_of_frames<'a>(capture: &'a Capture, split: &Split, fields: &'a [Option
     images
 }
 
+/// Gets a step's number, median and 95th percentile of the contours' distances before it, pixels, and the poses; returns
+/// whether to go on.
+type AfterStep<'a> = dyn FnMut(usize, [f64; 2], &[Pose]) -> bool + 'a;
+
 /// Whether the template's shape is one of the unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
@@ -223,11 +227,7 @@ impl<'a> Fit<'a> {
 
     /// All steps. `after_step` gets the step's number, median and 95th percentile of the contours' distances before it, and
     /// the poses, and returns whether to go on. Returns whether all steps were done.
-    fn follow_contours(
-        &mut self,
-        images: &[Images],
-        after_step: &mut dyn FnMut(usize, [f64; 2], &[Pose]) -> bool,
-    ) -> Result<bool, InvalidHandModel> {
+    fn follow_contours(&mut self, images: &[Images], after_step: &mut AfterStep<'_>) -> Result<bool, InvalidHandModel> {
         let steps = FIRST_STEPS.map(|huber| (huber, false)).into_iter().chain(STEPS.map(|huber| (huber, true)));
         for (number, (huber, use_spreads)) in steps.enumerate() {
             if number == FIRST_STEPS.len() {

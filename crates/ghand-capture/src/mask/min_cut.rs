@@ -337,7 +337,8 @@ mod tests {
     #[test]
     fn a_large_grid_is_parted_where_it_is_cheapest() {
         // Left half prefers the source a little, some pixels the sink: the even cost between neighbours removes them.
-        let (width, height) = (60, 40);
+        // At this height no odd pixel lies where the line meets the border and would save more than it costs.
+        let (width, height) = (60, 39);
         let mut grid = GridCut::new(width, height);
         for y in 0..height {
             for x in 0..width {
