@@ -87,10 +87,7 @@ impl Retarget {
 
 /// The pose of the other hand that is the mirror image in x.
 pub fn mirrored(pose: &Pose) -> Pose {
-    Pose {
-        rotations: pose.rotations.iter().map(|r| DVec3::new(r.x, -r.y, -r.z)).collect(),
-        translation: mirrored_point(pose.translation),
-    }
+    pose.mirrored()
 }
 
 /// A point mirrored in x.
@@ -100,10 +97,7 @@ pub fn mirrored_point(point: DVec3) -> DVec3 {
 
 /// The other hand.
 pub fn other_side(side: Side) -> Side {
-    match side {
-        Side::Right => Side::Left,
-        Side::Left => Side::Right,
-    }
+    side.other()
 }
 
 #[cfg(test)]

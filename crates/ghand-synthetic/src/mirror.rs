@@ -10,8 +10,5 @@ pub(super) fn mirrored_point(point: DVec3) -> DVec3 {
 
 /// The same pose of the other hand, mirrored in x.
 pub(super) fn mirrored_pose(pose: &Pose) -> Pose {
-    Pose {
-        rotations: pose.rotations.iter().map(|r| DVec3::new(r.x, -r.y, -r.z)).collect(),
-        translation: mirrored_point(pose.translation),
-    }
+    pose.mirrored()
 }
