@@ -51,6 +51,24 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
 }
 
 impl CameraFile {
+    /// As it is written.
+    pub(crate) fn of(camera: &Camera, distortion: Option<Distortion>) -> CameraFile {
+        CameraFile {
+            id: camera.id.clone(),
+            width: camera.width,
+            height: camera.height,
+            intrinsics: [
+                [camera.focal.x, 0.0, camera.principal.x],
+                [0.0, camera.focal.y, camera.principal.y],
+                [0.0, 0.0, 1.0],
+            ],
+            // glam stores columns; the file holds rows.
+            rotation: camera.rotation.transpose().to_cols_array_2d(),
+            translation: camera.translation.to_array(),
+            distortion: distortion.map(|distortion| distortion.to_opencv().to_vec()),
+        }
+    }
+
     /// The camera, checked. `field` is its field in the file, empty if the file contains nothing else.
     pub(crate) fn camera(&self, validator: FileValidator, field: String) -> Result<Camera, CaptureError> {
         let [[fx, skew, cx], [k10, fy, cy], last_row] = self.intrinsics;

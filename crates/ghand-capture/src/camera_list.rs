@@ -1,17 +1,18 @@
-//! All cameras of a capture or of a file of cameras, with the distortion of their lenses.
+//! All cameras of a capture or of a file of cameras, with the distortion of their lenses. Training writes such a file for
+//! the cameras that it refined.
 
 use std::path::Path;
 
 use ghand_core::Camera;
 use glam::DVec2;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::camera_file::CameraFile;
-use crate::capture::CaptureError;
+use crate::capture::{Capture, CaptureError};
 use crate::capture_validation::FileValidator;
 use crate::distortion::Distortion;
 use crate::ghand_format::CAPTURE_FILE;
-use crate::json_file::{LARGEST_FILE, parse};
+use crate::json_file::{LARGEST_FILE, parse, write_json};
 use crate::text_file::read_text;
 
 /// A camera with a lens.
@@ -33,7 +34,7 @@ impl LensCamera {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct CameraList {
     cameras: Vec<CameraFile>,
 }
@@ -56,6 +57,34 @@ pub fn read_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
         Ok(LensCamera { camera, distortion })
     };
     files.iter().map(camera).collect()
+}
+
+impl Capture {
+    /// Writes the capture's cameras to a file that [`read_cameras`] reads.
+    ///
+    /// # Errors
+    /// [`CaptureError::Io`] if it cannot be written; an earlier file is then unchanged.
+    pub fn save_cameras(&self, path: &Path) -> Result<(), CaptureError> {
+        let distortion = |k: usize| self.distortion.get(k).copied().flatten();
+        let cameras = self.cameras.iter().enumerate().map(|(k, camera)| CameraFile::of(camera, distortion(k)));
+        write_json(path, &CameraList { cameras: cameras.collect() })
+    }
+
+    /// Takes the cameras of a file that [`Capture::save_cameras`] wrote for this capture.
+    ///
+    /// # Errors
+    /// [`CaptureError`] names the file and its problem; also if its cameras are not the capture's.
+    pub fn take_cameras(&mut self, path: &Path) -> Result<(), CaptureError> {
+        let refined = read_cameras(path)?;
+        let images = |camera: &Camera| (camera.id.clone(), camera.width, camera.height);
+        if !refined.iter().map(|lens| images(&lens.camera)).eq(self.cameras.iter().map(images)) {
+            let problem = "are not those of the capture, with the same ids and sizes; remove the file, or give the capture \
+                           that it was made for";
+            return Err(FileValidator { path }.invalid("cameras", problem));
+        }
+        self.cameras = refined.into_iter().map(|lens| lens.camera).collect();
+        Ok(())
+    }
 }
 
 #[cfg(test)]

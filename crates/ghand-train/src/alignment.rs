@@ -5,6 +5,8 @@
 //! is shared. Then the skin's texture refines the poses (`texture.rs`). On the CPU, in f64; the same bits for any number of
 //! threads.
 
+mod calibration;
+mod camera_unknowns;
 mod contour;
 mod distance_field;
 mod frame;
@@ -17,6 +19,7 @@ pub mod single_frames;
 mod spread;
 mod stragglers;
 mod texture;
+mod time_offsets;
 
 use std::time::Instant;
 
@@ -30,6 +33,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::moving_joints;
+pub use calibration::Calibration;
+use calibration::FrameViews;
 use contour::Edges;
 use distance_field::DistanceField;
 use frame::{FrameEquations, Rig};
@@ -43,6 +48,7 @@ use single_frames::PoseKnowledge;
 use spread::Estimate;
 use texture::SplitContrast;
 pub use texture::TextureRefinement;
+pub use time_offsets::TimeOffset;
 
 /// Steps without knowledge of how the joints vary: for each the distance beyond which a contour counts linearly, pixels.
 const FIRST_STEPS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];
@@ -52,6 +58,9 @@ const STEPS: [f64; 7] = [12.0, 8.0, 5.0, 4.0, 3.0, 3.0, 3.0];
 
 /// The last ones, once frames that were astray are back.
 const LAST_STEPS: [f64; 3] = [5.0, 3.0, 3.0];
+
+/// Turns of cameras and of poses with the shape, once cameras are known to be off.
+const FURTHER_CALIBRATIONS: usize = 2;
 
 /// Newton steps to the likeliest pose without images.
 const PRIOR_STEPS: usize = 4;
@@ -83,6 +92,10 @@ pub struct Alignment {
     pub rejection: Option<Rejection>,
     /// Poses and template that were found and rejected, for the picture of the alignment.
     pub rejected: Option<Box<(Vec<Pose>, HandModel)>>,
+    /// What is refined of the cameras; `None` if they are as given.
+    pub calibration: Option<Calibration>,
+    /// The cameras that take their images clearly earlier or later than the others.
+    pub time_offsets: Vec<TimeOffset>,
     /// How well given poses and those that the alignment found fit the masks.
     pub fit: [MaskFit; 2],
     /// Frames, counted in the split, that keep their given poses because these overlap the masks better.
@@ -124,7 +137,7 @@ pub struct MaskFit {
 type Images<'a> = Vec<(&'a Camera, &'a DistanceField)>;
 
 /// Aligns the frames of a split, together with those of a split that is held out, if there is one: the masks of these have
-/// a say in the proportions and in how joints vary, their colours have none. `after_step` gets a description and the poses of
+/// a say in the proportions, in how joints vary and in the cameras' calibration, their colours have none. `after_step` gets a description and the poses of
 /// all frames after each step, and returns whether to go on.
 ///
 /// # Errors
@@ -138,20 +151,46 @@ pub fn align(
     let start = Instant::now();
     let all = joined(split, held_out);
     let fields = DistanceField::of_views(capture, &all.views)?;
-    let images = images_of_frames(capture, &all, &fields);
+    let as_given = images_of_frames(&capture.cameras, &all, &fields);
     let given: Vec<&Pose> = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
-    let mut fit = Fit::new(&capture.template, given, Shape::Unknown);
-    let went_on = fit.follow_contours(&images, &mut |number, [median, far], poses| {
+    let mut fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
+    let went_on = fit.follow_contours(&as_given, &mut |number, [median, far], poses| {
         after_step(&format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px"), poses)
     })?;
     if !went_on {
         return Err(AlignmentError::Stopped);
     }
+    let views = calibration_views(&all, &fields);
+    let mut calibration = fit.calibrate(&capture.cameras, &views)?;
+    if let Some(calibration) = &mut calibration {
+        // Poses and proportions were fitted with wrong cameras: they start once more.
+        let cameras = calibration.applied_to(&capture.cameras);
+        fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
+        fit.follow_contours(&images_of_frames(&cameras, &all, &fields), &mut |_, _, _| true)?;
+        for _ in 0..FURTHER_CALIBRATIONS {
+            fit.calibrate_further(&capture.cameras, &views, calibration)?;
+            let cameras = calibration.applied_to(&capture.cameras);
+            let images = images_of_frames(&cameras, &all, &fields);
+            for huber in LAST_STEPS {
+                fit.step(&images, huber, true)?;
+            }
+        }
+    }
+    let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&capture.cameras));
+    let cameras = refined.as_ref().unwrap_or(&capture.cameras);
+    let images = images_of_frames(cameras, &all, &fields);
     let refine = |fit: &Fit, usable: &[bool]| {
         let contrast = SplitContrast::load(capture, split)?;
-        texture::refine(fit, &contrast.by_frame(capture, &all), &images, usable, after_step)
+        texture::refine(fit, &contrast.by_frame(cameras, &all), &images, usable, after_step)
     };
-    fit.finish(&images, split.frames.len(), start, refine)
+    let frames = split.frames.len();
+    let given_fit = fit.fit_as_given(&as_given[..frames])?;
+    let time_offsets = fit.time_offsets(capture, &all, &images)?;
+    let mut aligned = fit.finish(&images, frames, given_fit, start, refine)?;
+    if aligned.rejection.is_none() {
+        (aligned.calibration, aligned.time_offsets) = (calibration, time_offsets);
+    }
+    Ok(aligned)
 }
 
 /// The frames of a split and then those of another one.
@@ -165,13 +204,34 @@ fn joined(split: &Split, other: Option<&Split>) -> Split {
     all
 }
 
-/// The images of a split by frame; those without outline are left out.
-fn images_of_frames<'a>(capture: &'a Capture, split: &Split, fields: &'a [Option<DistanceField>]) -> Vec<Images<'a>> {
-    let mut images: Vec<Images> = vec![vec![]; split.frames.len()];
+/// The views of a split by frame, with their cameras' numbers; those without outline are left out.
+fn views_of_frames<'a>(split: &Split, fields: &'a [Option<DistanceField>]) -> Vec<FrameViews<'a>> {
+    let mut views: Vec<FrameViews> = vec![vec![]; split.frames.len()];
     for (view, field) in split.views.iter().zip(fields) {
-        images[view.position].extend(field.as_ref().map(|field| (&capture.cameras[view.camera], field)));
+        views[view.position].extend(field.as_ref().map(|field| (view.camera, field)));
     }
-    images
+    views
+}
+
+/// The views of a split by frame, those of a frame that it has twice together with the first of these: cameras that are held
+/// out are calibrated, too.
+fn calibration_views<'a>(split: &Split, fields: &'a [Option<DistanceField>]) -> Vec<FrameViews<'a>> {
+    let mut views = views_of_frames(split, fields);
+    for position in 1..views.len() {
+        let frame = split.frames[position];
+        if let Some(first) = split.frames[..position].iter().position(|other| *other == frame) {
+            let more = std::mem::take(&mut views[position]);
+            let known: Vec<usize> = views[first].iter().map(|(camera, _)| *camera).collect();
+            views[first].extend(more.into_iter().filter(|(camera, _)| !known.contains(camera)));
+        }
+    }
+    views
+}
+
+/// The views of a split by frame with their cameras; those without outline are left out.
+fn images_of_frames<'a>(cameras: &'a [Camera], split: &Split, fields: &'a [Option<DistanceField>]) -> Vec<Images<'a>> {
+    let images = |views: FrameViews<'a>| views.into_iter().map(|(camera, field)| (&cameras[camera], field)).collect();
+    views_of_frames(split, fields).into_iter().map(images).collect()
 }
 
 /// Gets a step's number, median and 95th percentile of the contours' distances before it, pixels, and the poses; returns
@@ -345,44 +405,26 @@ impl<'a> Fit<'a> {
                 self.priors.spread.add(pose, &mut frame.pose_pose, &mut frame.d_pose);
             }
         }
-        let inverses: Vec<DMatrix<f64>> = equations.par_iter().map(|frame| inverse(&frame.pose_pose)).collect();
-        let count = self.shape.len();
-        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
-        let parts: Vec<(DMatrix<f64>, DVector<f64>)> = (equations.par_iter().zip(&inverses))
-            .map(|(frame, inverse)| {
-                let eliminated = frame.pose_shape.transpose() * inverse;
-                (&frame.shape_shape - &eliminated * &frame.pose_shape, &frame.d_shape - &eliminated * &frame.d_pose)
-            })
-            .collect();
-        for (part, d) in parts {
-            matrix += part;
-            gradient += d;
+        let deviations: Vec<f64> = (0..self.shape.len()).map(|k| self.proportions.deviation(k)).collect();
+        let step = joint_step(&equations, &self.shape, &deviations);
+        for (pose, step) in self.poses.iter_mut().zip(&step.poses) {
+            *pose = moved(&self.moving, pose, step);
         }
-        for (k, value) in self.shape.iter().enumerate() {
-            let information = self.proportions.deviation(k).powi(-2);
-            matrix[(k, k)] += information;
-            gradient[k] += information * value;
-        }
-        let d_shape = -(inverse(&matrix) * gradient);
-        for (k, (frame, inverse)) in equations.iter().zip(&inverses).enumerate() {
-            let step = -(inverse * (&frame.d_pose + &frame.pose_shape * &d_shape));
-            self.poses[k] = self.moved(&self.poses[k], &step);
-        }
-        self.shape.iter_mut().zip(d_shape.iter()).for_each(|(value, step)| *value += step);
+        self.shape.iter_mut().zip(step.shared.iter()).for_each(|(value, step)| *value += step);
         Ok(quantiles(equations.into_iter().flat_map(|frame| frame.distances).collect()))
     }
 
-    /// The result for so many frames, those after them being held out. `refine` refines the poses by texture, given which
+    /// The result for so many frames, those after them being held out; `given_fit` is that of the given poses. `refine` refines the poses by texture, given which
     /// frames' poses may be believed.
     fn finish(
         mut self,
         images: &[Images],
         frames: usize,
+        given_fit: MaskFit,
         start: Instant,
         refine: impl FnOnce(&Fit, &[bool]) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError>,
     ) -> Result<Alignment, AlignmentError> {
         let mut given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
-        let given_fit = self.fit_of(self.proportions.template(), &given[..frames], &images[..frames])?.0;
         let template = self.shaped()?.model;
         let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
         let (_, overlaps) = self.fit_of(&template, &self.poses, images)?;
@@ -424,6 +466,8 @@ impl<'a> Fit<'a> {
             template,
             rejection,
             rejected,
+            calibration: None,
+            time_offsets: vec![],
             fit,
             kept,
             prior_poses,
@@ -448,6 +492,12 @@ impl<'a> Fit<'a> {
             deviations[*joint] = (sum / (3 * covariances.len().max(1)) as f64).sqrt();
         }
         Ok(deviations)
+    }
+
+    /// How well the template as it came, in the given poses, fits the masks of the first frames.
+    fn fit_as_given(&self, images: &[Images]) -> Result<MaskFit, InvalidHandModel> {
+        let given: Vec<Pose> = self.given[..images.len()].iter().map(|pose| (*pose).clone()).collect();
+        Ok(self.fit_of(self.proportions.template(), &given, images)?.0)
     }
 
     /// How well a template in these poses fits the masks; also the overlap of each frame, 1 for one without masks.
@@ -487,15 +537,55 @@ impl<'a> Fit<'a> {
 
     /// A pose after a step.
     fn moved(&self, pose: &Pose, step: &DVector<f64>) -> Pose {
-        let vector = |at: usize| glam::DVec3::new(step[at], step[at + 1], step[at + 2]);
-        let mut moved = pose.clone();
-        for (i, joint) in self.moving.iter().enumerate() {
-            let rotation = rotation_from_axis_angle(vector(3 * i)) * rotation_from_axis_angle(pose.rotations[*joint]);
-            moved.rotations[*joint] = axis_angle_from_rotation(&rotation);
-        }
-        moved.translation += vector(3 * self.moving.len());
-        moved
+        moved(&self.moving, pose, step)
     }
+}
+
+/// A pose after a step of the joints that move and of the translation.
+fn moved(moving: &[usize], pose: &Pose, step: &DVector<f64>) -> Pose {
+    let vector = |at: usize| glam::DVec3::new(step[at], step[at + 1], step[at + 2]);
+    let mut moved = pose.clone();
+    for (i, joint) in moving.iter().enumerate() {
+        let rotation = rotation_from_axis_angle(vector(3 * i)) * rotation_from_axis_angle(pose.rotations[*joint]);
+        moved.rotations[*joint] = axis_angle_from_rotation(&rotation);
+    }
+    moved.translation += vector(3 * moving.len());
+    moved
+}
+
+/// A Gauss-Newton step.
+struct JointStep {
+    /// Of each frame's pose.
+    poses: Vec<DVector<f64>>,
+    /// Of what the frames share.
+    shared: DVector<f64>,
+}
+
+/// A step of all frames and of what they share, which is `shared` now and has these standard deviations before any image is
+/// seen, about 0.
+fn joint_step(equations: &[FrameEquations], shared: &[f64], deviations: &[f64]) -> JointStep {
+    let inverses: Vec<DMatrix<f64>> = equations.par_iter().map(|frame| inverse(&frame.pose_pose)).collect();
+    let count = shared.len();
+    let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = (equations.par_iter().zip(&inverses))
+        .map(|(frame, inverse)| {
+            let eliminated = frame.pose_shared.transpose() * inverse;
+            (&frame.shared_shared - &eliminated * &frame.pose_shared, &frame.d_shared - &eliminated * &frame.d_pose)
+        })
+        .collect();
+    for (part, d) in parts {
+        matrix += part;
+        gradient += d;
+    }
+    for (k, (value, deviation)) in shared.iter().zip(deviations).enumerate() {
+        matrix[(k, k)] += deviation.powi(-2);
+        gradient[k] += value / deviation.powi(2);
+    }
+    let shared = -(inverse(&matrix) * gradient);
+    let pose = |(frame, inverse): (&FrameEquations, &DMatrix<f64>)| {
+        -(inverse * (&frame.d_pose + &frame.pose_shared * &shared))
+    };
+    JointStep { poses: equations.iter().zip(&inverses).map(pose).collect(), shared }
 }
 
 /// The inverse of a symmetric positive definite matrix; of one that is not quite, with a little more on the diagonal.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ghand_core::Pose;
 use serde::Serialize;
 
-use crate::alignment::{Alignment, MaskFit, TextureRefinement};
+use crate::alignment::{Alignment, Calibration, MaskFit, TextureRefinement, TimeOffset};
 use crate::metrics::{moving_joints, pose_error_degrees};
 use crate::pose_offsets::PoseOffsets;
 
@@ -20,6 +20,10 @@ pub struct AlignmentFigures {
     pub seconds: f64,
     /// How texture refined the poses; `null` if they are the given ones.
     pub texture: Option<TextureFigures>,
+    /// What was refined of the cameras' calibration; `null` if it is as given.
+    pub calibration: Option<CalibrationFigures>,
+    /// Cameras that take their images earlier or later than the others.
+    pub time_offsets: Vec<TimeOffset>,
     /// How given poses fit the masks.
     pub given: FitFigures,
     /// How the poses that the alignment found fit the masks.
@@ -29,6 +33,17 @@ pub struct AlignmentFigures {
     pub pose_error_deg: Option<PoseErrors>,
     /// By joint that moves, how far the rotations about each axis are expected to be off, degrees.
     pub uncertainty_deg: BTreeMap<String, f64>,
+}
+
+/// How the cameras were refined.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CalibrationFigures {
+    /// Names of the parts that were refined.
+    pub refined: Vec<String>,
+    /// Overlap of the hand with the masks of images that were left out, with the given calibration.
+    pub left_out_given: f64,
+    /// The same with the refined one.
+    pub left_out_refined: f64,
 }
 
 /// How a template fits the masks.
@@ -88,11 +103,21 @@ impl AlignmentFigures {
             kept_frames: alignment.kept.len(),
             seconds: alignment.seconds,
             texture: alignment.texture.as_ref().map(TextureFigures::of),
+            calibration: alignment.calibration.as_ref().map(CalibrationFigures::of),
+            time_offsets: alignment.time_offsets.clone(),
             given: FitFigures::of(alignment.fit[0]),
             found: FitFigures::of(alignment.fit[1]),
             pose_error_deg: truth.map(|truth| PoseErrors::new(alignment, given, truth)),
             uncertainty_deg: uncertain.map(|((name, angle), _)| (name.clone(), angle.to_degrees())).collect(),
         }
+    }
+}
+
+impl CalibrationFigures {
+    fn of(calibration: &Calibration) -> CalibrationFigures {
+        let [left_out_given, left_out_refined] = calibration.left_out.map(|lack| 1.0 - lack);
+        let refined = calibration.parts.iter().map(|part| part.name().into()).collect();
+        CalibrationFigures { refined, left_out_given, left_out_refined }
     }
 }
 

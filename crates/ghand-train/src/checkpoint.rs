@@ -21,7 +21,7 @@ use crate::trainer::simplification::Simplification;
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
 /// Version of the format that this program writes and reads.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Bytes before the CBOR.
 const HEADER: usize = MAGIC.len() + 8;
 /// Maximum file size, bytes.

@@ -1,5 +1,7 @@
 //! In which poses an avatar is compared with the images of a split.
 
+use std::collections::BTreeSet;
+
 use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::{HandModel, Pose};
 use serde::{Deserialize, Serialize};
@@ -81,21 +83,23 @@ pub fn aligned_views(capture: &Capture, split: &Split, offsets: &PoseOffsets) ->
 }
 
 /// The images of a split in poses that were fitted to its frames' masks: `poses`, one for each frame. Of a frame with three
-/// images or more each is compared in a pose by the masks of the others, fitted from the capture's pose on with what is
-/// known. `template` is the avatar's; its shape is fixed. The images' colours have no part in it.
+/// images or more, those of the training split counted, each is compared in a pose by the masks of the others, fitted from
+/// the capture's pose on with what is known. `template` is the avatar's; its shape is fixed. The images' colours have no part in it.
 ///
 /// # Errors
 /// [`AlignmentError`] if a mask is unusable or a pose does not fit the template.
 pub fn mask_views(
     capture: &Capture,
+    train: &Split,
     split: &Split,
     template: &HandModel,
     poses: &[Pose],
     known: &PoseKnowledge,
 ) -> Result<Vec<PosedView>, AlignmentError> {
     let others_of = |view: &SplitView| -> Vec<usize> {
-        let others = split.views.iter().filter(|other| other.position == view.position && *other != view);
-        others.map(|other| other.camera).collect()
+        let others = split.views.iter().chain(&train.views);
+        let others = others.filter(|other| other.frame == view.frame && other.camera != view.camera);
+        others.map(|other| other.camera).collect::<BTreeSet<usize>>().into_iter().collect()
     };
     let single = |view: &SplitView| {
         let cameras = others_of(view);

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
-use ghand_core::{HandModel, Pose};
+use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
 use glam::DVec3;
@@ -77,6 +77,8 @@ pub struct Trained {
     /// The images of the watched split in poses by the protocol `masks`, for the avatar's template, where the capture has no
     /// exact poses and the training poses were aligned.
     pub held_out: Option<Vec<PosedView>>,
+    /// The capture's cameras, as refined where the alignment found their calibration wrong.
+    pub cameras: Vec<Camera>,
     /// The hand that the masks were cut to, once the poses were aligned.
     pub masks_of: Option<Arc<AlignedHand>>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
@@ -118,7 +120,7 @@ pub struct Trained {
 /// ```
 pub struct Trainer<'a> {
     gpu: &'a Gpu,
-    /// The template is in the proportions of the hand once they are known.
+    /// The template is in the proportions of the hand, and the cameras where they are, once that is known.
     capture: Capture,
     split: Split,
     split_name: String,
@@ -299,6 +301,9 @@ impl<'a> Trainer<'a> {
                 return Err(mismatch("its template has other joints".into()).into());
             }
             self.capture.template = alignment.template.clone();
+            if let Some(calibration) = &alignment.calibration {
+                self.capture.cameras = calibration.applied_to(&self.capture.cameras);
+            }
             let found = (alignment.rejection.is_none()).then(|| (alignment.template.clone(), alignment.poses.clone()));
             if let Some((template, poses)) = found {
                 self.align_masks(&template, &poses, prepared.held_out.as_deref())?;
@@ -437,6 +442,7 @@ impl<'a> Trainer<'a> {
             avatar,
             poses,
             held_out,
+            cameras: self.capture.cameras.clone(),
             masks_of: self.capture.images.aligned.clone(),
             alignment,
             light,
@@ -537,10 +543,17 @@ impl<'a> Trainer<'a> {
                 texture.kept.len()
             );
         }
+        for offset in &aligned.time_offsets {
+            log::warn!("{offset}");
+        }
+        if let Some(calibration) = &aligned.calibration {
+            log::info!("{}", calibration.summary());
+            self.capture.cameras = calibration.applied_to(&self.capture.cameras);
+        }
         self.prepared.poses.clone_from(&aligned.poses);
         self.capture.template = aligned.template.clone();
         if let (Some(split), Some(known), Some(watched)) = (held_out, &aligned.knowledge, &mut self.watched) {
-            let held_out = mask_views(&self.capture, &split, &aligned.template, &aligned.held_out, known)?;
+            let held_out = mask_views(&self.capture, &self.split, &split, &aligned.template, &aligned.held_out, known)?;
             watched.take_poses(&held_out);
             self.prepared.held_out = Some(held_out);
         }

@@ -25,7 +25,7 @@ use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::{METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+use crate::train_run::run_folder::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
 use crate::train_run::training_poses::{poses_of_split, true_poses};
 
 /// Command line of `ghand evaluate`.
@@ -133,8 +133,14 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let default = if capture.truth.is_some() { ProtocolArg::Given } else { ProtocolArg::Masks };
     let (protocol, views) = match args.protocol.unwrap_or(default) {
         ProtocolArg::Masks => {
-            let (known, poses) = pose_knowledge(&capture, &avatar.model, capture.split(train_split)?, split)?;
-            let views = mask_views(&capture, split, &avatar.model, &poses, &known)?;
+            let cameras = args.avatar.parent().map(|folder| folder.join(CAMERAS_FILE)).filter(|file| file.exists());
+            if let Some(file) = &cameras {
+                scored.take_cameras(file)?;
+                say!("cameras: as refined, of {}", file.display());
+            }
+            let train = capture.split(train_split)?;
+            let (known, poses) = pose_knowledge(&scored, &avatar.model, train, split)?;
+            let views = mask_views(&scored, train, split, &avatar.model, &poses, &known)?;
             // As in training, masks end where the avatar's template does.
             scored.align_masks(&avatar.model, &split.frames, &poses);
             (Protocol::Masks, views)

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
+use ghand_capture::Capture;
 use ghand_files::atomic_file::write_atomically;
 use ghand_train::alignment_picture::alignment_picture;
 use ghand_train::evaluate::Metrics;
@@ -30,7 +31,8 @@ use crate::train_run::live_viewer::LiveViewer;
 use crate::train_run::report_page::{Page, write_report_page};
 use crate::train_run::results::{save_metrics, save_poses};
 use crate::train_run::run_folder::{
-    ALIGN_FILE, AVATAR_FILE, CONFIG_FILE, DEFAULT_FOLDER, METRICS_FILE, PAGE_FILE, POSES_FILE, REPORT_FILE, RunFolder,
+    ALIGN_FILE, AVATAR_FILE, CAMERAS_FILE, CONFIG_FILE, DEFAULT_FOLDER, METRICS_FILE, PAGE_FILE, POSES_FILE,
+    REPORT_FILE, RunFolder,
 };
 use crate::train_run::run_record::RunRecord;
 use crate::train_run::settings_args::SettingsArgs;
@@ -309,6 +311,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         say!("{} steps were skipped, because a gradient in them was not finite", trained.skipped_steps);
     }
 
+    let refined = Capture { cameras: trained.cameras.clone(), ..capture.clone() };
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
     when_there_is_room(&avatar_path, || {
@@ -318,6 +321,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             let config = folder.file(CONFIG_FILE);
             let written = write_atomically(&config, settings.to_toml().as_bytes());
             written.with_context(|| format!("{}: cannot write", config.display()))?;
+            if refined.cameras != capture.cameras {
+                refined.save_cameras(&folder.file(CAMERAS_FILE))?;
+            }
             save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
         })
     })?;
@@ -327,10 +333,10 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut shown = None;
     let (mut images, mut given) = (None, None);
     if let Some(split) = capture.splits.get(test_split).filter(|split| !split.views.is_empty()) {
-        let mut cut = capture.clone();
+        let mut cut = refined.clone();
         cut.images.aligned = trained.masks_of.clone();
         let test = |protocol, views| TestImages {
-            // Poses that are fitted to masks come with masks that end where those of training do.
+            // Poses that are fitted to masks come with the cameras and the masks of training.
             capture: if protocol == Protocol::Masks { &cut } else { &capture },
             split: test_split,
             protocol,

@@ -150,6 +150,17 @@ fn print_alignment(figures: &AlignmentFigures) {
             texture.held_out_before
         );
     }
+    if let Some(calibration) = &figures.calibration {
+        say!(
+            "           cameras refined ({}): images left out overlap the hand by {:.3}, {:.3} as given",
+            calibration.refined.join(", "),
+            calibration.left_out_refined,
+            calibration.left_out_given
+        );
+    }
+    for offset in &figures.time_offsets {
+        say!("           {offset}");
+    }
     if let Some(reason) = &figures.rejection {
         say!("           not used: {reason}");
     }

@@ -17,6 +17,8 @@ pub const DEFAULT_FOLDER: &str = "out/train";
 pub const AVATAR_FILE: &str = "avatar.ghand";
 /// The refined poses in a run's folder.
 pub const POSES_FILE: &str = "poses.json";
+/// The cameras in a run's folder, if the alignment refined them.
+pub const CAMERAS_FILE: &str = "cameras.json";
 /// The figures in a run's folder.
 pub const METRICS_FILE: &str = "metrics.json";
 /// The picture in a run's folder.
@@ -32,8 +34,9 @@ pub const CONFIG_FILE: &str = "config.toml";
 /// A run on one page.
 pub const PAGE_FILE: &str = "report.html";
 /// All results of a run or an evaluation.
-const RESULTS: [&str; 12] = [
+const RESULTS: [&str; 13] = [
     AVATAR_FILE,
+    CAMERAS_FILE,
     CONFIG_FILE,
     POSES_FILE,
     METRICS_FILE,

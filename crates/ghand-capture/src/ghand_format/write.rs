@@ -1,6 +1,6 @@
 //! Writes the `capture.json` of a [`Capture`].
 
-use ghand_core::{Camera, HandModel, Side};
+use ghand_core::{HandModel, Side};
 use ghand_hand_model::procedural::ProceduralHand;
 use serde_json::{Map, Value};
 
@@ -8,7 +8,6 @@ use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, MADE, S
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
 use crate::capture_validation::is_plain_id;
-use crate::distortion::Distortion;
 use crate::json_file::write_json;
 use crate::mask::MaskMethod;
 use crate::truth::{pose_rows, write_truth};
@@ -65,7 +64,7 @@ impl Capture {
             hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
             cameras: (0..)
                 .zip(&self.cameras)
-                .map(|(i, c)| camera_file(c, self.distortion.get(i).copied().flatten()))
+                .map(|(i, c)| CameraFile::of(c, self.distortion.get(i).copied().flatten()))
                 .collect(),
             frames: frames.collect(),
             image_path: self.images.image.clone(),
@@ -99,22 +98,5 @@ fn parameters(hand: &ProceduralHand) -> Map<String, Value> {
         Ok(Value::Object(parameters)) => parameters,
         // Its fields are plain numbers.
         _ => Map::new(),
-    }
-}
-
-fn camera_file(camera: &Camera, distortion: Option<Distortion>) -> CameraFile {
-    CameraFile {
-        id: camera.id.clone(),
-        width: camera.width,
-        height: camera.height,
-        intrinsics: [
-            [camera.focal.x, 0.0, camera.principal.x],
-            [0.0, camera.focal.y, camera.principal.y],
-            [0.0, 0.0, 1.0],
-        ],
-        // glam stores columns; the file holds rows.
-        rotation: camera.rotation.transpose().to_cols_array_2d(),
-        translation: camera.translation.to_array(),
-        distortion: distortion.map(|distortion| distortion.to_opencv().to_vec()),
     }
 }

@@ -38,6 +38,10 @@ pub struct ContourPoint {
     pub residual: f64,
     /// Its derivative by the point's position, pixels per metre, world axes.
     pub gradient: DVec3,
+    /// Its derivative by the pixel at which the point is seen.
+    pub slope: DVec2,
+    /// The point's position in the camera's axes, metres.
+    pub in_camera: DVec3,
     /// Length of the contour that it stands for, pixels.
     pub length: f64,
 }
@@ -108,7 +112,8 @@ impl Edges {
             let at = camera.camera_from_world(0.5 * (corner(a) + corner(b)));
             let [x, y] = (slope * camera.focal / at.z).to_array();
             let gradient = camera.rotation.transpose() * DVec3::new(x, y, -(x * at.x + y * at.y) / at.z);
-            Some(ContourPoint { edge: [a, b], residual, gradient, length: length.min(LENGTHS[1]) })
+            let length = length.min(LENGTHS[1]);
+            Some(ContourPoint { edge: [a, b], residual, gradient, slope, in_camera: at, length })
         };
         self.edges.iter().filter_map(point).collect()
     }

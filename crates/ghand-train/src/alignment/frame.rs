@@ -5,6 +5,7 @@ use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 
+use super::camera_unknowns::CameraUnknowns;
 use super::contour::{ContourPoint, Edges};
 use super::distance_field::DistanceField;
 use super::proportions::Shaped;
@@ -28,13 +29,14 @@ pub struct Rig<'a> {
 }
 
 /// Second-order expansion of half the squared, weighted residuals of a frame: about its pose, with a step (rotation
-/// vectors of the moving joints in their parents' axes, radians; translation, metres), and about the shape.
+/// vectors of the moving joints in their parents' axes, radians; translation, metres), and about what all frames share:
+/// the shape, then what is unknown of the cameras.
 pub struct FrameEquations {
     pub pose_pose: DMatrix<f64>,
-    pub pose_shape: DMatrix<f64>,
-    pub shape_shape: DMatrix<f64>,
+    pub pose_shared: DMatrix<f64>,
+    pub shared_shared: DMatrix<f64>,
     pub d_pose: DVector<f64>,
-    pub d_shape: DVector<f64>,
+    pub d_shared: DVector<f64>,
     /// Distances of the contour points from the masks' outlines, pixels.
     pub distances: Vec<f64>,
     /// Half the squared, weighted residuals; linear beyond the Huber distance.
@@ -42,7 +44,7 @@ pub struct FrameEquations {
 }
 
 impl Rig<'_> {
-    /// The equations of a frame in a pose, from all its images.
+    /// The equations of a frame in a pose, from all its images, with known cameras.
     ///
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the template.
@@ -51,11 +53,25 @@ impl Rig<'_> {
         pose: &Pose,
         images: &[(&Camera, &DistanceField)],
     ) -> Result<FrameEquations, InvalidHandModel> {
+        self.equations_with(pose, images, None)
+    }
+
+    /// The same; some of the cameras may be unknown.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the template.
+    pub fn equations_with(
+        &self,
+        pose: &Pose,
+        images: &[(&Camera, &DistanceField)],
+        unknowns: Option<&CameraUnknowns>,
+    ) -> Result<FrameEquations, InvalidHandModel> {
         let model = &self.shaped.model;
         let posed = pose_hand(model, &[], pose)?;
         let normals = model.vertex_normals(&posed.vertices);
         let pose_count = 3 * self.moving.len() + 3;
-        let count = pose_count + self.shaped.d_vertices.len();
+        let first_of_cameras = pose_count + self.shaped.d_vertices.len();
+        let count = first_of_cameras + unknowns.map_or(0, CameraUnknowns::count);
         let mut motion = VertexMotion::new(self, &posed);
         let mut matrix = DMatrix::zeros(count, count);
         let mut gradient = DVector::zeros(count);
@@ -63,9 +79,14 @@ impl Rig<'_> {
         let mut cost = 0.0;
         let mut row: Vec<(usize, f64)> = vec![];
         for (camera, field) in images {
-            for point in self.edges.contour(&posed.vertices, &normals, camera, field) {
+            let shifted = unknowns.and_then(|unknowns| unknowns.at_time_of(camera, &posed.vertices));
+            let vertices = shifted.as_ref().unwrap_or(&posed.vertices);
+            for point in self.edges.contour(vertices, &normals, camera, field) {
                 distances.push(point.residual.abs());
                 motion.row(&point, &mut row);
+                if let Some(unknowns) = unknowns {
+                    unknowns.row(camera, &point, first_of_cameras, &mut row);
+                }
                 let robust = (self.huber / point.residual.abs().max(1e-9)).min(1.0);
                 let weight = robust * point.length / (CORRELATION * (DEVIATION.powi(2) * images.len() as f64));
                 // Of Huber's function r (d - r / 2) from the distance r on, divided by its weight r / d.
@@ -82,13 +103,13 @@ impl Rig<'_> {
                 matrix[(column, line)] = matrix[(line, column)];
             }
         }
-        let shape_count = count - pose_count;
+        let shared_count = count - pose_count;
         Ok(FrameEquations {
             pose_pose: matrix.view((0, 0), (pose_count, pose_count)).into(),
-            pose_shape: matrix.view((0, pose_count), (pose_count, shape_count)).into(),
-            shape_shape: matrix.view((pose_count, pose_count), (shape_count, shape_count)).into(),
+            pose_shared: matrix.view((0, pose_count), (pose_count, shared_count)).into(),
+            shared_shared: matrix.view((pose_count, pose_count), (shared_count, shared_count)).into(),
             d_pose: gradient.rows(0, pose_count).into(),
-            d_shape: gradient.rows(pose_count, shape_count).into(),
+            d_shared: gradient.rows(pose_count, shared_count).into(),
             distances,
             cost,
         })

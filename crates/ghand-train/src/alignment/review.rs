@@ -15,10 +15,13 @@ use rayon::prelude::*;
 use super::rejection::rejection;
 use super::side::is_other_hand;
 use super::texture::surface::{NearestDepth, SurfacePoint, surface_points};
-use super::{AlignmentError, DistanceField, Fit, MaskFit, Rejection, Shape, images_of_frames};
+use super::{
+    AlignmentError, Calibration, DistanceField, Fit, MaskFit, Rejection, Shape, TimeOffset, calibration_views,
+    images_of_frames,
+};
 
-/// Frames that are fitted, evenly over the split.
-const FRAMES: usize = 12;
+/// Frames that are fitted: so many pairs of successive ones, which tell velocities, evenly over the split.
+const PAIRS: usize = 8;
 /// A point of the surface is seen at an angle with at least this cosine.
 const LEAST_COSINE: f64 = 0.3;
 /// A part of the hand of which less than this is seen is named.
@@ -35,6 +38,10 @@ pub struct Review {
     pub frames: usize,
     /// How given and fitted poses fit the masks.
     pub fit: [MaskFit; 2],
+    /// How the cameras' calibration is off, if it is.
+    pub calibration: Option<Calibration>,
+    /// Cameras that take their images earlier or later than the others.
+    pub time_offsets: Vec<TimeOffset>,
     /// Why training would use the given poses, if it would.
     pub rejection: Option<Rejection>,
     /// Size of the hand relative to the template's: median over the bones.
@@ -60,13 +67,15 @@ pub struct Review {
 pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, AlignmentError> {
     let split = some_frames(split);
     let fields = DistanceField::of_views(capture, &split.views)?;
-    let images = images_of_frames(capture, &split, &fields);
+    let images = images_of_frames(&capture.cameras, &split, &fields);
     if images.iter().all(Vec::is_empty) {
         return Ok(None);
     }
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
+    let calibration = fit.calibrate(&capture.cameras, &calibration_views(&split, &fields))?;
+    let time_offsets = fit.time_offsets(capture, &split, &images)?;
     let template = fit.shaped()?.model;
     let own: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
     let fits = [fit.fit_of(&capture.template, &own, &images)?.0, fit.fit_of(&template, &fit.poses, &images)?.0];
@@ -89,6 +98,8 @@ pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, Alignm
     let holes: Vec<bool> = split.views.par_iter().map(with_holes).collect::<Result<_, _>>()?;
     Ok(Some(Review {
         frames: split.frames.len(),
+        calibration,
+        time_offsets,
         rejection: rejection(fits, &capture.template, &template, is_other),
         fit: fits,
         size: median(lengths.map(|(found, given)| found / given).collect()),
@@ -108,6 +119,15 @@ impl Review {
         if let Some(rejection) = &self.rejection {
             all.push(format!("training would use the given poses: {rejection}"));
         }
+        if let Some(calibration) = &self.calibration {
+            let [before, after] = calibration.left_out.map(|lack| 1.0 - lack);
+            all.push(format!(
+                "the cameras' calibration is off ({}): images left out overlap the hand by {before:.2}, {after:.2} once it is \
+                 refined; training refines it, calibrating again is better",
+                calibration.parts_text()
+            ));
+        }
+        all.extend(self.time_offsets.iter().map(ToString::to_string));
         let percent = 100.0 * (self.size - 1.0);
         if percent.abs() >= 2.0 {
             let how = if percent > 0.0 { "larger" } else { "smaller" };
@@ -148,11 +168,11 @@ impl Review {
     }
 }
 
-/// A split's frames, if there are many an even selection.
+/// A split's frames, if there are many an even selection of pairs.
 fn some_frames(split: &Split) -> Split {
-    let count = FRAMES.min(split.frames.len());
-    let chosen: Vec<usize> = (0..count).map(|k| (2 * k + 1) * split.frames.len() / (2 * count)).collect();
-    split.filtered(|view| chosen.contains(&view.position))
+    let count = PAIRS.min(split.frames.len().div_ceil(2));
+    let first: Vec<usize> = (0..count).map(|k| 2 * (split.frames.len() * k / (2 * count))).collect();
+    split.filtered(|view| first.contains(&(view.position - view.position % 2)))
 }
 
 fn bone_lengths(model: &HandModel) -> Vec<f64> {
@@ -265,6 +285,7 @@ fn part_name(role: Option<JointRole>, is_back: bool) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::camera_unknowns::Part;
     use super::*;
 
     #[test]
@@ -297,6 +318,8 @@ mod tests {
             masks: 24,
             masks_with_holes: 0,
             unseen: vec![],
+            calibration: None,
+            time_offsets: vec![],
         };
         assert_eq!(usual.sentences(), Vec::<String>::new());
         let all = Review {
@@ -305,12 +328,21 @@ mod tests {
             masks_with_holes: 3,
             unseen: vec![("the palm".into(), 0.04)],
             fit: [fit([4.0, 20.0]), fit([0.9, 9.0])],
+            time_offsets: vec![TimeOffset { camera: "left".into(), frames: -0.3 }],
+            calibration: Some(Calibration { parts: vec![Part::Extrinsics], changes: vec![], left_out: [0.3, 0.1] }),
             ..usual
         };
         let text = all.sentences().join("\n");
-        for part in
-            ["8 % smaller", "12 mm beside", "3 of 24 masks have holes", "the palm (4 % seen)", "more than 9 pixels"]
-        {
+        for part in [
+            "left seem to be taken 0.3 frames earlier",
+            "position and direction",
+            "by 0.70, 0.90 once",
+            "8 % smaller",
+            "12 mm beside",
+            "3 of 24 masks have holes",
+            "the palm (4 % seen)",
+            "more than 9 pixels",
+        ] {
             assert!(text.contains(part), "{part:?} is missing in {text}");
         }
     }

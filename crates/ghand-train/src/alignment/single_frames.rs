@@ -39,7 +39,7 @@ pub fn pose_knowledge(
 ) -> Result<(PoseKnowledge, Vec<Pose>), AlignmentError> {
     let all = joined(split, Some(held_out));
     let fields = DistanceField::of_views(capture, &all.views)?;
-    let images = images_of_frames(capture, &all, &fields);
+    let images = images_of_frames(&capture.cameras, &all, &fields);
     let given = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(template, given, Shape::Known);
     fit.follow_contours(&images, &mut |_, _, _| true)?;

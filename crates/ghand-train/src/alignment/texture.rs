@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 
 use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::posing::pose_hand;
-use ghand_core::{InvalidHandModel, Pose};
+use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -77,10 +77,10 @@ impl SplitContrast {
     }
 
     /// The images of the frames.
-    pub fn by_frame<'a>(&'a self, capture: &'a Capture, split: &Split) -> Vec<Contrasts<'a>> {
+    pub fn by_frame<'a>(&'a self, cameras: &'a [Camera], split: &Split) -> Vec<Contrasts<'a>> {
         let mut images: Vec<Contrasts> = vec![vec![]; split.frames.len()];
         for (view, contrast) in split.views.iter().zip(&self.0) {
-            images[view.position].extend(contrast.as_ref().map(|contrast| (&capture.cameras[view.camera], contrast)));
+            images[view.position].extend(contrast.as_ref().map(|contrast| (&cameras[view.camera], contrast)));
         }
         images
     }
