@@ -6,7 +6,7 @@ use image::{DynamicImage, ImageFormat};
 use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
-use crate::mask::{MaskMethod, made_mask, mask_by_colors};
+use crate::mask::{MaskMethod, made_mask, mask_by_colors, squared_distances};
 use crate::mask_values::{MaskValues, mask_values};
 
 /// One image of the capture with its mask.
@@ -134,12 +134,15 @@ impl Capture {
             rgba.iter_mut().zip(values).for_each(|(pixel, mask)| pixel[3] = mask);
             has_mask = true;
         }
-        self.cut_arm(camera, frame, &mut rgba)?;
+        let hide = shows_surroundings(&rgba, size.0 as usize, [r, g, b]);
+        let arm = self.arm_pixels(camera, frame, &rgba)?;
+        arm.iter().for_each(|i| rgba[*i][3] = 0);
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
         let contrast = contrast(&rgba);
-        if shows_surroundings(&rgba, size.0 as usize, [r, g, b]) {
+        if hide {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }
+        arm.iter().for_each(|i| rgba[*i] = [r, g, b, 0]);
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels, contrast }))
     }
 
@@ -206,30 +209,39 @@ fn contrast(rgba: &[[u8; 4]]) -> u8 {
     range(0).max(range(1)).max(range(2))
 }
 
-/// Pixels outside a mask that are nearer than this to it may be edges of the hand, half covered by it.
-const EDGE: usize = 2;
+/// Pixels outside a mask that are nearer than this to it may be edges of the hand, or parts of it that the mask lacks:
+/// pixels, and a part of the square root of the mask's area.
+const EDGE: f64 = 2.5;
+const WRONG_MASK: f64 = 0.1;
 /// Channels of the background's colour differ by no more than this from it, by lossy compression.
 const LIKE_BACKGROUND: u8 = 16;
 /// Part of an image outside its mask that may have other colours: wrong pixels of a mask, and of the compression.
 const OTHER_COLORS: f64 = 0.002;
 
-/// Whether an image (red, green, blue, mask 0 or 255) shows anything but the background beside the hand. If it does not, its
-/// edges are mixed of hand and background, and stay; else they are mixed of hand and surroundings.
+/// Whether an image (red, green, blue, mask 0 or 255) shows anything but the background away from the hand. If it does not, its
+/// edges are mixed of hand and background, and stay, and so does what a mask lacks; else they are mixed of hand and surroundings.
 fn shows_surroundings(rgba: &[[u8; 4]], width: usize, background: [u8; 3]) -> bool {
     let width = width.max(1);
-    let height = rgba.len() / width;
+    let outside = rgba.iter().filter(|pixel| pixel[3] == 0).count();
+    let near = EDGE.max(WRONG_MASK * ((rgba.len() - outside) as f64).sqrt());
+    let allowed = (OTHER_COLORS * outside as f64) as usize;
     let is_other = |pixel: &[u8; 4]| {
         pixel[3] == 0 && (0..3).any(|channel| pixel[channel].abs_diff(background[channel]) > LIKE_BACKGROUND)
     };
-    let is_edge = |i: usize| {
-        let (x, y) = (i % width, i / width);
-        let rows = y.saturating_sub(EDGE)..(y + EDGE + 1).min(height);
-        let columns = x.saturating_sub(EDGE)..(x + EDGE + 1).min(width);
-        rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).any(|i| rgba[i][3] != 0)
-    };
-    let outside = rgba.iter().filter(|pixel| pixel[3] == 0).count();
-    let allowed = (OTHER_COLORS * outside as f64) as usize;
-    rgba.iter().enumerate().filter(|(i, pixel)| is_other(pixel) && !is_edge(*i)).nth(allowed).is_some()
+    let margin = near.ceil() as u32 + 1;
+    let height = rgba.len() / width;
+    let [left, top, columns, rows] = crop_box(rgba, width as u32, height as u32, margin).map(|v| v as usize);
+    let is_within =
+        |i: usize| (left..left + columns).contains(&(i % width)) && (top..top + rows).contains(&(i / width));
+    let far = rgba.iter().enumerate().filter(|(i, pixel)| is_other(pixel) && !is_within(*i)).take(allowed + 1).count();
+    if far > allowed {
+        return true;
+    }
+    let inside: Vec<&[u8; 4]> = (top..top + rows).flat_map(|y| &rgba[y * width + left..][..columns]).collect();
+    let start = inside.iter().map(|pixel| if pixel[3] == 0 { f64::INFINITY } else { 0.0 }).collect();
+    let distances = squared_distances(start, [columns, rows]);
+    let others = inside.iter().zip(&distances).filter(|(pixel, squared)| **squared > near.powi(2) && is_other(pixel));
+    far + others.count() > allowed
 }
 
 /// Number of pixels with a NaN channel.
@@ -306,6 +318,17 @@ mod tests {
         assert!(!shows_surroundings(&image([9, 3, 14]), 60, [0; 3]));
         assert!(shows_surroundings(&image([180, 170, 160]), 60, [0; 3]));
         assert!(shows_surroundings(&image([0; 3]), 60, [255; 3]));
+        // A mask that is too small by 2 pixels, the size of a tenth of it.
+        let mut eroded = image([0; 3]);
+        for (i, pixel) in eroded.iter_mut().enumerate() {
+            let (x, y) = (i % 60, i / 60);
+            pixel[3] = if (22..38).contains(&x) && (22..38).contains(&y) { 255 } else { 0 };
+        }
+        assert!(!shows_surroundings(&eroded, 60, [0; 3]));
+        // A forearm.
+        let mut arm = image([0; 3]);
+        (41..60).for_each(|y| (25..35).for_each(|x| arm[y * 60 + x] = [200, 150, 120, 0]));
+        assert!(shows_surroundings(&arm, 60, [0; 3]));
         // A small thing on an empty table.
         let mut thing = image([0; 3]);
         (0..12).for_each(|x| thing[3 * 60 + x] = [0, 200, 0, 0]);

@@ -111,6 +111,11 @@ impl ArmEndInImage {
         (pixel - self.start).dot(self.towards_arm) / self.band
     }
 
+    /// The pixel on the arm's axis that is so many lengths of the band beyond its start.
+    pub fn at(&self, bands: f64) -> DVec2 {
+        self.start + bands * self.band * self.towards_arm
+    }
+
     /// Whether an arm that goes on from the model may be at a pixel.
     pub fn may_be_arm(&self, pixel: DVec2) -> bool {
         let offset = pixel - self.start;

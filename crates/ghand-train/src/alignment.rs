@@ -10,6 +10,7 @@ mod camera_unknowns;
 mod contour;
 mod distance_field;
 mod frame;
+mod mask_end;
 mod priors;
 mod proportions;
 mod rejection;
@@ -179,6 +180,12 @@ pub fn align(
     let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&capture.cameras));
     let cameras = refined.as_ref().unwrap_or(&capture.cameras);
     let images = images_of_frames(cameras, &all, &fields);
+    if fit.masks_end_with_template(&images)? {
+        fit.edges = Edges::of(&capture.template).with_arm_end();
+        for huber in LAST_STEPS {
+            fit.step(&images, huber, true)?;
+        }
+    }
     let refine = |fit: &Fit, usable: &[bool]| {
         let contrast = SplitContrast::load(capture, split)?;
         texture::refine(fit, &contrast.by_frame(cameras, &all), &images, usable, after_step)
@@ -445,10 +452,10 @@ impl<'a> Fit<'a> {
             refinement.contour_poses.truncate(frames);
             texture = Some(refinement);
         }
+        let uncertainty = self.uncertainty(images)?;
         kept.retain(|k| *k < frames);
         let fit = [given_fit, aligned_fit];
         let prior_poses = self.given[..frames].iter().map(|given| self.prior_pose(given)).collect();
-        let uncertainty = self.uncertainty(images)?;
         let seconds = start.elapsed().as_secs_f64();
         let knowledge = Some(PoseKnowledge { moving: self.moving, priors: self.priors });
         let (mut poses, template, rejected) = match rejection {

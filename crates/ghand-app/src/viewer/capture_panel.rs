@@ -11,6 +11,7 @@ use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_byt
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
 use crate::capture_args::CaptureOptions;
+use crate::train_run::run_folder::CAMERAS_FILE;
 use crate::viewer::capture_poses::CapturePoses;
 use crate::viewer::number_slider::number_slider;
 
@@ -63,12 +64,19 @@ impl CapturePanel {
         })
     }
 
-    /// Takes the poses of the training frames from the run that trained this avatar, if they are beside its file.
+    /// Takes the poses of the training frames, and the cameras if they were refined, from the run that trained this avatar,
+    /// if they are beside its file.
     ///
     /// # Errors
-    /// One sentence that names the file if it is broken or belongs to another capture; all poses are as given then.
+    /// One sentence that names the file if it is broken or belongs to another capture; all poses, or the cameras, are as given
+    /// then.
     pub fn read_trained_poses(&mut self, avatar: &Path, model: &HandModel) -> anyhow::Result<()> {
-        self.poses.read_trained(avatar, &self.capture, model)
+        self.poses.read_trained(avatar, &self.capture, model)?;
+        let cameras = avatar.with_file_name(CAMERAS_FILE);
+        if self.poses.has_trained() && cameras.exists() {
+            Arc::make_mut(&mut self.capture).take_cameras(&cameras)?;
+        }
+        Ok(())
     }
 
     /// The poses of the frames.

@@ -15,6 +15,10 @@ use crate::error::CaptureError;
 /// Pixels beyond the template's end, beside where its arm may be, are cut off at this distance from it, relative to the
 /// hand's size: nearer ones may be fingers that point towards the arm.
 const BESIDE: f64 = 0.06;
+/// A mask has an arm if more than so many of its pixels are farther beyond the template's end than one and a half of the last
+/// 6 % of the hand.
+const ARM: f64 = 2.5;
+const LEAST_ARM: usize = 8;
 
 /// A hand model and poses better than the capture's own, by frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,23 +47,26 @@ impl Capture {
         Some((&aligned.model, aligned.poses.get(frame)?.as_ref()?))
     }
 
-    /// Takes the arm out of a view (alpha 255 on the hand, 0 elsewhere) if its frame's pose is aligned.
-    pub(crate) fn cut_arm(&self, camera: usize, frame: usize, rgba: &mut [[u8; 4]]) -> Result<(), CaptureError> {
+    /// Pixels of a view (alpha 255 on the hand, 0 elsewhere) that show the arm, if its frame's pose is aligned.
+    pub(crate) fn arm_pixels(&self, camera: usize, frame: usize, rgba: &[[u8; 4]]) -> Result<Vec<usize>, CaptureError> {
         if self.aligned(frame).is_none() {
-            return Ok(());
+            return Ok(vec![]);
         }
         let (model, vertices, _) = posed(self, frame)?;
         let (camera, _) = self.camera_and_frame(camera, frame)?;
-        let Some(guide) = Guide::new(camera, model, &vertices, BESIDE) else { return Ok(()) };
+        let Some(guide) = Guide::new(camera, model, &vertices, BESIDE) else { return Ok(vec![]) };
         let width = camera.width as usize;
-        for (i, pixel) in rgba.iter_mut().enumerate().filter(|(_, pixel)| pixel[3] > 0) {
+        let is_beyond = |i: usize, bands: f64| {
             let (x, y) = (i % width, i / width);
             let least = if guide.may_be_arm(x, y) { 0.0 } else { BESIDE };
-            if guide.is_beyond(x, y, 1.0) && guide.distance(x, y).is_none_or(|distance| distance > least) {
-                pixel[3] = 0;
-            }
+            guide.is_beyond(x, y, bands) && guide.distance(x, y).is_none_or(|distance| distance > least)
+        };
+        let shown = || (0..rgba.len()).filter(|i| rgba[*i][3] > 0);
+        // A mask that ends about where the template does has no arm.
+        if shown().filter(|i| is_beyond(*i, ARM)).nth(LEAST_ARM).is_none() {
+            return Ok(vec![]);
         }
-        Ok(())
+        Ok(shown().filter(|i| is_beyond(*i, 1.0)).collect())
     }
 }
 

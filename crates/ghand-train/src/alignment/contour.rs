@@ -59,6 +59,16 @@ impl Edges {
         Edges { triangles: triangles.clone(), arm_end: ArmEnd::of(template), edges: edges.collect() }
     }
 
+    /// The same; the template's end at the wrist is an outline as any other.
+    pub fn with_arm_end(self) -> Edges {
+        Edges { arm_end: None, ..self }
+    }
+
+    /// Whether a vertex is at the template's end, and that is no outline.
+    pub fn is_arm_end(&self, vertex: u32) -> bool {
+        self.arm_end.as_ref().is_some_and(|end| end.contains(vertex))
+    }
+
     /// The end of the template at `positions` in an image.
     pub fn arm_end(&self, positions: &[DVec3], camera: &Camera) -> Option<ArmEndInImage> {
         self.arm_end.as_ref()?.seen(positions, camera)
@@ -86,9 +96,8 @@ impl Edges {
             covered[clamp(pixel.y, camera.height) * camera.width as usize + clamp(pixel.x, camera.width)]
         };
         let arm = self.arm_end(positions, camera);
-        let is_end = |v: u32| self.arm_end.as_ref().is_some_and(|end| end.contains(v));
         let point = |&([a, b], [first, second]): &([u32; 2], [u32; 2])| {
-            if is_front[first as usize] == is_front[second as usize] || is_end(a) || is_end(b) {
+            if is_front[first as usize] == is_front[second as usize] || self.is_arm_end(a) || self.is_arm_end(b) {
                 return None;
             }
             let [(p, p_depth), (q, q_depth)] = [a, b].map(|v| camera.project(corner(v)));
