@@ -171,6 +171,16 @@ fn training_starts_from_the_chosen_poses_and_says_so() {
     assert_trained(&train(folder.path(), "given", &["--poses", "given", "--set", "align=none"]));
     assert_eq!(metrics("given")["poses"], "given");
     assert!(avatar("given") != avatar("truth"));
+
+    // A file with another shape gives the hand that shape.
+    let mut shaped = json(&folder.path().join("truth/poses.json"));
+    for frame in shaped["frames"].as_array_mut().unwrap() {
+        frame["shape"] = serde_json::json!([1.5, 0.0, -1.0]);
+    }
+    std::fs::write(folder.path().join("shaped.json"), shaped.to_string()).unwrap();
+    assert_trained(&train(folder.path(), "shaped", &["--poses", "shaped.json", "--set", "align=none"]));
+    assert_eq!(poses("shaped")[0]["shape"], serde_json::json!([1.5, 0.0, -1.0]));
+    assert!(avatar("shaped") != avatar("truth"));
 }
 
 #[test]

@@ -109,6 +109,17 @@ impl Capture {
         })
     }
 
+    /// Gives all frames, and with them the template, another shape.
+    ///
+    /// # Errors
+    /// [`CaptureError::HandModel`] if it has more numbers than the hand model has shapes, or one is not finite.
+    pub fn take_shape(&mut self, shape: &[f64]) -> Result<(), CaptureError> {
+        self.frames.iter_mut().for_each(|frame| frame.shape = shape.to_vec());
+        self.template = mean_shaped(&self.hand_model, &self.frames)
+            .map_err(|source| CaptureError::HandModel { path: self.root.clone(), source })?;
+        Ok(())
+    }
+
     /// Index of the camera of that id.
     pub fn camera_index(&self, id: &str) -> Option<usize> {
         self.cameras.iter().position(|c| c.id == id)

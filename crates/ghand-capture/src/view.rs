@@ -209,8 +209,8 @@ fn contrast(rgba: &[[u8; 4]]) -> u8 {
     range(0).max(range(1)).max(range(2))
 }
 
-/// Pixels outside a mask that are nearer than this to it may be edges of the hand, or parts of it that the mask lacks:
-/// pixels, and a part of the square root of the mask's area.
+/// Pixels outside a mask that are nearer than the sum of these to it may be edges of the hand, or parts of it that the mask
+/// lacks: pixels, and a part of the square root of the mask's area.
 const EDGE: f64 = 2.5;
 const WRONG_MASK: f64 = 0.1;
 /// Channels of the background's colour differ by no more than this from it, by lossy compression.
@@ -223,7 +223,7 @@ const OTHER_COLORS: f64 = 0.002;
 fn shows_surroundings(rgba: &[[u8; 4]], width: usize, background: [u8; 3]) -> bool {
     let width = width.max(1);
     let outside = rgba.iter().filter(|pixel| pixel[3] == 0).count();
-    let near = EDGE.max(WRONG_MASK * ((rgba.len() - outside) as f64).sqrt());
+    let near = EDGE + WRONG_MASK * ((rgba.len() - outside) as f64).sqrt();
     let allowed = (OTHER_COLORS * outside as f64) as usize;
     let is_other = |pixel: &[u8; 4]| {
         pixel[3] == 0 && (0..3).any(|channel| pixel[channel].abs_diff(background[channel]) > LIKE_BACKGROUND)
@@ -318,7 +318,7 @@ mod tests {
         assert!(!shows_surroundings(&image([9, 3, 14]), 60, [0; 3]));
         assert!(shows_surroundings(&image([180, 170, 160]), 60, [0; 3]));
         assert!(shows_surroundings(&image([0; 3]), 60, [255; 3]));
-        // A mask that is too small by 2 pixels, the size of a tenth of it.
+        // A mask that is too small by 2 pixels, a tenth of its size.
         let mut eroded = image([0; 3]);
         for (i, pixel) in eroded.iter_mut().enumerate() {
             let (x, y) = (i % 60, i / 60);

@@ -246,9 +246,12 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let path = &path;
     // A requested split that does not exist fails here, before training.
     let needed: Vec<&str> = std::iter::once(&record.split).chain(&record.test_split).map(String::as_str).collect();
-    let capture = given.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
+    let mut capture = given.open(path, &needed, &[DEFAULT_TEST_SPLIT])?;
     let test_split = record.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT);
     let start = poses.applied_to(&capture, &record.split)?;
+    // What is compared and saved has the shape that training starts from, too.
+    capture.template.clone_from(&start.template);
+    capture.frames.iter_mut().zip(&start.frames).for_each(|(own, start)| own.shape.clone_from(&start.shape));
     check_image_sizes(lpips.as_deref(), &start, test_split)?;
     check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
     let train_split = capture.split(&record.split)?.clone();

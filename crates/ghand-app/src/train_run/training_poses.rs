@@ -9,7 +9,7 @@ use std::str::FromStr;
 use anyhow::{Context, bail};
 use ghand_capture::Capture;
 use ghand_core::Pose;
-use ghand_motion::{PoseOptions, read_poses};
+use ghand_motion::{PoseFrame, PoseOptions, read_poses};
 
 /// The poses that a run starts from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -46,18 +46,25 @@ impl fmt::Display for StartPoses {
 }
 
 impl StartPoses {
-    /// The capture with these poses in the frames of the split of that name; other frames keep theirs.
+    /// The capture with these poses in the frames of the split of that name; other frames keep theirs. If a file has another
+    /// shape of the hand than the capture, all frames get it: they show one person.
     ///
     /// # Errors
     /// One sentence that names the option or the file if a pose is missing or does not fit the hand model.
     pub fn applied_to(&self, capture: &Capture, split: &str) -> anyhow::Result<Capture> {
         let frames = &capture.split(split)?.frames;
-        let poses = match self {
-            StartPoses::Given => return Ok(capture.clone()),
-            StartPoses::Truth => true_poses(capture, split).context("--poses truth")?,
-            StartPoses::File(path) => poses_of_split(path, capture, split).context("--poses")?,
-        };
         let mut changed = capture.clone();
+        let poses = match self {
+            StartPoses::Given => return Ok(changed),
+            StartPoses::Truth => true_poses(capture, split).context("--poses truth")?,
+            StartPoses::File(path) => {
+                let found = frames_of_split(path, capture, split).context("--poses")?;
+                if let Some(shape) = other_shape(&found, capture, frames) {
+                    changed.take_shape(&shape).with_context(|| format!("--poses: {}", path.display()))?;
+                }
+                found.into_iter().map(|frame| frame.pose).collect()
+            }
+        };
         for (frame, pose) in frames.iter().zip(poses) {
             if let Some(frame) = changed.frames.get_mut(*frame) {
                 frame.pose = pose;
@@ -65,6 +72,19 @@ impl StartPoses {
         }
         Ok(changed)
     }
+}
+
+/// The mean shape of these frames of a file, if one is not the capture's; `None` also if they have none.
+fn other_shape(found: &[PoseFrame], capture: &Capture, frames: &[usize]) -> Option<Vec<f64>> {
+    let given = |frame: &usize| capture.frames.get(*frame).map(|frame| &frame.shape);
+    let is_other = |(found, frame): (&PoseFrame, &usize)| !found.shape.is_empty() && Some(&found.shape) != given(frame);
+    if !found.iter().zip(frames).any(is_other) {
+        return None;
+    }
+    let shapes: Vec<&Vec<f64>> = found.iter().map(|frame| &frame.shape).filter(|shape| !shape.is_empty()).collect();
+    let length = shapes.iter().map(|shape| shape.len()).max()?;
+    let mean = |i: usize| shapes.iter().filter_map(|shape| shape.get(i)).sum::<f64>() / shapes.len() as f64;
+    Some((0..length).map(mean).collect())
 }
 
 /// The exact poses of a split's frames.
@@ -91,9 +111,14 @@ pub fn true_poses(capture: &Capture, split: &str) -> anyhow::Result<Vec<Pose>> {
 /// # Errors
 /// One sentence that names the file, and the frame or the field that is wrong.
 pub fn poses_of_split(path: &Path, capture: &Capture, split: &str) -> anyhow::Result<Vec<Pose>> {
+    Ok(frames_of_split(path, capture, split)?.into_iter().map(|frame| frame.pose).collect())
+}
+
+fn frames_of_split(path: &Path, capture: &Capture, split: &str) -> anyhow::Result<Vec<PoseFrame>> {
     let sequence = read_poses(path, &capture.hand_model, &PoseOptions::default())?;
     sequence.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", path.display()));
-    let mut by_id: HashMap<String, Pose> = sequence.frames.into_iter().map(|frame| (frame.id, frame.pose)).collect();
+    let mut by_id: HashMap<String, PoseFrame> =
+        sequence.frames.into_iter().map(|frame| (frame.id.clone(), frame)).collect();
     let pose = |frame: &usize| match by_id.remove(frame_id(capture, *frame)) {
         Some(pose) => Ok(pose),
         None => bail!(
