@@ -9,6 +9,7 @@ use ghand_core::Camera;
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_synthetic::SyntheticOptions;
+use ghand_train::alignment::review::review;
 use ghand_train::alignment::{Alignment, align};
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -88,6 +89,10 @@ fn wrong_calibrations_are_refined_and_right_ones_kept() {
             assert!(after < before);
             // 1.0 times as measured; 8 times with the calibration as given.
             assert!(found < 1.25 * exact, "{found} pixels, {exact} with exact cameras");
+            // What is told of the hand is what refined cameras show.
+            let told = review(&off, &split).unwrap().unwrap();
+            assert!(told.sentences()[0].contains("calibration is off"), "{:?}", told.sentences());
+            assert!(told.fit[1].contours[0] < 1.5 && told.fingers.to_degrees() < 15.0, "{told:?}");
         }
     }
 }

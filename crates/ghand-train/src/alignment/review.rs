@@ -75,6 +75,18 @@ pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, Alignm
     let mut fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
     let calibration = fit.calibrate(&capture.cameras, &calibration_views(&split, &fields))?;
+    // With wrong cameras nothing else can be told.
+    let refined;
+    let (capture, images) = match &calibration {
+        Some(calibration) => {
+            refined = Capture { cameras: calibration.applied_to(&capture.cameras), ..capture.clone() };
+            let images = images_of_frames(&refined.cameras, &split, &fields);
+            fit = Fit::new(&refined.template, given.clone(), Shape::Unknown);
+            fit.follow_contours(&images, &mut |_, _, _| true)?;
+            (&refined, images)
+        }
+        None => (capture, images),
+    };
     let time_offsets = fit.time_offsets(capture, &split, &images)?;
     let template = fit.shaped()?.model;
     let own: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
