@@ -34,6 +34,11 @@ impl LensCamera {
     }
 }
 
+/// Refined cameras that differ by more are not those of the capture: radians, and parts of the distance from the world's
+/// origin and of the focal length.
+const LARGEST_TURN: f64 = 5.0_f64.to_radians();
+const LARGEST_PART: f64 = 0.1;
+
 #[derive(Serialize, Deserialize)]
 struct CameraList {
     cameras: Vec<CameraFile>,
@@ -73,7 +78,8 @@ impl Capture {
     /// Takes the cameras of a file that [`Capture::save_cameras`] wrote for this capture.
     ///
     /// # Errors
-    /// [`CaptureError`] names the file and its problem; also if its cameras are not the capture's.
+    /// [`CaptureError`] names the file and its problem; also if its cameras are not the capture's, by ids, sizes, or because
+    /// they are farther from the given ones than a calibration may be wrong.
     pub fn take_cameras(&mut self, path: &Path) -> Result<(), CaptureError> {
         let refined = read_cameras(path)?;
         let images = |camera: &Camera| (camera.id.clone(), camera.width, camera.height);
@@ -82,9 +88,27 @@ impl Capture {
                            that it was made for";
             return Err(FileValidator { path }.invalid("cameras", problem));
         }
+        if let Some((lens, _)) = refined.iter().zip(&self.cameras).find(|(lens, given)| !is_near(&lens.camera, given)) {
+            let problem = format!(
+                "are of another capture: {:?} looks from elsewhere; remove the file, or give the capture that it was made for",
+                lens.camera.id
+            );
+            return Err(FileValidator { path }.invalid("cameras", problem));
+        }
         self.cameras = refined.into_iter().map(|lens| lens.camera).collect();
         Ok(())
     }
+}
+
+/// Whether a camera may be another one refined: alignment expects errors of half a degree and 1 %.
+fn is_near(refined: &Camera, given: &Camera) -> bool {
+    let turn = refined.rotation * given.rotation.transpose();
+    let cosine = 0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0);
+    let moved = refined.translation.distance(given.translation);
+    let zoom = (refined.focal / given.focal).max_element().max((given.focal / refined.focal).max_element());
+    cosine >= LARGEST_TURN.cos()
+        && moved <= LARGEST_PART * given.translation.length().max(0.1)
+        && zoom <= 1.0 + LARGEST_PART
 }
 
 #[cfg(test)]

@@ -30,12 +30,14 @@ struct Panel {
 }
 
 /// One row per view, evenly over frames and cameras: the outline of the capture's template in the given pose at the left,
-/// that of the fitted template in the aligned pose at the right, also if the alignment was rejected. `split` is the one that
-/// was aligned.
+/// that of the fitted template in the aligned pose, seen by the refined camera, at the right, also if the alignment was
+/// rejected. `split` is the one that was aligned.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
 pub fn alignment_picture(capture: &Capture, split: &Split, alignment: &Alignment) -> Result<RgbImage, AlignmentError> {
+    let refined = alignment.calibration.as_ref().map(|calibration| calibration.applied_to(&capture.cameras));
+    let cameras = refined.as_ref().unwrap_or(&capture.cameras);
     let count = VIEWS.min(split.frames.len());
     let mut panels = vec![];
     for row in 0..count {
@@ -53,7 +55,7 @@ pub fn alignment_picture(capture: &Capture, split: &Split, alignment: &Alignment
             Some((poses, template)) => (poses, template),
             None => (&alignment.poses, &alignment.template),
         };
-        let aligned = silhouette(template, &poses[position], camera)?;
+        let aligned = silhouette(template, &poses[position], &cameras[view.camera])?;
         let mask = loaded.rgba.iter().map(|pixel| pixel[3] >= 128);
         let shown: Vec<bool> = given.iter().zip(&aligned).zip(mask).map(|((a, b), mask)| *a || *b || mask).collect();
         let part = bounds(&shown, loaded.width);

@@ -107,6 +107,29 @@ fn two_cameras_keep_their_calibration() {
 }
 
 #[test]
+fn refined_cameras_are_read_again_and_those_of_another_capture_are_refused() {
+    let (capture, folder) = make(&options(2, 1, 7));
+    let file = folder.path().join("cameras.json");
+    let saved = |errors| {
+        let refined = Capture { cameras: wrong(&capture.cameras, errors, 5), ..capture.clone() };
+        refined.save_cameras(&file).unwrap();
+        let mut read = capture.clone();
+        read.take_cameras(&file).map(|()| (refined.cameras, read.cameras))
+    };
+    let (refined, read) = saved([0.01, 0.01, 0.01, 0.01]).unwrap();
+    for (refined, read) in refined.iter().zip(&read) {
+        let points = [DVec3::ZERO, DVec3::new(0.05, -0.02, 0.03)];
+        assert!(points.iter().all(|p| refined.project(*p).0.distance(read.project(*p).0) < 1e-6));
+    }
+    for errors in [[0.4, 0.0, 0.0, 0.0], [0.0, 0.4, 0.0, 0.0], [0.0, 0.0, 0.9, 0.0]] {
+        let error = saved(errors).unwrap_err().to_string();
+        assert!(error.contains("cameras.json") && error.contains("another capture"), "{error}");
+    }
+    std::fs::write(&file, "{\"cameras\": []}").unwrap();
+    assert!(capture.clone().take_cameras(&file).unwrap_err().to_string().contains("same ids and sizes"));
+}
+
+#[test]
 fn a_camera_that_is_late_is_told() {
     for views in [2, 3] {
         let (capture, _folder) = make(&options(views, 60, 4));
@@ -125,5 +148,36 @@ fn a_camera_that_is_late_is_told() {
         assert_eq!(offsets[0].camera, capture.cameras[last].id);
         // 0.7 and 0.9 as measured.
         assert!((0.6..1.5).contains(&offsets[0].frames), "{offsets:?}");
+    }
+}
+
+#[test]
+#[ignore = "a measurement of five minutes"]
+fn joints_with_calibrations_that_are_more_and_less_wrong() {
+    for views in [3, 4, 5] {
+        for identity in [3, 8, 21] {
+            let options = SyntheticOptions { identity, ..options(views, 12, identity) };
+            let (capture, _folder) = make(&options);
+            let split = capture.split("train").unwrap().clone();
+            for errors in [
+                [0.0; 4],
+                [0.001, 0.001, 0.0, 0.0],
+                [0.003, 0.003, 0.0, 0.0],
+                [0.0, 0.0, 0.01, 0.0],
+                [0.008, 0.008, 0.0, 0.0],
+                [0.008, 0.008, 0.01, 0.01],
+                [0.015, 0.015, 0.02, 0.02],
+            ] {
+                let off = Capture { cameras: wrong(&capture.cameras, errors, 5 + identity), ..capture.clone() };
+                let aligned = align(&off, &split, None, &mut |_, _| true).unwrap();
+                let calibration = aligned.calibration.as_ref();
+                let used = calibration.map_or(off.cameras.clone(), |calibration| calibration.applied_to(&off.cameras));
+                println!(
+                    "{views} cameras, identity {identity}, {errors:?}: {:?}, joints off by {:.2} pixels",
+                    calibration.map(|calibration| &calibration.parts),
+                    reprojection(&capture, &split, &aligned, &used, &capture.cameras)
+                );
+            }
+        }
     }
 }
