@@ -1,7 +1,7 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
 //! The template is the built-in hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
-//! The true hand is the same in the shape of a random person (`random_shape.rs`: lengths differ by up to 6 % or so),
+//! The true hand is the same in the shape of a random person (`random_shape.rs`, `random_bones.rs`),
 //! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
 //! Training poses have the errors of a tracker (`pose_errors.rs`), and training masks those of a segmentation if wanted
@@ -29,6 +29,7 @@ mod nails;
 mod noise;
 mod normal;
 mod pose_errors;
+mod random_bones;
 mod random_shape;
 mod skin;
 mod skinning;
@@ -151,6 +152,9 @@ pub const HAND_MODEL_FILE: &str = "hand_right.npz";
 pub struct SyntheticOptions {
     /// Seed of the hand and its skin.
     pub identity: u64,
+    /// How much the lengths of the hand's single bones differ from the template's, in multiples of the published spread among
+    /// men and women; 0 for the template's proportions in a shape of the model's own.
+    pub bone_spread: f64,
     /// Seed of the motion, the test poses and the errors of the training poses.
     pub seed: u64,
     /// Cameras of the training split.
@@ -203,6 +207,7 @@ impl Default for SyntheticOptions {
     fn default() -> Self {
         SyntheticOptions {
             identity: 7,
+            bone_spread: 1.0,
             seed: 7,
             views: 8,
             train_frames: 16,
@@ -357,6 +362,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     let noise = [
         ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
         ("translation_noise", options.translation_noise, 0.1),
+        ("bone_spread", options.bone_spread, 2.0),
         ("pose_bias_degrees", options.pose_bias_degrees, 45.0),
         ("mask_noise_pixels", options.mask_noise_pixels, 10.0),
         ("exposure_noise", options.exposure_noise, 1.0),
@@ -393,7 +399,7 @@ impl Templates {
 
 /// The hand in the images.
 fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
-    let person = random_hand(&builtin_hand(Side::Right)?, options.identity)?;
+    let person = random_hand(&builtin_hand(Side::Right)?, options.identity, options.bone_spread)?;
     let person = with_joints_of(options.format, person)?;
     if options.forearm {
         return Ok(TrueHand::with_forearm(forearm::with_forearm(&person)?, options.side, options.identity));

@@ -5,14 +5,15 @@ use ghand_core::{HandModel, InvalidHandModel};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::normal::normal;
+use super::normal::truncated_normal;
+use super::random_bones::with_random_bones;
 
 /// Standard deviation of each shape direction, in its unit.
 ///
 /// Girth, wrist and the `macro` directions are as in the population of `assets/human-hand`. The three lengths are not:
 /// that population's hands differ in length mostly by age, by up to a tenth within two standard deviations, and their
 /// fingers hardly differ from each other at all (0.06 and 0.05). Here lengths differ by up to about 6 % as a whole, and
-/// those of the fingers by up to as much again, as adults' do.
+/// those of the fingers by up to as much again, as adults' do; single bones differ beside that (`random_bones.rs`).
 const DEVIATIONS: [(&str, f64); 10] = [
     ("finger-length", 0.5),
     ("finger-diameter", 0.32),
@@ -25,9 +26,6 @@ const DEVIATIONS: [(&str, f64); 10] = [
     ("macro-4", 1.0),
     ("macro-5", 1.0),
 ];
-/// Normal numbers beyond this many standard deviations are drawn again.
-const MOST_DEVIATIONS: f64 = 2.0;
-
 /// A shape of the model (`n_s` weights), the same for the same seed: independent normal numbers within two standard
 /// deviations ([`DEVIATIONS`]); 0 for directions of other names.
 fn random_shape(model: &HandModel, seed: u64) -> Vec<f64> {
@@ -37,22 +35,14 @@ fn random_shape(model: &HandModel, seed: u64) -> Vec<f64> {
     model.shape_names.iter().map(weight).collect()
 }
 
-/// The model in [`random_shape`], without blend shapes.
+/// The model in [`random_shape`] and with [random bones](with_random_bones), without blend shapes.
 ///
 /// # Errors
 /// As for [`shape_hand`].
-pub(super) fn random_hand(model: &HandModel, seed: u64) -> Result<HandModel, InvalidHandModel> {
+pub(super) fn random_hand(model: &HandModel, seed: u64, bone_spread: f64) -> Result<HandModel, InvalidHandModel> {
     let shaped = shape_hand(model, &random_shape(model, seed))?;
-    Ok(HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.without_blend_shapes() })
-}
-
-fn truncated_normal(rng: &mut ChaCha8Rng) -> f64 {
-    loop {
-        let number = normal(rng);
-        if number.abs() <= MOST_DEVIATIONS {
-            return number;
-        }
-    }
+    let hand = HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.without_blend_shapes() };
+    Ok(with_random_bones(&hand, seed, bone_spread))
 }
 
 #[cfg(test)]

@@ -153,7 +153,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
 #[test]
 fn two_identities_differ_from_the_template_and_from_each_other_in_shape() {
     let model = Templates::of(&options()).unwrap().own;
-    let joints = [1, 2].map(|identity| random_hand(&model, identity).unwrap().joints);
+    let joints = [1, 2].map(|identity| random_hand(&model, identity, 1.0).unwrap().joints);
     let bones = |joints: &[DVec3]| -> Vec<f64> {
         let parents = model.parents.iter().enumerate().filter_map(|(k, parent)| Some((k, (*parent)?)));
         parents.map(|(k, parent)| joints[k].distance(joints[parent])).collect()
@@ -161,7 +161,7 @@ fn two_identities_differ_from_the_template_and_from_each_other_in_shape() {
     let [one, two, template] = [&joints[0], &joints[1], &model.joints].map(|joints| bones(joints));
     for (a, b) in [(&one, &template), (&two, &template), (&one, &two)] {
         let largest = a.iter().zip(b).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
-        assert!((0.01..0.25).contains(&largest), "bones differ by up to {largest}");
+        assert!((0.05..0.5).contains(&largest), "bones differ by up to {largest}");
     }
 }
 

@@ -35,6 +35,10 @@ pub struct CaptureArgs {
     /// Selects the hand: its proportions and its skin [default: 7]
     #[arg(long, value_name = "SEED")]
     identity: Option<u64>,
+    /// How much the lengths of single bones differ from the template's, in multiples of their published spread among men
+    /// and women, up to 2 [default: 1]
+    #[arg(long, value_name = "FACTOR")]
+    bone_spread: Option<f64>,
     /// Seed of the motion, the test poses and the errors of the training poses [default: 7]
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
@@ -105,6 +109,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let [width, height] = args.size.unwrap_or([defaults.width, defaults.height]);
     let options = SyntheticOptions {
         identity: args.identity.unwrap_or(defaults.identity),
+        bone_spread: args.bone_spread.unwrap_or(defaults.bone_spread),
         seed: args.seed.unwrap_or(defaults.seed),
         views: args.views.unwrap_or(defaults.views),
         train_frames: args.train_frames.unwrap_or(defaults.train_frames),
