@@ -74,7 +74,7 @@ fn a_palm_that_no_image_showed_is_not_dark() {
         height: 240,
         pose_noise_degrees: 0.0,
         translation_noise: 0.0,
-        ..small_options(5)
+        ..small_options(13)
     };
     let (mut capture, _folder) = make(&options);
     let split = seen_from_the_back(&capture);
@@ -94,8 +94,9 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     };
     let chosen = parts_beyond(&gpu, &train(LightChoice::Auto), &root, &known);
     println!("light=auto: {chosen:?} are darker, more saturated");
-    // Measured: 0.002 are darker and 0.11 more saturated, where directions were chosen.
-    assert!(chosen[0] < 0.01 && chosen[1] < 0.15, "{chosen:?}");
+    // Directions are chosen here, the worst of twelve persons: 0.0002 are darker and 0.003 more saturated, of which 0.086
+    // were before the light's colours were drawn to each other.
+    assert!(chosen[0] < 0.005 && chosen[1] < 0.01, "{chosen:?}");
 
     // Harmonics, which this capture does not determine (they explain frames left out worse than no light).
     let avatar = train(LightChoice::Sh);

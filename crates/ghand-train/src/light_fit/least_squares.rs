@@ -12,6 +12,8 @@ const ROUNDS: usize = 40;
 const SMALL_CHANGE: f64 = 1e-3;
 /// Ridge on the light, as a fraction of the mean diagonal.
 const LIGHT_RIDGE: f64 = 1e-3;
+/// Ridge on how much the light of a channel differs from the mean of all three, likewise.
+const COLOR_RIDGE: f64 = 0.1;
 /// What [`Unknowns::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is gained
 /// by a lamp of its own there stays in the sky.
 const SPARSITY: f64 = 0.03;
@@ -57,7 +59,34 @@ pub(super) struct ChannelFit {
 
 /// Light and albedos of the three channels, linear.
 pub(super) fn fit(unknowns: Unknowns, frames: &[&FrameColors], texels: usize) -> Vec<ChannelFit> {
-    (0..3usize).into_par_iter().map(|channel| fit_channel(unknowns, frames, texels, channel)).collect()
+    let fits: Vec<ChannelFit> =
+        (0..3usize).into_par_iter().map(|channel| fit_channel(unknowns, frames, texels, channel)).collect();
+    if unknowns == Unknowns::Constant {
+        return fits;
+    }
+    // Each channel for itself, light from where images hardly tell has any colour, which shadows then take.
+    let gray = fits.iter().map(|fit| &fit.light).sum::<DVector<f64>>() / 3.0;
+    let less_colored = |(channel, fit): (usize, ChannelFit)| {
+        let values = values_of(frames, channel);
+        let weights = robust_weights(frames, &values, &fit.light, &fit.albedo);
+        let pull = Pull { to: &gray, ridge: COLOR_RIDGE };
+        let light = fit_light(unknowns, frames, &values, &weights, &fit.albedo, fit.light, &pull);
+        let albedo = fit_albedo(frames, &values, &weights, &light, texels);
+        ChannelFit { light, albedo }
+    };
+    fits.into_par_iter().enumerate().map(less_colored).collect()
+}
+
+/// The colours of one channel, by frame.
+fn values_of(frames: &[&FrameColors], channel: usize) -> Vec<Vec<f64>> {
+    frames.iter().map(|frame| frame.colors.iter().map(|color| color[channel]).collect()).collect()
+}
+
+/// What a light is drawn to.
+struct Pull<'a> {
+    to: &'a DVector<f64>,
+    /// As a fraction of the mean diagonal.
+    ridge: f64,
 }
 
 fn fit_channel(unknowns: Unknowns, frames: &[&FrameColors], texels: usize, channel: usize) -> ChannelFit {
@@ -70,15 +99,17 @@ fn fit_channel(unknowns: Unknowns, frames: &[&FrameColors], texels: usize, chann
     if unknowns == Unknowns::Constant {
         return ChannelFit { light, albedo: mean_colors(frames, texels, channel) };
     }
-    let values: Vec<Vec<f64>> =
-        frames.iter().map(|frame| frame.colors.iter().map(|color| color[channel]).collect()).collect();
+    let values = values_of(frames, channel);
+    // Directions that nothing shows are not dark: they are drawn to even light. Harmonics are even light and less.
+    let even = if unknowns == Unknowns::Harmonics { DVector::zeros(count) } else { light.clone() };
+    let pull = Pull { to: &even, ridge: LIGHT_RIDGE };
     // All skin alike: what light explains is light.
     let mut albedo = DVector::from_element(texels, 1.0);
     let mut weights: Vec<Vec<f64>> =
         values.iter().map(|values| values.iter().map(|value| steepness(*value).powi(2)).collect()).collect();
     for _ in 0..ROUNDS {
         let before = light.clone();
-        light = fit_light(unknowns, frames, &values, &weights, &albedo, light);
+        light = fit_light(unknowns, frames, &values, &weights, &albedo, light, &pull);
         albedo = fit_albedo(frames, &values, &weights, &light, texels);
         weights = robust_weights(frames, &values, &light, &albedo);
         if (&light - before).norm() < SMALL_CHANGE * light.norm() {
@@ -110,6 +141,7 @@ fn fit_light(
     weights: &[Vec<f64>],
     albedo: &DVector<f64>,
     before: DVector<f64>,
+    pull: &Pull,
 ) -> DVector<f64> {
     let count = before.len();
     let mut matrix = DMatrix::zeros(count, count);
@@ -126,13 +158,10 @@ fn fit_light(
         matrix += &transposed * &rows;
         vector += transposed * targets;
     }
-    let ridge = LIGHT_RIDGE * matrix.trace() / count as f64;
-    // Drawn to even light, so that directions that nothing shows are not dark.
+    let ridge = pull.ridge * matrix.trace() / count as f64;
     for k in 0..count {
         matrix[(k, k)] += ridge;
-        if unknowns != Unknowns::Harmonics {
-            vector[k] += ridge;
-        }
+        vector[k] += ridge * pull.to[k];
     }
     let mut light = match unknowns {
         Unknowns::Directions => non_negative(&matrix, &vector, before),
