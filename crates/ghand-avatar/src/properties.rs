@@ -226,11 +226,12 @@ impl PropertyTables {
     }
 
     /// Lets Gaussians that training hardly saw take their values from their neighbours. `seen` is how much it saw each
-    /// of them, N; `neighbors` is [`crate::neighbors::neighbors`]. Those of networks do already: their weights are the same
-    /// for all Gaussians, and what differs, the features, is smooth over the surface.
-    pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32]) {
+    /// of them, N; `neighbors` is [`crate::neighbors::neighbors`], `cameras` the number of cameras that it saw them with.
+    /// Networks do already: their weights are the same for all Gaussians, and what differs, the features, is smooth over the
+    /// surface.
+    pub fn fill_unseen(&mut self, seen: &[f32], neighbors: &[u32], cameras: usize) {
         match self {
-            PropertyTables::Direct(tables) => tables.fill_unseen(seen, neighbors),
+            PropertyTables::Direct(tables) => tables.fill_unseen(seen, neighbors, cameras),
             PropertyTables::Network(_) | PropertyTables::Baked(_) => {}
         }
     }

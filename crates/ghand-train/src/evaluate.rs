@@ -230,6 +230,8 @@ pub struct Metrics {
     pub pose_error_deg: Option<PoseError>,
     /// How the alignment went, with `align=contours`.
     pub alignment: Option<AlignmentFigures>,
+    /// Training images that are so blurred that they were taken less than half as often as others.
+    pub blurred: usize,
     /// What was found of the cameras' exposures; `null` with `exposure=same`.
     pub exposure: Option<ExposureFit>,
     /// How light was taken apart from skin; `null` with `light=none`.

@@ -34,6 +34,7 @@ pub mod protocol;
 pub mod report;
 mod setting_rules;
 pub mod settings;
+mod sharpness;
 mod shown_gaussians;
 pub mod ssim;
 pub mod step;

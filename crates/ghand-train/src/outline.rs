@@ -1,9 +1,15 @@
 //! How far pictures of a hand keep to the outline of its posed template where nothing can be compared with: what lies
 //! loose beside it, and how frayed the outline is.
 
+use ghand_avatar::{Avatar, Scene};
 use ghand_capture::mask::covered_pixels;
 use ghand_core::Camera;
-use glam::DVec3;
+use ghand_core::posing::pose_hand;
+use ghand_core::sphere::spiral_direction;
+use ghand_hand_model::named_poses::named_pose;
+use ghand_render::splat::Purpose;
+use ghand_render::{Gpu, RenderError};
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use crate::error_bands::depths;
@@ -14,6 +20,12 @@ pub const LOOSE_DISTANCE: f64 = 3e-3;
 /// Standard deviation of the blur that an outline is compared after, metres: flakes and notches up to about twice as
 /// wide vanish in it, the round ends of fingers stay.
 pub const FRAY_SIZE: f64 = 2e-3;
+/// Poses that few captures show, and how they are seen.
+const BENT_POSES: [&str; 4] = ["fist", "point", "pinch", "thumbs-up"];
+const VIEWS: usize = 8;
+const SIDE: u32 = 200;
+const DISTANCE: f64 = 0.6;
+const PIXELS_PER_METRE: f64 = 800.0;
 /// The silhouette is counted on so many times as many pixels in each direction.
 const SILHOUETTE_SCALE: u32 = 4;
 
@@ -94,6 +106,31 @@ pub struct Outline {
     pub roughness: Option<f64>,
 }
 
+/// The outline of an avatar with bent fingers, from all around; without figures if its hand model has no named poses.
+///
+/// # Errors
+/// [`RenderError`] if the device cannot draw it.
+pub fn bent_outline(gpu: &Gpu, avatar: &Avatar) -> Result<Outline, RenderError> {
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [SIDE; 2])?;
+    let mut sums = OutlineSums::default();
+    for pose in BENT_POSES.into_iter().filter_map(|name| named_pose(name, &avatar.model)) {
+        scene.set_pose(gpu, 0, 0, &pose)?;
+        let posed = pose_hand(&avatar.model, &[], &pose).map_err(|error| RenderError::Invalid(error.to_string()))?;
+        let points = posed.vertices;
+        let middle = points.iter().sum::<DVec3>() / points.len() as f64;
+        for view in 0..VIEWS {
+            let eye = middle + spiral_direction(view, VIEWS) * DISTANCE;
+            let camera = Camera::look_at(eye, middle, DVec3::Z, 1.0, SIDE, SIDE);
+            let camera = Camera { focal: DVec2::splat(PIXELS_PER_METRE * DISTANCE), ..camera };
+            let drawn = scene.render(gpu, 0, &camera, [0.0; 3])?.rgba;
+            let coverage: Vec<f32> = drawn.iter().map(|pixel| pixel[3]).collect();
+            let template = silhouette(&camera, &points, &avatar.model.faces);
+            sums.add(&coverage, &template, [SIDE; 2], PIXELS_PER_METRE);
+        }
+    }
+    Ok(sums.figures())
+}
+
 /// Number of pixels on one side of the outline (where coverage is a half) that are on its other side after a blur with
 /// this standard deviation, pixels.
 fn frayed(coverage: &[f32], size: [u32; 2], deviation: f64) -> usize {
@@ -103,7 +140,7 @@ fn frayed(coverage: &[f32], size: [u32; 2], deviation: f64) -> usize {
 }
 
 /// A picture after a Gaussian blur; what is beyond its border is 0.
-fn blurred(values: &[f32], [width, height]: [u32; 2], deviation: f64) -> Vec<f32> {
+pub(crate) fn blurred(values: &[f32], [width, height]: [u32; 2], deviation: f64) -> Vec<f32> {
     let reach = (3.0 * deviation).ceil() as usize;
     let weight = |k: usize| (-0.5 * (k as f64 / deviation.max(f64::MIN_POSITIVE)).powi(2)).exp();
     let total = 1.0 + 2.0 * (1..=reach).map(weight).sum::<f64>();

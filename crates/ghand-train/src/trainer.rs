@@ -83,6 +83,8 @@ pub struct Trained {
     pub masks_of: Option<Arc<AlignedHand>>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
     pub alignment: Option<Alignment>,
+    /// Training images that are so blurred that they were taken less than half as often as others.
+    pub blurred: usize,
     /// How the light was found, unless `light=none`.
     pub light: Option<LightFit>,
     /// What was found of the cameras' exposures, unless `exposure=same`.
@@ -444,6 +446,7 @@ impl<'a> Trainer<'a> {
             held_out,
             cameras: self.capture.cameras.clone(),
             masks_of: self.capture.images.aligned.clone(),
+            blurred: self.views.blurred()?,
             alignment,
             light,
             exposure,

@@ -1,7 +1,11 @@
 //! Training views, cropped to the hand, from a store that keeps a bounded part of them in memory.
 
-use ghand_capture::{Capture, CaptureError, Split, SplitView, ViewStore, ViewStoreOptions};
+use std::sync::OnceLock;
+
+use ghand_capture::{Capture, CaptureError, CroppedView, Split, SplitView, ViewStore, ViewStoreOptions};
 use ghand_core::Camera;
+
+use crate::sharpness::{sharpness, weights};
 
 /// One image of one frame, cropped to the hand.
 #[derive(Debug, Clone)]
@@ -21,22 +25,7 @@ pub struct TrainView {
 impl TrainView {
     /// The view at an integer fraction of its resolution, by box filter; partial pixels at the edges are dropped.
     pub fn reduced(&self, factor: u32) -> TrainView {
-        let [width, height] = self.size;
-        let size = [(width / factor).max(1), (height / factor).max(1)];
-        let mut pixels = Vec::with_capacity((size[0] * size[1]) as usize);
-        for y in 0..size[1] {
-            for x in 0..size[0] {
-                let (mut sum, mut n) = ([0u32; 4], 0);
-                for sy in y * factor..((y + 1) * factor).min(height) {
-                    for sx in x * factor..((x + 1) * factor).min(width) {
-                        let pixel = self.pixels[(sy * width + sx) as usize];
-                        sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += u32::from(p));
-                        n += 1;
-                    }
-                }
-                pixels.push(sum.map(|s| ((s + n / 2) / n.max(1)) as u8));
-            }
-        }
+        let (pixels, size) = reduced(&self.pixels, self.size, factor);
         let scale = 1.0 / f64::from(factor);
         let camera = Camera {
             width: size[0],
@@ -49,12 +38,34 @@ impl TrainView {
     }
 }
 
+/// An image at an integer fraction of its resolution, by box filter, and its size.
+pub(crate) fn reduced(pixels: &[[u8; 4]], [width, height]: [u32; 2], factor: u32) -> (Vec<[u8; 4]>, [u32; 2]) {
+    let size = [(width / factor).max(1), (height / factor).max(1)];
+    let mut out = Vec::with_capacity((size[0] * size[1]) as usize);
+    for y in 0..size[1] {
+        for x in 0..size[0] {
+            let (mut sum, mut n) = ([0u32; 4], 0);
+            for sy in y * factor..((y + 1) * factor).min(height) {
+                for sx in x * factor..((x + 1) * factor).min(width) {
+                    let pixel = pixels[(sy * width + sx) as usize];
+                    sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += u32::from(p));
+                    n += 1;
+                }
+            }
+            out.push(sum.map(|s| ((s + n / 2) / n.max(1)) as u8));
+        }
+    }
+    (out, size)
+}
+
 /// The views of a split. The trainer decides in which order they are used.
 pub struct TrainViews {
     store: ViewStore,
     views: Vec<SplitView>,
     /// Width and height of the largest crop.
     largest: [u32; 2],
+    /// See [`TrainViews::weights`].
+    weights: OnceLock<Vec<f64>>,
 }
 
 impl TrainViews {
@@ -68,7 +79,7 @@ impl TrainViews {
         let pairs: Vec<(usize, usize)> = split.views.iter().map(|v| (v.camera, v.frame)).collect();
         let sizes = store.map(&pairs, |view| [view.camera.width, view.camera.height])?;
         let largest = [0, 1].map(|axis| sizes.iter().map(|size| size[axis]).max().unwrap_or(1));
-        Ok(TrainViews { store, views: split.views.clone(), largest })
+        Ok(TrainViews { store, views: split.views.clone(), largest, weights: OnceLock::new() })
     }
 
     /// Number of views.
@@ -106,6 +117,28 @@ impl TrainViews {
             pixels: view.pixels.clone(),
         };
         Ok(if reduction > 1 { train_view.reduced(reduction) } else { train_view })
+    }
+
+    /// How much each view counts, 0.1 to 1: less where it is blurred.
+    ///
+    /// # Errors
+    /// [`CaptureError`] if an image has become unreadable.
+    pub fn weights(&self) -> Result<&[f64], CaptureError> {
+        if let Some(known) = self.weights.get() {
+            return Ok(known);
+        }
+        let pairs: Vec<(usize, usize)> = self.views.iter().map(|v| (v.camera, v.frame)).collect();
+        let sharpness = |view: &CroppedView| sharpness(&view.pixels, [view.camera.width, view.camera.height]);
+        let views = pairs.iter().map(|(camera, _)| *camera).zip(self.store.map(&pairs, sharpness)?);
+        Ok(self.weights.get_or_init(|| weights(&views.collect::<Vec<_>>())))
+    }
+
+    /// How many views are so blurred that they count less than half.
+    ///
+    /// # Errors
+    /// As for [`TrainViews::weights`].
+    pub fn blurred(&self) -> Result<usize, CaptureError> {
+        Ok(self.weights()?.iter().filter(|weight| **weight < 0.5).count())
     }
 
     /// Starts decoding a view in the background.

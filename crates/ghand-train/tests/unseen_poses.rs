@@ -2,19 +2,15 @@
 //! cameras that are wrong.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use ghand_avatar::{Avatar, PropertyTables, Scene};
+use ghand_avatar::{Avatar, PropertyTables};
 use ghand_capture::{Capture, Split};
-use ghand_core::posing::pose_hand;
-use ghand_core::sphere::spiral_direction;
-use ghand_core::{Camera, Pose};
-use ghand_hand_model::named_poses::named_pose;
-use ghand_render::splat::Purpose;
+use ghand_core::Pose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::outline::{Outline, OutlineSums, silhouette};
+use ghand_train::outline::bent_outline;
 use ghand_train::synthetic_scene::make_capture;
 use ghand_train::{TrainSettings, Trainer};
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 
 /// Frames of the motion, and those of them with the straightest fingers, which are trained on.
 const FRAMES: usize = 24;
@@ -58,32 +54,6 @@ fn poor_capture(gpu: &Gpu, folder: &std::path::Path) -> Capture {
     capture
 }
 
-/// The outline in poses with bent fingers, from all around.
-fn outline(gpu: &Gpu, avatar: &Avatar) -> Outline {
-    const SIZE: u32 = 200;
-    const DISTANCE: f64 = 0.6;
-    const PIXELS_PER_METRE: f64 = 800.0;
-    const VIEWS: usize = 8;
-    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [SIZE; 2]).unwrap();
-    let mut sums = OutlineSums::default();
-    for name in ["fist", "point", "pinch", "thumbs-up"] {
-        let pose = named_pose(name, &avatar.model).unwrap();
-        scene.set_pose(gpu, 0, 0, &pose).unwrap();
-        let points = pose_hand(&avatar.model, &[], &pose).unwrap().vertices;
-        let middle = points.iter().sum::<DVec3>() / points.len() as f64;
-        for view in 0..VIEWS {
-            let eye = middle + spiral_direction(view, VIEWS) * DISTANCE;
-            let camera = Camera::look_at(eye, middle, DVec3::Z, 1.0, SIZE, SIZE);
-            let camera = Camera { focal: DVec2::splat(PIXELS_PER_METRE * DISTANCE), ..camera };
-            let drawn = scene.render(gpu, 0, &camera, [0.0; 3]).unwrap().rgba;
-            let coverage: Vec<f32> = drawn.iter().map(|pixel| pixel[3]).collect();
-            let template = silhouette(&camera, &points, &avatar.model.faces);
-            sums.add(&coverage, &template, [SIZE; 2], PIXELS_PER_METRE);
-        }
-    }
-    sums.figures()
-}
-
 #[test]
 fn fists_of_an_avatar_that_saw_few_open_hands_have_a_smooth_outline_and_nothing_loose() {
     let gpu = device();
@@ -91,7 +61,7 @@ fn fists_of_an_avatar_that_saw_few_open_hands_have_a_smooth_outline_and_nothing_
     let capture = poor_capture(&gpu, folder.path());
     let settings = TrainSettings { iterations: 400, ..TrainSettings::default() };
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
-    let found = outline(&gpu, &trained.avatar);
+    let found = bent_outline(&gpu, &trained.avatar).unwrap();
     // Measured: roughness 0.84 and 0.023 % loose; with offset_roughness=0 and unseen=keep 0.96 and 0.039 %.
     assert!(found.roughness.unwrap() < 0.9 && found.loose_share.unwrap() < 3.2e-4, "{found:?}");
 }
@@ -102,7 +72,7 @@ fn one_loose_gaussian_is_found() {
     let model = ghand_hand_model::builtin::builtin_hand(ghand_core::Side::Right).unwrap();
     let config = ghand_avatar::AvatarConfig { uv_resolution: 128, ..Default::default() };
     let mut avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 1).unwrap();
-    let clean = outline(&gpu, &avatar);
+    let clean = bent_outline(&gpu, &avatar).unwrap();
     // Where skin is stretched at a bent joint, single large Gaussians stand out a little.
     let clean_share = clean.loose_share.unwrap();
     assert!(clean_share < 1.5e-3 && (0.5..1.3).contains(&clean.roughness.unwrap()), "{clean:?}");
@@ -110,6 +80,6 @@ fn one_loose_gaussian_is_found() {
     let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
     // 5 cm away from the hand: no other Gaussian covers it.
     (0..3).for_each(|c| tables.shape_basis[c * count + count / 2] = 0.03);
-    let loose = outline(&gpu, &avatar);
+    let loose = bent_outline(&gpu, &avatar).unwrap();
     assert!(loose.loose_share.unwrap() > clean_share + 3e-5, "{loose:?}, {clean:?}");
 }

@@ -373,6 +373,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         poses: poses.to_string(),
         pose_error_deg,
         alignment,
+        blurred: trained.blurred,
         exposure: trained.exposure.clone(),
         light: trained.light.as_ref().map(LightFit::report),
         seconds: trained.seconds,

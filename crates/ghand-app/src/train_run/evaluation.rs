@@ -120,6 +120,9 @@ pub fn print_table(m: &Metrics) {
     if let Some(alignment) = &m.alignment {
         print_alignment(alignment);
     }
+    if m.blurred > 0 {
+        say!("{} training images are blurred and were taken less often", m.blurred);
+    }
     if let Some(exposure) = &m.exposure {
         print_exposure(exposure);
     }
@@ -304,6 +307,7 @@ mod tests {
             poses: "given".into(),
             pose_error_deg: None,
             alignment: None,
+            blurred: 0,
             exposure: None,
             light: None,
             seconds: 1.0,

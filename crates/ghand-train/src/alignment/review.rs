@@ -12,6 +12,8 @@ use ghand_hand_model::hand_directions::hand_directions;
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use rayon::prelude::*;
 
+use crate::views::TrainViews;
+
 use super::rejection::rejection;
 use super::side::is_other_hand;
 use super::texture::surface::{NearestDepth, SurfacePoint, surface_points};
@@ -22,6 +24,9 @@ use super::{
 
 /// Frames that are fitted: so many pairs of successive ones, which tell velocities, evenly over the split.
 const PAIRS: usize = 8;
+/// Images that are looked at for blur, and pixels around the hand in them.
+const MOST_IMAGES: usize = 240;
+const BORDER: u32 = 8;
 /// A point of the surface is seen at an angle with at least this cosine.
 const LEAST_COSINE: f64 = 0.3;
 /// A part of the hand of which less than this is seen is named.
@@ -56,6 +61,10 @@ pub struct Review {
     pub masks: usize,
     /// Masks with holes inside the hand.
     pub masks_with_holes: usize,
+    /// Images that were looked at for blur, and how many of them are blurred.
+    pub looked_at: usize,
+    /// Images so blurred that training takes them less than half as often as others.
+    pub blurred: usize,
     /// Parts of the hand that hardly any image shows, with the share of them that is seen.
     pub unseen: Vec<(String, f64)>,
 }
@@ -65,6 +74,9 @@ pub struct Review {
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
 pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, AlignmentError> {
+    let images = some_images(split);
+    let views = TrainViews::new(capture, &images, BORDER)?;
+    let (looked_at, blurred) = (views.len(), views.blurred()?);
     let split = some_frames(split);
     let fields = DistanceField::of_views(capture, &split.views)?;
     let images = images_of_frames(&capture.cameras, &split, &fields);
@@ -120,6 +132,8 @@ pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, Alignm
         fingers: median(fingers.collect()),
         masks: holes.len(),
         masks_with_holes: holes.iter().filter(|hole| **hole).count(),
+        looked_at,
+        blurred,
         unseen: unseen_parts(capture, &template, &split, &fit.poses)?,
     }))
 }
@@ -168,6 +182,13 @@ impl Review {
         if self.masks_with_holes > 0 {
             all.push(format!("{} of {} masks have holes in the hand", self.masks_with_holes, self.masks));
         }
+        if 10 * self.blurred >= self.looked_at.max(1) {
+            all.push(format!(
+                "{} of {} images are blurred; training takes them less often: expose for a shorter time, with more light, or \
+                 move more slowly",
+                self.blurred, self.looked_at
+            ));
+        }
         if !self.unseen.is_empty() {
             let parts: Vec<String> =
                 self.unseen.iter().map(|(part, seen)| format!("{part} ({:.0} % seen)", 100.0 * seen)).collect();
@@ -178,6 +199,14 @@ impl Review {
         }
         all
     }
+}
+
+/// Some of a split's images, evenly over their cameras and frames.
+fn some_images(split: &Split) -> Split {
+    let step = split.views.len().div_ceil(MOST_IMAGES).max(1);
+    // Another step than the number of cameras, which would show the same camera each time.
+    let step = if step > 1 && split.cameras.len() % step == 0 { step + 1 } else { step };
+    Split { views: split.views.iter().step_by(step).copied().collect(), ..split.clone() }
 }
 
 /// A split's frames, if there are many an even selection of pairs.
@@ -329,6 +358,8 @@ mod tests {
             fingers: 0.05,
             masks: 24,
             masks_with_holes: 0,
+            looked_at: 90,
+            blurred: 8,
             unseen: vec![],
             calibration: None,
             time_offsets: vec![],
@@ -338,6 +369,7 @@ mod tests {
             size: 0.92,
             shift: 0.012,
             masks_with_holes: 3,
+            blurred: 9,
             unseen: vec![("the palm".into(), 0.04)],
             fit: [fit([4.0, 20.0]), fit([0.9, 9.0])],
             time_offsets: vec![TimeOffset { camera: "left".into(), frames: -0.3 }],
@@ -352,6 +384,7 @@ mod tests {
             "8 % smaller",
             "12 mm beside",
             "3 of 24 masks have holes",
+            "9 of 90 images are blurred",
             "the palm (4 % seen)",
             "more than 9 pixels",
         ] {

@@ -18,6 +18,7 @@ use super::{Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::needed_texels::{largest_edges, needed_texels};
+use crate::outline::bent_outline;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
 use crate::texel_frames::evenly;
 use crate::train_error::TrainError;
@@ -34,6 +35,10 @@ const PART_OF_RUN: u64 = 6;
 const ITERATIONS: [u64; 2] = [40, 250];
 /// What all that is left out may cost together in a trial, dB. Long runs have lost up to a quarter more by it.
 const MOST_LOSS: f64 = 0.15;
+/// Loose coverage with bent fingers, which the images left out need not show: a trial is not taken if it has more than this and
+/// more than so many times what the first one has.
+const MOST_LOOSE: f64 = 2e-3;
+const MORE_LOOSE: f64 = 1.2;
 /// The part of a run's limited time after which no further trial begins.
 const MOST_TIME: f64 = 0.4;
 /// Coarser rasters are tried in steps of this factor, down to this one.
@@ -53,6 +58,9 @@ pub struct Trial {
     pub gaussians: usize,
     /// Mean PSNR of the images left out, dB.
     pub psnr: f64,
+    /// [Loose coverage](crate::outline) with bent fingers, relative to the hand; `None` if the model has no named poses.
+    #[serde(default)]
+    pub loose_share: Option<f64>,
     /// Median time of an iteration, milliseconds.
     pub iteration_ms: f64,
     /// Size of the avatar's file, bytes.
@@ -63,7 +71,8 @@ impl fmt::Display for Trial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let changes = if self.changes.is_empty() { "as set".into() } else { self.changes.join(", ") };
         let Trial { gaussians, psnr, iteration_ms, .. } = self;
-        write!(f, "{changes}: {gaussians} Gaussians, {psnr:.2} dB, {iteration_ms:.1} ms an iteration")
+        let loose = self.loose_share.map_or(String::new(), |share| format!("{:.2} % loose, ", 1e2 * share));
+        write!(f, "{changes}: {gaussians} Gaussians, {psnr:.2} dB, {loose}{iteration_ms:.1} ms an iteration")
     }
 }
 
@@ -195,6 +204,12 @@ impl Trainer<'_> {
     }
 }
 
+/// Whether a trial may be taken instead of the first one. One whose PSNR is not a number may not.
+fn is_good(trial: &Trial, set: &Trial) -> bool {
+    let [loose, as_set] = [trial, set].map(|trial| trial.loose_share.unwrap_or(0.0));
+    trial.psnr >= set.psnr - MOST_LOSS && loose <= MOST_LOOSE.max(MORE_LOOSE * as_set)
+}
+
 /// A trainer of trials, and those done.
 struct Trials<'a> {
     trainer: Trainer<'a>,
@@ -298,16 +313,19 @@ impl<'a> Trials<'a> {
             return Err(TrainError::Stopped { iteration: 0, iterations: set.iterations });
         }
         times.sort_by(f64::total_cmp);
+        let loose_share = gpu.retry_on_device_loss("a trial's outline", |gpu| -> Result<Option<f64>, TrainError> {
+            Ok(bent_outline(gpu, &result.avatar)?.loose_share)
+        })?;
         let trial = Trial {
             changes: changes.to_vec(),
             gaussians,
             psnr: result.held_out_psnr.unwrap_or(f64::NAN),
+            loose_share,
             iteration_ms: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
             bytes: result.avatar.file_size().unwrap_or_default(),
         };
         ended(&trial);
-        // A trial that is not a number is not taken.
-        let is_good = self.done.first().is_none_or(|set| trial.psnr >= set.psnr - MOST_LOSS);
+        let is_good = self.done.first().is_none_or(|set| is_good(&trial, set));
         self.done.push(trial);
         if is_good {
             self.taken = self.done.len() - 1;
@@ -323,5 +341,23 @@ impl<'a> Trials<'a> {
         let images = self.trainer.watched.as_ref().map_or(0, |watched| watched.views.len());
         let Trials { frames_left_out, iterations, done: trials, taken, .. } = self;
         Simplification { frames_left_out, images, iterations, trials, taken, never_shown: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn simpler_avatars_are_taken_unless_images_or_outlines_suffer() {
+        let trial =
+            |psnr, loose_share| Trial { changes: vec![], gaussians: 1, psnr, loose_share, iteration_ms: 1.0, bytes: 1 };
+        let set = trial(30.0, Some(0.001));
+        assert!(is_good(&trial(29.9, Some(0.0019)), &set) && is_good(&trial(29.9, None), &set));
+        assert!(!is_good(&trial(29.8, Some(0.001)), &set) && !is_good(&trial(f64::NAN, Some(0.001)), &set));
+        assert!(!is_good(&trial(30.1, Some(0.0021)), &set));
+        // Where the avatar as set is loose, simpler ones may be so a little more.
+        let loose = trial(30.0, Some(0.01));
+        assert!(is_good(&trial(29.9, Some(0.0119)), &loose) && !is_good(&trial(29.9, Some(0.0121)), &loose));
     }
 }

@@ -101,7 +101,8 @@ impl Trainer<'_> {
         let mut done = before.as_ref().map_or(0, |state| state.iteration);
         // After the loss of a device, what came after the last state comes again.
         self.curve.borrow_mut().retain(|point| point.iteration <= stage.done + done);
-        let mut order = ViewOrder::new(&self.views, settings.seed, settings.images_per_step, done);
+        let weights = self.views.weights()?.to_vec();
+        let mut order = ViewOrder::new(&self.views, weights, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut told_to_stop = false;
         let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
@@ -208,7 +209,7 @@ impl Trainer<'_> {
             (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
             if settings.unseen == Unseen::Fill {
-                tables.fill_unseen(&weights, &neighbors(&avatar.template));
+                tables.fill_unseen(&weights, &neighbors(&avatar.template), self.split.cameras.len());
             }
             seen = Some(weights);
         }
