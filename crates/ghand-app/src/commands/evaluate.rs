@@ -136,7 +136,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             let cameras = args.avatar.parent().map(|folder| folder.join(CAMERAS_FILE)).filter(|file| file.exists());
             if let Some(file) = &cameras {
                 scored.take_cameras(file)?;
-                say!("cameras: as refined, of {}", file.display());
+                say!("cameras and their colours: as in {}", file.display());
             }
             let train = capture.split(train_split)?;
             let (known, poses) = pose_knowledge(&scored, &avatar.model, train, split)?;

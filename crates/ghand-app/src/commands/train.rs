@@ -314,7 +314,8 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         say!("{} steps were skipped, because a gradient in them was not finite", trained.skipped_steps);
     }
 
-    let refined = Capture { cameras: trained.cameras.clone(), ..capture.clone() };
+    let mut refined = Capture { cameras: trained.cameras.clone(), ..capture.clone() };
+    refined.color_correction.cameras.clone_from(&trained.colors);
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
     when_there_is_room(&avatar_path, || {
@@ -324,7 +325,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             let config = folder.file(CONFIG_FILE);
             let written = write_atomically(&config, settings.to_toml().as_bytes());
             written.with_context(|| format!("{}: cannot write", config.display()))?;
-            if refined.cameras != capture.cameras {
+            if refined.cameras != capture.cameras || !refined.color_correction.is_empty() {
                 refined.save_cameras(&folder.file(CAMERAS_FILE))?;
             }
             save_poses(&capture, &train_split.frames, &trained, &folder.file(POSES_FILE))
@@ -339,7 +340,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         let mut cut = refined.clone();
         cut.images.aligned = trained.masks_of.clone();
         let test = |protocol, views| TestImages {
-            // Poses that are fitted to masks come with the cameras and the masks of training.
+            // Poses that are fitted to masks come with the cameras, their colours and the masks of training.
             capture: if protocol == Protocol::Masks { &cut } else { &capture },
             split: test_split,
             protocol,

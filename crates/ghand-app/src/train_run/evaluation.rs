@@ -121,7 +121,7 @@ pub fn print_table(m: &Metrics) {
         print_alignment(alignment);
     }
     if m.blurred > 0 {
-        say!("{} training images are blurred and were taken less often", m.blurred);
+        say!("blurred training images, which were taken less often: {}", m.blurred);
     }
     if let Some(exposure) = &m.exposure {
         print_exposure(exposure);

@@ -15,8 +15,11 @@ use crate::error::CaptureError;
 /// Pixels beyond the template's end, beside where its arm may be, are cut off at this distance from it, relative to the
 /// hand's size: nearer ones may be fingers that point towards the arm.
 const BESIDE: f64 = 0.06;
-/// A mask has an arm if more than so many of its pixels are farther beyond the template's end than one and a half of the last
-/// 6 % of the hand.
+/// Masks are cut off this far beyond where the last 6 % of the hand begin, in lengths of these: some 3 mm beyond the template's
+/// end. What lies further off, Gaussians would have to leave the hand for.
+const END: f64 = 1.25;
+/// Where exact poses are known, masks are exact, too, and are judged as they are: there a mask has an arm if more than so many
+/// of its pixels are farther beyond the template's end than one and a half of these lengths.
 const ARM: f64 = 2.5;
 const LEAST_ARM: usize = 8;
 
@@ -62,11 +65,10 @@ impl Capture {
             guide.is_beyond(x, y, bands) && guide.distance(x, y).is_none_or(|distance| distance > least)
         };
         let shown = || (0..rgba.len()).filter(|i| rgba[*i][3] > 0);
-        // A mask that ends about where the template does has no arm.
-        if shown().filter(|i| is_beyond(*i, ARM)).nth(LEAST_ARM).is_none() {
+        if self.truth.is_some() && shown().filter(|i| is_beyond(*i, ARM)).nth(LEAST_ARM).is_none() {
             return Ok(vec![]);
         }
-        Ok(shown().filter(|i| is_beyond(*i, 1.0)).collect())
+        Ok(shown().filter(|i| is_beyond(*i, END)).collect())
     }
 }
 

@@ -25,6 +25,16 @@ pub enum Rejection {
         /// Square root of the masks' mean area, pixels.
         size: f64,
     },
+    /// The template is somewhere else, or of another size, where few of its contours meet the masks' outlines.
+    #[error(
+        "the best fit overlaps the masks by only {:.0} %; compare masks, cameras and the template's size with the images \
+         (`ghand inspect`)",
+        100.0 * overlap
+    )]
+    NoOverlap {
+        /// Mean intersection over union of the hand and the masks.
+        overlap: f64,
+    },
     /// The masks show the other hand.
     #[error(
         "the masks fit a {other} hand better than the {own} one of the hand model; correct the capture's side and its hand \
@@ -64,9 +74,10 @@ fn name(side: Side) -> &'static str {
 }
 
 /// Largest median distance of the contours, relative to the size of the masks. Good fits are below 0.02, even with masks
-/// off by 2 pixels of 80; those of templates ten times too large or too small above 0.045. The overlap would not tell:
-/// masks may show an arm that the template lacks.
+/// off by 2 pixels of 80; those of templates ten times too large above 0.04.
 const FARTHEST: f64 = 0.03;
+/// Least overlap. Good fits have more than 0.85, those of templates ten times too small less than 0.2.
+const LEAST_OVERLAP: f64 = 0.4;
 /// Standard deviation of a bone's length in a population, relative to the size of the hand, logarithmic. Buryanov and
 /// Kotiuk (2010) measured single phalanges and metacarpals of adults with 8 to 15 %, of which the size of the hand is 6.
 const PERSONS: f64 = 0.11;
@@ -90,6 +101,8 @@ pub(super) fn rejection(
         Some(Rejection::OtherHand { side: given.side })
     } else if after.contours[0] > FARTHEST * after.mask_size {
         Some(Rejection::NoMatch { distance: after.contours[0], size: after.mask_size })
+    } else if after.overlap < LEAST_OVERLAP {
+        Some(Rejection::NoOverlap { overlap: after.overlap })
     } else if let Some(impossible) = impossible_bone(given, aligned) {
         Some(impossible)
     } else if after.overlap <= before.overlap || after.contours[0] >= before.contours[0] {

@@ -74,9 +74,10 @@ pub struct Review {
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
 pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, AlignmentError> {
-    let images = some_images(split);
-    let views = TrainViews::new(capture, &images, BORDER)?;
-    let (looked_at, blurred) = (views.len(), views.blurred()?);
+    // Images that cannot be read are told elsewhere.
+    let views = TrainViews::new(capture, &some_images(split), BORDER).ok();
+    let blurred = views.as_ref().and_then(|views| views.blurred().ok());
+    let (looked_at, blurred) = views.zip(blurred).map_or((0, 0), |(views, blurred)| (views.len(), blurred));
     let split = some_frames(split);
     let fields = DistanceField::of_views(capture, &split.views)?;
     let images = images_of_frames(&capture.cameras, &split, &fields);
@@ -204,8 +205,10 @@ impl Review {
 /// Some of a split's images, evenly over their cameras and frames.
 fn some_images(split: &Split) -> Split {
     let step = split.views.len().div_ceil(MOST_IMAGES).max(1);
-    // Another step than the number of cameras, which would show the same camera each time.
-    let step = if step > 1 && split.cameras.len() % step == 0 { step + 1 } else { step };
+    // Without a factor in common with the number of cameras, or some of these would never come.
+    let cameras = split.cameras.len().max(1);
+    let shares_factor = |step: usize| (2..=step).any(|k| step.is_multiple_of(k) && cameras.is_multiple_of(k));
+    let step = (step..=step + cameras).find(|step| !shares_factor(*step)).unwrap_or(step);
     Split { views: split.views.iter().step_by(step).copied().collect(), ..split.clone() }
 }
 
