@@ -135,14 +135,14 @@ impl Capture {
             has_mask = true;
         }
         let hide = shows_surroundings(&rgba, size.0 as usize, [r, g, b]);
-        let arm = self.arm_pixels(camera, frame, &rgba)?;
-        arm.iter().for_each(|i| rgba[*i][3] = 0);
+        let wrist = self.wrist_pixels(camera, frame, &rgba)?;
+        wrist.cut(&mut rgba);
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
         let contrast = contrast(&rgba);
         if hide {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }
-        arm.iter().for_each(|i| rgba[*i] = [r, g, b, 0]);
+        wrist.hide([r, g, b], &mut rgba);
         Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels, contrast }))
     }
 

@@ -23,6 +23,45 @@ const END: f64 = 1.25;
 const ARM: f64 = 2.5;
 const LEAST_ARM: usize = 8;
 
+/// Fewer pixels do not tell the colour of the skin there.
+const LEAST_WRIST: usize = 20;
+/// The mask of such a pixel: neither hand nor background.
+const UNKNOWN: u8 = 64;
+
+/// What an image shows at the wrist.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct WristPixels {
+    /// The arm.
+    arm: Vec<usize>,
+    /// Background where the template goes on: the wrist bends, or the mask ends.
+    unknown: Vec<usize>,
+    /// The skin of the hand there.
+    skin: Vec<usize>,
+}
+
+impl WristPixels {
+    /// Takes the arm out of the mask.
+    pub fn cut(&self, rgba: &mut [[u8; 4]]) {
+        self.arm.iter().for_each(|i| rgba[*i][3] = 0);
+    }
+
+    /// Shows background instead of the arm. Where the template goes on without the hand in the mask, as beside a bent wrist, the
+    /// image is continued in the mean colour of the skin there, and its mask says neither hand nor background: or the avatar
+    /// would end in colours of the background.
+    pub fn hide(&self, background: [u8; 3], rgba: &mut [[u8; 4]]) {
+        let [r, g, b] = background;
+        self.arm.iter().for_each(|i| rgba[*i] = [r, g, b, 0]);
+        if self.skin.len() >= LEAST_WRIST {
+            let mean = |c: usize| {
+                let sum: u64 = self.skin.iter().map(|i| u64::from(rgba[*i][c])).sum();
+                (sum / self.skin.len() as u64) as u8
+            };
+            let skin = [mean(0), mean(1), mean(2), UNKNOWN];
+            self.unknown.iter().for_each(|i| rgba[*i] = skin);
+        }
+    }
+}
+
 /// A hand model and poses better than the capture's own, by frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlignedHand {
@@ -50,14 +89,19 @@ impl Capture {
         Some((&aligned.model, aligned.poses.get(frame)?.as_ref()?))
     }
 
-    /// Pixels of a view (alpha 255 on the hand, 0 elsewhere) that show the arm, if its frame's pose is aligned.
-    pub(crate) fn arm_pixels(&self, camera: usize, frame: usize, rgba: &[[u8; 4]]) -> Result<Vec<usize>, CaptureError> {
+    /// What a view (alpha 255 on the hand, 0 elsewhere) shows at the wrist, if its frame's pose is aligned.
+    pub(crate) fn wrist_pixels(
+        &self,
+        camera: usize,
+        frame: usize,
+        rgba: &[[u8; 4]],
+    ) -> Result<WristPixels, CaptureError> {
         if self.aligned(frame).is_none() {
-            return Ok(vec![]);
+            return Ok(WristPixels::default());
         }
         let (model, vertices, _) = posed(self, frame)?;
         let (camera, _) = self.camera_and_frame(camera, frame)?;
-        let Some(guide) = Guide::new(camera, model, &vertices, BESIDE) else { return Ok(vec![]) };
+        let Some(guide) = Guide::new(camera, model, &vertices, BESIDE) else { return Ok(WristPixels::default()) };
         let width = camera.width as usize;
         let is_beyond = |i: usize, bands: f64| {
             let (x, y) = (i % width, i / width);
@@ -65,10 +109,19 @@ impl Capture {
             guide.is_beyond(x, y, bands) && guide.distance(x, y).is_none_or(|distance| distance > least)
         };
         let shown = || (0..rgba.len()).filter(|i| rgba[*i][3] > 0);
-        if self.truth.is_some() && shown().filter(|i| is_beyond(*i, ARM)).nth(LEAST_ARM).is_none() {
-            return Ok(vec![]);
+        let has_arm = shown().filter(|i| is_beyond(*i, ARM)).nth(LEAST_ARM).is_some();
+        if self.truth.is_some() && !has_arm {
+            return Ok(WristPixels::default());
         }
-        Ok(shown().filter(|i| is_beyond(*i, END)).collect())
+        let arm = shown().filter(|i| is_beyond(*i, END)).collect();
+        let at_wrist = |i: &usize| {
+            let (x, y) = (*i % width, *i / width);
+            guide.is_beyond(x, y, 0.0)
+                && !guide.is_beyond(x, y, END)
+                && guide.distance(x, y).is_some_and(|distance| distance < 0.0)
+        };
+        let (skin, unknown) = (0..rgba.len()).filter(at_wrist).partition(|i| rgba[*i][3] > 0);
+        Ok(WristPixels { arm, unknown, skin })
     }
 }
 
