@@ -22,10 +22,9 @@ const END: f64 = 1.25;
 /// of its pixels are farther beyond the template's end than one and a half of these lengths.
 const ARM: f64 = 2.5;
 const LEAST_ARM: usize = 8;
-
-/// Fewer pixels do not tell the colour of the skin there.
+/// Fewer pixels of skin in the last 6 % of the hand do not tell its colour there.
 const LEAST_WRIST: usize = 20;
-/// The mask of such a pixel: neither hand nor background.
+/// The mask of a pixel where the template goes on and the mask does not: neither hand nor background.
 const UNKNOWN: u8 = 64;
 
 /// What an image shows at the wrist.
