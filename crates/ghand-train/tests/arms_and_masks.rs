@@ -79,7 +79,7 @@ fn an_arm_in_the_masks_costs_an_alignment_nothing_and_is_cut_off_after_it() {
         .flat_map(|view| arm.load_view(view.camera, view.frame).unwrap().rgba)
         .filter(|pixel| ![0, 255].contains(&pixel[3]))
         .collect();
-    assert!(!unknown.is_empty() && unknown.len() as f64 < 0.02 * before, "{} of {before}", unknown.len());
+    assert!(!unknown.is_empty() && (unknown.len() as f64) < 0.02 * before, "{} of {before}", unknown.len());
     assert!(unknown.iter().all(|[r, _, b, mask]| *r > 60 && r > b && *mask < 128), "{:?}", unknown[0]);
 }
 
