@@ -26,8 +26,8 @@ const LEAST_PIXELS: usize = 200;
 const SHARP: f64 = 0.75;
 /// Images of fewer frames do not tell what is usual.
 const LEAST_VIEWS: usize = 4;
-/// Sharp images of one camera in various poses have 0.73 of that quantile or more, those blurred along 5 % of the hand's size
-/// 0.75 or less. An image counts fully from `FULL` on, and least below `BLURRED`.
+/// Sharp images of one camera in various poses have 0.73 of that quantile or more, most of those blurred along 5 % of the hand's
+/// size 0.75 or less. An image counts fully from `FULL` on, and least below `BLURRED`.
 const FULL: f64 = 0.72;
 const BLURRED: f64 = 0.5;
 /// What a blurred image counts: it may be the only one that shows a part of the hand.

@@ -14,9 +14,9 @@ use super::{Fit, Images, STEPS, Shape};
 /// Frames that are fitted, evenly over those with masks. A few in different poses decide: a flat hand is its own mirror
 /// image, a bent one is not.
 const FRAMES: usize = 6;
-/// What remains of the other hand's fit must be less than this part of what remains of the template's. In 21 synthetic
+/// What remains of the other hand's fit must be less than this part of what remains of the template's. In 18 synthetic
 /// captures of persons whose bones differ from the template's by up to four standard deviations of the published spread, a
-/// wrong side leaves 1.6 to 2.4 times as much as the right one; of a real hand with poor masks and few bent fingers 1.27
+/// wrong side leaves 1.6 to 2.5 times as much as the right one; of a real hand with poor masks and few bent fingers 1.27
 /// times, and then nothing is said.
 const DECISIVE: f64 = 0.75;
 

@@ -10,8 +10,8 @@ use crate::neighbors::MOST_NEIGHBORS;
 const COUPLING: f64 = 0.01;
 /// The same of offsets, times the number of cameras. Also a Gaussian that was seen often has been at the outline in few images,
 /// and elsewhere images hardly say where it is: there offsets are noise, which in other poses frays the outline into flakes. The
-/// more cameras, the more say where it is: of a hand filmed by two, smoothing leaves a seventh of the loose coverage, while
-/// five times as much as this costs 0.15 dB with twenty.
+/// more cameras, the more say where it is: of a hand filmed by two, smoothing takes loose coverage from 0.26 to 0.21 %, while
+/// 0.1 instead of 0.015 costs 0.15 dB with twenty.
 const OFFSET_COUPLING: f64 = 0.3;
 /// Sweeps over the surface: enough to cross the widest unseen part.
 const SWEEPS: usize = 300;
