@@ -89,6 +89,10 @@ fn masks_are_made_for_a_capture_without_any_and_are_those_of_the_hand() {
     let method = none.images.made_masks.as_ref().map(|made| made.method);
     assert!(hand.images.made_masks.is_none() && method == Some(MaskMethod::Colors));
     let made = overlaps(&none, &hand);
+    let view = none.split("train").unwrap().views[0];
+    let [camera, frame] = [&none.cameras[view.camera].id, &none.frames[view.frame].id];
+    let kept = none.root.join(format!("ghand-masks/{camera}/{frame}.png"));
+    assert!(kept.is_file(), "{} is missing", kept.display());
     let again = overlaps(&none, &hand);
     let alignment = aligned(&none);
     let error = errors_of(&none, &alignment);

@@ -62,7 +62,9 @@ impl Place {
         // Masks made from aligned poses do not replace those from the given ones, which are needed again first.
         let poses = if capture.images.aligned.is_some() { "aligned" } else { "" };
         let folder = capture.images.made_masks.as_ref().map(MadeMasks::folder).unwrap_or_default().join(poses);
-        let file = folder.join(fill_template("{sequence}/{camera}/{number}.png", &camera.id, &frame.id));
+        // Without a sequence this begins with a slash, which would mean the root of the file system.
+        let name = fill_template("{sequence}/{camera}/{number}.png", &camera.id, &frame.id);
+        let file = folder.join(name.trim_start_matches('/'));
         Ok(Place { file, key: hasher.finish(), size: (camera.width, camera.height) })
     }
 
