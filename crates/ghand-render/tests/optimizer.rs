@@ -50,12 +50,14 @@ fn worst(device: &[f32], twin: &[f64]) -> f64 {
 
 #[test]
 fn adam_agrees_with_its_twin_and_updates_only_its_range() {
+    // Divisions and square roots of a GPU may be off by 2.5 units in the last place: 1.1e-6 on NVIDIA H200.
+    const BOUND: f64 = 2e-6;
     for grouping in [Grouping::Scalars, Grouping::Vectors] {
         let (device, twin, start) = run(42..252, grouping);
-        assert!(worst(&device, &twin) <= 1e-6, "{grouping:?}: {}", worst(&device, &twin));
+        assert!(worst(&device, &twin) <= BOUND, "{grouping:?}: {}", worst(&device, &twin));
         assert_eq!((&device[..42], &device[252..]), (&start[..42], &start[252..]));
         let mut wrong = twin.clone();
         wrong[100] += 1e-4;
-        assert!(!(worst(&device, &wrong) <= 1e-6), "nothing is compared");
+        assert!(!(worst(&device, &wrong) <= BOUND), "nothing is compared");
     }
 }

@@ -108,13 +108,12 @@ pub fn lines(supersample: u32, shading: Shading, width: f64, hidden: Option<DVec
     MeshStyle { supersample, shading, wireframe: Some(Wireframe { width, color, hidden }) }
 }
 
-/// Whether two depths are equal, to a few ulps of the device's interpolation.
-fn depths_agree(a: f32, b: f32) -> bool {
-    a == b || (a - b).abs() <= 4e-6 * b
-}
-
-/// f16 samples have 11 bits: a rounding error of 2^-12 for values near 1, plus as much again for f32 arithmetic.
-const COLOR_BOUND: f32 = 5e-4;
+/// f16 samples have 11 bits, and a GPU may cut them off: 2^-11 for values near 1, and f32 arithmetic.
+const COLOR_BOUND: f32 = 6e-4;
+/// A few ulps of the device's interpolation of depths.
+const DEPTH_BOUND: f32 = 4e-6;
+/// A rasteriser may move vertices by half of 1/256 pixel, and with them what a pixel shows.
+const MOVED: f32 = 1.0 / 256.0;
 
 /// Fails unless the images agree in all but `flips` pixels, where rounding can decide about a triangle's edge or the
 /// point where a line passes behind a face.
@@ -125,8 +124,13 @@ pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<
         return Err("sizes differ".into());
     }
     let agrees = |i: &usize| {
-        (0..4).all(|c| (image.rgba[*i][c] - expected.rgba[*i][c]).abs() <= COLOR_BOUND)
-            && depths_agree(image.depth[*i], expected.depth[*i])
+        let [depth, expected_depth] = [image.depth[*i], expected.depth[*i]];
+        let bound = DEPTH_BOUND * expected_depth + MOVED * slope(expected, *i, |k| expected.depth[k]);
+        (depth == expected_depth || (depth - expected_depth).abs() <= bound)
+            && (0..4).all(|c| {
+                let bound = COLOR_BOUND + MOVED * slope(expected, *i, |k| expected.rgba[k][c]);
+                (image.rgba[*i][c] - expected.rgba[*i][c]).abs() <= bound
+            })
     };
     let different: Vec<usize> = (0..expected.rgba.len()).filter(|i| !agrees(i)).collect();
     match different.first() {
@@ -137,6 +141,22 @@ pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<
         }
         _ => Ok(()),
     }
+}
+
+/// The smaller change of a value per pixel to both sides along a row and a column, added: that of the surface, not of its
+/// edge.
+fn slope(image: &MeshImage, i: usize, value: impl Fn(usize) -> f32) -> f32 {
+    let (width, x) = (image.width as usize, i % image.width as usize);
+    let change = |beside: Option<usize>| {
+        let change = beside.map_or(f32::INFINITY, |k| (value(k) - value(i)).abs());
+        if change.is_finite() { change } else { f32::INFINITY }
+    };
+    let along = |a: Option<usize>, b: Option<usize>| {
+        let smaller = change(a).min(change(b));
+        if smaller.is_finite() { smaller } else { 0.0 }
+    };
+    let below = Some(i + width).filter(|k| *k < image.depth.len());
+    along((x > 0).then(|| i - 1), (x + 1 < width).then_some(i + 1)) + along(i.checked_sub(width), below)
 }
 
 /// Number of covered pixels.
