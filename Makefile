@@ -13,9 +13,6 @@ with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
 	export XDG_RUNTIME_DIR; \
 	fi;
 
-# Networks on the GPU take longer to build, so only where there is one.
-gpu_features = $(if $(wildcard /dev/dri/renderD* /dev/nvidia0),--features gpu-networks)
-
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
@@ -23,7 +20,7 @@ setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
 
 demo: setup ## Train an avatar on a synthetic capture and print how good it is
-	@$(with_runtime_dir) cargo run $(gpu_features) --bin train -- --set iterations=660
+	@$(with_runtime_dir) cargo run --bin train -- --set iterations=660
 
 test: setup ## Run all tests
 	@$(with_runtime_dir) \
@@ -31,12 +28,12 @@ test: setup ## Run all tests
 	mkdir -p "$$(dirname "$$GHAND_SKIPPED_TESTS")"; \
 	: >"$$GHAND_SKIPPED_TESTS"; \
 	status=0; \
-	cargo test --workspace $(gpu_features) || status=$$?; \
+	cargo test --workspace || status=$$?; \
 	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
 	exit $$status
 
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
-	@$(with_runtime_dir) cargo run $(gpu_features) --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
+	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
 
 check: ## Formatting and lints
 	@cargo fmt --all --check
