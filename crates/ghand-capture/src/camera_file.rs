@@ -29,9 +29,12 @@ pub(crate) struct CameraFile {
     pub intrinsics: [[f64; 3]; 3],
     pub rotation: [[f64; 3]; 3],
     pub translation: [f64; 3],
-    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3; `None` if absent.
+    /// Lens distortion, OpenCV's k1, k2, p1, p2, k3 and so on; `None` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Vec<f64>>,
+    /// OpenCV's coefficients of a fisheye lens, k1 to k4; `None` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fisheye: Option<Vec<f64>>,
 }
 
 /// Reads and checks a file that holds one camera.
@@ -65,7 +68,11 @@ impl CameraFile {
             // glam stores columns; the file holds rows.
             rotation: camera.rotation.transpose().to_cols_array_2d(),
             translation: camera.translation.to_array(),
-            distortion: distortion.map(|distortion| distortion.to_opencv().to_vec()),
+            distortion: distortion.and_then(Distortion::to_opencv),
+            fisheye: distortion.and_then(|distortion| match distortion {
+                Distortion::Fisheye(coefficients) => Some(coefficients.to_vec()),
+                Distortion::Pinhole { .. } => None,
+            }),
         }
     }
 
@@ -96,24 +103,27 @@ impl CameraFile {
         field: &str,
         camera: &Camera,
     ) -> Result<Option<Distortion>, CaptureError> {
-        let Some(coefficients) = self.distortion.as_deref() else { return Ok(None) };
-        if coefficients.iter().all(|c| *c == 0.0) {
-            return Ok(None);
-        }
-        let invalid = |problem: String| Err(validator.invalid(member(field, "distortion"), problem));
-        let Ok(coefficients) = <[f64; 5]>::try_from(coefficients) else {
-            return invalid(format!(
-                "has {} numbers; give OpenCV's five, k1, k2, p1, p2 and k3, or for another lens model, undistort the \
-                 images and omit it",
-                coefficients.len()
-            ));
+        let name = if self.fisheye.is_some() { "fisheye" } else { "distortion" };
+        let invalid = |problem: String| Err(validator.invalid(member(field, name), problem));
+        let distortion = match (self.distortion.as_deref(), self.fisheye.as_deref()) {
+            (None, None) => return Ok(None),
+            (Some(_), Some(_)) => return invalid("is given beside `distortion`; a lens has one of them".into()),
+            // Without coefficients a fisheye lens is still one.
+            (None, Some(coefficients)) => match <[f64; 4]>::try_from(coefficients) {
+                Ok(coefficients) => Distortion::Fisheye(coefficients),
+                Err(_) => return invalid(format!("has {} numbers; give OpenCV's four, k1 to k4", coefficients.len())),
+            },
+            (Some(coefficients), None) if coefficients.iter().all(|c| *c == 0.0) => return Ok(None),
+            (Some(coefficients), None) => match Distortion::from_opencv(coefficients) {
+                Ok(distortion) => distortion,
+                Err(problem) => return invalid(problem),
+            },
         };
-        let distortion = Distortion::from_opencv(coefficients);
         let seen = distortion.visible_part(camera);
         if seen < LEAST_SEEN {
             return invalid(format!(
-                "leaves {:.0}% of the undistorted image without a source; give k1, k2, p1, p2, k3 in this order, as \
-                 calibrated with these intrinsics, or undistort the images and omit it",
+                "leaves {:.0}% of the undistorted image without a source; give OpenCV's coefficients in its order, \
+                 as calibrated with these intrinsics, or undistort the images and omit it",
                 100.0 * (1.0 - seen)
             ));
         }

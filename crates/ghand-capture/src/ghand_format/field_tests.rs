@@ -124,23 +124,29 @@ fn distortion_is_read_checked_and_written_and_zeros_count_as_none() {
     change_file(&file, |v| {
         v["cameras"][0]["distortion"] = json!([0, 0, 0, 0, 0]);
         v["cameras"][1]["distortion"] = json!([0.1, -0.02, 0.001, 0.002, 0.003]);
-        v["cameras"][2]["distortion"] = json!(null);
+        v["cameras"][2]["fisheye"] = json!([0.1, 0.0, 0.0, 0.01]);
     });
     let read = Capture::open(folder.path()).unwrap();
-    let expected = Distortion { radial: [0.1, -0.02, 0.003], tangential: [0.001, 0.002] };
-    assert_eq!(read.distortion, [None, Some(expected), None]);
+    let expected = Distortion::from_opencv(&[0.1, -0.02, 0.001, 0.002, 0.003]).unwrap();
+    assert_eq!(read.distortion, [None, Some(expected), Some(Distortion::Fisheye([0.1, 0.0, 0.0, 0.01]))]);
     read.save().unwrap();
     assert_eq!(Capture::open(folder.path()).unwrap().distortion, read.distortion);
     assert_eq!(opened_after(|v| v["cameras"][0]["distortion"] = json!([])).distortion, []);
     for (coefficients, parts) in [
-        (json!([0.1, 0.2, 0.0, 0.0]), &["cameras[\"cam0\"].distortion", "has 4 numbers", "undistort"][..]),
-        (json!([0.1, 0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]), &["has 8 numbers"]),
-        (json!([0.0, 0.0, 1000.0, 0.0, 0.0]), &["cameras[\"cam0\"].distortion", "k1, k2, p1, p2, k3"]),
+        (json!([0.1, 0.2]), &["cameras[\"cam0\"].distortion", "has 2 numbers", "4, 5, 8 or 12"][..]),
+        (json!([0.1, 0.2, 0.0, 0.0, 0.0, 0.1]), &["has 6 numbers"]),
+        (json!([0.0, 0.0, 1000.0, 0.0, 0.0]), &["cameras[\"cam0\"].distortion", "coefficients in its order"]),
         (json!([1e300, 0.0, 0.0, 0.0, 0.0]), &["cameras[\"cam0\"].distortion"]),
         (json!("none"), &["the text \"none\""]),
     ] {
         assert_contains(&message_after(|v| v["cameras"][0]["distortion"] = coefficients), parts);
     }
+    let both = |v: &mut Value| {
+        v["cameras"][0]["distortion"] = json!([0.1, 0, 0, 0]);
+        v["cameras"][0]["fisheye"] = json!([0.1, 0, 0, 0]);
+    };
+    assert_contains(&message_after(both), &["fisheye", "one of them"]);
+    assert_contains(&message_after(|v| v["cameras"][0]["fisheye"] = json!([0.1])), &["fisheye", "has 1 numbers"]);
 }
 
 #[test]
@@ -152,7 +158,7 @@ fn views_of_distorted_cameras_are_undistorted_with_their_masks() {
     (camera.width, camera.height) = (width, height);
     (camera.focal, camera.principal) = (glam::DVec2::splat(40.0), glam::DVec2::new(20.0, 15.0));
     // Pincushion: a point 10 pixels from the middle is seen at 10 (1 + 1.6 / 16) = 11.
-    capture.distortion = vec![Some(Distortion { radial: [1.6, 0.0, 0.0], tangential: [0.0; 2] })];
+    capture.distortion = vec![Distortion::from_opencv(&[1.6, 0.0, 0.0, 0.0, 0.0]).ok()];
     let red = |x: u32| if x >= 31 { 200 } else { 0 };
     let colors: Vec<u8> = (0..height).flat_map(|_| (0..width).flat_map(move |x| [red(x), 0, 0])).collect();
     let mask: Vec<u8> = (0..height).flat_map(|_| (0..width).map(move |x| if x >= 31 { 255 } else { 0 })).collect();

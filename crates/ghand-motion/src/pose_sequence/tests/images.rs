@@ -13,7 +13,7 @@ fn cameras() -> Vec<LensCamera> {
     let at = DVec3::new(0.04, 0.0, 0.0);
     let camera =
         |id: &str, eye: DVec3| Camera { id: id.into(), ..Camera::look_at(at + eye, at, DVec3::NEG_Y, 0.8, 640, 480) };
-    let lens = Distortion::from_opencv([-0.2, 0.05, 0.002, -0.003, 0.0]);
+    let lens = Distortion::from_opencv(&[-0.2, 0.05, 0.002, -0.003, 0.0]).unwrap();
     vec![
         LensCamera { camera: camera("left", DVec3::new(0.4, 0.0, -0.4)), distortion: Some(lens) },
         LensCamera { camera: camera("right", DVec3::new(-0.4, 0.1, -0.4)), distortion: None },
