@@ -1,5 +1,6 @@
 //! Checks whether training on a capture can succeed: the checks of `ghand inspect`, before training.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::bail;
@@ -12,11 +13,20 @@ const TRAIN_SAMPLE: usize = 60;
 /// Number of images of the test split whose pixels are checked.
 const TEST_SAMPLE: usize = 20;
 
+/// Number of images that are in both splits.
+fn shared_images(capture: &Capture, train_split: &str, test_split: &str) -> usize {
+    let images = |name: &str| {
+        let views = capture.splits.get(name).map_or(&[][..], |split| &split.views);
+        views.iter().map(|view| (view.camera, view.frame)).collect::<BTreeSet<_>>()
+    };
+    images(train_split).intersection(&images(test_split)).count()
+}
+
 /// Warns of oddities of the training split, and of problems of the test split if it has images. `path` is the
 /// capture's, for messages.
 ///
 /// # Errors
-/// One sentence with everything that makes training pointless, unless `ignored`; then these are also warnings.
+/// One sentence if the splits share images, or with everything that makes training pointless, unless `ignored`; then these are also warnings.
 pub fn check_before_training(
     capture: &Capture,
     path: &Path,
@@ -24,6 +34,18 @@ pub fn check_before_training(
     test_split: &str,
     ignored: bool,
 ) -> anyhow::Result<()> {
+    let shared = shared_images(capture, train_split, test_split);
+    if shared > 0 {
+        let text = format!(
+            "{}: {shared} of the images of split {test_split:?}, which judges the avatar, are those of {train_split:?}, which \
+             trains it",
+            path.display()
+        );
+        if !ignored {
+            bail!("{text}; name other splits with --split and --test-split, or train anyway with --ignore-checks");
+        }
+        log::warn!("{text}: its figures are those of training");
+    }
     let found = CaptureInspection::of_split(capture, train_split, TRAIN_SAMPLE)?.findings;
     let (refused, odd): (Vec<_>, Vec<_>) =
         found.into_iter().partition(|finding| finding.severity == Severity::Pointless && !ignored);

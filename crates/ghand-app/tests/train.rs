@@ -187,6 +187,29 @@ fn a_capture_without_test_images_trains_and_claims_nothing() {
 }
 
 #[test]
+fn an_avatar_is_not_judged_in_images_that_trained_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    small_capture(&capture);
+    let train = ["--capture", "capture", "--out", "out", "--set", "uv_resolution=32", "--set", "iterations=2"];
+    for of in [&["--split", "test"][..], &["--test-split", "train"]] {
+        assert_one_sentence(
+            &run(TRAIN, folder.path(), &[&train[..], of].concat()),
+            &["of the images", "--ignore-checks"],
+        );
+    }
+    assert!(!folder.path().join("out/avatar.ghand").exists());
+    // A single image in both is enough.
+    change_json(&capture, |json| {
+        let test = json["splits"]["test"].clone();
+        let first = |key: &str| serde_json::json!([test[key][0]]);
+        json["splits"]["mixed"] = serde_json::json!({ "cameras": first("cameras"), "frames": first("frames") });
+    });
+    let mixed = [&train[..], &["--split", "mixed"]].concat();
+    assert_one_sentence(&run(TRAIN, folder.path(), &mixed), &["1 of the images of split \"test\"", "\"mixed\""]);
+}
+
+#[test]
 fn killing_a_run_leaves_the_old_avatar_whole() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));

@@ -7,6 +7,7 @@ mod cameras;
 mod files;
 mod findings;
 mod fit;
+mod misfits;
 mod overlap;
 mod sample;
 

@@ -44,6 +44,8 @@ pub(crate) struct ViewNotes {
     pub nan_pixels: usize,
     /// The largest difference of two values of a channel in what the image shows, surroundings and all.
     pub contrast: u8,
+    /// The one colour that the image has beside the hand, if it is another than the background.
+    pub other_background: Option<[u8; 3]>,
 }
 
 impl View {
@@ -135,6 +137,8 @@ impl Capture {
             has_mask = true;
         }
         let hide = shows_surroundings(&rgba, size.0 as usize, [r, g, b]);
+        let other_background = Some(usual_surroundings(&rgba))
+            .filter(|color| hide && has_mask && !shows_surroundings(&rgba, size.0 as usize, *color));
         let wrist = self.wrist_pixels(camera, frame, &rgba)?;
         wrist.cut(&mut rgba);
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
@@ -143,7 +147,8 @@ impl Capture {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }
         wrist.hide([r, g, b], &mut rgba);
-        Ok((View { width: size.0, height: size.1, rgba }, ViewNotes { has_mask, is_zero_one, nan_pixels, contrast }))
+        let notes = ViewNotes { has_mask, is_zero_one, nan_pixels, contrast, other_background };
+        Ok((View { width: size.0, height: size.1, rgba }, notes))
     }
 
     /// The pixels of a camera's image without the distortion of its lens; alpha is 0 outside what the camera sees.
@@ -242,6 +247,24 @@ fn shows_surroundings(rgba: &[[u8; 4]], width: usize, background: [u8; 3]) -> bo
     let distances = squared_distances(start, [columns, rows]);
     let others = inside.iter().zip(&distances).filter(|(pixel, squared)| **squared > near.powi(2) && is_other(pixel));
     far + others.count() > allowed
+}
+
+/// The median of each channel outside the mask; black without pixels there.
+fn usual_surroundings(rgba: &[[u8; 4]]) -> [u8; 3] {
+    let mut counts = [[0usize; 256]; 3];
+    let mut all = 0;
+    for pixel in rgba.iter().filter(|pixel| pixel[3] == 0) {
+        all += 1;
+        counts.iter_mut().zip(pixel).for_each(|(counts, value)| counts[usize::from(*value)] += 1);
+    }
+    counts.map(|counts| {
+        let mut below = 0;
+        let middle = counts.iter().position(|count| {
+            below += count;
+            2 * below > all
+        });
+        middle.unwrap_or(0) as u8
+    })
 }
 
 /// Number of pixels with a NaN channel.

@@ -250,3 +250,69 @@ fn a_file_that_is_not_an_image_is_named() {
     assert_eq!((found.files.broken, split(&found, "train").views.len()), (3, 16));
     assert_eq!(found.files.sizes.values().sum::<usize>(), 20);
 }
+
+/// Changes all files of a camera's masks, and of its images with `with_images`.
+fn change_files(capture: &Capture, camera: usize, with_images: bool, change: impl Fn(&mut image::DynamicImage)) {
+    for view in capture.splits.values().flat_map(|split| &split.views).filter(|view| view.camera == camera) {
+        let mask = capture.mask_file(camera, view.frame).unwrap().unwrap();
+        let image = capture.image_file(camera, view.frame).unwrap();
+        for file in [Some(mask), with_images.then_some(image)].into_iter().flatten() {
+            // A split that is part of another names files twice.
+            let done = file.with_extension("done");
+            if !done.exists() {
+                let mut picture = image::open(&file).unwrap();
+                change(&mut picture);
+                picture.save(&file).unwrap();
+                std::fs::write(done, "").unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn one_wrong_camera_is_named_with_its_cause() {
+    type Change = fn(&mut Capture);
+    let camera = |capture: &Capture, k: usize| capture.splits["train"].cameras[k];
+    let cases: [(Change, &[&str]); 7] = [
+        (|c| change_files(c, 0, false, image::DynamicImage::invert), &["0 on the hand", "1 of 8 cameras (cam00)"]),
+        (|c| change_files(c, 1, true, |p| *p = p.rotate180()), &["turned by 180 degrees", "(cam01)"]),
+        (|c| change_files(c, 2, true, |p| *p = p.fliph()), &["mirrored, left for right", "(cam02)"]),
+        (|c| change_files(c, 0, true, |p| *p = p.flipv()), &["mirrored, top for bottom", "(cam00)"]),
+        (|c| (c.cameras[1].focal *= 2.0, c.cameras[1].principal *= 2.0).0, &["2.00 times as large", "(cam01)"]),
+        (
+            |c| {
+                let other = c.cameras[2].clone();
+                let ids = [c.cameras[1].id.clone(), other.id.clone()];
+                c.cameras[2] = c.cameras[1].clone();
+                c.cameras[1] = other;
+                [c.cameras[1].id, c.cameras[2].id] = ids;
+            },
+            &["are those of cam01 in 1", "are those of cam02 in 1"],
+        ),
+        // A camera that is somewhere else has no name for its fault.
+        (|c| c.cameras[0].principal.y += 60.0, &["hardly matches the masks of 1 of 8 cameras (cam00"]),
+    ];
+    for (change, says) in cases {
+        let (mut capture, _folder) = copy();
+        assert!((0..3).all(|k| camera(&capture, k) == k));
+        change(&mut capture);
+        let said = told(&inspected(&capture));
+        assert_says(&said, says);
+        assert!(!said.contains("an axis, a rotation") && !said.contains("frames ("), "{said}");
+    }
+}
+
+#[test]
+fn frames_with_a_wrong_pose_are_named() {
+    let (mut capture, _folder) = copy();
+    let frame = capture.splits["train"].frames[1];
+    capture.frames[frame].pose.translation.x += 0.06;
+    assert_says(&told(&inspected(&capture)), &["the masks of 1 frames (", &capture.frames[frame].id]);
+}
+
+#[test]
+fn another_background_than_that_of_the_images_is_told() {
+    let (mut capture, _folder) = copy();
+    capture.background = [1.0, 1.0, 1.0];
+    assert_says(&told(&inspected(&capture)), &["are [0.00, 0.00, 0.00] beside the hand", "is [1.00, 1.00, 1.00]"]);
+}

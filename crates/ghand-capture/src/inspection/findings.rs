@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
+use super::misfits::{Cause, WrongCamera, wrong_cameras, wrong_frames};
 use super::{CaptureInspection, SplitFacts, ViewFit};
 use crate::capture::Capture;
 use crate::mask::{MadeMasks, MaskMethod};
@@ -58,7 +59,14 @@ impl fmt::Display for Finding {
 
 /// All findings.
 pub(super) fn findings(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
-    [cameras(capture, found), poses(capture, found), images(found), masks(capture, found), fits(found)].concat()
+    [
+        cameras(capture, found),
+        poses(capture, found),
+        images(capture, found),
+        masks(capture, found),
+        fits(capture, found),
+    ]
+    .concat()
 }
 
 fn finding(is_pointless: bool, text: String) -> Finding {
@@ -88,7 +96,7 @@ fn faulty(
     (faulty > 0).then(|| finding(is_pointless, text(faulty, all)))
 }
 
-fn images(found: &CaptureInspection) -> Vec<Finding> {
+fn images(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     let files = &found.files;
     if files.images == 0 {
         return vec![finding(true, "the splits have no images; list their cameras and frames".into())];
@@ -113,12 +121,26 @@ fn images(found: &CaptureInspection) -> Vec<Finding> {
         |view| view.contrast <= MOST_OF_ONE_COLOR,
         |flat, all| format!("{flat} of {all} images have a single colour; export them again"),
     );
+    let others: Vec<[u8; 3]> = views(found).filter_map(|view| view.other_background).collect();
+    let all = views(found).count();
+    let background = (others.len() as f64 >= NEARLY_ALL * all as f64).then(|| others.first().copied()).flatten();
+    let background = background.map(|color| {
+        let [shown, said] = [color.map(|v| f64::from(v) / 255.0), capture.background];
+        let of = |[r, g, b]: [f64; 3]| format!("[{r:.2}, {g:.2}, {b:.2}]");
+        let text = format!(
+            "the images are {} beside the hand, but `background` is {}: edges of the hand are mixed with the first; \
+             set `background` to it",
+            of(shown),
+            of(said)
+        );
+        finding(false, text)
+    });
     let holes = views(found).filter(|view| view.nan_pixels > 0).count();
     let holes = (holes > 0).then(|| {
         let all = views(found).count();
         finding(false, format!("{holes} of {all} images have NaN pixels, which count as black"))
     });
-    [dark, flat, holes].into_iter().flatten().collect()
+    [dark, flat, background, holes].into_iter().flatten().collect()
 }
 
 fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
@@ -169,11 +191,6 @@ fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
 fn cameras(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     let mut findings = vec![];
     let used = || capture.cameras.iter().zip(&found.cameras).filter(|(_, facts)| facts.images > 0);
-    let names = |ids: &[&str]| {
-        let more = ids.len().saturating_sub(MOST_NAMES);
-        let shown = ids.get(..MOST_NAMES).unwrap_or(ids).join(", ");
-        if more > 0 { format!("{shown} and {more} more") } else { shown }
-    };
     let are_most = |ids: &[&str]| ids.len() as f64 > MOST_CAMERAS * used().count() as f64;
     let behind: Vec<&str> = used().filter(|(_, f)| !f.in_front).map(|(camera, _)| camera.id.as_str()).collect();
     if !behind.is_empty() {
@@ -218,7 +235,66 @@ fn poses(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     vec![finding(long as f64 >= DEGREES * all as f64, text)]
 }
 
-fn fits(found: &CaptureInspection) -> Vec<Finding> {
+/// Cameras and frames that the template fits much worse than others, and whether the cause is known.
+fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)> {
+    let views: Vec<&ViewFit> = views(found).collect();
+    let (wrong, others) = wrong_cameras(capture, &views);
+    let name = |camera: usize| capture.cameras.get(camera).map_or("", |camera| camera.id.as_str());
+    let used = found.cameras.iter().filter(|facts| facts.images > 0).count();
+    let mut causes: Vec<&Cause> = wrong.iter().map(|wrong| &wrong.cause).collect();
+    causes.sort();
+    causes.dedup();
+    let of_cause = |cause: &Cause| {
+        let of: Vec<&WrongCamera> = wrong.iter().filter(|wrong| wrong.cause == *cause).collect();
+        let count = of.len();
+        let cameras = names(&of.iter().map(|wrong| name(wrong.camera)).collect::<Vec<_>>());
+        let [as_is, without] = [0, 1].map(|k| of.iter().map(|wrong| wrong.overlap[k]).sum::<f64>() / count as f64);
+        let what = match cause {
+            Cause::Inverted => "the masks are 0 on the hand and not elsewhere".to_owned(),
+            Cause::Turned => "the images are turned by 180 degrees".to_owned(),
+            Cause::Mirrored => "the images are mirrored, left for right".to_owned(),
+            Cause::Flipped => "the images are mirrored, top for bottom".to_owned(),
+            Cause::Scaled(percent) => {
+                format!("the intrinsics are those of images {:.2} times as large", f64::from(*percent) / 100.0)
+            }
+            Cause::Swapped(other) => format!("the images are those of {}", name(*other)),
+            Cause::Unknown => {
+                let text = format!(
+                    "the posed template hardly matches the masks of {count} of {used} cameras ({cameras}; overlap \
+                     {as_is:.2}), but those of the others ({others:.2}); their calibration, images or masks are wrong"
+                );
+                return (false, finding(false, text));
+            }
+        };
+        let text = format!(
+            "{what} in {count} of {used} cameras ({cameras}): the posed template overlaps the masks by {as_is:.2}, and by \
+             {without:.2} without that"
+        );
+        (true, finding(count as f64 > MOST_CAMERAS * used as f64, text))
+    };
+    let mut findings: Vec<(bool, Finding)> = causes.into_iter().map(of_cause).collect();
+    let frames = wrong_frames(&views, &wrong);
+    if !frames.is_empty() {
+        let ids: Vec<&str> =
+            frames.iter().filter_map(|frame| capture.frames.get(*frame)).map(|frame| frame.id.as_str()).collect();
+        let text = format!(
+            "the posed template matches the masks of {} frames ({}) much worse than the others; their poses or images are \
+             wrong",
+            ids.len(),
+            names(&ids)
+        );
+        findings.push((false, finding(false, text)));
+    }
+    findings
+}
+
+fn names(ids: &[&str]) -> String {
+    let more = ids.len().saturating_sub(MOST_NAMES);
+    let shown = ids.get(..MOST_NAMES).unwrap_or(ids).join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
+}
+
+fn fits(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     let outside = faulty(
         found,
         |_| true,
@@ -242,15 +318,17 @@ fn fits(found: &CaptureInspection) -> Vec<Finding> {
              side of the hand may be wrong"
         )
     };
-    let hopeless = Some(worse_than(HOPELESS_IOU, 0.0)).filter(|splits| !splits.is_empty());
-    let poor = Some(worse_than(LEAST_IOU, HOPELESS_IOU)).filter(|splits| !splits.is_empty());
-    [
+    let misfits = misfits(capture, found);
+    // A poor mean has its reason then.
+    let is_explained = misfits.iter().any(|(is_known, _)| *is_known);
+    let unless_explained = |splits: String| Some(splits).filter(|splits| !splits.is_empty() && !is_explained);
+    let hopeless = unless_explained(worse_than(HOPELESS_IOU, 0.0));
+    let poor = unless_explained(worse_than(LEAST_IOU, HOPELESS_IOU));
+    let of_mean = [
         // It is normal for a hand to leave some cameras' view.
         outside.filter(|outside| outside.severity == Severity::Pointless),
         hopeless.map(|splits| finding(true, text("hardly or not at all", splits))),
         poor.map(|splits| finding(false, text("poorly", splits))),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    ];
+    of_mean.into_iter().flatten().chain(misfits.into_iter().map(|(_, finding)| finding)).collect()
 }

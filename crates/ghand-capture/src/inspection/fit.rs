@@ -31,6 +31,8 @@ pub struct ViewFit {
     pub brightest: u8,
     /// The largest difference of two values of a channel, over the whole image as it is filmed.
     pub contrast: u8,
+    /// The one colour that the image has beside the hand, if it is another than the capture's background.
+    pub other_background: Option<[u8; 3]>,
     /// Whether the mask's file has 0 and 1 instead of 0 and 255.
     pub is_zero_one: bool,
     /// Pixels of the image's file with a channel that is not a number.
@@ -107,6 +109,7 @@ fn view_fit(
         shows_template: given.contains(&true),
         brightest: brightest(&view),
         contrast: notes.contrast,
+        other_background: notes.other_background,
         is_zero_one: notes.is_zero_one,
         nan_pixels: notes.nan_pixels,
     })

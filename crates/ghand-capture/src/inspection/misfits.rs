@@ -1,0 +1,160 @@
+//! Cameras and frames whose masks the posed template fits much worse than the others', which a mean hides, and what would
+//! make it fit.
+
+use std::collections::BTreeMap;
+
+use ghand_core::Camera;
+use ghand_core::posing::pose_hand;
+
+use super::ViewFit;
+use super::overlap::iou;
+use crate::capture::Capture;
+use crate::mask::covered_pixels;
+
+/// The template in a tracker's poses overlaps masks more than this, in the median over a camera's images.
+const WELL: f64 = 0.7;
+/// A camera or frame is unlike the others below this part of their median.
+const UNLIKE: f64 = 0.6;
+/// A cause is named if without it the template overlaps the masks at least this much, and this much more.
+const EXPLAINED: f64 = 0.5;
+const GAIN: f64 = 0.2;
+/// Images of a camera on which causes are tried.
+const MOST_VIEWS: usize = 5;
+/// Cameras or frames with fewer others have none to be compared with.
+const LEAST_OTHERS: usize = 2;
+
+/// What is wrong with a camera.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Cause {
+    /// Its masks are 0 on the hand.
+    Inverted,
+    /// Its images are turned by half.
+    Turned,
+    /// Its images are mirrored, left for right.
+    Mirrored,
+    /// Its images are upside down, but not mirrored left for right.
+    Flipped,
+    /// Its intrinsics are those of images this many times as large, in percent.
+    Scaled(u32),
+    /// Its images are those of another camera.
+    Swapped(usize),
+    /// It is not known.
+    Unknown,
+}
+
+/// A camera whose images the template does not fit.
+#[derive(Debug)]
+pub(super) struct WrongCamera {
+    pub camera: usize,
+    pub cause: Cause,
+    /// Median overlap of its masks with the template, as it is and without the cause.
+    pub overlap: [f64; 2],
+}
+
+/// The cameras that are wrong, and the median overlap of the others. A camera without a known cause counts only if others
+/// fit.
+pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<WrongCamera>, f64) {
+    let mut overlaps: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for (view, overlap) in views.iter().filter_map(|view| Some((view, view.iou_given?))) {
+        overlaps.entry(view.camera).or_default().push(overlap);
+    }
+    let medians: BTreeMap<usize, f64> = overlaps.into_iter().map(|(camera, values)| (camera, median(values))).collect();
+    let poor: Vec<usize> = medians.iter().filter(|(_, m)| **m < WELL).map(|(camera, _)| *camera).collect();
+    let others = |except: &[usize]| -> Vec<f64> {
+        medians.iter().filter(|(camera, _)| !except.contains(camera)).map(|(_, m)| *m).collect()
+    };
+    let mut wrong = vec![];
+    for &camera in &poor {
+        let overlap = medians.get(&camera).copied().unwrap_or_default();
+        let of_camera = views.iter().filter(|view| view.camera == camera).take(MOST_VIEWS);
+        let frames: Vec<usize> = of_camera.map(|view| view.frame).collect();
+        let best = alternatives(capture, camera, &poor)
+            .into_iter()
+            .map(|cause| (median(frames.iter().filter_map(|f| fit(capture, camera, *f, &cause)).collect()), cause))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let explained = best.filter(|(fit, _)| *fit >= EXPLAINED && *fit >= overlap + GAIN);
+        let rest = others(&[camera]);
+        match explained {
+            Some((fit, cause)) => wrong.push(WrongCamera { camera, cause, overlap: [overlap, fit] }),
+            None if rest.len() >= LEAST_OTHERS && overlap < UNLIKE * median(rest) => {
+                wrong.push(WrongCamera { camera, cause: Cause::Unknown, overlap: [overlap, overlap] });
+            }
+            None => {}
+        }
+    }
+    let names: Vec<usize> = wrong.iter().map(|wrong| wrong.camera).collect();
+    (wrong, median(others(&names)))
+}
+
+/// The frames of which most images fit much worse than the others of their cameras: one that looks along an error does not see it.
+pub(super) fn wrong_frames(views: &[&ViewFit], wrong: &[WrongCamera]) -> Vec<usize> {
+    let right = || {
+        let known = views.iter().filter_map(|view| Some((view.camera, view.frame, view.iou_given?)));
+        known.filter(|(camera, ..)| wrong.iter().all(|wrong| wrong.camera != *camera))
+    };
+    let mut of_camera: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    right().for_each(|(camera, _, overlap)| of_camera.entry(camera).or_default().push(overlap));
+    let usual: BTreeMap<usize, f64> = of_camera
+        .into_iter()
+        .filter(|(_, values)| values.len() > LEAST_OTHERS)
+        .map(|(camera, values)| (camera, median(values)))
+        .collect();
+    let mut of_frame: BTreeMap<usize, Vec<bool>> = BTreeMap::new();
+    for (camera, frame, overlap) in right() {
+        if let Some(usual) = usual.get(&camera) {
+            of_frame.entry(frame).or_default().push(overlap < UNLIKE * usual);
+        }
+    }
+    of_frame
+        .into_iter()
+        .filter(|(_, unlike)| 2 * unlike.iter().filter(|u| **u).count() > unlike.len())
+        .map(|(frame, _)| frame)
+        .collect()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> {
+    let Some(own) = capture.cameras.get(camera) else { return vec![] };
+    // Where the principal point is in the middle of images of another size, that is the size.
+    let middle = [own.principal.x / f64::from(own.width), own.principal.y / f64::from(own.height)];
+    let by_middle = (100.0 * (middle[0] + middle[1])).round().clamp(10.0, 1000.0) as u32;
+    let mut causes = vec![Cause::Inverted, Cause::Turned, Cause::Mirrored, Cause::Flipped];
+    causes.extend([50, 200, by_middle].into_iter().filter(|percent| percent.abs_diff(100) > 10).map(Cause::Scaled));
+    let same_size = |other: &&usize| {
+        let other = capture.cameras.get(**other);
+        other.is_some_and(|other| (other.width, other.height) == (own.width, own.height))
+    };
+    causes.extend(poor.iter().filter(|other| **other != camera).filter(same_size).map(|other| Cause::Swapped(*other)));
+    causes
+}
+
+/// How well the template overlaps the mask of an image if a camera has this fault, which is undone.
+fn fit(capture: &Capture, camera: usize, frame: usize, cause: &Cause) -> Option<f64> {
+    let view = capture.load_view(camera, frame).ok()?;
+    let (own, posed) = capture.camera_and_frame(camera, frame).ok()?;
+    let vertices = pose_hand(&capture.hand_model, &posed.shape, &posed.pose).ok()?.vertices;
+    let width = own.width as usize;
+    let mut mask: Vec<bool> = view.rgba.iter().map(|pixel| pixel[3] >= 128).collect();
+    let rows = |mask: &mut Vec<bool>| mask.chunks_mut(width.max(1)).for_each(<[bool]>::reverse);
+    let mut seen_by = own.clone();
+    match cause {
+        Cause::Inverted => mask.iter_mut().for_each(|inside| *inside = !*inside),
+        Cause::Turned => mask.reverse(),
+        Cause::Mirrored => rows(&mut mask),
+        Cause::Flipped => {
+            mask.reverse();
+            rows(&mut mask);
+        }
+        Cause::Scaled(percent) => {
+            let factor = f64::from(*percent) / 100.0;
+            seen_by = Camera { focal: own.focal / factor, principal: own.principal / factor, ..seen_by };
+        }
+        Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
+        Cause::Unknown => {}
+    }
+    iou(&mask, &covered_pixels(&seen_by, &vertices, &capture.hand_model.faces))
+}
