@@ -5,9 +5,11 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ghand_files::input_file;
 use image::error::{DecodingError, ImageFormatHint};
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::error::CaptureError;
@@ -72,10 +74,9 @@ fn has_header_and_end(file: &mut File, size: (u32, u32)) -> Result<bool, Refusal
     let mut reader = ImageReader::new(BufReader::new(&mut *file)).with_guessed_format().map_err(read)?;
     let format = reader.format();
     reader.limits(limits(u64::from(size.0) * u64::from(size.1)));
-    let found = reader.into_decoder().map_err(Refusal::Broken)?.dimensions();
-    if found != size {
-        return Err(Refusal::OtherSize(found.0, found.1));
-    }
+    let mut decoder = reader.into_decoder().map_err(Refusal::Broken)?;
+    oriented(&mut decoder, size)?;
+    drop(decoder);
     let mark: &[u8] = match format {
         Some(ImageFormat::Png) => b"IEND",
         Some(ImageFormat::Jpeg) => &END_OF_JPEG,
@@ -102,16 +103,42 @@ pub(crate) fn has_alpha(file: &Path, size: (u32, u32)) -> Option<bool> {
     guarded(read).ok()
 }
 
+/// How an image of `size` pixels is to be turned, as OpenCV and browsers do: what its EXIF orientation says.
+fn oriented(decoder: &mut impl ImageDecoder, size: (u32, u32)) -> Result<Orientation, Refusal> {
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let (width, height) = decoder.dimensions();
+    let is_upright = |orientation| {
+        use Orientation::{FlipHorizontal, FlipVertical, NoTransforms, Rotate180};
+        [NoTransforms, Rotate180, FlipHorizontal, FlipVertical].contains(&orientation)
+    };
+    let found = if is_upright(orientation) { (width, height) } else { (height, width) };
+    if found != size {
+        return Err(Refusal::OtherSize { found, orientation });
+    }
+    Ok(orientation)
+}
+
 /// Why bytes are not an image.
 enum Refusal {
     Broken(ImageError),
-    OtherSize(u32, u32),
+    OtherSize { found: (u32, u32), orientation: Orientation },
     NotNumbers,
 }
 
-/// The image of these bytes, which must be of `size` pixels. `file` is for messages.
+/// The image of these bytes, turned as its EXIF orientation says; it must then be of `size` pixels. `file` is for messages.
+/// The first that is turned is told.
 pub(crate) fn decode(file: &Path, role: Role, bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, CaptureError> {
-    guarded(|| decode_sized(bytes, size)).map_err(|refusal| refusal.of(file, role, size))
+    static TOLD: AtomicBool = AtomicBool::new(false);
+    let (picture, orientation) =
+        guarded(|| decode_sized(bytes, size)).map_err(|refusal| refusal.of(file, role, size))?;
+    if orientation != Orientation::NoTransforms && !TOLD.swap(true, Ordering::Relaxed) {
+        log::warn!(
+            "{}: turned as its EXIF orientation {} says, as OpenCV does; so are others with that tag",
+            file.display(),
+            orientation.to_exif()
+        );
+    }
+    Ok(picture)
 }
 
 /// Hostile files may trigger bugs in decoders.
@@ -125,9 +152,16 @@ impl Refusal {
     fn of(self, file: &Path, role: Role, size: (u32, u32)) -> CaptureError {
         match self {
             Refusal::Broken(source) => CaptureError::Image { path: file.into(), what: role.name(), source },
-            Refusal::OtherSize(width, height) => {
+            Refusal::OtherSize { found: (width, height), orientation } => {
+                let (turned, remedy) = match orientation {
+                    Orientation::NoTransforms => (String::new(), "resize it or"),
+                    tag => {
+                        let turned = format!(", turned as its EXIF orientation {} says,", tag.to_exif());
+                        (turned, "remove that tag if the calibration is for the pixels as stored, or")
+                    }
+                };
                 let problem = format!(
-                    "is {width} x {height} pixels but its camera says {} x {}; resize it or correct width, height and \
+                    "is {width} x {height} pixels{turned} but its camera says {} x {}; {remedy} correct width, height and \
                      intrinsics of the camera",
                     size.0, size.1
                 );
@@ -145,7 +179,7 @@ fn broken(hint: ImageFormatHint, problem: &str) -> Refusal {
     Refusal::Broken(ImageError::Decoding(DecodingError::new(hint, problem)))
 }
 
-fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal> {
+fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<(DynamicImage, Orientation), Refusal> {
     let pixels = u64::from(size.0) * u64::from(size.1);
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -158,14 +192,12 @@ fn decode_sized(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, Refusal>
         _ => {}
     }
     reader.limits(limits(pixels));
-    let decoder = reader.into_decoder().map_err(Refusal::Broken)?;
+    let mut decoder = reader.into_decoder().map_err(Refusal::Broken)?;
     // Only the header has been read here.
-    let (width, height) = decoder.dimensions();
-    if (width, height) != size {
-        return Err(Refusal::OtherSize(width, height));
-    }
-    let picture = DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)?;
-    if has_numbers(&picture) { Ok(picture) } else { Err(Refusal::NotNumbers) }
+    let orientation = oriented(&mut decoder, size)?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(Refusal::Broken)?;
+    picture.apply_orientation(orientation);
+    if has_numbers(&picture) { Ok((picture, orientation)) } else { Err(Refusal::NotNumbers) }
 }
 
 /// Whether any pixel has numbers for red, green and blue.
@@ -220,4 +252,64 @@ fn check_exr(bytes: &[u8], pixels: u64) -> Result<(), Refusal> {
         stored > EXR_OVERSCAN * pixels
     });
     if too_large { Err(broken(hint(), "it stores far more pixels than it shows")) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::codecs::jpeg::JpegEncoder;
+    use image::codecs::png::PngEncoder;
+    use image::{ExtendedColorType, ImageEncoder};
+
+    use super::*;
+
+    /// A TIFF header with one entry, the orientation.
+    fn exif(tag: u8) -> Vec<u8> {
+        [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[tag, 0, 0, 0], &[0; 4]].concat()
+    }
+
+    fn encoded(mut encoder: impl ImageEncoder, tag: u8, picture: &DynamicImage) {
+        encoder.set_exif_metadata(exif(tag)).unwrap();
+        let size = [picture.width(), picture.height()];
+        encoder.write_image(picture.as_bytes(), size[0], size[1], ExtendedColorType::Rgb8).unwrap();
+    }
+
+    fn read(bytes: &[u8], size: (u32, u32)) -> Result<DynamicImage, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("image");
+        std::fs::write(&file, bytes).unwrap();
+        let checked = check(&file, Role::Image, size).map_err(|error| error.to_string());
+        let decoded = decode(&file, Role::Image, bytes, size).map_err(|error| error.to_string());
+        assert_eq!(checked.err(), decoded.as_ref().err().cloned());
+        decoded
+    }
+
+    #[test]
+    fn images_are_turned_as_their_exif_orientation_says() {
+        let colors: Vec<u8> = (0..12 * 8 * 3).map(|k| (k * 7 % 251) as u8).collect();
+        let stored = DynamicImage::from(image::RgbImage::from_raw(12, 8, colors).unwrap());
+        for tag in 1..=8 {
+            let mut expected = stored.clone();
+            expected.apply_orientation(Orientation::from_exif(tag).unwrap());
+            let size = (expected.width(), expected.height());
+            let mut png = vec![];
+            encoded(PngEncoder::new(&mut png), tag, &stored);
+            assert_eq!(read(&png, size).unwrap(), expected, "{tag}");
+            let mut jpeg = vec![];
+            encoded(JpegEncoder::new_with_quality(&mut jpeg, 100), tag, &stored);
+            assert_eq!(read(&jpeg, size).unwrap().width(), size.0, "{tag}");
+            if tag >= 5 {
+                let error = read(&jpeg, (12, 8)).unwrap_err();
+                let says =
+                    format!("8 x 12 pixels, turned as its EXIF orientation {tag} says, but its camera says 12 x 8");
+                assert!(error.contains(&says), "{error}");
+            }
+        }
+        // What is stored at the top left of a picture with tag 6 is seen at the top right, with tag 3 at the bottom right.
+        for (tag, size, at) in [(6, (8, 12), [7, 0]), (3, (12, 8), [11, 7])] {
+            let mut png = vec![];
+            encoded(PngEncoder::new(&mut png), tag, &stored);
+            let seen = read(&png, size).unwrap().into_rgb8();
+            assert_eq!(seen.get_pixel(at[0], at[1]), stored.to_rgb8().get_pixel(0, 0), "{tag}");
+        }
+    }
 }
