@@ -129,6 +129,11 @@ fn an_interrupted_run_goes_on_as_it_was_started_and_refuses_anything_else() {
     assert_one_sentence(&other(&["--split", "test"]), &["--split", "was started with train"]);
     assert_one_sentence(&other(&["--capture", "elsewhere"]), &["--capture", "was started with"]);
     assert_one_sentence(&other(&["--force"]), &["--force", "--resume"]);
+    // There is no run in a folder whose name was mistyped.
+    assert_one_sentence(&train(&["--resume", "--out", "rum"]), &["rum: there is no run to go on with", "--capture"]);
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    assert_one_sentence(&train(&["--resume", "--out", "empty"]), &["empty: there is no run to go on with"]);
+    assert!(!folder.path().join("rum").exists() && listing(&folder.path().join("empty")).is_empty());
     // A changed capture.
     let file = folder.path().join("capture/capture.json");
     let whole = std::fs::read_to_string(&file).unwrap();

@@ -45,6 +45,9 @@ struct CaptureFile {
     #[serde(default)]
     background: [f64; 3],
     hand_model: HandModelFile,
+    /// Coordinates of the centre of the top left pixel, 0.5 or 0; 0.5 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pixel_center: Option<f64>,
     cameras: Vec<CameraFile>,
     frames: Vec<FrameFile>,
     image_path: String,

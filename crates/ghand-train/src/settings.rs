@@ -397,6 +397,9 @@ impl TrainSettings {
                 "must be 1 unless model=network: other models gain nothing by more".into(),
             ));
         }
+        if self.l1_weight == 0.0 && self.ssim_weight == 0.0 {
+            return Err(fail("l1_weight", "must not be 0 beside ssim_weight=0: nothing would tell colours".into()));
+        }
         if self.merge_below > 0.0 && self.model == Model::Network {
             return Err(fail("merge_below", "must be 0 with model=network, whose Gaussians are all texels".into()));
         }
@@ -576,6 +579,8 @@ mod tests {
         assert!(bad.check().unwrap_err().to_string().contains("`rate_pose`"));
         let bad = TrainSettings { color_components: 33, ..Default::default() };
         assert!(bad.check().unwrap_err().to_string().contains("`33` must be a whole number, from 0 to 32"));
+        let bad = TrainSettings { l1_weight: 0.0, ssim_weight: 0.0, ..TrainSettings::default() };
+        assert!(bad.check().unwrap_err().to_string().contains("beside ssim_weight=0"));
     }
 
     #[test]

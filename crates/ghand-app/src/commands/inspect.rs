@@ -117,6 +117,9 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     if !found.has_usable_image() {
         bail!("{}: no image can be used; see the problems above", path.display());
     }
+    if !found.is_trainable() {
+        bail!("{}: training on it cannot succeed; see the problems above", path.display());
+    }
     Ok(())
 }
 

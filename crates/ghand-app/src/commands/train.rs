@@ -64,7 +64,7 @@ pub struct TrainArgs {
     #[arg(long, conflicts_with = "resume")]
     force: bool,
     /// Go on with the interrupted run in --out [default: the last one], as it was started; other options may be left out.
-    /// Without one there, begin.
+    /// Without one there, begin if --capture is given.
     #[arg(long)]
     resume: bool,
     /// Show the avatar in the viewer while it is trained, with the curve of its loss and images held out
@@ -100,6 +100,7 @@ impl TrainArgs {
     fn folder(&self) -> anyhow::Result<RunFolder> {
         let default = Path::new(DEFAULT_FOLDER);
         match &self.out {
+            Some(out) if self.resume && !out.exists() && self.capture.capture.is_none() => Err(nothing_to_resume(out)),
             out if self.resume => RunFolder::resumed(out.as_deref(), default),
             Some(out) => RunFolder::named(out, self.force),
             None if self.force => RunFolder::named(default, true),
@@ -147,6 +148,9 @@ impl TrainArgs {
             if folder.is_finished() {
                 return Ok(None);
             }
+            if self.capture.capture.is_none() {
+                return Err(nothing_to_resume(folder.path()));
+            }
             say!("there is no run to go on with in {}: it begins", folder.path().display());
             return Ok(Some(Plan { record: asked, resumed: false }));
         };
@@ -180,6 +184,13 @@ impl TrainArgs {
         }
         Ok(Some(Plan { record, resumed: true }))
     }
+}
+
+fn nothing_to_resume(folder: &Path) -> anyhow::Error {
+    anyhow!(
+        "{}: there is no run to go on with; to begin one, give its --capture or leave out --resume",
+        folder.display()
+    )
 }
 
 /// The usual time between two checkpoints.

@@ -150,6 +150,24 @@ fn distortion_is_read_checked_and_written_and_zeros_count_as_none() {
 }
 
 #[test]
+fn pixel_centers_of_opencv_move_the_principal_point_by_half_a_pixel() {
+    let principal = |capture: &Capture| capture.cameras[0].principal;
+    let usual = opened_after(|_| {});
+    for (center, shift) in [(0.5, 0.0), (0.0, 0.5)] {
+        let capture = opened_after(|v| v["pixel_center"] = json!(center));
+        assert_eq!(principal(&capture), principal(&usual) + shift);
+    }
+    // As written, it is in our own coordinates again.
+    let folder = tempfile::tempdir().unwrap();
+    sample(folder.path()).save().unwrap();
+    change_file(&folder.path().join("capture.json"), |v| v["pixel_center"] = json!(0));
+    let moved = Capture::open(folder.path()).unwrap();
+    moved.save().unwrap();
+    assert_eq!(principal(&Capture::open(folder.path()).unwrap()), principal(&moved));
+    assert_contains(&message_after(|v| v["pixel_center"] = json!(1)), &["pixel_center", "must be 0.5, or 0"]);
+}
+
+#[test]
 fn views_of_distorted_cameras_are_undistorted_with_their_masks() {
     let folder = tempfile::tempdir().unwrap();
     let mut capture = sample(folder.path());

@@ -115,7 +115,16 @@ impl Reader<'_> {
         let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
         let joints = JointRows { order: &joint_order, names: &hand_model.joint_names };
 
-        let cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
+        let shift = match file.pixel_center {
+            None | Some(0.5) => 0.0,
+            Some(0.0) => 0.5,
+            Some(other) => {
+                let problem = format!("is {other}; must be 0.5, or 0 as calibrated by OpenCV, Kalibr and ROS");
+                return Err(self.invalid("pixel_center", problem));
+            }
+        };
+        let mut cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
+        cameras.iter_mut().for_each(|camera| camera.principal += shift);
         let distortion = self.distortion(&file.cameras, &cameras)?;
         let camera_indices = self.validator.index("cameras", cameras.iter().map(|c| c.id.as_str()))?;
         let frames = file.frames.iter().map(|f| self.frame(f, joints)).collect::<Result<Vec<_>, _>>()?;

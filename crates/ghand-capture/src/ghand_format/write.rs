@@ -62,6 +62,7 @@ impl Capture {
             side: if self.side == Side::Right { "right" } else { "left" }.into(),
             background: self.background,
             hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
+            pixel_center: None,
             cameras: (0..)
                 .zip(&self.cameras)
                 .map(|(i, c)| CameraFile::of(c, self.distortion.get(i).copied().flatten()))
