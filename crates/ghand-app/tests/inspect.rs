@@ -164,11 +164,13 @@ fn data_sets_are_inspected_in_their_own_layouts() {
     std::fs::write(folder.path().join("MANO_RIGHT.pkl"), mano).unwrap();
     interhand_files::right().write(&folder.path().join("InterHand2.6M"));
     hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");
-    let told = |path| said(&inspect(folder.path(), &[path, "--hand-model", "MANO_RIGHT.pkl", "--no-sheet"]));
-    let interhand = told("InterHand2.6M");
+    let told = |path| inspect(folder.path(), &[path, "--hand-model", "MANO_RIGHT.pkl", "--no-sheet"]);
+    let interhand = said(&told("InterHand2.6M"));
     assert_says(&interhand, &["InterHand2.6M, right hand", "(MANO)", "true poses: none", "test_all:", "made from"]);
+    // Its images have one colour.
     let subject = told("subject_1");
-    assert_says(&subject, &["Hand Appearance, right hand", "448 x 448", "phone"]);
+    assert_one_sentence(&subject, &["subject_1: training on it cannot succeed"]);
+    assert_says(&String::from_utf8_lossy(&subject.stdout), &["Hand Appearance, right hand", "448 x 448", "phone"]);
     assert_one_sentence(&inspect(folder.path(), &["InterHand2.6M"]), &["MANO_RIGHT.pkl", "--hand-model"]);
 }
 
