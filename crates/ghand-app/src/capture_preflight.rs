@@ -13,20 +13,12 @@ const TRAIN_SAMPLE: usize = 60;
 /// Number of images of the test split whose pixels are checked.
 const TEST_SAMPLE: usize = 20;
 
-/// Number of images that are in both splits.
-fn shared_images(capture: &Capture, train_split: &str, test_split: &str) -> usize {
-    let images = |name: &str| {
-        let views = capture.splits.get(name).map_or(&[][..], |split| &split.views);
-        views.iter().map(|view| (view.camera, view.frame)).collect::<BTreeSet<_>>()
-    };
-    images(train_split).intersection(&images(test_split)).count()
-}
-
 /// Warns of oddities of the training split, and of problems of the test split if it has images. `path` is the
 /// capture's, for messages.
 ///
 /// # Errors
-/// One sentence if the splits share images, or with everything that makes training pointless, unless `ignored`; then these are also warnings.
+/// One sentence if the splits share images, or with everything that makes training pointless, unless `ignored`; then these
+/// are also warnings.
 pub fn check_before_training(
     capture: &Capture,
     path: &Path,
@@ -65,4 +57,13 @@ pub fn check_before_training(
         }
     }
     Ok(())
+}
+
+/// Number of images that are in both splits.
+fn shared_images(capture: &Capture, train_split: &str, test_split: &str) -> usize {
+    let images = |name: &str| {
+        let views = capture.splits.get(name).map_or(&[][..], |split| &split.views);
+        views.iter().map(|view| (view.camera, view.frame)).collect::<BTreeSet<_>>()
+    };
+    images(train_split).intersection(&images(test_split)).count()
 }

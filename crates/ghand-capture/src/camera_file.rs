@@ -49,7 +49,7 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let camera = file.camera(validator, String::new())?;
     match file.distortion(validator, "", &camera)? {
         None => Ok(camera),
-        Some(_) => Err(validator.invalid("distortion", "pictures are drawn without distortion; remove it")),
+        Some(_) => Err(validator.invalid(file.lens_field(), "pictures are drawn without distortion; remove it")),
     }
 }
 
@@ -95,6 +95,11 @@ impl CameraFile {
         })
     }
 
+    /// The name of the field that describes the lens.
+    fn lens_field(&self) -> &'static str {
+        if self.fisheye.is_some() { "fisheye" } else { "distortion" }
+    }
+
     /// The distortion of the camera's lens, checked; `None` if all coefficients are 0. `field` is as in
     /// [`Self::camera`].
     pub(crate) fn distortion(
@@ -103,8 +108,7 @@ impl CameraFile {
         field: &str,
         camera: &Camera,
     ) -> Result<Option<Distortion>, CaptureError> {
-        let name = if self.fisheye.is_some() { "fisheye" } else { "distortion" };
-        let invalid = |problem: String| Err(validator.invalid(member(field, name), problem));
+        let invalid = |problem: String| Err(validator.invalid(member(field, self.lens_field()), problem));
         let distortion = match (self.distortion.as_deref(), self.fisheye.as_deref()) {
             (None, None) => return Ok(None),
             (Some(_), Some(_)) => return invalid("is given beside `distortion`; a lens has one of them".into()),

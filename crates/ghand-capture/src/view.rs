@@ -137,8 +137,9 @@ impl Capture {
             has_mask = true;
         }
         let hide = shows_surroundings(&rgba, size.0 as usize, [r, g, b]);
-        let other_background = Some(usual_surroundings(&rgba))
-            .filter(|color| hide && has_mask && !shows_surroundings(&rgba, size.0 as usize, *color));
+        let other_background = (hide && has_mask)
+            .then(|| usual_surroundings(&rgba))
+            .filter(|color| !shows_surroundings(&rgba, size.0 as usize, *color));
         let wrist = self.wrist_pixels(camera, frame, &rgba)?;
         wrist.cut(&mut rgba);
         self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);

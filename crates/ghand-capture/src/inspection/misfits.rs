@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 
 use ghand_core::Camera;
-use ghand_core::posing::pose_hand;
+use glam::DVec3;
 
 use super::ViewFit;
+use super::fit::posed_template;
 use super::overlap::iou;
 use crate::capture::Capture;
 use crate::mask::covered_pixels;
@@ -68,9 +69,10 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         let overlap = medians.get(&camera).copied().unwrap_or_default();
         let of_camera = views.iter().filter(|view| view.camera == camera).take(MOST_VIEWS);
         let frames: Vec<usize> = of_camera.map(|view| view.frame).collect();
+        let seen: Vec<Seen> = frames.iter().filter_map(|frame| Seen::of(capture, camera, *frame)).collect();
         let best = alternatives(capture, camera, &poor)
             .into_iter()
-            .map(|cause| (median(frames.iter().filter_map(|f| fit(capture, camera, *f, &cause)).collect()), cause))
+            .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause)).collect()), cause))
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let explained = best.filter(|(fit, _)| *fit >= EXPLAINED && *fit >= overlap + GAIN);
         let rest = others(&[camera]);
@@ -132,29 +134,40 @@ fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> 
     causes
 }
 
-/// How well the template overlaps the mask of an image if a camera has this fault, which is undone.
-fn fit(capture: &Capture, camera: usize, frame: usize, cause: &Cause) -> Option<f64> {
-    let view = capture.load_view(camera, frame).ok()?;
-    let (own, posed) = capture.camera_and_frame(camera, frame).ok()?;
-    let vertices = pose_hand(&capture.hand_model, &posed.shape, &posed.pose).ok()?.vertices;
-    let width = own.width as usize;
-    let mut mask: Vec<bool> = view.rgba.iter().map(|pixel| pixel[3] >= 128).collect();
-    let rows = |mask: &mut Vec<bool>| mask.chunks_mut(width.max(1)).for_each(<[bool]>::reverse);
-    let mut seen_by = own.clone();
-    match cause {
-        Cause::Inverted => mask.iter_mut().for_each(|inside| *inside = !*inside),
-        Cause::Turned => mask.reverse(),
-        Cause::Mirrored => rows(&mut mask),
-        Cause::Flipped => {
-            mask.reverse();
-            rows(&mut mask);
-        }
-        Cause::Scaled(percent) => {
-            let factor = f64::from(*percent) / 100.0;
-            seen_by = Camera { focal: own.focal / factor, principal: own.principal / factor, ..seen_by };
-        }
-        Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
-        Cause::Unknown => {}
+/// The mask of an image and the template's vertices in its frame (world, metres).
+struct Seen {
+    mask: Vec<bool>,
+    vertices: Vec<DVec3>,
+}
+
+impl Seen {
+    fn of(capture: &Capture, camera: usize, frame: usize) -> Option<Seen> {
+        let mask = capture.load_hand_mask(camera, frame).ok()?;
+        Some(Seen { mask, vertices: posed_template(capture, frame).ok()?.0 })
     }
-    iou(&mask, &covered_pixels(&seen_by, &vertices, &capture.hand_model.faces))
+
+    /// How well the template overlaps the mask if the camera has this fault, which is undone.
+    fn fit(&self, capture: &Capture, camera: usize, cause: &Cause) -> Option<f64> {
+        let own = capture.cameras.get(camera)?;
+        let width = own.width as usize;
+        let mut mask = self.mask.clone();
+        let rows = |mask: &mut Vec<bool>| mask.chunks_mut(width.max(1)).for_each(<[bool]>::reverse);
+        let mut seen_by = own.clone();
+        match cause {
+            Cause::Inverted => mask.iter_mut().for_each(|inside| *inside = !*inside),
+            Cause::Turned => mask.reverse(),
+            Cause::Mirrored => rows(&mut mask),
+            Cause::Flipped => {
+                mask.reverse();
+                rows(&mut mask);
+            }
+            Cause::Scaled(percent) => {
+                let factor = f64::from(*percent) / 100.0;
+                seen_by = Camera { focal: own.focal / factor, principal: own.principal / factor, ..seen_by };
+            }
+            Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
+            Cause::Unknown => {}
+        }
+        iou(&mask, &covered_pixels(&seen_by, &self.vertices, &capture.hand_model.faces))
+    }
 }
