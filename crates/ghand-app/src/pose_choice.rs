@@ -27,6 +27,10 @@ pub struct PoseReadingArgs {
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added
     #[arg(long)]
     pub(crate) flat_mean: bool,
+    /// Whether a left hand's MANO rotations are a right hand's in the mirrored image, as HaMeR and WiLoR give them
+    /// [default: the file's, else as its names suggest]
+    #[arg(long, value_name = "yes|no", value_parser = parse_yes)]
+    mirrored: Option<bool>,
     /// Which capture of a file that holds several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
@@ -36,6 +40,12 @@ pub struct PoseReadingArgs {
     /// The cameras of landmarks in images: a capture.json, its folder, or a JSON file with such cameras
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    /// Frames per second of a file's frames, if it does not say or is wrong
+    #[arg(long, value_name = "N", value_parser = parse_fps)]
+    file_fps: Option<f64>,
+    /// Smooth a file's poses with a 1€ filter, and interpolate single frames that jump
+    #[arg(long)]
+    smooth: bool,
     /// Frames per second of a motion, or of a file (interpolated) [default: 30, or the file's]; also of a film
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     pub(crate) fps: Option<f64>,
@@ -46,6 +56,14 @@ fn parse_side(text: &str) -> Result<Side, String> {
         "left" => Ok(Side::Left),
         "right" => Ok(Side::Right),
         _ => Err("must be left or right".into()),
+    }
+}
+
+fn parse_yes(text: &str) -> Result<bool, String> {
+    match text {
+        "yes" => Ok(true),
+        "no" => Ok(false),
+        _ => Err("must be yes or no".into()),
     }
 }
 
@@ -91,7 +109,10 @@ impl PoseReadingArgs {
             side: self.side,
             pose_model,
             flat_mean: self.flat_mean,
+            mirrored: self.mirrored,
             take: self.take.clone(),
+            file_fps: self.file_fps,
+            smooth: self.smooth,
             in_place: self.in_place,
             cameras: match &self.cameras {
                 Some(path) => read_cameras(path).context("--cameras")?,

@@ -10,6 +10,8 @@ use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::pose_sequence::{PoseFrame, between};
+
 /// Cutoff at rest, Hz: a tremble of 10 Hz is reduced to a tenth.
 const CUTOFF_AT_REST: f64 = 1.0;
 /// How much the cutoff grows with speed: Hz for each rad/s. A finger closes at about 10 rad/s, and then lags by 20 ms.
@@ -65,6 +67,18 @@ impl PoseFilter {
     pub fn reset(&mut self) {
         self.last = None;
     }
+}
+
+/// Frames of a constant rate, smoothed forwards and backwards, so that they do not lag.
+pub(crate) fn smoothed(frames: &[PoseFrame], fps: f64) -> Vec<PoseFrame> {
+    let pass = |order: &mut dyn Iterator<Item = &PoseFrame>| -> Vec<Pose> {
+        let mut filter = PoseFilter::default();
+        order.enumerate().map(|(k, frame)| filter.smooth(&frame.pose, k as f64 / fps)).collect()
+    };
+    let forwards = pass(&mut frames.iter());
+    let backwards = pass(&mut frames.iter().rev());
+    let poses = forwards.iter().zip(backwards.iter().rev()).map(|(a, b)| between(a, b, 0.5));
+    frames.iter().zip(poses).map(|(frame, pose)| PoseFrame { pose, ..frame.clone() }).collect()
 }
 
 /// A value that moves along vectors.

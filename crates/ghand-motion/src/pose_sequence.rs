@@ -20,6 +20,7 @@
 
 mod file_skeleton;
 mod folder;
+mod gaps;
 pub mod ghand;
 pub mod ho3d;
 pub mod image_landmarks;
@@ -27,11 +28,15 @@ mod landmark_fit;
 pub mod landmark_report;
 pub mod landmarks;
 pub mod mano;
+mod names;
 pub mod plain;
+mod plausibility;
+mod proportions;
 mod recording;
 mod refusal;
 mod sides;
 mod source;
+mod timeline;
 mod to_model;
 pub mod xr;
 
@@ -48,6 +53,7 @@ use crate::rest_skeleton::RestSkeleton;
 pub use landmark_report::LandmarkFit;
 pub(crate) use recording::{Motion, Recording};
 pub(crate) use source::{Skipped, Source};
+use timeline::Timeline;
 use to_model::retargeted;
 pub(crate) use to_model::{mano_rows, rows, side_name};
 
@@ -93,8 +99,15 @@ pub struct PoseOptions {
     pub pose_model: Option<HandModel>,
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.
     pub flat_mean: bool,
+    /// Whether the rotations of a left hand's MANO parameters are a right hand's, those of the mirrored image. By default
+    /// the file decides, and a remark says what is assumed.
+    pub mirrored: Option<bool>,
     /// Which capture to take from a file that holds several.
     pub take: Option<String>,
+    /// The rate of the file's frames, frames per second, instead of the one that it states.
+    pub file_fps: Option<f64>,
+    /// Whether single frames that jump are interpolated and the poses smoothed.
+    pub smooth: bool,
     /// Ignore the rotation and the position of the whole hand.
     pub in_place: bool,
     /// The cameras of landmarks in images.
@@ -173,15 +186,17 @@ fn poses_and_fit(
 ) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let wanted = options.side.unwrap_or(model.side);
     let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count(), model };
-    let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
-    // Poses of an unknown side are read as the wanted side.
-    let side = options.side.or(side).unwrap_or(model.side);
+    let (Recording { side, usual_fps, motion, skipped, mut warnings }, mut timeline) = timed_recording(&source, value)?;
+    warnings.extend(skipped.finish(&source, motion.len())?);
+    let is_capture = matches!(&motion, Motion::Rows(rows) if rows.capture_kind.is_some());
+    let side = plausibility::side(&motion, side, model.side, options, &mut warnings);
     let mut fit = None;
-    let (mut frames, side) = match motion {
+    let (frames, side) = match motion {
         Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
         Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
         Motion::WebXr { frames } => (retargeted(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
         Motion::Landmarks { frames, tip_inset } => {
+            plausibility::check_landmarks(&source, &frames, &mut warnings)?;
             let (frames, found) = landmark_fit::from_points(&source, &frames, tip_inset, side, model, &mut warnings)?;
             fit = Some(found);
             (frames, side)
@@ -200,6 +215,29 @@ fn poses_and_fit(
     if frames.is_empty() {
         return Err(source.invalid("frames", "there are none; give at least one".into()));
     }
+    let fps = timeline.rate(&source, value, usual_fps, options.file_fps)?;
+    warnings.append(&mut timeline.warnings);
+    if fps.is_none() && frames.len() > 1 && !is_capture {
+        warnings.push(format!(
+            "the file does not give its rate, and {DEFAULT_FPS} frames per second are assumed; --file-fps gives it"
+        ));
+    }
+    let fps = fps.unwrap_or(DEFAULT_FPS);
+    // The frames of a capture are photographs, whose ids are names.
+    let mut frames = if is_capture || mano::is_interhand(value) {
+        frames
+    } else {
+        let (frames, remarks) = gaps::filled(frames, &skipped.ids, &timeline, fps);
+        warnings.extend(remarks);
+        frames
+    };
+    if !is_capture {
+        plausibility::check_jumps(&mut frames, fps, options.smooth, &mut warnings);
+        plausibility::check_bend(&frames, model, &mut warnings);
+    }
+    if options.smooth {
+        frames = crate::one_euro::smoothed(&frames, fps);
+    }
     if model.shape_directions.is_empty() {
         frames.iter_mut().for_each(|frame| frame.shape.clear());
     }
@@ -209,29 +247,40 @@ fn poses_and_fit(
             frame.pose.rotations.iter_mut().take(1).for_each(|root| *root = DVec3::ZERO);
         }
     }
-    let fps = fps.unwrap_or(DEFAULT_FPS);
     Ok((PoseSequence { fps, joint_names: model.joint_names.clone(), frames, warnings }, fit))
 }
 
-/// The content of a file, read by the first reader that recognises its kind.
+/// The content of a file with its usable frames, of which there is at least one.
 pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+    let (recording, _) = timed_recording(source, value)?;
+    recording.skipped.finish(source, recording.motion.len())?;
+    Ok(recording)
+}
+
+/// The content of a file, read by the first reader that recognises its kind, with the places of its frames.
+fn timed_recording(source: &Source, value: &Value) -> Result<(Recording, Timeline), PoseError> {
     let readers: [Reader; 6] = [xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
+    let refused = |value: &Value| Err(source.invalid("content", refusal::problem(source, value)));
+    // The numbers of a data set's frames are names.
+    let timeline = if mano::is_interhand(value) { Timeline::default() } else { Timeline::of(value) };
     if let Some(recording) = trackers(source, value) {
-        return recording;
+        return plausibility::checked(source, recording?).map(|recording| (recording, timeline));
     }
-    if let Some(sides::OneHand { side, value, warning }) = sides::one_hand(value, source.wanted) {
+    if let Some(sides::OneHand { side, value: hand, warning }) = sides::one_hand(value, source.wanted) {
         let source = Source { wanted: side, ..*source };
-        let found = trackers(&source, &value).or_else(|| ghand::read(&source, &value));
-        let mut recording = found.unwrap_or_else(|| Err(source.invalid("content", refusal::problem(&value))))?;
+        let found = trackers(&source, &hand).or_else(|| ghand::read(&source, &hand));
+        let mut recording = found.unwrap_or_else(|| refused(&hand))?;
         recording.side = recording.side.or(Some(side));
         if let Motion::Rows(rows) = &mut recording.motion {
             rows.side = rows.side.or(Some(side));
         }
         recording.warnings.extend(warning);
-        return Ok(recording);
+        let timeline = if timeline.places.is_empty() { Timeline::of(&hand) } else { timeline };
+        return plausibility::checked(&source, recording).map(|recording| (recording, timeline));
     }
-    ghand::read(source, value).unwrap_or_else(|| Err(source.invalid("content", refusal::problem(value))))
+    let recording = ghand::read(source, value).unwrap_or_else(|| refused(value))?;
+    plausibility::checked(source, recording).map(|recording| (recording, timeline))
 }
 
 impl PoseSequence {

@@ -80,7 +80,7 @@ fn every_kind_of_packet_gives_the_pose_that_a_file_with_it_gives() {
             (PacketKind::XrJoints, json!({"handedness": "left", "joints": xr_hand(&mut random)})),
             (PacketKind::XrJoints, json!(array)),
             (PacketKind::XrJoints, json!({"handedness": "right", "joints": array, "sent_ms": 1.5})),
-            (PacketKind::Landmarks, landmarks_packet(&landmarks_of(model, &pose), "Right")),
+            (PacketKind::Landmarks, landmarks_packet(&landmarks_of(model, &pose), side_name(side))),
             (PacketKind::Landmarks, json!(landmarks_of(model, &pose).map(|p| p.to_array()))),
         ];
         for (kind, packet) in packets {

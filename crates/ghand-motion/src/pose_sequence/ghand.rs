@@ -25,8 +25,9 @@ use serde_json::json;
 
 use super::file_skeleton::{FileSkeleton, texts};
 use super::recording::Rows;
-use super::source::{fps_of_times, id_of, shown, side_of};
-use super::{LandmarkFit, Motion, PoseError, PoseFrame, PoseSequence, Recording, Source};
+use super::source::{id_of, shown, side_of};
+use super::timeline;
+use super::{LandmarkFit, Motion, PoseError, PoseFrame, PoseSequence, Recording, Skipped, Source};
 
 /// Format name and version of a capture.
 const CAPTURE_FORMAT: &str = "ghand-capture";
@@ -63,10 +64,12 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
             return Err(source.invalid("version", "must be 1; use the ghand that wrote the file".into()));
         }
     }
+    if format.is_none() {
+        check_names(source, value, frames)?;
+    }
     let hand_model = value.get("hand_model");
     let side = side(source, value)?;
     let rig = hand_model.map_or(Ok(None), |model| FileSkeleton::read(source, model, "hand_model."))?;
-    let fps_of_times = fps_of_times(frames);
     let capture_kind = format
         .map(|_| hand_model.and_then(|model| model.get("kind")).and_then(Value::text).unwrap_or_default().to_owned());
     let mut ids = HashSet::new();
@@ -104,10 +107,28 @@ fn json(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, P
         Ok(PoseFrame { pose: Pose { rotations, translation }, shape, id: id.clone() })
     };
     let frames = frames.iter().enumerate().map(frame).collect::<Result<Vec<_>, PoseError>>()?;
-    let fps = source.fps(value, &["fps"])?.or(fps_of_times);
     let from_mean = from_mean(value, capture_kind.is_none());
     let motion = Motion::Rows(Box::new(Rows { rig, frames, capture_kind, from_mean, side }));
-    Ok(Recording { side, fps, motion, warnings: vec![] })
+    Ok(Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] })
+}
+
+/// Fields of a file besides those of its frames, and of a frame.
+const FIELDS: [&str; 7] = ["frames", "fps", "side", "flat_hand_mean", "hand_model", "keys", "landmark_fit"];
+const FRAME_FIELDS: [&str; 4] = ["pose", "translation", "shape", "sent_ms"];
+
+/// Rejects fields that ghand's files do not have: a misspelt one would be ignored.
+fn check_names(source: &Source, value: &Value, frames: &[Value]) -> Result<(), PoseError> {
+    let of_frame = |name: &str| FRAME_FIELDS.contains(&name) || timeline::is_known(name);
+    let of_file = |name: &str| FIELDS.contains(&name) || timeline::is_known(name);
+    let is_single = value.get("frames").is_none();
+    let unknown =
+        value.entries().iter().map(|(name, _)| name).find(|name| !(of_file(name) || is_single && of_frame(name)));
+    let in_frames = || frames.iter().flat_map(Value::entries).map(|(name, _)| name);
+    let in_frames = || in_frames().find(|name| !of_frame(name) && !FIELDS[1..4].contains(&name.as_str()));
+    let Some(name) = unknown.or_else(in_frames) else { return Ok(()) };
+    let problem = "is no field of ghand's files of poses, which have frames, fps, side, flat_hand_mean and hand_model; frames have \
+                   id, pose, translation, shape and time; correct or remove it";
+    Err(source.invalid(name, problem.into()))
 }
 
 /// The side that a file gives outside its hand model.
@@ -232,11 +253,10 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
         let translation = if let &[x, y, z] = translation { DVec3::new(x, y, z) } else { DVec3::ZERO };
         frames.push(PoseFrame { id: id.clone(), pose: Pose { rotations, translation }, shape });
     }
-    let fps = source.fps(value, &["fps"])?;
     let side = side(source, value)?;
     let motion =
         Motion::Rows(Box::new(Rows { rig, frames, capture_kind: None, from_mean: from_mean(value, true), side }));
-    Ok(Recording { side, fps, motion, warnings: vec![] })
+    Ok(Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] })
 }
 
 /// Writes poses of a hand model as ghand's own JSON ([`poses_json`]), atomically.

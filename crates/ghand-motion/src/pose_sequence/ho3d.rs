@@ -11,7 +11,8 @@ use ghand_files::value::Value;
 use glam::DVec3;
 
 use super::landmarks::points_of;
-use super::recording::{LandmarkFrame, ManoRows};
+use super::proportions::MANO_ORDER;
+use super::recording::{LandmarkFrame, LeftRotations, ManoRows};
 use super::source::{OPENGL_AXES, frames_of, id_of, side_of};
 use super::{Motion, PoseError, Recording, Skipped, Source, mano};
 use crate::ik::LANDMARK_COUNT;
@@ -21,19 +22,16 @@ const POSE: &str = "handPose";
 const JOINTS: &str = "handJoints3D";
 /// The parts of a frame that are read.
 pub(super) const FIELDS: [&str; 4] = [POSE, "handTrans", "handBeta", JOINTS];
-/// HO-3D's joint at each of MediaPipe's landmarks.
-const LANDMARKS: [usize; LANDMARK_COUNT] = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20];
-
 pub(super) fn is_frame(value: &Value) -> bool {
     value.get(POSE).is_some() || value.get(JOINTS).is_some()
 }
 
-pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+pub(super) fn read(_: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let frames = if is_frame(value) { std::slice::from_ref(value) } else { frames_of(value)? };
-    frames.iter().any(is_frame).then(|| recording(source, value, frames))
+    frames.iter().any(is_frame).then(|| Ok(recording(value, frames)))
 }
 
-fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, PoseError> {
+fn recording(value: &Value, frames: &[Value]) -> Recording {
     let numbers = |frame: &Value, name: &str| -> Vec<f64> {
         frame.get(name).and_then(Value::numbers).map(|array| array.values.clone()).unwrap_or_default()
     };
@@ -57,18 +55,16 @@ fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recordi
             skipped.add(&id, problem);
         }
     }
-    let warnings = skipped.finish(source, frames.len())?.into_iter().collect();
     let side = ["handedness", "side"].iter().find_map(|name| value.get(name)).and_then(side_of).unwrap_or(Side::Right);
-    let fps = source.fps(value, &["fps"])?.unwrap_or(FPS);
     let motion = if has_poses {
-        Motion::Mano(ManoRows { frames: posed, from_mean: false, opengl: true })
+        Motion::Mano(ManoRows { frames: posed, from_mean: false, opengl: true, left: LeftRotations::Own })
     } else {
         Motion::Landmarks { frames: seen, tip_inset: 0.0 }
     };
-    Ok(Recording { side: Some(side), fps: Some(fps), motion, warnings })
+    Recording { side: Some(side), usual_fps: Some(FPS), motion, skipped, warnings: vec![] }
 }
 
 fn joints(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], String> {
     let points = points_of(numbers).map_err(|problem| format!("{JOINTS}: {problem}"))?;
-    Ok(LANDMARKS.map(|joint| OPENGL_AXES * points[joint]))
+    Ok(MANO_ORDER.map(|joint| OPENGL_AXES * points[joint]))
 }

@@ -15,8 +15,8 @@ use glam::DVec2;
 
 use super::landmarks::MEDIAPIPE_TIP_INSET;
 use super::recording::{ImageFrame, ImagePoint};
-use super::source::{fps_of_times, frames_of, id_of, shown, side_of};
-use super::{Motion, PoseError, Recording, Source};
+use super::source::{frames_of, id_of, shown, side_of};
+use super::{Motion, PoseError, Recording, Skipped, Source};
 use crate::ik::LANDMARK_COUNT;
 
 const NAMES: [&str; 2] = ["image_landmarks", "imageLandmarks"];
@@ -44,10 +44,10 @@ fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recordi
         }
     };
     let side = side(value).or_else(|| frames.iter().find_map(side));
-    let fps = source.fps(value, &["fps", "frame_rate", "frameRate"])?.or_else(|| fps_of_times(frames));
     let frames = frames.iter().enumerate().map(|(number, frame)| image_frame(source, frame, number));
     let frames = frames.collect::<Result<Vec<ImageFrame>, PoseError>>()?;
-    Ok(Recording { side, fps, motion: Motion::ImageLandmarks { frames, tip_inset }, warnings: vec![] })
+    let motion = Motion::ImageLandmarks { frames, tip_inset };
+    Ok(Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] })
 }
 
 fn side(value: &Value) -> Option<Side> {

@@ -102,7 +102,6 @@ fn fitted(
         skipped.add(id, problem.clone());
         rejected.push((id.to_owned(), problem));
     };
-    let total = seen.len();
     let (seen, few): (Vec<SeenFrame>, Vec<SeenFrame>) =
         seen.iter().cloned().partition(|frame| frame.sightings.len() >= LEAST_SIGHTINGS);
     for frame in &few {
@@ -134,6 +133,6 @@ fn fitted(
         kept.push(kept_frame);
         frames.push(PoseFrame { id: frame.id.clone(), pose, shape: shape.clone() });
     }
-    warnings.extend(skipped.finish(source, total)?);
+    warnings.extend(skipped.finish(source, frames.len())?);
     Ok((frames, report(model, &proportions, &fit, &kept, cameras, rejected)))
 }

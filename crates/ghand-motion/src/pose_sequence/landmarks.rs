@@ -16,7 +16,7 @@ use ghand_files::value::Value;
 use glam::DVec3;
 
 use super::recording::LandmarkFrame;
-use super::source::{fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
+use super::source::{frames_of, id_of, point_in_range, side_of, vector};
 use super::{Motion, PoseError, Recording, Skipped, Source};
 use crate::ik::LANDMARK_COUNT;
 
@@ -38,9 +38,6 @@ const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness",
 /// in images of a real hand (two cameras, 64 frames) the outline is 5.7 to 9.4 mm (quartiles by finger) further along
 /// the last bone, a little of which is the outline's blur.
 pub(super) const MEDIAPIPE_TIP_INSET: f64 = 0.006;
-
-/// Landmarks further than this from the wrist are not metres.
-const LARGEST_SPAN: f64 = 1.0;
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let found = find(value, &NAMES);
@@ -126,14 +123,8 @@ fn recording(
             Err(problem) => skipped.add(&id, problem),
         }
     }
-    let warnings = skipped.finish(source, frames.len())?.into_iter().collect();
-    let fps = source.fps(value, &["fps", "frame_rate", "frameRate"])?.or_else(|| fps_of_times(frames));
-    Ok(Recording {
-        side: known_side,
-        fps,
-        motion: Motion::Landmarks { frames: found, tip_inset: MEDIAPIPE_TIP_INSET },
-        warnings,
-    })
+    let motion = Motion::Landmarks { frames: found, tip_inset: MEDIAPIPE_TIP_INSET };
+    Ok(Recording { side: known_side, usual_fps: None, motion, skipped, warnings: vec![] })
 }
 
 fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
@@ -151,7 +142,7 @@ fn points(hand: &Value) -> Result<[DVec3; LANDMARK_COUNT], String> {
     Ok(points)
 }
 
-/// Landmarks as plain numbers, 3 each: only their size shows that they are in metres.
+/// Landmarks as plain numbers, 3 each.
 pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], String> {
     let mut points = [DVec3::ZERO; LANDMARK_COUNT];
     if numbers.len() != 3 * LANDMARK_COUNT {
@@ -162,13 +153,6 @@ pub(super) fn points_of(numbers: &[f64]) -> Result<[DVec3; LANDMARK_COUNT], Stri
         if !point.is_finite() {
             return Err(format!("landmark {k} is not finite"));
         }
-    }
-    let span = points.iter().map(|point| point.distance(points[0])).fold(0.0, f64::max);
-    if span > LARGEST_SPAN {
-        return Err(format!(
-            "the landmarks are up to {span:.3} m from the wrist, a hand's at most 0.25; give metres (millimetres / \
-             1000, not pixels)"
-        ));
     }
     for (k, point) in points.iter().enumerate() {
         point_in_range(*point).map_err(|problem| format!("landmark {k} {problem}"))?;

@@ -38,23 +38,33 @@ use ghand_hand_model::mano::JOINT_NAMES;
 use ghand_hand_model::procedural::ProceduralHand;
 use glam::{DMat3, DVec3};
 
-use super::recording::ManoRows;
+use super::recording::{LeftRotations, ManoRows};
 use super::source::in_range;
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, body, hawor, is_arctic, is_body};
+pub(super) use estimates::left_rotations;
 use estimates::{estimates, has_parameters};
 
 /// Matrices whose columns are this far from orthonormal are not rotations: half precision stays below.
 const ROTATION_TOLERANCE: f64 = 2e-2;
 
-const SIDE_NAMES: [&str; 6] = ["is_right", "right", "side", "handedness", "hand_type", "hand_side"];
+const SIDE_NAMES: [&str; 7] = ["is_right", "isRight", "right", "side", "handedness", "hand_type", "hand_side"];
 
 /// Frames of both hands, before one is chosen.
 struct Hand {
     id: String,
     side: Option<Side>,
     frame: Result<PoseFrame, String>,
+    /// What its rotations are if it is a left one.
+    left: LeftRotations,
+}
+
+impl Hand {
+    /// A hand of a data set, whose rotations are about the axes of its own model.
+    fn own(id: String, side: Option<Side>, frame: Result<PoseFrame, String>) -> Hand {
+        Hand { id, side, frame, left: LeftRotations::Own }
+    }
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
@@ -66,7 +76,7 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
         (arctic(source, value), Some(30.0), true)
     } else if is_body(value) {
         (body(source, value), None, false)
-    } else if has_parameters(value, 0) {
+    } else if has_parameters(value, 0) && !super::sides::holds_lists(value) {
         (estimates(source, value), None, false)
     } else {
         return None;
@@ -90,20 +100,23 @@ fn recording(
         (false, true) => Some(other),
         (false, false) => None,
     };
-    let chosen: Vec<Hand> = hands.into_iter().filter(|hand| side.is_none() || hand.side == side).collect();
-    let (total, mut frames, mut skipped) = (chosen.len(), Vec::<PoseFrame>::new(), Skipped::default());
-    let mut seen = std::collections::HashSet::new();
-    for Hand { id, frame, .. } in chosen {
-        match frame {
-            Ok(_) if !seen.insert(id.clone()) => skipped.add(&id, "has a second hand of the same side"),
-            Ok(frame) => frames.push(frame),
-            Err(problem) => skipped.add(&id, problem),
+    // A frame without a hand is of either side.
+    let is_chosen = |hand: &Hand| side.is_none() || hand.side == side || (hand.side.is_none() && hand.frame.is_err());
+    let (mut frames, mut skipped) = (Vec::<PoseFrame>::new(), Skipped::default());
+    let (mut seen, mut left) = (std::collections::HashSet::new(), None);
+    for hand in hands.into_iter().filter(is_chosen) {
+        match hand.frame {
+            Ok(_) if !seen.insert(hand.id.clone()) => skipped.add(&hand.id, "has a second hand of the same side"),
+            Ok(frame) => {
+                left.get_or_insert(hand.left);
+                frames.push(frame);
+            }
+            Err(problem) => skipped.add(&hand.id, problem),
         }
     }
-    let warnings = skipped.finish(source, total)?.into_iter().collect();
-    let rates = ["fps", "mocap_framerate", "mocap_frame_rate", "frame_rate"];
-    let fps = source.fps(value, &rates)?.or(fps);
-    Ok(Recording { side, fps, motion: Motion::Mano(ManoRows { frames, from_mean, opengl: false }), warnings })
+    let left = left.unwrap_or(LeftRotations::Own);
+    let motion = Motion::Mano(ManoRows { frames, from_mean, opengl: false, left });
+    Ok(Recording { side, usual_fps: fps, motion, skipped, warnings: vec![] })
 }
 
 /// Numbers of one hand and one frame: the root and 15 joints as axis-angles or matrices.
@@ -186,6 +199,11 @@ fn interhand_captures(value: &Value) -> Option<Vec<(&str, &Value)>> {
     all.then(|| captures.iter().map(|(name, capture)| (name.as_str(), capture)).collect())
 }
 
+/// Whether a value has InterHand2.6M's layout.
+pub(super) fn is_interhand(value: &Value) -> bool {
+    value.get("pred_rot").is_none() && interhand_captures(value).is_some()
+}
+
 fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let captures = interhand_captures(value).unwrap_or_default();
     let names: Vec<&str> = captures.iter().map(|(name, _)| *name).collect();
@@ -214,7 +232,7 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
                 }
                 _ => Err(format!("has a pose of {} numbers, expected 48", pose.len())),
             };
-            Some(Hand { id: (*id).clone(), side: Some(side), frame: found })
+            Some(Hand::own((*id).clone(), Some(side), found))
         })
     });
     Ok(hands.collect())

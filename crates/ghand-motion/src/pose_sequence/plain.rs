@@ -1,7 +1,8 @@
-//! Arrays whose meaning follows from their shape.
+//! Arrays of rotations or landmarks.
 //!
-//! An array is an `.npy` file, numbers in JSON, the only such array of an `.npz` or a map, or one array for each frame
-//! of a list. Meaning of the shapes (with a leading T, or without for one frame):
+//! An array is an `.npy` file, numbers in JSON, an array of an `.npz` or a map, or one array for each frame of a list. In a
+//! map, names decide ([`named`]): an array with a name that says nothing is read only if there is no other. Meaning of the
+//! shapes (with a leading T, or without for one frame):
 //!
 //! | shape | meaning |
 //! |---|---|
@@ -11,23 +12,25 @@
 //! | (T, 58) | 48 and 10 shape parameters |
 //! | (T, 61) | FreiHAND's `mano`: 48, 10 shape parameters, image place and scale of the root, which are not used |
 //! | (T, 15, 3, 3), (T, 135); (T, 16, 3, 3), (T, 144) | the same as matrices, row by row |
-//! | (T, 21, 3), (T, 63) | landmarks in MediaPipe's order, which is FreiHAND's |
+//! | (T, 21, 3), (T, 63) | landmarks in MediaPipe's order, which is FreiHAND's; also MANO's with tips, or InterHand2.6M's |
 //! | (T, 25 or 26, 7 or 16 or 4, 4), (T, 400 or 416) | joints of WebXR or OpenXR (`xr.rs`) |
+//! | (T, 25 or 26, 3) named as positions, or that are a hand | positions of the same joints |
 //! | (T, n_b, 3) for a model of other `n_b` joints | rotations of the model's own joints |
 //!
-//! Axes of length 1 are ignored. Next to the array, `global_orient`, `root_orient` or `rot` may give the wrist's
+//! Axes of length 1 are ignored. Landmarks must have a hand's proportions and rotations must be radians. Next to the array, `global_orient`, `root_orient` or `rot` may give the wrist's
 //! rotation, `trans`, `transl` or `translation` its position, and `betas` or `shape` the hand's shape. Rotations are
 //! measured from the flat hand, FreiHAND's from MANO's mean pose; `flat_hand_mean` overrides this.
 
+use ghand_core::pose::LARGEST_ANGLE;
 use ghand_core::{Pose, Side};
 use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 use glam::DVec3;
 
-use super::landmarks;
+use super::names::{Named, named};
 use super::recording::{LandmarkFrame, ManoRows, Rows};
-use super::source::{fps_of_times, frames_of, id_of, side_of};
-use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, mano, xr};
+use super::source::{frames_of, id_of, side_of};
+use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, landmarks, mano, proportions, xr};
 
 /// Names of the array itself, which take precedence.
 const ARRAY_NAMES: [&str; 12] = [
@@ -47,10 +50,29 @@ const ARRAY_NAMES: [&str; 12] = [
 const ORIENT_NAMES: [&str; 6] = ["global_orient", "root_orient", "rot", "root_pose", "wrist_rotation", "orient"];
 const PLACE_NAMES: [&str; 5] = ["trans", "transl", "translation", "root_trans", "cam_t"];
 const SHAPE_NAMES: [&str; 3] = ["betas", "shape", "beta"];
+/// Other data of the frames.
+const BESIDE_NAMES: [&str; 13] = [
+    "fps",
+    "ids",
+    "time",
+    "times",
+    "timestamp",
+    "timestamps",
+    "frame",
+    "frames",
+    "frame_ids",
+    "frame_indices",
+    "mirrored",
+    "flat_hand_mean",
+    "gender",
+];
 /// Arrays that are never the pose: accompanying data, landmarks of an image, and DexYCB's principal components.
 const NOT_THE_POSE: [&[&str]; 5] =
     [&ORIENT_NAMES, &PLACE_NAMES, &SHAPE_NAMES, &landmarks::IMAGE_NAMES, &super::refusal::COMPONENT_NAMES];
 const SIDE_NAMES: [&str; 5] = ["side", "handedness", "hand_side", "hand", "is_right"];
+
+/// Most frames that are looked at to see what an array is.
+const MOST_JUDGED: usize = 200;
 
 /// The meaning of a frame's numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +86,8 @@ enum Meaning {
         from_mean: bool,
     },
     Landmarks,
+    /// Positions of WebXR's joints.
+    XrPositions,
     /// The model's own joints.
     Own,
 }
@@ -75,16 +99,24 @@ struct Found<'a> {
     /// Numbers per frame.
     size: usize,
     is_single: bool,
+    /// Whether its name says nothing.
+    is_bare: bool,
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let top = value.get("frames").unwrap_or(value);
-    let whole = [top, value].into_iter().find_map(|value| array_of(source, value));
-    if let Some(array) = whole {
+    let mut whole = None;
+    for holder in [top, value] {
+        whole = match array_of(source, holder) {
+            Ok(found) => whole.or(found),
+            Err(problem) => return Some(Err(source.invalid("arrays", problem))),
+        };
+    }
+    if let Some((name, array)) = whole {
         if xr::is_joints(array) {
             return Some(xr::numbers_of_joints(source, value, array));
         }
-        return Some(recording_of_array(source, value, found(source, array)?));
+        return Some(recording_of_array(source, value, found(source, name, array)?));
     }
     let frames = frames_of(value)?;
     let frames: Vec<(&Value, Option<Found>)> = frames.iter().map(|frame| (frame, single(source, frame))).collect();
@@ -92,26 +124,76 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     Some(recording_of_frames(source, value, &frames, meaning))
 }
 
-/// The array that a value is or contains.
-fn array_of<'a>(source: &Source, value: &'a Value) -> Option<&'a Value> {
-    let is_one = |value: &Value| found(source, value).is_some() || xr::is_joints(value);
-    match value {
-        Value::Numbers(_) => is_one(value).then_some(value),
+/// The array that a value is or contains, with what its name says; a problem if it has several that could be meant.
+fn array_of<'a>(source: &Source, value: &'a Value) -> Result<Option<(Named, &'a Value)>, String> {
+    let is_one = |named: Named, value: &Value| found(source, named, value).is_some() || xr::is_joints(value);
+    let entries = match value {
+        Value::Numbers(_) => return Ok(is_one(Named::Nothing, value).then_some((Named::Nothing, value))),
         // ghand's own rows, regardless of other arrays.
-        Value::Map(_) if value.get("pose").is_some_and(|pose| is_own_rows(source, pose)) => None,
-        Value::Map(entries) => {
-            let is_pose = |(name, value): &(&str, &Value)| {
-                let is_beside = NOT_THE_POSE.iter().any(|names| names.contains(name));
-                let is_hand = side_of(&Value::Text((*name).into())).is_some();
-                !is_beside && !is_hand && is_one(value)
-            };
-            let named = ARRAY_NAMES.iter().filter_map(|name| Some((*name, value.get(name)?))).find(is_pose);
-            let mut all = entries.iter().map(|(name, value)| (name.as_str(), value)).filter(is_pose);
-            let only = all.next().filter(|_| all.next().is_none());
-            named.or(only).map(|(_, value)| value)
-        }
-        _ => None,
+        Value::Map(_) if value.get("pose").is_some_and(|pose| is_own_rows(source, pose)) => return Ok(None),
+        Value::Map(entries) => entries,
+        _ => return Ok(None),
+    };
+    let is_beside = |name: &str| NOT_THE_POSE.iter().any(|names| names.contains(&name)) || BESIDE_NAMES.contains(&name);
+    let is_side = |name: &str, value: &Value| {
+        SIDE_NAMES.contains(&name) && value.numbers().is_some_and(|array| array.shape.len() < 2)
+    };
+    let is_array = |value: &Value| value.numbers().is_some_and(|array| array.values.len() > 1);
+    let arrays: Vec<(&str, Named, &Value)> = entries
+        .iter()
+        .filter(|(name, value)| is_array(value) && !is_beside(name) && !is_side(name, value))
+        .filter(|(name, _)| side_of(&Value::Text(name.clone())).is_none())
+        .map(|(name, value)| (name.as_str(), named(name), value))
+        .collect();
+    let exact = ARRAY_NAMES
+        .iter()
+        .find_map(|wanted| arrays.iter().find(|(name, kind, value)| name == wanted && is_one(*kind, value)));
+    if let Some((_, kind, array)) = exact {
+        return Ok(Some((*kind, array)));
     }
+    let of_hands: Vec<_> = arrays
+        .iter()
+        .filter(|(_, kind, value)| !matches!(kind, Named::Nothing | Named::Other) && is_one(*kind, value))
+        .collect();
+    match of_hands[..] {
+        [(_, kind, array)] => return Ok(Some((*kind, array))),
+        [] => {}
+        _ => {
+            let names: Vec<String> = of_hands.iter().map(|(name, ..)| format!("{name:?}")).collect();
+            return Err(format!(
+                "{} could all be the pose; keep one of them, or call it \"poses\" (rotations) or \"xyz\" (positions)",
+                names.join(", ")
+            ));
+        }
+    }
+    Ok(match arrays[..] {
+        [(_, Named::Nothing, array)] if is_one(Named::Nothing, array) => Some((Named::Nothing, array)),
+        _ => None,
+    })
+}
+
+/// Why none of a value's arrays is read, if their names are the cause.
+pub(super) fn problem_of_names(source: &Source, value: &Value) -> Option<String> {
+    let has_shape = |value: &Value| found(source, Named::Nothing, value).is_some();
+    let shaped = value.entries().iter().filter(|(_, value)| has_shape(value));
+    let (other, unclear): (Vec<_>, Vec<_>) = shaped.partition(|(name, _)| named(name) == Named::Other);
+    let list = |entries: &[&(String, Value)]| {
+        entries.iter().take(6).map(|(name, _)| format!("{name:?}")).collect::<Vec<_>>().join(", ")
+    };
+    if !unclear.is_empty() && value.entries().len() > 1 {
+        let names = list(&unclear);
+        return Some(format!(
+            "has several arrays, and the names do not say which is the hand's pose ({names}); call it \"poses\" (rotations) or \
+             \"xyz\" (positions), or keep it alone"
+        ));
+    }
+    let names = list(&other);
+    (!other.is_empty()).then(|| {
+        format!(
+            "has no hand: by name, {names} hold a body's pose, a shape, a face or the like; a hand's pose is \
+             called \"hand_pose\", \"right_hand_pose\" or \"poses\""
+        )
+    })
 }
 
 /// Whether rows of three numbers named "pose" are those of ghand's own files: one row for each joint of a model.
@@ -124,24 +206,34 @@ fn is_own_rows(source: &Source, value: &Value) -> bool {
 
 /// The array of a frame of a list.
 fn single<'a>(source: &Source, frame: &'a Value) -> Option<Found<'a>> {
-    found(source, array_of(source, frame)?).filter(|found| found.is_single)
+    let (name, array) = array_of(source, frame).ok()??;
+    found(source, name, array).filter(|found| found.is_single)
 }
 
-fn found<'a>(source: &Source, value: &'a Value) -> Option<Found<'a>> {
+fn found<'a>(source: &Source, name: Named, value: &'a Value) -> Option<Found<'a>> {
     let array = value.numbers()?;
     let axes: Vec<usize> = array.shape.iter().copied().filter(|axis| *axis != 1).collect();
-    let of = |frame: &[usize]| meaning(source, frame).map(|meaning| (meaning, frame.iter().product::<usize>()));
+    let of =
+        |frame: &[usize]| meaning(source, name, frame, array).map(|meaning| (meaning, frame.iter().product::<usize>()));
     let (is_single, (meaning, size)) = match of(&axes) {
         Some(found) => (true, found),
         None => (false, of(axes.get(1..)?)?),
     };
-    Some(Found { array, meaning, size, is_single })
+    Some(Found { array, meaning, size, is_single, is_bare: name == Named::Nothing })
 }
 
-/// The meaning of a frame of that shape.
-fn meaning(source: &Source, shape: &[usize]) -> Option<Meaning> {
+/// The meaning of a frame of that shape in an array with such a name.
+fn meaning(source: &Source, name: Named, shape: &[usize], array: &NumericArray) -> Option<Meaning> {
     let mano = |joints, width| Meaning::Mano { joints, width, translation: 0, shape: 0, from_mean: false };
+    let is_positions = || name == Named::Positions || (name != Named::Rotations && is_xr_hand(array));
     Some(match *shape {
+        [63] if name == Named::Rotations => return None,
+        [63] | [21, 3] => Meaning::Landmarks,
+        [25 | 26, 3] | [75 | 78] if is_positions() => Meaning::XrPositions,
+        [joints, 3] if joints == source.joint_count && !matches!(joints, 15 | 16) && name != Named::Positions => {
+            Meaning::Own
+        }
+        _ if name == Named::Positions => return None,
         [45] | [15, 3] => mano(15, 3),
         [48] | [16, 3] => mano(16, 3),
         [135] | [15, 3, 3] => mano(15, 9),
@@ -149,10 +241,29 @@ fn meaning(source: &Source, shape: &[usize]) -> Option<Meaning> {
         [51] => Meaning::Mano { joints: 16, width: 3, translation: 3, shape: 0, from_mean: false },
         [58] => Meaning::Mano { joints: 16, width: 3, translation: 0, shape: 10, from_mean: false },
         [61] => Meaning::Mano { joints: 16, width: 3, translation: 0, shape: 10, from_mean: true },
-        [63] | [21, 3] => Meaning::Landmarks,
-        [joints, 3] if joints == source.joint_count => Meaning::Own,
         _ => return None,
     })
+}
+
+/// Whether rows of three numbers are the positions of a hand's joints in WebXR's order.
+fn is_xr_hand(array: &NumericArray) -> bool {
+    let joints = if array.values.len().is_multiple_of(26 * 3) && array.shape.iter().any(|axis| matches!(axis, 26 | 78))
+    {
+        26
+    } else {
+        25
+    };
+    let frame = |numbers: &[f64]| {
+        let at = |k: usize| {
+            numbers
+                .get(3 * (k + joints - 25)..)
+                .and_then(<[f64]>::first_chunk)
+                .map_or(DVec3::NAN, |p| DVec3::from_array(*p))
+        };
+        proportions::XR_ORDER.map(at)
+    };
+    let frames: Vec<_> = array.values.chunks_exact(3 * joints).take(MOST_JUDGED).map(frame).collect();
+    !frames.is_empty() && proportions::is_hand(&frames)
 }
 
 fn recording_of_array(source: &Source, value: &Value, found: Found) -> Result<Recording, PoseError> {
@@ -165,12 +276,19 @@ fn recording_of_array(source: &Source, value: &Value, found: Found) -> Result<Re
     let orients = beside(&ORIENT_NAMES, &[3, 9])?;
     let places = beside(&PLACE_NAMES, &[3])?;
     let shapes = beside(&SHAPE_NAMES, &[])?;
+    if found.meaning == Meaning::XrPositions {
+        let rows = found.array.values.len() / 3;
+        let joints = if found.size == 78 { 26 } else { 25 };
+        let shape = vec![rows / joints, joints, 3];
+        return xr::positions_alone(source, value, &NumericArray { shape, values: found.array.values.clone() });
+    }
+    check_radians(source, &found)?;
     let mut reader = Reader::new(found.meaning);
     for (k, numbers) in found.array.values.chunks_exact(found.size.max(1)).enumerate() {
         let id = ids.as_ref().and_then(|ids| ids.get(k).cloned()).unwrap_or_else(|| format!("{k:04}"));
         reader.add(id, numbers, orients.of(k), places.of(k), shapes.of(k));
     }
-    reader.finish(source, value, None, None)
+    reader.finish(source, value, None)
 }
 
 fn recording_of_frames(
@@ -198,18 +316,27 @@ fn recording_of_frames(
         };
         reader.add(id, &found.array.values, numbers(&ORIENT_NAMES), numbers(&PLACE_NAMES), numbers(&SHAPE_NAMES));
     }
-    let items: Vec<Value> = frames.iter().map(|(frame, _)| without_numbers(frame)).collect();
     let side = frames.iter().find_map(|(frame, _)| side_in(frame));
     let flat = frames.iter().find_map(|(frame, _)| frame.get("flat_hand_mean")?.number());
-    let mut recording = reader.finish(source, value, flat, fps_of_times(&items))?;
+    let mut recording = reader.finish(source, value, flat)?;
     recording.side = recording.side.or(side);
     Ok(recording)
 }
 
-/// Data of a frame besides its arrays: small enough to be copied.
-fn without_numbers(frame: &Value) -> Value {
-    let is_small = |(_, value): &&(String, Value)| value.number().is_some();
-    Value::Map(frame.entries().iter().filter(is_small).cloned().collect())
+/// Rejects rotations of an array without a telling name if no hand can have them.
+fn check_radians(source: &Source, found: &Found) -> Result<(), PoseError> {
+    let Meaning::Mano { joints, width: 3, .. } = found.meaning else { return Ok(()) };
+    let length = |row: &[f64]| DVec3::from_slice(row).length();
+    let rows = found.array.values.chunks_exact(found.size).flat_map(|frame| frame.chunks_exact(3).take(joints));
+    let largest = rows.map(length).filter(|length| *length <= LARGEST_ANGLE).fold(0.0, f64::max);
+    if !found.is_bare || largest < std::f64::consts::TAU {
+        return Ok(());
+    }
+    let problem = format!(
+        "has rotations of up to {largest:.1}, which radians of a hand's joints are not; are they degrees? give radians \
+         (numpy.deg2rad), or name the array \"poses\" if it is right"
+    );
+    Err(source.invalid("rotations", problem))
 }
 
 fn side_in(value: &Value) -> Option<Side> {
@@ -265,17 +392,16 @@ struct Reader {
     posed: Vec<PoseFrame>,
     seen: Vec<LandmarkFrame>,
     skipped: Skipped,
-    skipped_count: usize,
 }
 
 impl Reader {
     fn new(meaning: Meaning) -> Reader {
-        Reader { meaning, posed: vec![], seen: vec![], skipped: Skipped::default(), skipped_count: 0 }
+        Reader { meaning, posed: vec![], seen: vec![], skipped: Skipped::default() }
     }
 
     fn add(&mut self, id: String, numbers: &[f64], orient: &[f64], place: &[f64], shape: &[f64]) {
         let problem = match self.meaning {
-            Meaning::Landmarks => match landmarks::points_of(numbers) {
+            Meaning::Landmarks | Meaning::XrPositions => match landmarks::points_of(numbers) {
                 Ok(points) => return self.seen.push(LandmarkFrame { id, points }),
                 Err(problem) => problem,
             },
@@ -301,37 +427,35 @@ impl Reader {
     }
 
     fn skip(&mut self, id: &str, problem: String) {
-        self.skipped_count += 1;
         self.skipped.add(id, problem);
     }
 
-    fn finish(
-        self,
-        source: &Source,
-        value: &Value,
-        flat: Option<f64>,
-        fps: Option<f64>,
-    ) -> Result<Recording, PoseError> {
-        let total = self.posed.len() + self.seen.len() + self.skipped_count;
-        let warnings = self.skipped.finish(source, total)?.into_iter().collect();
+    fn finish(mut self, source: &Source, value: &Value, flat: Option<f64>) -> Result<Recording, PoseError> {
         let flat = value.get("flat_hand_mean").and_then(Value::number).or(flat).map(|flat| flat != 0.0);
         let side = side_in(value);
-        let fps = source.fps(value, &["fps", "frame_rate", "mocap_framerate"])?.or(fps);
+        let mut warnings = vec![];
         let (motion, side) = match self.meaning {
-            Meaning::Landmarks => (Motion::Landmarks { frames: self.seen, tip_inset: 0.0 }, side),
+            Meaning::Landmarks | Meaning::XrPositions => {
+                if !self.seen.is_empty() {
+                    let order = proportions::put_in_order(&mut self.seen);
+                    warnings.extend(order.map_err(|problem| source.invalid("landmarks", problem))?);
+                }
+                (Motion::Landmarks { frames: self.seen, tip_inset: 0.0 }, side)
+            }
             Meaning::Own => {
                 let from_mean = !flat.unwrap_or(true);
                 let rows = Rows { rig: None, frames: self.posed, capture_kind: None, from_mean, side };
                 (Motion::Rows(Box::new(rows)), side)
             }
             Meaning::Mano { from_mean, .. } => {
-                let rows =
-                    ManoRows { frames: self.posed, from_mean: flat.map_or(from_mean, |flat| !flat), opengl: false };
+                let left = mano::left_rotations(&[value]);
+                let from_mean_too = flat.map_or(from_mean, |flat| !flat);
+                let rows = ManoRows { frames: self.posed, from_mean: from_mean_too, opengl: false, left };
                 // FreiHAND has only right hands.
                 (Motion::Mano(rows), side.or(from_mean.then_some(Side::Right)))
             }
         };
-        Ok(Recording { side, fps, motion, warnings })
+        Ok(Recording { side, usual_fps: None, motion, skipped: self.skipped, warnings })
     }
 }
 

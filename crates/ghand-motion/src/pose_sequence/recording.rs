@@ -3,16 +3,19 @@
 use ghand_core::Side;
 use glam::{DVec2, DVec3};
 
-use super::PoseFrame;
 use super::file_skeleton::FileSkeleton;
+use super::{PoseFrame, Skipped};
 use crate::ik::LANDMARK_COUNT;
 
 /// The content of a file.
 pub(crate) struct Recording {
     /// Which hand it is, if the file says.
     pub side: Option<Side>,
-    pub fps: Option<f64>,
+    /// The rate of all files of this kind, if it is known; one that a file gives comes first.
+    pub usual_fps: Option<f64>,
     pub motion: Motion,
+    /// Frames without a usable pose.
+    pub skipped: Skipped,
     pub warnings: Vec<String>,
 }
 
@@ -27,6 +30,19 @@ pub(crate) enum Motion {
     Landmarks { frames: Vec<LandmarkFrame>, tip_inset: f64 },
     /// Landmarks in the images of cameras.
     ImageLandmarks { frames: Vec<ImageFrame>, tip_inset: f64 },
+}
+
+impl Motion {
+    /// Number of usable frames.
+    pub fn len(&self) -> usize {
+        match self {
+            Motion::Rows(rows) => rows.frames.len(),
+            Motion::Mano(rows) => rows.frames.len(),
+            Motion::WebXr { frames } => frames.len(),
+            Motion::Landmarks { frames, .. } => frames.len(),
+            Motion::ImageLandmarks { frames, .. } => frames.len(),
+        }
+    }
 }
 
 /// Rotations in the order of the joints of the model that they are used with, or of a skeleton that the file describes.
@@ -48,6 +64,21 @@ pub(crate) struct ManoRows {
     pub from_mean: bool,
     /// Whether the root and the translation are those of OpenGL's camera, y up and looking along -z.
     pub opengl: bool,
+    /// What the rotations of a left hand are.
+    pub left: LeftRotations,
+}
+
+/// What the rotations of a left hand's MANO parameters are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LeftRotations {
+    /// Those of MANO's left model.
+    Own,
+    /// Those of a right hand, the mirror image, as networks for right hands give them.
+    Mirrored,
+    /// The file does not say: taken as those of the left model.
+    Assumed,
+    /// Its keys are those of a network for right hands: taken as a right hand's.
+    AssumedMirrored,
 }
 
 /// One moment.

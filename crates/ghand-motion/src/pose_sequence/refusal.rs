@@ -2,6 +2,8 @@
 
 use ghand_files::value::Value;
 
+use super::{Source, plain};
+
 /// Poses as principal components, which are useless without the model's components.
 pub(super) const COMPONENT_NAMES: [&str; 2] = ["pose_m", "pose_pca"];
 
@@ -11,7 +13,7 @@ const MOST_NAMES: usize = 8;
 const LONGEST_NAME: usize = 40;
 
 /// Explains why a file contains no poses.
-pub(super) fn problem(value: &Value) -> String {
+pub(super) fn problem(source: &Source, value: &Value) -> String {
     let first = match value.get("frames").unwrap_or(value) {
         Value::List(items) => items.first(),
         _ => None,
@@ -23,6 +25,11 @@ pub(super) fn problem(value: &Value) -> String {
             "{name:?} contains principal components of a pose, not rotations; store MANO's full pose, 45 or 48 \
              axis-angle numbers, instead (components @ hands_components + hands_mean)"
         );
+    }
+    if let Some(problem) =
+        [Some(value), first].into_iter().flatten().find_map(|value| plain::problem_of_names(source, value))
+    {
+        return problem;
     }
     format!(
         "is {}, which is not a supported kind of poses; give ghand's own (\"frames\" with \"pose\", n_b rows of 3); \

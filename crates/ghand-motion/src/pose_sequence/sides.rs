@@ -1,10 +1,9 @@
 //! Poses of one hand inside `{"right": .., "left": ..}`, for the whole file or in each frame.
 
 use ghand_core::Side;
-use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 
-use super::source::{fps_of_times, frames_of, id_of, side_of};
+use super::source::{frames_of, id_of, side_of};
 
 /// One hand's poses from a file that separates hands.
 pub(super) struct OneHand {
@@ -43,14 +42,18 @@ pub(super) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
     }
     let name = if side == Side::Left { "left" } else { "right" };
     let missing = frames.len() - found.len();
-    let warning =
-        (missing > 0).then(|| format!("{missing} of {} frames have no {name} hand and are skipped", frames.len()));
-    let mut outer = vec![("frames".to_owned(), Value::List(found))];
-    if let Some(fps) = fps_of_times(frames) {
-        outer.push(("fps".into(), Value::Numbers(NumericArray { shape: vec![], values: vec![fps] })));
-    }
-    let outer = if value.get("fps").is_some() { vec![outer.swap_remove(0)] } else { outer };
-    Some(OneHand { side, value: with_small(Value::Map(outer), value), warning })
+    let warning = (missing > 0).then(|| format!("{missing} of {} frames have no {name} hand", frames.len()));
+    let outer = Value::Map(vec![("frames".to_owned(), Value::List(found))]);
+    Some(OneHand { side, value: with_small(outer, value), warning })
+}
+
+/// Whether the frames of a hand are listed by its side.
+pub(super) fn holds_lists(value: &Value) -> bool {
+    [Side::Left, Side::Right].into_iter().any(|side| match hand(value, side) {
+        Some(Value::List(_)) => true,
+        Some(hand) => matches!(hand.get("frames"), Some(Value::List(_))),
+        None => false,
+    })
 }
 
 /// The hand of that side, if it exists.

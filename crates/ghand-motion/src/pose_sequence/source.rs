@@ -5,13 +5,10 @@ use ghand_core::{HandModel, Pose, Side};
 use ghand_files::value::Value;
 use glam::{DMat3, DVec3};
 
-use super::{DEFAULT_FPS, PoseError};
+use super::PoseError;
 
 /// Most numbers that are copied to the frames that share them: as many as a file may have.
 const MOST_COPIES: usize = 1 << 25;
-
-/// Allowed rates of a file, frames per second: from one frame in a quarter of an hour to more than any camera records.
-const FPS_RANGE: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 
 /// ghand's world (y down, looking along z) from OpenGL's, WebXR's and OpenXR's (y up, looking along -z).
 pub(crate) const OPENGL_AXES: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
@@ -44,24 +41,6 @@ impl Source<'_> {
         let problem = format!("has {numbers} numbers for each of {frames} frames, which is too many; give about ten");
         Err(self.invalid(field, problem))
     }
-
-    /// The rate that a file gives, if any.
-    pub fn fps(&self, value: &Value, names: &[&str]) -> Result<Option<f64>, PoseError> {
-        let Some((name, fps)) = names.iter().find_map(|name| Some((name, value.get(name)?))) else { return Ok(None) };
-        match fps.number() {
-            Some(fps) if FPS_RANGE.contains(&fps) => Ok(Some(fps)),
-            _ if *fps == Value::Nothing => Ok(None),
-            _ => {
-                let (low, high) = (FPS_RANGE.start(), FPS_RANGE.end());
-                let problem = format!(
-                    "is {}; give frames per second from {low} to {high}, or omit it for {DEFAULT_FPS}; cameras and \
-                     trackers are in this range",
-                    shown(fps)
-                );
-                Err(self.invalid(name, problem))
-            }
-        }
-    }
 }
 
 /// Checks that pose and shape are possible; otherwise returns the field that is out of range and its problem.
@@ -91,28 +70,33 @@ pub(crate) fn shown(value: &Value) -> String {
     value.number().map_or_else(|| value.kind(), |number| number.to_string())
 }
 
-/// Counts unusable frames.
+/// The frames that cannot be used.
 #[derive(Debug, Default)]
 pub(crate) struct Skipped {
-    count: usize,
-    first: Option<(String, String)>,
+    /// Their ids.
+    pub ids: Vec<String>,
+    /// What is wrong with the first.
+    problem: String,
 }
 
 impl Skipped {
     pub fn add(&mut self, id: &str, problem: impl Into<String>) {
-        self.count += 1;
-        self.first.get_or_insert_with(|| (id.into(), problem.into()));
+        if self.ids.is_empty() {
+            self.problem = problem.into();
+        }
+        self.ids.push(id.into());
     }
 
     /// One warning for all of them; an error if no frame is left.
-    pub fn finish(self, source: &Source, total: usize) -> Result<Option<String>, PoseError> {
-        let Some((id, problem)) = self.first else { return Ok(None) };
-        if self.count >= total {
-            let problem = format!("none of the {total} can be used; frame {id:?}: {problem}");
+    pub fn finish(&self, source: &Source, usable: usize) -> Result<Option<String>, PoseError> {
+        let (count, total) = (self.ids.len(), self.ids.len() + usable);
+        let Some(id) = self.ids.first() else { return Ok(None) };
+        if usable == 0 {
+            let problem = format!("none of the {total} can be used; frame {id:?}: {}", self.problem);
             return Err(source.invalid("frames", problem));
         }
-        let are = if self.count == 1 { "is" } else { "are" };
-        Ok(Some(format!("{} of {total} frames {are} skipped; the first, frame {id:?}: {problem}", self.count)))
+        let are = if count == 1 { "is" } else { "are" };
+        Ok(Some(format!("{count} of {total} frames {are} skipped; the first, frame {id:?}: {}", self.problem)))
     }
 }
 
@@ -144,18 +128,6 @@ pub(crate) fn side_of(value: &Value) -> Option<Side> {
     }
 }
 
-/// The rate of frames with known times, from the median step: in milliseconds if it is above 1.5, else in seconds.
-pub(crate) fn fps_of_times(frames: &[Value]) -> Option<f64> {
-    const NAMES: [&str; 6] = ["time", "timestamp", "timestamp_ms", "timestampMs", "time_ms", "t"];
-    let time = |frame: &Value| NAMES.iter().find_map(|name| frame.get(name)?.number());
-    let times: Vec<f64> = frames.iter().filter_map(time).collect();
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
-    let fps = if step > 1.5 { 1000.0 / step } else { 1.0 / step };
-    (0.1..=10_000.0).contains(&fps).then_some(fps)
-}
-
 /// The frames of a file: its "frames", or itself if it is a list.
 pub(crate) fn frames_of(value: &Value) -> Option<&[Value]> {
     match value.get("frames").unwrap_or(value) {
@@ -164,11 +136,30 @@ pub(crate) fn frames_of(value: &Value) -> Option<&[Value]> {
     }
 }
 
+/// Names of a frame's id.
+pub(super) const ID_NAMES: [&str; 11] = [
+    "id",
+    "frame",
+    "frame_id",
+    "frame_index",
+    "frame_idx",
+    "frameIndex",
+    "frame_number",
+    "frameNumber",
+    "img_name",
+    "image_name",
+    "img_path",
+];
+
+/// The id that a frame has.
+pub(crate) fn own_id(frame: &Value) -> Option<String> {
+    match ID_NAMES.iter().find_map(|name| frame.get(name))? {
+        Value::Text(id) => Some(id.clone()),
+        value => value.number().map(|id| id.to_string()),
+    }
+}
+
 /// The id of a frame, else its number.
 pub(crate) fn id_of(frame: &Value, number: usize) -> String {
-    match ["id", "frame", "frame_id", "frame_index"].iter().find_map(|name| frame.get(name)) {
-        Some(Value::Text(id)) => id.clone(),
-        Some(value) => value.number().map_or_else(|| format!("{number:04}"), |id| id.to_string()),
-        None => format!("{number:04}"),
-    }
+    own_id(frame).unwrap_or_else(|| format!("{number:04}"))
 }

@@ -10,9 +10,9 @@ use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 
 use super::file_skeleton::FileSkeleton;
-use super::recording::{ManoRows, Rows};
+use super::recording::{LeftRotations, ManoRows, Rows};
 use super::source::{OPENGL_AXES, in_range};
-use super::{PoseError, PoseFrame, PoseOptions, Source, mano};
+use super::{PoseError, PoseFrame, PoseOptions, Source, mano, plausibility};
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
 
@@ -180,7 +180,7 @@ fn mano_capture(
         order(source, rig, &names, &mut frames)?;
     }
     let side = options.side.or(side).unwrap_or(model.side);
-    let rows = ManoRows { frames, from_mean: false, opengl: false };
+    let rows = ManoRows { frames, from_mean: false, opengl: false, left: LeftRotations::Own };
     Ok((mano_rows(rows, side, model, options, warnings)?, side))
 }
 
@@ -192,7 +192,11 @@ pub(crate) fn mano_rows(
     options: &PoseOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<PoseFrame>, PoseError> {
-    let ManoRows { mut frames, from_mean, opengl } = rows;
+    let ManoRows { mut frames, from_mean, opengl, left } = rows;
+    if side == Side::Left && plausibility::is_mirrored(left, options.mirrored, warnings) {
+        // The position is that in the picture, which was never mirrored.
+        frames.iter_mut().for_each(|frame| frame.pose.rotations = mirrored(&frame.pose).rotations);
+    }
     let from_mean = from_mean && !options.flat_mean;
     let target = RestSkeleton::of(model)?;
     let given = options.pose_model.as_ref();

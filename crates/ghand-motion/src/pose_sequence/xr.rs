@@ -8,23 +8,27 @@
 //! one row, is read directly, also if `JSON.stringify` converted the `Float32Array` to a map. A frame may have both
 //! hands, in `left` and `right`, in `hands` as a map or as a list with `handedness`.
 //!
-//! `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4). `.npy`, or numbers alone: (T, 25 or 26,
+//! `.npz`: `positions` (T, 25 or 26, 3) and `orientations` (T, 25 or 26, 4), or positions alone. `.npy`, or numbers alone: (T, 25 or 26,
 //! 7), (T, 25 or 26, 16), (T, 25 or 26, 4, 4), (T, 400 or 416), or one frame without T. A matrix that has its
 //! translation in the last column of its rows, as in NumPy's (4, 4), is read row by row.
 //!
-//! Metres; quaternions x, y, z, w; the frame of a joint has -Z along the bone and +Y out of the back of the hand. XR's
-//! world has y up and looks along -z; ghand's pictures have y down and look along z: the world is rotated by half a
+//! Metres; quaternions x, y, z, w; the frame of a joint has -Z along the bone and +Y out of the back of the hand. The
+//! positions are compared with that ([`axes`]): where the frames are other ones, or missing, the positions alone are fitted.
+//! XR's world has y up and looks along -z; ghand's pictures have y down and look along z: the world is rotated by half a
 //! turn about x.
 
-use ghand_core::rotation::axis_angle_from_rotation;
-use ghand_core::{Pose, Side};
+mod axes;
+
+use ghand_core::Side;
+use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 use ghand_hand_model::joint_names::JointRole;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
-use super::source::{OPENGL_AXES, fps_of_times, frames_of, id_of, point_in_range, side_of, vector};
-use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
+use super::source::{OPENGL_AXES, frames_of, id_of, point_in_range, side_of, vector};
+use super::{PoseError, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
+use axes::XrFrame;
 
 const JOINTS_NAMES: [&str; 8] =
     ["joints", "jointTransforms", "joint_poses", "jointPoses", "poses", "matrices", "transforms", "fillPoses"];
@@ -36,11 +40,15 @@ const SIDE_NAMES: [&str; 4] = ["handedness", "side", "hand", "hand_side"];
 /// Tolerance of the entries of a row-major matrix, and of the last row of a transform.
 const AFFINE_TOLERANCE: f64 = 1e-4;
 
-/// Position and orientation of a joint in ghand's world.
-type Placed = (DVec3, DMat3);
+/// A joint in ghand's world. Its frame may be missing or wrong.
+#[derive(Debug, Clone)]
+struct Joint {
+    position: DVec3,
+    orientation: Result<DMat3, String>,
+}
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
-    if value.get("positions").is_some() && value.get("orientations").is_some() {
+    if value.get("positions").and_then(Value::numbers).is_some_and(|array| array.shape.len() == 3) {
         return Some(archive(source, value));
     }
     let numbers = value.get("frames").unwrap_or(value);
@@ -74,6 +82,43 @@ pub(super) fn numbers_of_joints(source: &Source, value: &Value, numbers: &Value)
     }
 }
 
+/// Positions alone, with the other fields of `value`; the side is that of a field or unknown.
+pub(super) fn positions_alone(source: &Source, value: &Value, array: &NumericArray) -> Result<Recording, PoseError> {
+    let joints = array.shape.iter().rev().nth(1).copied().unwrap_or(25);
+    let (mut frames, mut skipped) = (vec![], Skipped::default());
+    for (k, numbers) in array.values.chunks_exact(3 * joints).enumerate() {
+        let positions = numbers.chunks_exact(3).skip(joints - 25).map(DVec3::from_slice);
+        add_frame(
+            format!("{k:04}"),
+            positions.map(|at| joint(at, Err(NO_ORIENTATION.into()))),
+            &mut frames,
+            &mut skipped,
+        );
+    }
+    let side = find(value, &SIDE_NAMES).and_then(side_of);
+    axes::recording(source, frames, side, skipped)
+}
+
+/// Adds the frame of these 25 joints.
+fn add_frame(
+    id: String,
+    joints: impl Iterator<Item = Result<Joint, String>>,
+    frames: &mut Vec<XrFrame>,
+    skipped: &mut Skipped,
+) {
+    let names = RestSkeleton::webxr(Side::Right).joint_names;
+    let named = |(joint, name): (Result<Joint, String>, &String)| {
+        joint.map_err(|problem| match problem.as_str() {
+            MISSING => format!("joint {name:?} {problem}"),
+            _ => format!("joint {name:?}: {problem}"),
+        })
+    };
+    match joints.zip(&names).map(named).collect::<Result<Vec<Joint>, String>>() {
+        Ok(joints) => frames.push(XrFrame { id, joints }),
+        Err(problem) => skipped.add(&id, problem),
+    }
+}
+
 /// The shape of the joints of one frame.
 fn is_frame(shape: &[usize]) -> bool {
     matches!(shape, [25 | 26, 7 | 16] | [25 | 26, 4, 4] | [400 | 416])
@@ -97,7 +142,7 @@ fn joints(value: &Value) -> Option<&Value> {
     let is_joints = match holder {
         Value::Map(entries) => entries.iter().any(|(name, _)| JointRole::of(name).is_some()),
         Value::List(items) => matches!(items.len(), 25 | 26) && (is_named || items.iter().any(is_joint)),
-        Value::Numbers(array) => is_frame(&array.shape),
+        Value::Numbers(array) => is_frame(&array.shape) || (is_named && matches!(array.shape[..], [25 | 26, 3])),
         _ => false,
     };
     is_joints.then_some(holder)
@@ -131,7 +176,7 @@ fn frames_of_joints(source: &Source, value: &Value, frames: &[Value]) -> Result<
     };
     let other = crate::retarget::other_side(source.wanted);
     let side = if has(source.wanted) { source.wanted } else { other };
-    let (mut posed, mut skipped) = (Vec::new(), Skipped::default());
+    let (mut placed, mut skipped) = (Vec::new(), Skipped::default());
     let mut known_side = shared;
     for (number, frame) in frames.iter().enumerate() {
         let id = id_of(frame, number);
@@ -140,57 +185,47 @@ fn frames_of_joints(source: &Source, value: &Value, frames: &[Value]) -> Result<
         known_side = known_side.or(hand.and_then(|(own, _)| *own));
         match hand.and_then(|(_, hand)| joints(hand)) {
             None => skipped.add(&id, "has no joints of this hand"),
-            Some(joints) => match placed_joints(joints).and_then(|placed| pose(&placed)) {
-                Ok(pose) => posed.push(PoseFrame { id, pose, shape: vec![] }),
-                Err(problem) => skipped.add(&id, problem),
-            },
+            Some(joints) => add_frame(id, placed_joints(joints).into_iter(), &mut placed, &mut skipped),
         }
     }
-    let warnings = skipped.finish(source, frames.len())?.into_iter().collect();
-    let fps = source.fps(value, &["fps", "frame_rate", "frameRate"])?.or_else(|| fps_of_times(frames));
-    Ok(Recording { side: known_side, fps, motion: Motion::WebXr { frames: posed }, warnings })
+    axes::recording(source, placed, known_side, skipped)
 }
 
 fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let array = |name: &str, width: usize| match value.get(name).and_then(Value::numbers) {
         Some(found) => match found.shape[..] {
-            [count, joints @ (25 | 26), found_width] if found_width == width => Ok((count, joints, &found.values)),
+            [count, joints @ (25 | 26), found_width] if found_width == width => Ok((count, joints, found)),
             _ => Err(source.invalid(name, format!("has the shape {:?}, expected (T, 25 or 26, {width})", found.shape))),
         },
         None => Err(source.invalid(name, "must be numbers".into())),
     };
     let (count, joints, positions) = array("positions", 3)?;
+    if value.get("orientations").is_none() {
+        return positions_alone(source, value, positions);
+    }
     let (other_count, other_joints, orientations) = array("orientations", 4)?;
     if (count, joints) != (other_count, other_joints) {
         return Err(
             source.invalid("orientations", format!("must be for {count} frames of {joints} joints as positions"))
         );
     }
-    let names = RestSkeleton::webxr(Side::Right).joint_names;
     let (mut frames, mut skipped) = (Vec::new(), Skipped::default());
     for k in 0..count {
-        let id = format!("{k:04}");
-        let place = |(j, name): (usize, &String)| {
+        let place = |j: usize| {
             let at = k * joints + j;
-            let position = positions.get(3 * at..3 * at + 3).map(DVec3::from_slice).unwrap_or(DVec3::NAN);
-            let orientation = orientations.get(4 * at..4 * at + 4).map(DQuat::from_slice).unwrap_or(DQuat::NAN);
-            placed(position, orientation).map_err(|problem| format!("joint {name:?}: {problem}"))
+            let position = positions.values.get(3 * at..3 * at + 3).map_or(DVec3::NAN, DVec3::from_slice);
+            let orientation = orientations.values.get(4 * at..4 * at + 4).map_or(DQuat::NAN, DQuat::from_slice);
+            joint(position, rotation(orientation))
         };
         // OpenXR's palm is not needed.
-        let joints: Result<Vec<Placed>, String> = (joints - 25..joints).zip(&names).map(place).collect();
-        match joints.and_then(|placed| pose(&placed)) {
-            Ok(pose) => frames.push(PoseFrame { id, pose, shape: vec![] }),
-            Err(problem) => skipped.add(&id, problem),
-        }
+        add_frame(format!("{k:04}"), (joints - 25..joints).map(place), &mut frames, &mut skipped);
     }
-    let warnings = skipped.finish(source, count)?.into_iter().collect();
     let side = find(value, &SIDE_NAMES).and_then(side_of);
-    let fps = source.fps(value, &["fps"])?;
-    Ok(Recording { side, fps, motion: Motion::WebXr { frames }, warnings })
+    axes::recording(source, frames, side, skipped)
 }
 
 /// The 25 joints of WebXR in order.
-fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
+fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
     let rig = RestSkeleton::webxr(Side::Right);
     let named = |name: &str| {
         let role = JointRole::of(name);
@@ -200,7 +235,7 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
             .position(|(own, own_role)| own == name || (role.is_some() && *own_role == role))
     };
     let by_rows = is_row_by_row(joints);
-    let mut found: Vec<Option<Result<Placed, String>>> = vec![None; rig.joints.len()];
+    let mut found: Vec<Option<Result<Joint, String>>> = vec![None; rig.joints.len()];
     if let Value::Map(entries) = joints {
         for (name, joint) in entries {
             if let Some(slot) = named(name).and_then(|k| found.get_mut(k)) {
@@ -208,7 +243,7 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
             }
         }
     } else {
-        let items: Vec<Result<Placed, String>> = match joints.numbers() {
+        let items: Vec<Result<Joint, String>> = match joints.numbers() {
             Some(array) if array.shape.len() == 1 => array.values.chunks(16).map(|m| matrix(m, by_rows)).collect(),
             _ => joints.items().unwrap_or_default().iter().map(|item| placed_joint(item, by_rows)).collect(),
         };
@@ -228,24 +263,38 @@ fn placed_joints(joints: &Value) -> Result<Vec<Placed>, String> {
             }
         }
     }
-    let joint = |(name, joint): (&String, Option<Result<Placed, String>>)| match joint {
-        Some(joint) => joint.map_err(|problem| format!("joint {name:?}: {problem}")),
-        None => Err(format!("joint {name:?} is missing")),
-    };
-    rig.joint_names.iter().zip(found).map(joint).collect()
+    found.into_iter().map(|joint| joint.unwrap_or_else(|| Err(MISSING.into()))).collect()
 }
 
-/// Whether the joints are matrices with their translations at the ends of rows, as plain numbers.
+/// Whether the joints are matrices with their translations at the ends of rows.
 fn is_row_by_row(joints: &Value) -> bool {
-    let Some(array) = joints.numbers().filter(|array| array.shape[..] != [25, 7] && array.shape[..] != [26, 7]) else {
-        return false;
-    };
     let largest = |places: [usize; 3]| {
-        let entries =
-            array.values.chunks_exact(16).flat_map(|m| places.map(|place| m.get(place).copied().unwrap_or(0.0)));
-        entries.fold(0.0, |largest: f64, entry| largest.max(entry.abs()))
+        let of = |m: &[f64]| {
+            places.map(|place| m.get(place).map_or(0.0, |entry| entry.abs())).into_iter().fold(0.0, f64::max)
+        };
+        matrices(joints).into_iter().map(of).fold(0.0, f64::max)
     };
     largest([12, 13, 14]) <= AFFINE_TOLERANCE && largest([3, 7, 11]) > AFFINE_TOLERANCE
+}
+
+/// The matrices of all joints that have one, 16 numbers each.
+fn matrices(joints: &Value) -> Vec<&[f64]> {
+    match joints {
+        Value::Numbers(array) if array.values.len().is_multiple_of(16) && !matches!(array.shape[..], [_, 7 | 3]) => {
+            array.values.chunks_exact(16).collect()
+        }
+        Value::Map(entries) => entries.iter().filter_map(|(_, joint)| matrix_of(joint)).collect(),
+        Value::List(items) => items.iter().filter_map(matrix_of).collect(),
+        _ => vec![],
+    }
+}
+
+fn matrix_of(joint: &Value) -> Option<&[f64]> {
+    let array = match joint {
+        Value::Numbers(array) => array,
+        _ => holders(joint).find_map(|map| find(map, &MATRIX_NAMES)?.numbers())?,
+    };
+    Some(array.values.as_slice()).filter(|values| values.len() == 16)
 }
 
 /// Fields that may contain the position of a joint, the most specific first.
@@ -262,31 +311,41 @@ fn is_joint(value: &Value) -> bool {
     })
 }
 
-fn placed_joint(joint: &Value, by_rows: bool) -> Result<Placed, String> {
-    if let Some(array) = joint.numbers() {
+const MISSING: &str = "is missing";
+const NO_ORIENTATION: &str = "has no orientation";
+
+fn placed_joint(value: &Value, by_rows: bool) -> Result<Joint, String> {
+    if let Some(array) = value.numbers() {
         return match array.values[..] {
-            [px, py, pz, x, y, z, w] => placed(DVec3::new(px, py, pz), DQuat::from_xyzw(x, y, z, w)),
+            [px, py, pz] => joint(DVec3::new(px, py, pz), Err(NO_ORIENTATION.into())),
+            [px, py, pz, x, y, z, w] => joint(DVec3::new(px, py, pz), rotation(DQuat::from_xyzw(x, y, z, w))),
             _ if array.values.len() == 16 => matrix(&array.values, by_rows),
             _ => Err(format!(
-                "has {} numbers, expected 7 (position and quaternion) or 16 (a matrix)",
+                "has {} numbers, expected 3 (a position), 7 (position and quaternion) or 16 (a matrix)",
                 array.values.len()
             )),
         };
     }
-    let found = holders(joint).find_map(|map| {
+    let found = holders(value).find_map(|map| {
         if let Some(values) = find(map, &MATRIX_NAMES).and_then(Value::numbers).filter(|array| array.values.len() == 16)
         {
-            return Some(matrix(&values.values, false));
+            return Some(matrix(&values.values, by_rows));
         }
-        let position = find(map, &POSITION_NAMES)?;
-        let orientation = find(map, &ORIENTATION_NAMES)?;
-        Some(match (vector(position), quaternion(orientation)) {
-            (Some(position), Some(orientation)) => placed(position, orientation),
-            (None, _) => Err("its position is not 3 numbers".into()),
-            (_, None) => Err("its orientation is not a quaternion: x, y, z and w".into()),
-        })
+        let Some(position) = vector(find(map, &POSITION_NAMES)?) else {
+            return Some(Err("its position is not 3 numbers".into()));
+        };
+        let orientation = match find(map, &ORIENTATION_NAMES) {
+            None => Err(NO_ORIENTATION.into()),
+            Some(orientation) => match quaternion(orientation) {
+                Some(orientation) => rotation(orientation),
+                None => Err("its orientation is not a quaternion: x, y, z and w".into()),
+            },
+        };
+        Some(joint(position, orientation))
     });
-    found.unwrap_or_else(|| Err("has neither a position with an orientation nor a matrix of 16 numbers".into()))
+    // A point as MediaPipe's.
+    let found = found.or_else(|| Some(joint(vector(value)?, Err(NO_ORIENTATION.into()))));
+    found.unwrap_or_else(|| Err("has neither a position nor a matrix of 16 numbers".into()))
 }
 
 fn quaternion(value: &Value) -> Option<DQuat> {
@@ -301,7 +360,7 @@ fn quaternion(value: &Value) -> Option<DQuat> {
 }
 
 /// 16 numbers, column by column or row by row.
-fn matrix(values: &[f64], by_rows: bool) -> Result<Placed, String> {
+fn matrix(values: &[f64], by_rows: bool) -> Result<Joint, String> {
     let Some(numbers) = values.first_chunk::<16>() else {
         return Err(format!("has a matrix of {} numbers, expected 16", values.len()));
     };
@@ -315,15 +374,16 @@ fn matrix(values: &[f64], by_rows: bool) -> Result<Placed, String> {
         return Err("its matrix is all zeros: the joint was not tracked".into());
     }
     let error = (rotation * rotation.transpose() - DMat3::IDENTITY).to_cols_array();
-    if !(error.iter().all(|e| e.abs() <= 1e-2) && rotation.determinant() > 0.0) {
-        return Err("its matrix is not a rotation with a translation".into());
-    }
-    placed(matrix.w_axis.truncate(), DQuat::from_mat3(&rotation))
+    let is_rotation = error.iter().all(|e| e.abs() <= 1e-2) && rotation.determinant() > 0.0;
+    let orientation = if is_rotation {
+        Ok(DMat3::from_quat(DQuat::from_mat3(&rotation).normalize()))
+    } else {
+        Err("its matrix is not a rotation with a translation".into())
+    };
+    joint(matrix.w_axis.truncate(), orientation)
 }
 
-/// Converts from XR's world to ghand's.
-fn placed(position: DVec3, orientation: DQuat) -> Result<Placed, String> {
-    point_in_range(position).map_err(|problem| format!("its position {problem}"))?;
+fn rotation(orientation: DQuat) -> Result<DMat3, String> {
     let length = orientation.length();
     if !length.is_finite() {
         return Err("its quaternion has a number that is not finite".into());
@@ -334,20 +394,11 @@ fn placed(position: DVec3, orientation: DQuat) -> Result<Placed, String> {
     if !(0.5..2.0).contains(&length) {
         return Err(format!("its quaternion has the length {length:?}, expected 1"));
     }
-    Ok((OPENGL_AXES * position, OPENGL_AXES * DMat3::from_quat(orientation.normalize())))
+    Ok(DMat3::from_quat(orientation.normalize()))
 }
 
-/// Rotations of each joint in the frame of its parent.
-fn pose(placed: &[Placed]) -> Result<Pose, String> {
-    let parents = RestSkeleton::webxr(Side::Right).parents;
-    let rotation = |(k, parent): (usize, &Option<usize>)| {
-        let (_, here) = placed.get(k)?;
-        let above = parent.map_or(Some(DMat3::IDENTITY), |p| Some(placed.get(p)?.1))?;
-        Some(axis_angle_from_rotation(&(above.transpose() * *here)))
-    };
-    let rotations: Option<Vec<DVec3>> = parents.iter().enumerate().map(rotation).collect();
-    match (rotations, placed.first()) {
-        (Some(rotations), Some((wrist, _))) => Ok(Pose { rotations, translation: *wrist }),
-        _ => Err("lacks joints".into()),
-    }
+/// Converts from XR's world to ghand's.
+fn joint(position: DVec3, orientation: Result<DMat3, String>) -> Result<Joint, String> {
+    point_in_range(position).map_err(|problem| format!("its position {problem}"))?;
+    Ok(Joint { position: OPENGL_AXES * position, orientation: orientation.map(|turn| OPENGL_AXES * turn) })
 }

@@ -41,7 +41,7 @@ pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
             } else {
                 Err("has no hand".into())
             };
-            hands.push(Hand { id, side: Some(side), frame: found });
+            hands.push(Hand::own(id, Some(side), found));
         }
     }
     Ok(hands)
@@ -106,7 +106,7 @@ fn rows_of_hand(
         let id = format!("{k:04}");
         let (orient, fingers) = if width == 48 { row.split_at(3) } else { (root, row.as_slice()) };
         let found = frame(&id, orient, fingers, &shape_of(k), place);
-        hands.push(Hand { id, side, frame: found });
+        hands.push(Hand::own(id, side, found));
     }
     Ok(())
 }
@@ -141,7 +141,7 @@ pub(super) fn body(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErro
         for (k, row) in rows.chunks_exact(width).enumerate() {
             let id = format!("{k:04}");
             let found = frame(&id, &[0.0; 3], row.get(start..start + 45).unwrap_or(&[]), &[], &[]);
-            hands.push(Hand { id, side: Some(side), frame: found });
+            hands.push(Hand::own(id, Some(side), found));
         }
     }
     Ok(hands)

@@ -3,10 +3,10 @@
 use ghand_core::Side;
 use ghand_files::value::Value;
 
+use super::super::recording::LeftRotations;
 use super::super::source::{id_of, side_of};
 use super::super::{PoseError, Source};
 use super::{Hand, SIDE_NAMES, first, flat, frame};
-use crate::retarget::mirrored;
 
 /// Largest depth of parameters in lists and maps.
 const MAX_DEPTH: usize = 5;
@@ -20,6 +20,10 @@ const POSE_NAMES: [&str; 3] = ["hand_pose", "mano_hand_pose", "pred_hand_pose"];
 const ORIENT_NAMES: [&str; 4] = ["global_orient", "mano_global_orient", "pred_global_orient", "root_orient"];
 const SHAPE_NAMES: [&str; 4] = ["betas", "mano_betas", "pred_betas", "shape"];
 const PLACE_NAMES: [&str; 6] = ["pred_cam_t_full", "cam_t_full", "cam_t", "transl", "trans", "pred_cam_t"];
+/// Names that only the results of networks for right hands have: HaMeR, WiLoR and their kin.
+const FLAG_NAMES: [&str; 3] = ["is_right", "isRight", "right"];
+const NETWORK_NAMES: [&str; 2] = ["wilor_preds", "pred_mano_params"];
+
 pub(super) fn has_parameters(value: &Value, depth: usize) -> bool {
     let children = |value: &Value| match value {
         Value::Map(entries) => entries.iter().any(|(_, child)| has_parameters(child, depth + 1)),
@@ -50,7 +54,7 @@ pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, Pos
                 check_id(source, &id)?;
                 walk(source, frame, Some(&id), &[], None, 0, &mut hands)?;
                 if hands.len() == before {
-                    hands.push(Hand { id, side: Some(source.wanted), frame: Err("has no hand".into()) });
+                    hands.push(Hand::own(id, None, Err("has no hand".into())));
                 }
             }
         }
@@ -114,6 +118,11 @@ fn parameters(
     orient: &Value,
     hands: &mut Vec<Hand>,
 ) -> Result<(), PoseError> {
+    let mut unusable = |problem: String| hands.push(Hand::own(id.unwrap_or("0000").into(), side, Err(problem)));
+    if *pose == Value::Nothing {
+        unusable("has no hand".into());
+        return Ok(());
+    }
     let Some(pose) = pose.numbers() else {
         return Err(source.invalid("hand_pose", format!("is {}, expected numbers", pose.kind())));
     };
@@ -122,12 +131,7 @@ fn parameters(
         [.., 15, 3] | [.., 45] => 45,
         [.., 135] => 135,
         _ => {
-            let problem = format!("has the shape {:?}, expected (T, 15, 3, 3), (T, 15, 3) or (T, 45)", pose.shape);
-            hands.push(Hand {
-                id: id.unwrap_or("0000").into(),
-                side: side.or(Some(source.wanted)),
-                frame: Err(problem),
-            });
+            unusable(format!("has the shape {:?}, expected (T, 15, 3, 3), (T, 15, 3) or (T, 45)", pose.shape));
             return Ok(());
         }
     };
@@ -139,12 +143,7 @@ fn parameters(
     {
         let numbers = value.and_then(Value::numbers).map_or(0, |array| array.values.len());
         if numbers > most * count.max(1) {
-            let problem = format!("has {numbers} numbers in {name} for {count} hands, expected at most {most} each");
-            hands.push(Hand {
-                id: id.unwrap_or("0000").into(),
-                side: side.or(Some(source.wanted)),
-                frame: Err(problem),
-            });
+            unusable(format!("has {numbers} numbers in {name} for {count} hands, expected at most {most} each"));
             return Ok(());
         }
     }
@@ -158,6 +157,7 @@ fn parameters(
         if widths.contains(&values.len()) && count != 1 { values.to_vec() } else { per_hand(values, k) }
     };
     let sides = first(maps, &SIDE_NAMES);
+    let left = left_rotations(maps);
     let (shapes, places) = (flat(shapes), flat(places));
     for k in 0..count {
         let own_side = match sides {
@@ -172,12 +172,20 @@ fn parameters(
         let id = id.map_or_else(|| format!("{k:04}"), str::to_owned);
         let fingers: Vec<f64> = pose.values.iter().skip(k * width).take(width).copied().collect();
         let shape = shared(&shapes, k, &[10]);
-        let mut found = frame(&id, &per_hand(&orient, k), &fingers, &shape, &shared(&places, k, &[3]));
-        if let (Ok(found), Some(Side::Left)) = (&mut found, own_side) {
-            // The position is that in the picture, which was never mirrored.
-            found.pose.rotations = mirrored(&found.pose).rotations;
-        }
-        hands.push(Hand { id, side: own_side.or(Some(Side::Right)), frame: found });
+        let found = frame(&id, &per_hand(&orient, k), &fingers, &shape, &shared(&places, k, &[3]));
+        hands.push(Hand { id, side: own_side, frame: found, left });
     }
     Ok(())
+}
+
+/// What the rotations of a left hand are, by the names around them.
+pub(in super::super) fn left_rotations(maps: &[&Value]) -> LeftRotations {
+    let has_flag =
+        maps.iter().any(|map| FLAG_NAMES.iter().any(|name| map.get(name).is_some_and(|flag| flag.numbers().is_some())));
+    match first(maps, &["mirrored", "is_mirrored"]).and_then(Value::number) {
+        Some(0.0) => LeftRotations::Own,
+        Some(_) => LeftRotations::Mirrored,
+        None if has_flag || first(maps, &NETWORK_NAMES).is_some() => LeftRotations::AssumedMirrored,
+        None => LeftRotations::Assumed,
+    }
 }

@@ -115,7 +115,7 @@ fn arrays_of_numpy_are_read_with_and_without_a_name() {
     // Two arrays could be the pose, and neither name decides.
     let error =
         read_poses_bytes("poses.npz", &npz(&[("a", array.clone()), ("b", array)]), &model, &PoseOptions::default());
-    assert!(error.unwrap_err().to_string().contains("\"a\" (numbers of the shape [2, 48])"));
+    assert!(error.unwrap_err().to_string().contains("(\"a\", \"b\")"));
     // For a model with other joints, rows are for these joints.
     let own = webxr(Side::Right);
     let turned = super::poses(&own, 2);
@@ -169,7 +169,7 @@ fn plain_landmark_arrays_are_fitted_at_their_positions() {
     }
     let millimetres: Vec<[[f64; 3]; 21]> = points.iter().map(|frame| frame.map(|p| p.map(|v| 1000.0 * v))).collect();
     let error = read(&json!(millimetres), right()).unwrap_err().to_string();
-    assert!(error.contains("frame \"0000\"") && error.contains("millimetres / 1000"), "{error}");
+    assert!(error.contains("millimetres") && error.contains("1000"), "{error}");
 }
 
 /// Positions of a hand's joints in a pose.
@@ -215,7 +215,7 @@ fn ho3d_frames_and_folders_of_them_come_from_opengls_camera() {
     std::fs::write(meta.join("0005.pkl"), pickle(&[("handPose", None)])).unwrap();
     let read = |path: &Path| read_poses(path, &model, &PoseOptions::default());
     for path in [folder.path(), &meta] {
-        let sequence = read(path).unwrap();
+        let sequence = without_filled(read(path).unwrap(), &["0005", "0015"]);
         let ids: Vec<&str> = sequence.frames.iter().map(|frame| frame.id.as_str()).collect();
         assert_eq!((sequence.fps, ids), (30.0, vec!["0000", "0010", "0020"]));
         assert!(
@@ -230,7 +230,7 @@ fn ho3d_frames_and_folders_of_them_come_from_opengls_camera() {
             assert!(off < 1e-9, "{off}");
         }
     }
-    assert_same(&read(&meta.join("0020.pkl")).unwrap(), &[read(&meta).unwrap().frames[2].pose.clone()], 0.0);
+    assert_same(&read(&meta.join("0020.pkl")).unwrap(), &[read(&meta).unwrap().frames[4].pose.clone()], 0.0);
     std::fs::write(meta.join("0006.pkl"), pickle(&[("camMat", None)])).unwrap();
     assert!(read(&meta).unwrap_err().to_string().contains("0006.pkl"));
     let empty = tempfile::tempdir().unwrap();
