@@ -8,6 +8,7 @@ mod files;
 mod findings;
 mod fit;
 mod misfits;
+mod outlines;
 mod overlap;
 mod sample;
 

@@ -28,6 +28,7 @@ use crate::image_file::{Role, decode, read_bytes};
 use crate::mask_values::mask_values;
 
 pub use aligned::AlignedHand;
+pub(crate) use contour::parts;
 pub use distance::squared_distances;
 pub use fill::covered_pixels;
 pub(crate) use made::mask_by_colors;

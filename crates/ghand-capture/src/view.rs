@@ -7,7 +7,7 @@ use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::image_file::{Role, decode, read_bytes};
 use crate::mask::{MaskMethod, made_mask, mask_by_colors, squared_distances};
-use crate::mask_values::{MaskValues, mask_values};
+use crate::mask_values::{MaskSort, MaskValues, mask_values};
 
 /// One image of the capture with its mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,8 +38,8 @@ pub struct CroppedView {
 pub(crate) struct ViewNotes {
     /// Whether the hand is marked: by a mask, or by an alpha channel that is not opaque everywhere.
     pub has_mask: bool,
-    /// Whether the mask's file has 0 and 1 instead of 0 and 255.
-    pub is_zero_one: bool,
+    /// What the values in the mask's file are.
+    pub mask_sort: MaskSort,
     /// Pixels of the image's file with a channel that is not a number. Such channels are black.
     pub nan_pixels: usize,
     /// The largest difference of two values of a channel in what the image shows, surroundings and all.
@@ -116,9 +116,9 @@ impl Capture {
         let made = self.images.made_masks.as_ref().filter(|_| mask.is_none());
         if made.is_some_and(|made| made.method == MaskMethod::Outline) {
             let values = made_mask(self, camera, frame, &bytes, &rgba)?;
-            mask = Some(MaskValues { values, is_zero_one: false });
+            mask = Some(MaskValues { values, sort: MaskSort::Usual });
         }
-        let is_zero_one = mask.as_ref().is_some_and(|mask| mask.is_zero_one);
+        let mask_sort = mask.as_ref().map_or(MaskSort::Usual, |mask| mask.sort);
         let mut has_mask = mask.is_some();
         if let Some(mask) = mask {
             rgba.iter_mut().zip(mask.values).for_each(|(pixel, mask)| pixel[3] = mask);
@@ -148,7 +148,7 @@ impl Capture {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);
         }
         wrist.hide([r, g, b], &mut rgba);
-        let notes = ViewNotes { has_mask, is_zero_one, nan_pixels, contrast, other_background };
+        let notes = ViewNotes { has_mask, mask_sort, nan_pixels, contrast, other_background };
         Ok((View { width: size.0, height: size.1, rgba }, notes))
     }
 

@@ -89,8 +89,20 @@ impl FileProblem {
     pub(super) fn new(error: &CaptureError) -> FileProblem {
         let missing = matches!(error, CaptureError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound);
         let file = error.path().unwrap_or(Path::new("")).to_path_buf();
-        FileProblem { file, missing, reason: error.to_string() }
+        let similar = if missing { similar_name(&file) } else { None };
+        let similar = similar.map_or(String::new(), |name| format!("; there is {name:?}, which is another name"));
+        FileProblem { file, missing, reason: format!("{error}{similar}") }
     }
+}
+
+/// The name of a file beside a missing one that differs only in capitals or in its ending.
+fn similar_name(file: &Path) -> Option<String> {
+    let stem = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().to_lowercase());
+    let wanted = stem(file)?;
+    let entries = std::fs::read_dir(file.parent()?).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut names: Vec<_> = entries.filter(|path| stem(path).as_ref() == Some(&wanted)).collect();
+    names.sort();
+    Some(names.first()?.file_name()?.to_string_lossy().into_owned())
 }
 
 fn look(capture: &Capture, camera: usize, frame: usize) -> Found {

@@ -3,10 +3,16 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
+use ghand_core::Pose;
+use ghand_core::posing::pose_hand;
+use glam::DVec3;
+
 use super::misfits::{Cause, WrongCamera, wrong_cameras, wrong_frames};
-use super::{CaptureInspection, SplitFacts, ViewFit};
+use super::outlines::images_and_masks;
+use super::{CaptureInspection, SplitFacts, Spread, ViewFit};
 use crate::capture::Capture;
 use crate::mask::{MadeMasks, MaskMethod};
+use crate::mask_values::MaskSort;
 
 /// A template that overlaps the masks less than this may use another convention for poses or cameras than the capture:
 /// noise of four degrees in every joint gives a mean of 0.8, transposed rotations, with cameras all around a hand, 0.5
@@ -62,14 +68,16 @@ pub(super) fn findings(capture: &Capture, found: &CaptureInspection) -> Vec<Find
     [
         cameras(capture, found),
         poses(capture, found),
+        shapes(capture, found),
         images(capture, found),
         masks(capture, found),
+        images_and_masks(capture, &views(found).collect::<Vec<_>>()),
         fits(capture, found),
     ]
     .concat()
 }
 
-fn finding(is_pointless: bool, text: String) -> Finding {
+pub(super) fn finding(is_pointless: bool, text: String) -> Finding {
     Finding { severity: if is_pointless { Severity::Pointless } else { Severity::Odd }, text }
 }
 
@@ -104,8 +112,11 @@ fn images(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     if !found.has_usable_image() {
         let text = format!(
             "none of the {} images can be used ({} files are missing, {} broken); check that paths, cameras and files \
-             match",
-            files.images, files.missing, files.broken
+             match{}",
+            files.images,
+            files.missing,
+            files.broken,
+            files.problems.first().map_or(String::new(), |problem| format!(": {}", problem.reason))
         );
         return vec![finding(true, text)];
     }
@@ -157,7 +168,7 @@ fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     findings.extend(faulty(
         found,
         has_mask,
-        |view| view.coverage == Some(0.0),
+        |view| view.coverage == Some(0.0) && view.mask_sort == MaskSort::Usual,
         |empty, all| {
             format!("{empty} of {all} masks are empty; a mask is at least 128 on the hand and below elsewhere")
         },
@@ -165,14 +176,11 @@ fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     findings.extend(faulty(
         found,
         has_mask,
-        |view| view.coverage == Some(1.0),
+        |view| view.coverage == Some(1.0) && view.mask_sort == MaskSort::Usual,
         |full, all| format!("{full} of {all} masks are full; a mask is at least 128 on the hand and below elsewhere"),
     ));
-    let zero_one = views(found).filter(|view| view.is_zero_one).count();
-    if zero_one > 0 {
-        let text = format!("{zero_one} of {checked} masks have 0 and 1 instead of 0 and 255; 1 counts as hand");
-        findings.push(finding(false, text));
-    }
+    findings.extend(values_of_masks(found));
+    findings.extend(second_hands(found));
     let made = found.files.made_masks;
     if made > 0 {
         let by_colors = |made: &MadeMasks| made.method == MaskMethod::Colors;
@@ -186,6 +194,104 @@ fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
         findings.push(finding(false, text));
     }
     findings
+}
+
+/// Masks whose files do not have 255 on the hand and 0 elsewhere.
+fn values_of_masks(found: &CaptureInspection) -> Vec<Finding> {
+    let mut sorts: Vec<MaskSort> = views(found).map(|view| view.mask_sort).collect();
+    sorts.sort_unstable();
+    sorts.dedup();
+    let text = |sort: MaskSort| {
+        Some(match sort {
+            MaskSort::Usual => return None,
+            MaskSort::Low(value) => (false, format!("have 0 and {value} instead of 0 and 255; {value} counts as hand")),
+            MaskSort::Alpha => (false, "are black all over; their alpha channel counts as mask".into()),
+            MaskSort::Labels(value) => (
+                true,
+                format!(
+                    "are labels from 0 to {value}, which do not say which is the hand; make it 255 and all others 0"
+                ),
+            ),
+            MaskSort::High(value) => (
+                true,
+                format!(
+                    "are nowhere below {value}, so that all of the image is hand; make the hand 255 and the rest 0"
+                ),
+            ),
+            MaskSort::Photo => (
+                true,
+                "are photographs and not masks; check `mask_path`: a mask is 255 on the hand and 0 elsewhere".into(),
+            ),
+        })
+    };
+    let of_sort = |sort: MaskSort| {
+        let (is_unusable, text) = text(sort)?;
+        let said = faulty(
+            found,
+            |view| view.coverage.is_some(),
+            |view| view.mask_sort == sort,
+            |some, all| format!("{some} of {all} masks {text}"),
+        )?;
+        Some(if is_unusable { said } else { finding(false, said.text) })
+    };
+    sorts.into_iter().filter_map(of_sort).collect()
+}
+
+/// A part of masks apart from the posed template, of at least this fraction of the mask, is another hand or a thing.
+const OTHER_PART: f64 = 0.2;
+/// Part of the images that must show it.
+const OTHER_IMAGES: f64 = 0.25;
+
+/// Masks that show a second hand, of which the template is none.
+fn second_hands(found: &CaptureInspection) -> Option<Finding> {
+    let has_other = views(found).filter(|view| view.other_part > OTHER_PART);
+    let parts: Vec<f64> = has_other.map(|view| view.other_part).collect();
+    let all = views(found).filter(|view| view.coverage.is_some()).count();
+    let mean = parts.iter().sum::<f64>() / parts.len().max(1) as f64;
+    let count = parts.len();
+    (count as f64 > OTHER_IMAGES * all as f64).then(|| {
+        let text = format!(
+            "the masks of {count} of {all} images show something apart from the posed hand, {:.0} % of the mask: a second hand \
+             or a thing; keep only the hand that is captured in the masks",
+            100.0 * mean
+        );
+        finding(false, text)
+    })
+}
+
+/// Templates of one person differ by no more than this part in size.
+const SAME_SIZE: f64 = 0.02;
+/// Most frames whose shapes are compared.
+const MOST_SHAPES: usize = 64;
+
+/// Frames whose shapes make hands of different sizes.
+fn shapes(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
+    let step = found.posed_frames.len().div_ceil(MOST_SHAPES).max(1);
+    let frames = found.posed_frames.iter().step_by(step).filter_map(|frame| capture.frames.get(*frame));
+    let size = |shape: &[f64]| {
+        let rest = Pose::rest(capture.hand_model.joint_count());
+        let vertices = pose_hand(&capture.hand_model, shape, &rest).ok()?.vertices;
+        let low = vertices.iter().copied().reduce(DVec3::min)?;
+        Some((vertices.iter().copied().reduce(DVec3::max)? - low).length())
+    };
+    let mut known: Vec<(&[f64], f64)> = vec![];
+    for frame in frames {
+        if known.iter().all(|(shape, _)| *shape != frame.shape.as_slice())
+            && let Some(size) = size(&frame.shape)
+        {
+            known.push((&frame.shape, size));
+        }
+    }
+    let Some(sizes) = Spread::of(known.iter().map(|(_, size)| *size)) else { return vec![] };
+    if sizes.max <= sizes.min * (1.0 + SAME_SIZE) {
+        return vec![];
+    }
+    let [low, high] = [sizes.min, sizes.max].map(|size| 1000.0 * size);
+    let text = format!(
+        "the frames' shapes make hands from {low:.0} to {high:.0} mm long; one person's hand has one size: give all frames the \
+         same `shape`, such as the median"
+    );
+    vec![finding(false, text)]
 }
 
 fn cameras(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
@@ -206,16 +312,34 @@ fn cameras(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
         used().filter(|(_, f)| !DISTANCES.contains(&f.distance)).map(|(camera, _)| camera.id.as_str()).collect();
     if !odd.is_empty() {
         let text = format!(
-            "{} of {} cameras are not between {} and {} m from the hand ({}); a unit may not be the metre",
+            "{} of {} cameras are not between {} and {} m from the hand ({}); {}",
             odd.len(),
             used().count(),
             DISTANCES.start,
             DISTANCES.end,
-            names(&odd)
+            names(&odd),
+            unit_of(used().map(|(_, facts)| facts.distance))
         );
         findings.push(finding(are_most(&odd), text));
     }
     findings
+}
+
+/// Distances at which hands are filmed, metres.
+const USUAL_DISTANCES: std::ops::Range<f64> = 0.15..4.0;
+
+/// The unit that cameras at these distances from the hand may have.
+fn unit_of(distances: impl Iterator<Item = f64>) -> String {
+    let mut distances: Vec<f64> = distances.filter(|distance| distance.is_finite()).collect();
+    distances.sort_by(f64::total_cmp);
+    let middle = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+    let units = [(1000.0, "millimetres"), (100.0, "centimetres")];
+    match units.iter().find(|(factor, _)| USUAL_DISTANCES.contains(&(middle / factor))) {
+        Some((factor, name)) => format!(
+            "their translations seem to be {name}: divide them by {factor}, or give the poses' translations in metres, too"
+        ),
+        None => "a unit may not be the metre".into(),
+    }
 }
 
 /// Rotations that are longer than a whole turn.
@@ -258,6 +382,14 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
                 format!("the intrinsics are those of images {:.2} times as large", f64::from(*percent) / 100.0)
             }
             Cause::Swapped(other) => format!("the images are those of {}", name(*other)),
+            Cause::Late(late) => {
+                let (frames, when) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });
+                format!("the images are {frames} frame{} {when} than the poses", if frames == 1 { "" } else { "s" })
+            }
+            Cause::Rate(percent) => format!(
+                "the images have {:.2} times the rate of the poses: pair each image with the frame of its time",
+                f64::from(*percent) / 100.0
+            ),
             Cause::Unknown => {
                 let text = format!(
                     "the posed template hardly matches the masks of {count} of {used} cameras ({cameras}; overlap \
@@ -288,7 +420,7 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
     findings
 }
 
-fn names(ids: &[&str]) -> String {
+pub(super) fn names(ids: &[&str]) -> String {
     let more = ids.len().saturating_sub(MOST_NAMES);
     let shown = ids.get(..MOST_NAMES).unwrap_or(ids).join(", ");
     if more > 0 { format!("{shown} and {more} more") } else { shown }

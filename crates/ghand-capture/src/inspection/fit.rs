@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use super::overlap::iou;
 use crate::capture::{Capture, Frame};
 use crate::error::CaptureError;
-use crate::mask::covered_pixels;
+use crate::mask::{covered_pixels, parts};
+use crate::mask_values::MaskSort;
 use crate::view::View;
 
 /// Facts from the pixels of one image.
@@ -33,8 +34,11 @@ pub struct ViewFit {
     pub contrast: u8,
     /// The one colour that the image has beside the hand, if it is another than the capture's background.
     pub other_background: Option<[u8; 3]>,
-    /// Whether the mask's file has 0 and 1 instead of 0 and 255.
-    pub is_zero_one: bool,
+    /// What the values in the mask's file are.
+    pub mask_sort: MaskSort,
+    /// The largest part of the mask apart from the posed template, as a fraction of the mask; 0 if the template touches no
+    /// part of it.
+    pub other_part: f64,
     /// Pixels of the image's file with a channel that is not a number.
     pub nan_pixels: usize,
 }
@@ -110,9 +114,20 @@ fn view_fit(
         brightest: brightest(&view),
         contrast: notes.contrast,
         other_background: notes.other_background,
-        is_zero_one: notes.is_zero_one,
+        mask_sort: notes.mask_sort,
+        other_part: mask.as_ref().map_or(0.0, |mask| other_part(mask, &given, camera.width as usize)),
         nan_pixels: notes.nan_pixels,
     })
+}
+
+/// The largest part of a mask that the template does not touch, as a fraction of the mask; 0 if it touches no part.
+fn other_part(mask: &[bool], template: &[bool], width: usize) -> f64 {
+    let found = parts(mask, width);
+    let is_touched = |part: &Vec<usize>| part.iter().any(|pixel| template.get(*pixel) == Some(&true));
+    let (touched, apart): (Vec<_>, Vec<_>) = found.iter().partition(|part| is_touched(part));
+    let all: usize = found.iter().map(Vec::len).sum();
+    let largest = apart.iter().map(|part| part.len()).max().unwrap_or(0);
+    if touched.is_empty() { 0.0 } else { largest as f64 / all.max(1) as f64 }
 }
 
 /// The largest value of any channel on the hand, or of the whole image where no hand is marked.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use ghand_core::Camera;
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::ViewFit;
 use super::fit::posed_template;
@@ -21,6 +22,16 @@ const EXPLAINED: f64 = 0.5;
 const GAIN: f64 = 0.2;
 /// Images of a camera on which causes are tried.
 const MOST_VIEWS: usize = 5;
+/// A camera with more overlap than this is not late.
+const SURE: f64 = 0.93;
+/// Frames by which images are tried to be late or early.
+const MOST_LATE: i32 = 3;
+/// A camera is late if it overlaps the template of another frame by this much more, in this part of at least so many images.
+const LATE_GAIN: f64 = 0.04;
+const LATE_PART: f64 = 0.75;
+const LATE_VIEWS: usize = 4;
+/// Rates of images that are tried, percent of the poses'.
+const RATES: [u32; 6] = [50, 200, 83, 120, 48, 208];
 /// Cameras or frames with fewer others have none to be compared with.
 const LEAST_OTHERS: usize = 2;
 
@@ -39,6 +50,10 @@ pub(super) enum Cause {
     Scaled(u32),
     /// Its images are those of another camera.
     Swapped(usize),
+    /// Its images are this many frames later than the poses.
+    Late(i32),
+    /// Its images have this many percent of the rate of the poses.
+    Rate(u32),
     /// It is not known.
     Unknown,
 }
@@ -67,9 +82,7 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
     let mut wrong = vec![];
     for &camera in &poor {
         let overlap = medians.get(&camera).copied().unwrap_or_default();
-        let of_camera = views.iter().filter(|view| view.camera == camera).take(MOST_VIEWS);
-        let frames: Vec<usize> = of_camera.map(|view| view.frame).collect();
-        let seen: Vec<Seen> = frames.iter().filter_map(|frame| Seen::of(capture, camera, *frame)).collect();
+        let seen = seen_by(capture, views, camera, MOST_VIEWS);
         let best = alternatives(capture, camera, &poor)
             .into_iter()
             .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause)).collect()), cause))
@@ -84,6 +97,21 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
             None => {}
         }
     }
+    let is_known = |camera: &usize| wrong.iter().any(|wrong| wrong.camera == *camera && wrong.cause != Cause::Unknown);
+    let unsure: Vec<(usize, f64)> = medians
+        .iter()
+        .filter(|(camera, overlap)| **overlap < SURE && !is_known(camera))
+        .map(|(camera, overlap)| (*camera, *overlap))
+        .collect();
+    let late: Vec<WrongCamera> = unsure
+        .par_iter()
+        .filter_map(|&(camera, overlap)| {
+            let (late, fit) = lateness(capture, views, camera)?;
+            Some(WrongCamera { camera, cause: Cause::Late(late), overlap: [overlap, fit] })
+        })
+        .collect();
+    wrong.retain(|wrong| late.iter().all(|late| late.camera != wrong.camera));
+    wrong.extend(late);
     let names: Vec<usize> = wrong.iter().map(|wrong| wrong.camera).collect();
     (wrong, median(others(&names)))
 }
@@ -130,12 +158,36 @@ fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> 
         let other = capture.cameras.get(**other);
         other.is_some_and(|other| (other.width, other.height) == (own.width, own.height))
     };
+    causes.extend(RATES.map(Cause::Rate));
     causes.extend(poor.iter().filter(|other| **other != camera).filter(same_size).map(|other| Cause::Swapped(*other)));
     causes
 }
 
+/// Some images of a camera, spread over its frames.
+fn seen_by(capture: &Capture, views: &[&ViewFit], camera: usize, count: usize) -> Vec<Seen> {
+    let frames: Vec<usize> = views.iter().filter(|view| view.camera == camera).map(|view| view.frame).collect();
+    let step = frames.len().div_ceil(count).max(1);
+    frames.iter().step_by(step).filter_map(|frame| Seen::of(capture, camera, *frame)).collect()
+}
+
+/// By how many frames a camera's images are later than the poses, and their overlap with the template of those frames.
+fn lateness(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<(i32, f64)> {
+    let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
+    let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
+    let tried = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).filter_map(|late| {
+        let fits = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Late(late)));
+        let pairs: Vec<(f64, f64)> = as_is.iter().zip(fits).filter_map(|(a, b)| Some(((*a)?, b?))).collect();
+        let better = pairs.iter().filter(|(a, b)| *b > a + LATE_GAIN / 2.0).count();
+        let gain = median(pairs.iter().map(|(a, b)| b - a).collect());
+        let is_late = pairs.len() >= LATE_VIEWS && better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
+        is_late.then(|| (late, gain, median(pairs.iter().map(|(_, b)| *b).collect())))
+    });
+    tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(late, _, fit)| (late, fit))
+}
+
 /// The mask of an image and the template's vertices in its frame (world, metres).
 struct Seen {
+    frame: usize,
     mask: Vec<bool>,
     vertices: Vec<DVec3>,
 }
@@ -143,7 +195,7 @@ struct Seen {
 impl Seen {
     fn of(capture: &Capture, camera: usize, frame: usize) -> Option<Seen> {
         let mask = capture.load_hand_mask(camera, frame).ok()?;
-        Some(Seen { mask, vertices: posed_template(capture, frame).ok()?.0 })
+        Some(Seen { frame, mask, vertices: posed_template(capture, frame).ok()?.0 })
     }
 
     /// How well the template overlaps the mask if the camera has this fault, which is undone.
@@ -166,8 +218,15 @@ impl Seen {
                 seen_by = Camera { focal: own.focal / factor, principal: own.principal / factor, ..seen_by };
             }
             Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
-            Cause::Unknown => {}
+            Cause::Late(_) | Cause::Rate(_) | Cause::Unknown => {}
         }
-        iou(&mask, &covered_pixels(&seen_by, &self.vertices, &capture.hand_model.faces))
+        let frame = match cause {
+            Cause::Late(late) => self.frame.checked_add_signed(-(*late as isize))?,
+            Cause::Rate(percent) => (self.frame as f64 * 100.0 / f64::from(*percent)).round() as usize,
+            _ => self.frame,
+        };
+        let other = if frame == self.frame { None } else { Some(posed_template(capture, frame).ok()?.0) };
+        let vertices = other.as_ref().unwrap_or(&self.vertices);
+        iou(&mask, &covered_pixels(&seen_by, vertices, &capture.hand_model.faces))
     }
 }

@@ -42,6 +42,31 @@ pub(super) fn keep_largest(mask: &mut [bool], width: usize) {
     mask.iter_mut().zip(label).for_each(|(inside, label)| *inside &= label == best);
 }
 
+/// The connected parts of a mask, each as its pixels. Pixels that touch at corners are connected.
+pub(crate) fn parts(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
+    let mut is_free = mask.to_vec();
+    let mut parts = vec![];
+    for start in 0..mask.len() {
+        if !is_free[start] {
+            continue;
+        }
+        is_free[start] = false;
+        let mut part = vec![start];
+        let mut next = 0;
+        while let Some(&i) = part.get(next) {
+            next += 1;
+            for n in neighbours(i, width.max(1), mask.len()).into_iter().flatten() {
+                if is_free[n] {
+                    is_free[n] = false;
+                    part.push(n);
+                }
+            }
+        }
+        parts.push(part);
+    }
+    parts
+}
+
 const OUTSIDE: u32 = 1;
 
 /// The pixels around one: first those that share an edge, then those that share a corner.
@@ -76,6 +101,14 @@ mod tests {
     fn parts_are_connected_at_corners_and_the_larger_one_is_kept() {
         assert_eq!(kept(&["##..#", "##...", "..#.."]), ["##...", "##...", "..#.."]);
         assert_eq!(kept(&["#...#", "...##"]), ["....#", "...##"]);
+    }
+
+    #[test]
+    fn parts_are_found_with_all_their_pixels() {
+        let mask: Vec<bool> = "##..#.....#.".bytes().map(|b| b == b'#').collect();
+        let mut sizes: Vec<usize> = parts(&mask, 4).iter().map(Vec::len).collect();
+        sizes.sort_unstable();
+        assert_eq!(sizes, [1, 3]);
     }
 
     #[test]
