@@ -7,6 +7,7 @@ mod budget;
 mod collect;
 mod compressed;
 mod json;
+mod other_formats;
 mod python;
 mod pytorch;
 
@@ -85,6 +86,8 @@ impl Value {
             python::from_npy(bytes)
         } else if json::recognises_bytes(bytes) {
             json::from_json(bytes)
+        } else if let Some(problem) = other_formats::problem(bytes) {
+            Err(problem)
         } else if Graph::recognises_bytes(bytes) {
             python::from_pickle(bytes)
         } else {
