@@ -6,9 +6,10 @@
 //! | | file | format |
 //! |---|---|---|
 //! | ghand's own, or a capture | JSON, JSON Lines, `.npz` | [`ghand`] |
-//! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, ARCTIC, AMASS | JSON, `.npz`, `.npy`, `.pkl` | [`mano`] |
+//! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, Dyn-HaMR, ARCTIC, GRAB, DexYCB, AMASS | JSON, `.npz`, `.npy`, `.pkl`, `.pt`, joblib | [`mano`] |
 //! | HO-3D | `.pkl`, or the folder of them | [`ho3d`] |
 //! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
+//! | bodies of SAM 3D Body, for their hands | JSON, `.npz`, `.pkl`, `.pt` | [`sam_3d_body`] |
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
 //! | landmarks in images of calibrated cameras | JSON, JSON Lines | [`image_landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
@@ -23,6 +24,7 @@ mod folder;
 pub mod ghand;
 pub mod ho3d;
 pub mod image_landmarks;
+mod known_layouts;
 mod landmark_fit;
 pub mod landmark_report;
 pub mod landmarks;
@@ -30,6 +32,7 @@ pub mod mano;
 pub mod plain;
 mod recording;
 mod refusal;
+pub mod sam_3d_body;
 mod sides;
 mod source;
 mod to_model;
@@ -172,7 +175,8 @@ fn poses_and_fit(
     options: &PoseOptions,
 ) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let wanted = options.side.unwrap_or(model.side);
-    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count(), model };
+    let (take, pose_model) = (options.take.as_deref(), options.pose_model.as_ref());
+    let source = Source { origin, wanted, take, joint_count: model.joint_count(), model, pose_model };
     let Recording { side, fps, motion, mut warnings } = recording(&source, value)?;
     // Poses of an unknown side are read as the wanted side.
     let side = options.side.or(side).unwrap_or(model.side);
@@ -215,7 +219,8 @@ fn poses_and_fit(
 
 /// The content of a file, read by the first reader that recognises its kind.
 pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
-    let readers: [Reader; 6] = [xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
+    let readers: [Reader; 7] =
+        [sam_3d_body::read, xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
     if let Some(recording) = trackers(source, value) {
         return recording;
@@ -230,6 +235,9 @@ pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, Pos
         }
         recording.warnings.extend(warning);
         return Ok(recording);
+    }
+    if let Some(problem) = known_layouts::problem(value) {
+        return Err(source.invalid("content", problem.into()));
     }
     ghand::read(source, value).unwrap_or_else(|| Err(source.invalid("content", refusal::problem(value))))
 }

@@ -12,21 +12,27 @@
 //!   dictionary with all frames in its arrays, or a list or a map of frames with one or several hands each. `is_right`
 //!   or `right` gives the side. The parameters are always those of a right hand: for a left hand, those of the mirrored
 //!   picture, so they are mirrored here. `cam_t`, `pred_cam_t_full` or `transl` give the hand's position in camera axes
-//!   (x right, y down, z forward). Measured from the flat hand. Pickles with PyTorch tensors are rejected, because
-//!   nothing in a file is executed; write `.cpu().numpy()`.
+//!   (x right, y down, z forward). Measured from the flat hand.
 //! - **HaWoR** (`.npz`): `pred_rot` (2, T, 3), `pred_hand_pose` (2, T, 45), `pred_trans`, `pred_betas`, `pred_valid`;
 //!   left hand first, each in the axes of its own model. Measured from the flat hand.
+//! - **Dyn-HaMR** (`*_world_results.npz`): see `mano/world_results.rs`.
+//! - **GRAB** (`.npz`): see `mano/grab.rs`.
+//! - **principal components** under any of these names, **DexYCB**: see `mano/components.rs`.
 //! - **ARCTIC** (`.mano.npy`, or as `.npz`): for each hand `rot` (T, 3), `pose` (T, 45), `trans` (T, 3), `shape` (10);
 //!   in maps `right` and `left`, with suffixes `_r` and `_l`, or without. Measured from MANO's mean pose. 30 frames per
 //!   second.
 //! - **AMASS** (`.npz`): `poses` (T, 156) of SMPL-H or (T, 165) of SMPL-X, whose last 90 numbers are the left and the
-//!   right hand, or `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45). Only the fingers move.
-//!   Measured from the flat hand.
+//!   right hand, or `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45) and other names of them in
+//!   `mano/bodies.rs`. Only the fingers move. Measured from the flat hand.
 //!
 //! A field `flat_hand_mean` in the file overrides these.
 
 mod arrays;
+mod bodies;
+mod components;
 mod estimates;
+mod grab;
+mod world_results;
 
 use std::sync::OnceLock;
 
@@ -40,9 +46,9 @@ use glam::{DMat3, DVec3};
 
 use super::recording::ManoRows;
 use super::source::in_range;
-use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
+use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts};
 use crate::rest_skeleton::RestSkeleton;
-use arrays::{arctic, body, hawor, is_arctic, is_body};
+use arrays::{arctic, hawor, is_arctic};
 use estimates::{estimates, has_parameters};
 
 /// Matrices whose columns are this far from orthonormal are not rotations: half precision stays below.
@@ -55,6 +61,15 @@ struct Hand {
     id: String,
     side: Option<Side>,
     frame: Result<PoseFrame, String>,
+    /// Whether it was made of components, which are measured from the mean pose unless the file says otherwise.
+    from_components: bool,
+}
+
+impl Hand {
+    /// A hand from rotations.
+    fn new(id: String, side: Option<Side>, frame: Result<PoseFrame, String>) -> Hand {
+        Hand { id, side, frame, from_components: false }
+    }
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
@@ -62,12 +77,20 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
         (hawor(source, value), None, false)
     } else if interhand_captures(value).is_some() {
         (interhand(source, value), Some(5.0), true)
+    } else if components::are_named(source, value) {
+        (components::hands(source, value), Some(30.0), true)
     } else if is_arctic(value) {
         (arctic(source, value), Some(30.0), true)
-    } else if is_body(value) {
-        (body(source, value), None, false)
+    } else if grab::is_grab(value) {
+        (grab::hands(source, value), None, false)
+    } else if bodies::is_body(value) {
+        (bodies::hands(source, value), None, false)
+    } else if world_results::is_results(value) {
+        (world_results::hands(source, value), None, false)
     } else if has_parameters(value, 0) {
         (estimates(source, value), None, false)
+    } else if let Some(problem) = known_layouts::body_without_hands(value) {
+        return Some(Err(source.invalid("content", problem.into())));
     } else {
         return None;
     };
@@ -81,8 +104,6 @@ fn recording(
     fps: Option<f64>,
     from_mean: bool,
 ) -> Result<Recording, PoseError> {
-    let flat = value.get("flat_hand_mean").and_then(Value::number);
-    let from_mean = flat.map_or(from_mean, |flat| flat == 0.0);
     let has = |side: Side| hands.iter().any(|hand| hand.side == Some(side) && hand.frame.is_ok());
     let other = crate::retarget::other_side(source.wanted);
     let side = match (has(source.wanted), has(other)) {
@@ -93,15 +114,24 @@ fn recording(
     let chosen: Vec<Hand> = hands.into_iter().filter(|hand| side.is_none() || hand.side == side).collect();
     let (total, mut frames, mut skipped) = (chosen.len(), Vec::<PoseFrame>::new(), Skipped::default());
     let mut seen = std::collections::HashSet::new();
-    for Hand { id, frame, .. } in chosen {
+    let by_components = chosen.iter().any(|hand| hand.from_components && hand.frame.is_ok());
+    let flat = components::flag(value, "flat_hand_mean");
+    let from_mean = flat.map_or(from_mean || by_components, |flat| !flat);
+    for Hand { id, frame, from_components, .. } in chosen {
         match frame {
+            Ok(_) if from_components != by_components => {
+                skipped.add(&id, "has rotations, other frames have components, which have another zero");
+            }
             Ok(_) if !seen.insert(id.clone()) => skipped.add(&id, "has a second hand of the same side"),
             Ok(frame) => frames.push(frame),
             Err(problem) => skipped.add(&id, problem),
         }
     }
-    let warnings = skipped.finish(source, total)?.into_iter().collect();
-    let rates = ["fps", "mocap_framerate", "mocap_frame_rate", "frame_rate"];
+    let mut warnings: Vec<String> = skipped.finish(source, total)?.into_iter().collect();
+    if bodies::is_body(value) && bodies::has_root(value) {
+        warnings.push(bodies::WARNING.into());
+    }
+    let rates = ["fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate"];
     let fps = source.fps(value, &rates)?.or(fps);
     Ok(Recording { side, fps, motion: Motion::Mano(ManoRows { frames, from_mean, opengl: false }), warnings })
 }
@@ -214,7 +244,7 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
                 }
                 _ => Err(format!("has a pose of {} numbers, expected 48", pose.len())),
             };
-            Some(Hand { id: (*id).clone(), side: Some(side), frame: found })
+            Some(Hand::new((*id).clone(), Some(side), found))
         })
     });
     Ok(hands.collect())
