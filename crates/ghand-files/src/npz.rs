@@ -39,7 +39,7 @@ impl<'a> Npz<'a> {
     /// [`ArrayError`] if they are not a zip archive, or one with more than 4096 files.
     pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
         let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
-            ArrayError(format!("is not a readable .npz archive ({error}); copy or download it again"))
+            ArrayError(format!("is not a readable archive (.npz or .pt: {error}); copy or download it again"))
         })?;
         if archive.len() > MAX_ARRAYS {
             let problem = format!("has {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());

@@ -36,6 +36,7 @@ pub mod sam_3d_body;
 mod sides;
 mod source;
 mod to_model;
+mod unreadable;
 pub mod xr;
 
 use std::path::Path;
@@ -219,6 +220,10 @@ fn poses_and_fit(
 
 /// The content of a file, read by the first reader that recognises its kind.
 pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
+    unreadable::said(value, readable(source, value))
+}
+
+fn readable(source: &Source, value: &Value) -> Result<Recording, PoseError> {
     let readers: [Reader; 7] =
         [sam_3d_body::read, xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));

@@ -165,7 +165,9 @@ fn by_text(bytes: &[u8]) -> Option<&'static str> {
     if is_yaml {
         return Some(YAML);
     }
-    (columns(first) > 1 && second.is_none_or(|second| columns(second) == columns(first))).then_some(CSV)
+    let has_number = |line: &str| line.split([',', ';', '\t']).any(|field| field.trim().parse::<f64>().is_ok());
+    let is_table = second.is_some_and(|second| columns(second) == columns(first) && has_number(second));
+    (columns(first) > 1 && is_table).then_some(CSV)
 }
 
 const CSV: &str = "is a table in text (CSV); convert it: `import json, pandas; pandas.read_csv(\"IN\").to_json(\"poses.json\", \

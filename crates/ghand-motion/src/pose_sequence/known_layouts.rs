@@ -52,6 +52,10 @@ fn of_map(value: &Value) -> Option<&'static str> {
     if any(&["hand_right_keypoints_2d", "hand_left_keypoints_2d", "pose_keypoints_2d"]) {
         return Some(OPENPOSE);
     }
+    // An image without people.
+    if has("version") && matches!(value.get("people"), Some(Value::List(people)) if people.is_empty()) {
+        return Some(OPENPOSE);
+    }
     let keypoints = ["keypoints", "keypoints_3d", "keypoint", "kpts", "pred_keypoints", "keypoints_2d"];
     if any(&["lefthand_kpts", "righthand_kpts"])
         || shapes(value, &keypoints).iter().any(|shape| matches!(shape, [.., 399] | [.., 133, _]))
@@ -59,8 +63,19 @@ fn of_map(value: &Value) -> Option<&'static str> {
     {
         return Some(WHOLE_BODY);
     }
-    if any(&["palmPosition", "palm_position", "palmNormal", "pointables", "stabilizedPalmPosition"]) {
+    if any(&[
+        "palmPosition",
+        "palm_position",
+        "palmNormal",
+        "pointables",
+        "stabilizedPalmPosition",
+        "tracking_frame_id",
+        "digits",
+    ]) {
         return Some(LEAP);
+    }
+    if has("wrist_xform") {
+        return Some(HOT3D);
     }
     if any(&["body_pose_params", "hand_pose_params"]) && !has("pred_keypoints_3d") {
         return Some(MHR);
@@ -86,5 +101,10 @@ const LEAP: &str = "is Leap Motion's, whose JSON is in millimetres and has its o
 const BODY: &str = "has the pose of a body without hands (SMPL, SLAHMR, 63 to 72 numbers), and a body's joints say nothing of \
                     fingers; use a tracker of hands such as HaMeR, WiLoR, HaWoR or Dyn-HaMR, or SMPL-X's right_hand_pose and \
                     left_hand_pose";
+const HOT3D: &str = "is HOT3D's, principal components beside a quaternion of the wrist; write for each hand `{\"is_right\": 1, \
+                     \"hand_pose\": hand[\"pose\"], \"use_pca\": True, \"global_orient\": \
+                     Rotation.from_quat(hand[\"wrist_xform\"][\"q_wxyz\"], scalar_first=True).as_rotvec().tolist(), \
+                     \"transl\": hand[\"wrist_xform\"][\"t_xyz\"]}` (scipy.spatial.transform), and give the MANO file \
+                     with --pose-model";
 const MHR: &str = "has the parameters of SAM 3D Body's own rig (MHR), which only its program turns into joints; also save its \
                    pred_keypoints_3d (70, 3), from which both hands are read";

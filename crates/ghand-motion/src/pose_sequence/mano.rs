@@ -46,6 +46,7 @@ use glam::{DMat3, DVec3};
 
 use super::recording::ManoRows;
 use super::source::in_range;
+use super::to_model::side_name;
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts};
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, hawor, is_arctic};
@@ -55,6 +56,9 @@ use estimates::{estimates, has_parameters};
 const ROTATION_TOLERANCE: f64 = 2e-2;
 
 const SIDE_NAMES: [&str; 6] = ["is_right", "right", "side", "handedness", "hand_type", "hand_side"];
+
+/// The problem of a frame in which a tracker found nothing.
+const NO_HAND: &str = "has no hand";
 
 /// Frames of both hands, before one is chosen.
 struct Hand {
@@ -73,6 +77,7 @@ impl Hand {
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+    let mut remark = None;
     let (hands, fps, from_mean) = if value.get("pred_rot").is_some() {
         (hawor(source, value), None, false)
     } else if interhand_captures(value).is_some() {
@@ -84,17 +89,25 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     } else if grab::is_grab(value) {
         (grab::hands(source, value), None, false)
     } else if bodies::is_body(value) {
+        remark = bodies::warning(value);
         (bodies::hands(source, value), None, false)
     } else if world_results::is_results(value) {
         (world_results::hands(source, value), None, false)
     } else if has_parameters(value, 0) {
         (estimates(source, value), None, false)
+    } else if let Some(inner) = bodies::inside(value) {
+        remark = bodies::warning(inner);
+        (bodies::hands(source, inner), None, false)
     } else if let Some(problem) = known_layouts::body_without_hands(value) {
         return Some(Err(source.invalid("content", problem.into())));
     } else {
         return None;
     };
-    Some(hands.and_then(|hands| recording(source, value, hands, fps, from_mean)))
+    let mut found = hands.and_then(|hands| recording(source, value, hands, fps, from_mean));
+    if let (Ok(recording), Some(remark)) = (&mut found, remark) {
+        recording.warnings.push(remark.into());
+    }
+    Some(found)
 }
 
 fn recording(
@@ -104,14 +117,7 @@ fn recording(
     fps: Option<f64>,
     from_mean: bool,
 ) -> Result<Recording, PoseError> {
-    let has = |side: Side| hands.iter().any(|hand| hand.side == Some(side) && hand.frame.is_ok());
-    let other = crate::retarget::other_side(source.wanted);
-    let side = match (has(source.wanted), has(other)) {
-        (true, _) => Some(source.wanted),
-        (false, true) => Some(other),
-        (false, false) => None,
-    };
-    let chosen: Vec<Hand> = hands.into_iter().filter(|hand| side.is_none() || hand.side == side).collect();
+    let Chosen { side, hands: chosen, remark } = chosen(source.wanted, hands);
     let (total, mut frames, mut skipped) = (chosen.len(), Vec::<PoseFrame>::new(), Skipped::default());
     let mut seen = std::collections::HashSet::new();
     let by_components = chosen.iter().any(|hand| hand.from_components && hand.frame.is_ok());
@@ -128,12 +134,38 @@ fn recording(
         }
     }
     let mut warnings: Vec<String> = skipped.finish(source, total)?.into_iter().collect();
-    if bodies::is_body(value) && bodies::has_root(value) {
-        warnings.push(bodies::WARNING.into());
-    }
+    warnings.extend(remark);
     let rates = ["fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate"];
     let fps = source.fps(value, &rates)?.or(fps);
     Ok(Recording { side, fps, motion: Motion::Mano(ManoRows { frames, from_mean, opengl: false }), warnings })
+}
+
+/// The hands of one side.
+struct Chosen {
+    side: Option<Side>,
+    hands: Vec<Hand>,
+    /// Why it is not the wanted side, if the file has that too.
+    remark: Option<String>,
+}
+
+/// The hands of the wanted side if one of them is usable, else those of the other.
+fn chosen(wanted: Side, hands: Vec<Hand>) -> Chosen {
+    let has = |side: Side| hands.iter().any(|hand| hand.side == Some(side) && hand.frame.is_ok());
+    let other = crate::retarget::other_side(wanted);
+    let side = match (has(wanted), has(other)) {
+        (true, _) => Some(wanted),
+        (false, true) => Some(other),
+        (false, false) => None,
+    };
+    let problem = hands.iter().filter(|hand| hand.side == Some(wanted)).find_map(|hand| {
+        let problem = hand.frame.as_ref().err().filter(|problem| *problem != NO_HAND)?;
+        Some(format!("no {} hand can be used; frame {:?}: {problem}", side_name(wanted), hand.id))
+    });
+    let remark = problem.filter(|_| side == Some(other));
+    // If none is usable, the error is about the wanted one.
+    let kept = side.or_else(|| hands.iter().any(|hand| hand.side == Some(wanted)).then_some(wanted));
+    let hands = hands.into_iter().filter(|hand| kept.is_none() || hand.side == kept).collect();
+    Chosen { side, hands, remark }
 }
 
 /// Numbers of one hand and one frame: the root and 15 joints as axis-angles or matrices.

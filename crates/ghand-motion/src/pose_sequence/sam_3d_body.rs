@@ -47,18 +47,21 @@ fn first_body(frame: &Value) -> Option<(&Value, usize)> {
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     if points(value).is_some() {
-        return Some(recording(source, value, std::slice::from_ref(value)));
+        return Some(recording(source, value, &[(id_of(value, 0), value)]));
     }
-    let frames = frames_of(value)?;
-    frames.iter().any(|frame| first_body(frame).is_some()).then(|| recording(source, value, frames))
+    // Frames by name, such as that of the image, or a list of them.
+    let frames: Vec<(String, &Value)> = match value.get("frames").unwrap_or(value) {
+        Value::Map(frames) => frames.iter().map(|(name, frame)| (name.clone(), frame)).collect(),
+        _ => frames_of(value)?.iter().enumerate().map(|(number, frame)| (id_of(frame, number), frame)).collect(),
+    };
+    frames.iter().any(|(_, frame)| first_body(frame).is_some()).then(|| recording(source, value, &frames))
 }
 
-fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, PoseError> {
+fn recording(source: &Source, value: &Value, frames: &[(String, &Value)]) -> Result<Recording, PoseError> {
     let (mut found, mut skipped, mut most, mut total) = (Vec::new(), Skipped::default(), 1, 0);
-    for (number, frame) in frames.iter().enumerate() {
-        let id = id_of(frame, number);
+    for (id, frame) in frames {
         let Some((body, count)) = first_body(frame) else {
-            skipped.add(&id, "has no body");
+            skipped.add(id, "has no body");
             total += 1;
             continue;
         };
@@ -81,7 +84,7 @@ fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recordi
     if most > 1 {
         warnings.push(format!("frames have up to {most} bodies; the hand is that of the first in each frame"));
     }
-    let fps = source.fps(value, &["fps", "frame_rate"])?.or_else(|| fps_of_times(frames));
+    let fps = source.fps(value, &["fps", "frame_rate"])?.or_else(|| fps_of_times(frames_of(value)?));
     let motion = Motion::Landmarks { frames: found, tip_inset: 0.0 };
     Ok(Recording { side: Some(source.wanted), fps, motion, warnings })
 }

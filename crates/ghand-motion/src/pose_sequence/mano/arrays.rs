@@ -5,7 +5,7 @@ use ghand_files::value::Value;
 
 use super::super::source::side_of;
 use super::super::{PoseError, Source};
-use super::{Hand, SIDE_NAMES, first, flat, frame};
+use super::{Hand, NO_HAND, SIDE_NAMES, first, flat, frame};
 
 pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let array = |name: &str, width: usize| -> Result<(usize, Vec<f64>), PoseError> {
@@ -39,7 +39,7 @@ pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
             let found = if shown {
                 frame(&id, &part(&orient, 3), &part(&fingers, 45), &part(&shapes, 10), &part(&places, 3))
             } else {
-                Err("has no hand".into())
+                Err(NO_HAND.into())
             };
             hands.push(Hand::new(id, Some(side), found));
         }

@@ -6,9 +6,11 @@ use ghand_files::value::Value;
 
 use super::super::source::{frames_of, id_of};
 use super::super::{PoseError, Source};
-use super::components::{Fingers, meaning};
+use super::components::{Fingers, meaning, said};
 use super::{Hand, first, frame};
 
+/// Largest depth at which a body is looked for.
+const MAX_DEPTH: usize = 3;
 /// Whole poses of bodies with both hands, whose last 90 numbers are the left and the right hand.
 const WHOLE: [(&str, &[usize]); 4] =
     [("poses", &[156, 165]), ("fullpose", &[156, 165]), ("full_pose", &[156, 165]), ("pose_hand", &[90])];
@@ -24,8 +26,8 @@ const HANDS: [(&str, &str); 5] = [
 const ROOT_NAMES: [&str; 7] =
     ["global_orient", "root_orient", "smplx_root_pose", "transl", "trans", "body_pose", "pose_body"];
 
-/// What is said of all bodies.
-pub(super) const WARNING: &str =
+/// What is said of a body with a root.
+const WARNING: &str =
     "the hand is that of a body, whose rotation and position are not the wrist's; only the fingers move";
 
 /// Bodies of a file: itself, or the frames of a list.
@@ -57,29 +59,42 @@ pub(super) fn is_body(value: &Value) -> bool {
     !bodies(value).is_empty()
 }
 
-/// Whether the body's root or place is in the file.
-pub(super) fn has_root(value: &Value) -> bool {
-    bodies(value)
-        .iter()
-        .any(|(body, _)| first(&[body], &ROOT_NAMES).is_some() || whole(body).is_some_and(|(_, width)| width > 90))
+/// The first body inside a file that is none itself.
+pub(super) fn inside(value: &Value) -> Option<&Value> {
+    inside_at(value, 0)
+}
+
+fn inside_at(value: &Value, depth: usize) -> Option<&Value> {
+    let children = value.entries().iter().map(|(_, child)| child);
+    children
+        .filter(|_| depth < MAX_DEPTH)
+        .find_map(|child| if is_body(child) { Some(child) } else { inside_at(child, depth + 1) })
+}
+
+/// What is said if a file's body has a root or a place.
+pub(super) fn warning(value: &Value) -> Option<&'static str> {
+    let has_root =
+        |body: &Value| first(&[body], &ROOT_NAMES).is_some() || whole(body).is_some_and(|(_, width)| width > 90);
+    bodies(value).iter().any(|(body, _)| has_root(body)).then_some(WARNING)
 }
 
 pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let mut hands = Vec::new();
+    let said = said(value);
     for (body, id) in bodies(value) {
         let id = id.as_deref();
         if let Some((array, width)) = whole(body) {
             for (side, from_end) in [(Side::Left, 90), (Side::Right, 45)] {
                 let rows = array.values.chunks_exact(width).map(|row| &row[width - from_end..][..45]);
-                add(source, side, id, rows, Fingers::Rotations(45), &mut hands);
+                add(source, (side, "the whole pose"), id, rows, Fingers::Rotations(45), &mut hands);
             }
             continue;
         }
         for (right, left) in HANDS {
             for (side, name) in [(Side::Left, left), (Side::Right, right)] {
                 let Some(array) = body.get(name).and_then(Value::numbers) else { continue };
-                let fingers = meaning(array, &[body, value]).map_err(|problem| source.invalid(name, problem))?;
-                add(source, side, id, array.values.chunks_exact(fingers.width()), fingers, &mut hands);
+                let fingers = meaning(array, &[body, value, &said]).map_err(|problem| source.invalid(name, problem))?;
+                add(source, (side, name), id, array.values.chunks_exact(fingers.width()), fingers, &mut hands);
             }
         }
     }
@@ -89,7 +104,7 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
 /// Adds a hand of each row.
 fn add<'a>(
     source: &Source,
-    side: Side,
+    (side, name): (Side, &str),
     id: Option<&str>,
     rows: impl ExactSizeIterator<Item = &'a [f64]>,
     fingers: Fingers,
@@ -102,7 +117,7 @@ fn add<'a>(
             Some(id) => format!("{id}.{k}"),
             None => format!("{k:04}"),
         };
-        let rotations = fingers.rotations(source, side, row);
+        let rotations = fingers.rotations(source, side, row).map_err(|problem| format!("{name} {problem}"));
         let frame = rotations.and_then(|rotations| frame(&id, &[0.0; 3], &rotations, &[], &[]));
         let from_components = matches!(fingers, Fingers::Components(_));
         hands.push(Hand { id, side: Some(side), frame, from_components });

@@ -72,7 +72,7 @@ pub(super) fn flag(value: &Value, name: &str) -> Option<bool> {
 
 fn flag_at(value: &Value, name: &str, depth: usize) -> Option<bool> {
     let inner = |child: &Value| flag_at(child, name, depth + 1);
-    value.get(name).and_then(Value::number).map(|number| number != 0.0).or_else(|| match value {
+    value.get(name).and_then(truth).or_else(|| match value {
         _ if depth == MAX_DEPTH => None,
         Value::Map(entries) => entries.iter().find_map(|(_, child)| inner(child)),
         Value::List(items) => items.iter().find_map(inner),
@@ -80,9 +80,35 @@ fn flag_at(value: &Value, name: &str, depth: usize) -> Option<bool> {
     })
 }
 
+/// A number that is not 0, or the text of Python's `True`.
+fn truth(value: &Value) -> Option<bool> {
+    match value.text().map(str::to_lowercase).as_deref() {
+        Some("true") => Some(true),
+        Some("false") => Some(false),
+        _ => value.number().map(|number| number != 0.0),
+    }
+}
+
+fn by_pca(maps: &[&Value]) -> Option<bool> {
+    first(maps, &["use_pca"]).and_then(truth)
+}
+
+/// What the settings beside the hands of a file say of components: those in maps without a pose.
+pub(super) fn said(value: &Value) -> Value {
+    let is_pose = |name: &&str| FINGER_NAMES.contains(name) || POSE_NAMES.contains(name);
+    let settings = value
+        .entries()
+        .iter()
+        .map(|(_, child)| child)
+        .filter(|child| !child.entries().iter().any(|(name, _)| is_pose(&name.as_str())));
+    let settings: Vec<&Value> = settings.collect();
+    let names = std::iter::once("use_pca").chain(COUNT_NAMES);
+    Value::Map(names.filter_map(|name| Some((name.to_owned(), first(&settings, &[name])?.clone()))).collect())
+}
+
 /// The meaning of an array named like the pose of fingers, beside the other values of these maps.
 pub(super) fn meaning(array: &NumericArray, maps: &[&Value]) -> Result<Fingers, String> {
-    let by_pca = first(maps, &["use_pca"]).and_then(Value::number).map(|flag| flag != 0.0);
+    let by_pca = by_pca(maps);
     let count = count(maps);
     match array.shape[..] {
         [.., 15, 3, 3] => return Ok(Fingers::Rotations(135)),
@@ -161,13 +187,13 @@ pub(super) fn rotations(source: &Source, side: Side, components: &[f64]) -> Resu
 }
 
 /// The array of components of a map inside a file, by its name or by what the file says.
-fn named<'a>(map: &'a Value, file: &Value) -> Option<(&'static str, &'a NumericArray)> {
+fn named<'a>(map: &'a Value, file: &Value, said: &Value) -> Option<(&'static str, &'a NumericArray)> {
     let numbers = |name: &'static str| Some((name, map.get(name)?.numbers()?));
     if let Some(found) = COMPONENT_NAMES.iter().find_map(|name| numbers(name)) {
         return Some(found);
     }
-    let maps = [map, file];
-    let by_pca = first(&maps, &["use_pca"]).and_then(Value::number).map(|flag| flag != 0.0);
+    let maps = [map, file, said];
+    let by_pca = by_pca(&maps);
     let count = count(&maps);
     let has_orient = first(&[map], &estimates::ORIENT_NAMES).is_some();
     // `estimates` reads these beside the wrist.
@@ -183,28 +209,33 @@ fn named<'a>(map: &'a Value, file: &Value) -> Option<(&'static str, &'a NumericA
 }
 
 /// Maps of the file with such an array, each with its id if it is a frame of a list.
-fn maps_with_names(value: &Value) -> Vec<(&Value, Option<String>)> {
-    if named(value, value).is_some() {
+fn maps_with_names<'a>(value: &'a Value, said: &Value) -> Vec<(&'a Value, Option<String>)> {
+    if named(value, value, said).is_some() {
         return vec![(value, None)];
     }
     let frames = frames_of(value).unwrap_or_default().iter().enumerate();
-    frames.filter(|(_, frame)| named(frame, value).is_some()).map(|(k, frame)| (frame, Some(id_of(frame, k)))).collect()
+    frames
+        .filter(|(_, frame)| named(frame, value, said).is_some())
+        .map(|(k, frame)| (frame, Some(id_of(frame, k))))
+        .collect()
 }
 
 /// Whether a file has components. Arrays that are components only by their own names count if the model that gives them
 /// their meaning is at hand; otherwise, something else in the file may be read.
 pub(super) fn are_named(source: &Source, value: &Value) -> bool {
-    let maps = maps_with_names(value);
-    let is_said = |map: &Value| named(map, value).is_some_and(|(name, _)| !COMPONENT_NAMES.contains(&name));
+    let said = &said(value);
+    let maps = maps_with_names(value, said);
+    let is_said = |map: &Value| named(map, value, said).is_some_and(|(name, _)| !COMPONENT_NAMES.contains(&name));
     !maps.is_empty() && (pose_space(source).is_some() || maps.iter().any(|(map, _)| is_said(map)))
 }
 
 /// Hands of arrays that are components by name.
 pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let mut hands = Vec::new();
-    for (map, id) in maps_with_names(value) {
-        let maps = [map, value];
-        let Some((name, array)) = named(map, value) else { continue };
+    let said = &said(value);
+    for (map, id) in maps_with_names(value, said) {
+        let maps = [map, value, said];
+        let Some((name, array)) = named(map, value, said) else { continue };
         let width = array.shape.last().copied().unwrap_or(0);
         let orients = flat(first(&maps, &ORIENT_NAMES));
         let parts = parts(width, &maps, !orients.is_empty()).map_err(|problem| source.invalid(name, problem))?;

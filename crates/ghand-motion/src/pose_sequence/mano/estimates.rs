@@ -6,8 +6,8 @@ use ghand_files::value::Value;
 
 use super::super::source::{id_of, side_of};
 use super::super::{PoseError, Source};
-use super::components::{Fingers, meaning};
-use super::{Hand, SIDE_NAMES, first, flat, frame};
+use super::components::{Fingers, meaning, said};
+use super::{Hand, NO_HAND, SIDE_NAMES, first, flat, frame};
 use crate::retarget::mirrored;
 
 /// Largest depth of parameters in lists and maps.
@@ -39,12 +39,15 @@ pub(super) fn has_parameters(value: &Value, depth: usize) -> bool {
 pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let mut hands = Vec::new();
     let top = value.get("frames").unwrap_or(value);
+    let said = said(value);
+    // What the file says outside the frames belongs to all of them.
+    let above = &[&said][..];
     let holds_one = |(name, child): &(String, Value)| {
         let named = ["params", "preds", "mano"].iter().any(|part| name.contains(part));
         (named || side_of_name(name).is_some()) && has_parameters(child, 1)
     };
     if first(&[top], &POSE_NAMES).is_some() || top.entries().iter().any(holds_one) {
-        walk(source, top, None, &[], None, 0, &mut hands)?;
+        walk(source, top, None, above, None, 0, &mut hands)?;
         return Ok(hands);
     }
     match top {
@@ -53,16 +56,16 @@ pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, Pos
                 let before = hands.len();
                 let id = id_of(frame, number);
                 check_id(source, &id)?;
-                walk(source, frame, Some(&id), &[], None, 0, &mut hands)?;
+                walk(source, frame, Some(&id), above, None, 0, &mut hands)?;
                 if hands.len() == before {
-                    hands.push(Hand::new(id, Some(source.wanted), Err("has no hand".into())));
+                    hands.push(Hand::new(id, Some(source.wanted), Err(NO_HAND.into())));
                 }
             }
         }
         _ => {
             for (id, frame) in top.entries() {
                 check_id(source, id)?;
-                walk(source, frame, Some(id), &[], None, 0, &mut hands)?;
+                walk(source, frame, Some(id), above, None, 0, &mut hands)?;
             }
         }
     }

@@ -35,6 +35,9 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         let count = array.values.len() / fingers.width();
         let (orients, places) = (flat(params.get("global_orient")), flat(params.get("transl")));
         for (part, values) in [("global_orient", &orients), ("transl", &places)] {
+            if params.get(part).is_none() {
+                return Err(source.invalid(&field(part), format!("is missing; give it as ({count}, 3)")));
+            }
             if values.len() != 3 * count {
                 let problem = format!("has {} numbers for {count} frames, expected 3 each", values.len());
                 return Err(source.invalid(&field(part), problem));

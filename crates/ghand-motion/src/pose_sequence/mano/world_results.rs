@@ -9,7 +9,7 @@ use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 
 use super::super::{PoseError, Source};
-use super::{Hand, flat, frame};
+use super::{Hand, NO_HAND, flat, frame};
 use crate::retarget::mirrored;
 
 const FINGERS: usize = 45;
@@ -50,6 +50,9 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         if values.len() == width * tracks * frames {
             return Ok(values);
         }
+        if value.get(name).is_none() {
+            return Err(source.invalid(name, format!("is missing; give it as ({tracks}, {frames}, {width})")));
+        }
         let problem = format!(
             "has {} numbers, expected ({tracks}, {frames}, {width}) as pose_body has {tracks} hands in {frames} frames",
             values.len()
@@ -66,8 +69,9 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
     source.copied("betas", per_frame, tracks * frames)?;
     let masks = MASK_NAMES.iter().map(|name| flat(value.get(name))).find(|mask| mask.len() == tracks * frames);
     let mut hands = Vec::with_capacity(tracks * frames);
-    for k in 0..tracks * frames {
-        let (track, number) = (k / frames, k % frames);
+    // In the order of time: a hand may go from one track to another.
+    for (number, track) in (0..frames).flat_map(|number| (0..tracks).map(move |track| (number, track))) {
+        let k = track * frames + number;
         let first = track * shape_width + if per_frame == shape_width { 0 } else { number * per_frame };
         let id = format!("{number:04}");
         let row = |values: &[f64], width: usize| values.get(k * width..(k + 1) * width).unwrap_or_default().to_vec();
@@ -76,7 +80,7 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         let mut found = if is_seen {
             frame(&id, &row(&orients, 3), &row(poses, FINGERS), shape, &row(&places, 3))
         } else {
-            Err("has no hand".into())
+            Err(NO_HAND.into())
         };
         let side = sides.get(k).copied();
         if let (Ok(found), Some(Side::Left)) = (&mut found, side) {
