@@ -68,6 +68,10 @@ fn dyn_hamr_results_have_both_hands_and_left_ones_are_mirrored_with_their_place(
         assert_same(&sequence, &left, 1e-12);
         assert_eq!(sequence.frames[0].shape, [0.2; 10]);
     }
+    // A hand that changes its track.
+    let mut changed = results.clone();
+    changed["is_right"] = json!([[0, 0, 1], [1, 1, 0]]);
+    assert_same(&read(&changed, &model).unwrap(), &[poses[3].clone(), poses[4].clone(), poses[2].clone()], 0.0);
     // A hand that is not seen in a frame, and a file that does not say which hands it has.
     let mut hidden = results.clone();
     hidden["vis_mask"] = json!([[1, 0, 1], [1, 1, 1]]);
@@ -157,6 +161,15 @@ fn grab_is_read_from_full_poses_and_from_components_with_the_model() {
     // The left hand is its own, not a mirrored right one.
     let left = read(&file(&full), &mano(Side::Left)).unwrap();
     assert!(left.frames[0].pose.rotations[1..].iter().all(|r| *r == DVec3::ZERO) && left.warnings.is_empty());
+    // A right hand without a meaning, beside a left one that has one.
+    let sequence = read(&file(&few), &mano(Side::Right)).unwrap();
+    assert!(sequence.warnings[0].contains("no right hand can be used"), "{:?}", sequence.warnings);
+    assert!(sequence.warnings[0].contains("24 principal components"), "{:?}", sequence.warnings);
+    // Without hands, the body's fingers.
+    let whole: Vec<Vec<f64>> = turned.iter().map(|row| [vec![0.3; 120], row.clone()].concat()).collect();
+    let body = read(&json!({"n_comps": 24, "body": params(&[("fullpose", json!(whole))])}), &model).unwrap();
+    assert!(difference(&body.frames[0].pose, &expected.frames[0].pose) > 0.1, "the body's root is not the wrist's");
+    assert!(body.frames[0].pose.rotations[1..] == expected.frames[0].pose.rotations[1..]);
     let error = message(&json!({"rhand": few}), &mano(Side::Right));
     assert!(error.contains("rhand.params.hand_pose has 24 principal components"), "{error}");
     assert!(error.contains("--pose-model MANO_RIGHT.pkl"), "{error}");
@@ -255,6 +268,47 @@ fn components_that_may_mean_something_else_are_refused_with_the_cause() {
 }
 
 #[test]
+fn settings_beside_the_hands_say_whether_numbers_are_components() {
+    let model = with_components(Side::Right);
+    let (parts, turned) = components(&model, 45, 3, true);
+    let root = vec![[0.1, 0.2, 0.3]; 3];
+    let hands = json!({"global_orient": root, "hand_pose": parts, "is_right": 1});
+    let expected = read(&json!({"global_orient": root, "hand_pose": turned, "is_right": 1}), &model).unwrap();
+    for file in [
+        json!({"cfg": {"use_pca": true}, "params": hands}),
+        json!({"settings": {"use_pca": "True", "num_pca_comps": 45}, "frame": hands}),
+    ] {
+        assert_equal(&read(&file, &model).unwrap(), &expected);
+        assert!(message(&file, right()).contains("45 principal components"));
+    }
+    let rotations = json!({"cfg": {"use_pca": false}, "params": {"global_orient": root, "hand_pose": turned}});
+    assert_equal(&read(&rotations, &model).unwrap(), &expected);
+}
+
+#[test]
+fn parts_that_cannot_be_read_are_said_whether_the_rest_is_read_or_not() {
+    let numbers = |shape: &[usize]| {
+        let count = shape.iter().product::<usize>();
+        Value::Numbers(ghand_files::npz::NumericArray { shape: shape.to_vec(), values: vec![0.1; count] })
+    };
+    let file = |unreadable: &str| {
+        let part = |name: &str, shape: &[usize]| {
+            let problem = "is a quantised tensor; save tensor.dequantize() instead";
+            (name.to_owned(), if name == unreadable { Value::Unreadable(problem.into()) } else { numbers(shape) })
+        };
+        Value::Map(vec![part("global_orient", &[2, 3]), part("hand_pose", &[2, 45]), part("betas", &[2, 10])])
+    };
+    let read = |name: &str| poses_of_value("a.pt", &file(name), right(), &PoseOptions::default());
+    let sequence = read("betas").unwrap();
+    assert!(sequence.warnings.iter().any(|w| w.contains("\"betas\" is a quantised tensor")), "{:?}", sequence.warnings);
+    for name in ["global_orient", "hand_pose"] {
+        let error = read(name).unwrap_err().to_string();
+        assert!(error.contains("quantised tensor; save tensor.dequantize()"), "{error}");
+    }
+    assert!(read("nothing").unwrap().warnings.is_empty());
+}
+
+#[test]
 fn hands_of_sam_3d_body_are_read_as_landmarks() {
     let mut body = vec![[0.0; 3]; 70];
     let points = |sign: f64| -> Vec<[f64; 3]> {
@@ -274,6 +328,7 @@ fn hands_of_sam_3d_body_are_read_as_landmarks() {
         json!({"pred_keypoints_3d": [body], "focal_length": 500.0}),
         json!([[{"pred_keypoints_3d": body}]]),
         json!({"frames": [{"outputs": [{"pred_keypoints_3d": body}]}]}),
+        json!({"0001.jpg": [{"pred_keypoints_3d": body}]}),
     ];
     for side in [Side::Right, Side::Left] {
         let sign = if side == Side::Right { 1.0 } else { -1.0 };
@@ -314,6 +369,13 @@ fn known_layouts_that_are_not_read_are_named_with_what_converts_them() {
             json!([{"id": 7, "hands": [{"type": "right", "palmPosition": [1, 2, 3]}], "pointables": []}]),
             "Leap Motion",
             "world_landmarks",
+        ),
+        (json!({"version": 1.3, "people": []}), "OpenPose", "image_landmarks"),
+        (json!([{"tracking_frame_id": 1, "hands": [{"digits": []}]}]), "Leap Motion", "world_landmarks"),
+        (
+            json!([{"timestamp_ns": 1, "hand_poses": {"1": {"wrist_xform": {"q_wxyz": [1, 0, 0, 0]}, "pose": vec![0.1; 15]}}}]),
+            "HOT3D",
+            "use_pca",
         ),
         (json!({"frames": [{"hands": [{"palm_position": [1, 2, 3]}]}]}), "Leap Motion", "metres"),
     ];
