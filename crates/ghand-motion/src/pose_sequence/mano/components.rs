@@ -29,6 +29,8 @@ const MAX_DEPTH: usize = 5;
 const FINGER_NAMES: [&str; 3] = ["hand_pose", "mano_hand_pose", "pred_hand_pose"];
 /// Names of poses that may begin with the wrist.
 const POSE_NAMES: [&str; 6] = ["pose", "poses", "mano_pose", "mano_poses", "full_pose", "fullpose"];
+/// Numbers of components beyond this are all equally wrong.
+const MOST_SAID: f64 = 1e6;
 const COUNT_NAMES: [&str; 5] = ["num_pca_comps", "n_pca_comps", "ncomps", "n_comps", "num_pca"];
 const ORIENT_NAMES: [&str; 4] = ["global_orient", "root_orient", "rot", "mano_global_orient"];
 const PLACE_NAMES: [&str; 4] = ["transl", "trans", "translation", "cam_t"];
@@ -62,7 +64,8 @@ impl Fingers {
 
 /// The number of components that a file gives.
 fn count(maps: &[&Value]) -> Option<usize> {
-    first(maps, &COUNT_NAMES).and_then(Value::number).map(|count| count as usize)
+    let count = first(maps, &COUNT_NAMES).and_then(Value::number);
+    count.map(|count| count.clamp(0.0, MOST_SAID) as usize)
 }
 
 /// A flag of a file, at any place in it.
@@ -114,9 +117,9 @@ pub(super) fn meaning(array: &NumericArray, maps: &[&Value]) -> Result<Fingers, 
         [.., 15, 3, 3] => return Ok(Fingers::Rotations(135)),
         [.., 15, 3] => return Ok(Fingers::Rotations(ROTATIONS)),
         [.., 135] => return Ok(Fingers::Rotations(135)),
-        [.., ROTATIONS] if by_pca == Some(true) && count.is_some_and(|count| count != ROTATIONS) => {
+        [.., width] if by_pca == Some(true) && count.is_some_and(|count| count != width) => {
             return Err(format!(
-                "has {ROTATIONS} numbers, but the file says that it has {} components; correct one of them",
+                "has {width} numbers, but the file says that it has {} components; correct one of them",
                 count.unwrap_or_default()
             ));
         }

@@ -253,6 +253,11 @@ fn components_that_may_mean_something_else_are_refused_with_the_cause() {
             "correct one of them",
         ),
         (json!({"global_orient": root(3), "hand_pose": row(6, 3), "use_pca": false}), "has the shape [3, 6]"),
+        (
+            json!({"global_orient": root(3), "hand_pose": row(6, 3), "use_pca": true, "num_pca_comps": -6}),
+            "says that it has 0 components",
+        ),
+        (json!({"pose": row(6, 3), "use_pca": true, "num_pca_comps": 1e30}), "6 numbers for 1000000 components"),
         (json!({"pose_pca": row(9, 3)}), "num_pca_comps"),
         (json!({"pose": row(20, 3), "num_pca_comps": 6, "use_pca": true}), "20 numbers for 6 components"),
         (json!({"left_hand_pose": row(6, 3)}), "whose components are others; give --pose-model MANO_LEFT.pkl"),
@@ -276,7 +281,7 @@ fn settings_beside_the_hands_say_whether_numbers_are_components() {
     let expected = read(&json!({"global_orient": root, "hand_pose": turned, "is_right": 1}), &model).unwrap();
     for file in [
         json!({"cfg": {"use_pca": true}, "params": hands}),
-        json!({"settings": {"use_pca": "True", "num_pca_comps": 45}, "frame": hands}),
+        json!({"settings": {"use_pca": "True", "num_pca_comps": 45}, "mano_params": hands}),
     ] {
         assert_equal(&read(&file, &model).unwrap(), &expected);
         assert!(message(&file, right()).contains("45 principal components"));
