@@ -39,7 +39,7 @@ impl<'a> Npz<'a> {
     /// [`ArrayError`] if they are not a zip archive, or one with more than 4096 files.
     pub fn open(bytes: &'a [u8]) -> Result<Npz<'a>, ArrayError> {
         let archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| {
-            ArrayError(format!("is not a readable .npz archive ({error}); copy or download it again"))
+            ArrayError(format!("is not a readable archive (.npz or .pt: {error}); copy or download it again"))
         })?;
         if archive.len() > MAX_ARRAYS {
             let problem = format!("has {} arrays; at most {MAX_ARRAYS} are read, store less in it", archive.len());
@@ -73,9 +73,19 @@ impl<'a> Npz<'a> {
     /// # Errors
     /// As for [`Npz::numbers`], except that elements of any type are accepted.
     pub fn stored(&mut self, name: &str) -> Result<StoredArray, ArrayError> {
+        read_npy(self.file(&format!("{name}.npy"))?)
+    }
+
+    /// Names of all files, in the archive's order.
+    pub(crate) fn files(&self) -> Vec<String> {
+        self.archive.file_names().filter_map(Result::ok).map(|name| name.to_string()).collect()
+    }
+
+    /// The bytes of a file of the archive.
+    pub(crate) fn file(&mut self, name: &str) -> Result<Vec<u8>, ArrayError> {
         let damaged =
-            |error: &dyn std::fmt::Display| ArrayError(format!("cannot be unpacked ({error}); write the .npz again"));
-        let index = self.archive.index_for_name(&format!("{name}.npy"));
+            |error: &dyn std::fmt::Display| ArrayError(format!("cannot be unpacked ({error}); write the file again"));
+        let index = self.archive.index_for_name(name);
         let index = index.ok_or_else(|| ArrayError("is not in the archive; store it under this name".into()))?;
         let file = self.archive.by_index(index).map_err(|error| damaged(&error))?;
         let mut bytes = Vec::new();
@@ -87,7 +97,7 @@ impl<'a> Npz<'a> {
                 "is too large when unpacked: an archive may have {MAX_UNPACKED} bytes, store less in it"
             ))
         })?;
-        read_npy(bytes)
+        Ok(bytes)
     }
 }
 

@@ -8,12 +8,18 @@
 //! reading nor dropping them recurses.
 
 mod arrays;
+mod joblib;
 mod machine;
+mod tensors;
 mod text;
+mod torch;
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 pub use arrays::SparseMatrix;
+
+use crate::npz::ElementType;
 
 /// The problem with a pickle, and its remedy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -24,6 +30,14 @@ pub enum PickleError {
     /// It uses a feature that is not supported.
     #[error("uses {0} at byte {1}, which is not supported; re-save the file as a plain .npz (numpy.savez)")]
     Unsupported(&'static str, usize),
+    /// It has an array that cannot be read, and whose length is therefore unknown.
+    #[error("has an array at byte {at} that {problem}")]
+    Array {
+        /// Byte at which the instruction before it begins.
+        at: usize,
+        /// The problem, and its remedy.
+        problem: String,
+    },
     /// Its bytes are not valid.
     #[error("is damaged at byte {at}: {problem}; copy or download the file again")]
     Damaged {
@@ -113,16 +127,51 @@ pub(crate) enum Class {
     ChumpySelect,
     SparseColumns,
     SparseRows,
+    /// `collections.OrderedDict` and `defaultdict`, which are dictionaries.
+    Dictionary,
+    /// A type that a value refers to, without numbers of its own.
+    Marker,
+    /// What has numbers that cannot be read, with what it is and a remedy.
+    Unreadable(&'static str),
+    /// An array of the joblib library, whose bytes follow it in the file.
+    JoblibArray,
+    /// What a pickle says of data that its writer stored elsewhere.
+    Reference,
+    /// Function that makes a view of a storage.
+    Tensor,
+    /// Function that makes a parameter of its first argument, a tensor.
+    Parameter,
+    /// Function that calls its first argument with its third.
+    TensorOfType,
+    /// Numbers of one type that tensors view.
+    Storage(ElementType),
+    /// Function that reads a storage from the bytes of a file of PyTorch.
+    StorageFromBytes,
+    /// A type of numbers.
+    Numbers(ElementType),
+    /// A shape, whose first argument is a tuple.
+    Size,
 }
 
 impl Class {
     /// The class or function of that name, under any of the names that releases of Python and the libraries have used.
     fn find(module: &str, name: &str) -> Option<Class> {
+        let unreadable = || torch::without_numbers(module, name).or_else(|| joblib::without_numbers(module, name));
+        unreadable()
+            .map(Class::Unreadable)
+            .or_else(|| Class::of_python(module, name))
+            .or_else(|| torch::class(module, name))
+    }
+
+    fn of_python(module: &str, name: &str) -> Option<Class> {
         let module = module.strip_prefix("numpy._core").map_or(module.to_owned(), |rest| format!("numpy.core{rest}"));
         Some(match (module.as_str(), name) {
             ("__builtin__" | "builtins", "object") => Class::Base,
             ("__builtin__" | "builtins", "set" | "frozenset") => Class::Set,
             ("__builtin__" | "builtins", "bytes" | "bytearray") => Class::Bytes,
+            ("__builtin__" | "builtins", "list" | "dict" | "int" | "float" | "str" | "tuple" | "bool") => Class::Marker,
+            ("collections", "OrderedDict" | "defaultdict") => Class::Dictionary,
+            ("joblib.numpy_pickle", "NumpyArrayWrapper") => Class::JoblibArray,
             ("_codecs", "encode") => Class::Encode,
             ("copy_reg" | "copyreg", "_reconstructor") => Class::Reconstructor,
             ("numpy", "ndarray") => Class::NdArray,
@@ -144,12 +193,27 @@ impl Class {
 pub struct Graph<'a> {
     nodes: Vec<Node<'a>>,
     root: Id,
+    /// Bytes that tensors view, by the key of their storage.
+    storages: HashMap<String, Cow<'a, [u8]>>,
+    /// Whether the numbers of the storages begin with their highest byte.
+    big_endian: bool,
 }
 
 impl<'a> Graph<'a> {
     /// Whether the bytes begin like a pickle of a dictionary or an object, in any protocol.
     pub fn recognises_bytes(bytes: &[u8]) -> bool {
-        matches!(bytes.first(), Some(0x80 | b'(' | b'}' | b'c'))
+        match bytes.first() {
+            Some(0x80 | b'(' | b'}') => true,
+            // The name of a class, in two lines; other text may begin with the same letter.
+            Some(b'c') => {
+                let is_name = |line: &[u8]| {
+                    !line.is_empty() && line.iter().all(|b| b.is_ascii_alphanumeric() || b"_.".contains(b))
+                };
+                let mut lines = bytes.split(|byte| *byte == b'\n');
+                lines.next().is_some_and(is_name) && lines.next().is_some_and(is_name)
+            }
+            _ => false,
+        }
     }
 
     /// Reads a pickle of protocol 0 to 5.
@@ -157,8 +221,12 @@ impl<'a> Graph<'a> {
     /// # Errors
     /// [`PickleError`] gives the problem and its position.
     pub fn read(bytes: &'a [u8]) -> Result<Graph<'a>, PickleError> {
-        let (nodes, root) = machine::run(bytes)?;
-        Ok(Graph { nodes, root })
+        let (nodes, root, _) = machine::run(bytes, 0, MAX_INSTRUCTIONS)?;
+        Ok(Graph::of(nodes, root))
+    }
+
+    fn of(nodes: Vec<Node<'a>>, root: Id) -> Graph<'a> {
+        Graph { nodes, root, storages: HashMap::new(), big_endian: false }
     }
 
     /// The value of the pickle.

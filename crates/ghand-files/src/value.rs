@@ -1,11 +1,15 @@
-//! The content of data files in any format: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy` arrays.
+//! The content of data files in any format: JSON, JSON Lines, or Python's pickles, `.npz` archives and `.npy` arrays,
+//! also those of joblib and PyTorch, and any of them compressed by zlib or gzip.
 //!
 //! Nothing in a file is executed. Memory is bounded: too many bytes, numbers or other values in a file are an error.
 
 mod budget;
 mod collect;
+mod compressed;
 mod json;
+mod other_formats;
 mod python;
+mod pytorch;
 
 use std::path::Path;
 
@@ -41,7 +45,7 @@ pub enum ValueError {
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
     /// It is of no kind that can be read.
-    #[error("is neither JSON nor an .npz, .npy or pickle file; export it as JSON or with numpy.savez")]
+    #[error("is neither JSON nor an .npz, .npy, .pt or pickle file; export it as JSON or with numpy.savez")]
     UnknownKind,
     /// The content is invalid.
     #[error("{0}")]
@@ -67,18 +71,32 @@ impl Value {
     /// [`ValueError::UnknownKind`] if they are not of a supported kind, [`ValueError::Content`] if they are damaged or too
     /// large.
     pub fn from_bytes(bytes: &[u8]) -> Result<Value, ValueError> {
-        let value = if Npz::recognises_bytes(bytes) {
+        match compressed::unpacked(bytes, MAX_BYTES).map_err(ValueError::Content)? {
+            Some(unpacked) => Value::from_plain_bytes(&unpacked),
+            None => Value::from_plain_bytes(bytes),
+        }
+    }
+
+    fn from_plain_bytes(bytes: &[u8]) -> Result<Value, ValueError> {
+        let value = if pytorch::recognises_bytes(bytes) {
+            pytorch::from_torch(bytes)
+        } else if Npz::recognises_bytes(bytes) {
             python::from_npz(bytes)
         } else if bytes.starts_with(b"\x93NUMPY") {
             python::from_npy(bytes)
         } else if json::recognises_bytes(bytes) {
             json::from_json(bytes)
+        } else if let Some(problem) = other_formats::problem(bytes) {
+            Err(problem)
         } else if Graph::recognises_bytes(bytes) {
             python::from_pickle(bytes)
         } else {
             return Err(ValueError::UnknownKind);
         };
-        value.map_err(ValueError::Content)
+        match value {
+            Ok(Value::Unreadable(problem)) | Err(problem) => Err(ValueError::Content(problem)),
+            Ok(value) => Ok(value),
+        }
     }
 
     /// The value of that name, if this is a map that has it.

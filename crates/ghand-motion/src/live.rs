@@ -130,7 +130,14 @@ impl LivePoses {
         seconds: f64,
         options: &LiveOptions,
     ) -> Result<LivePose, PoseError> {
-        let source = Source { origin: ORIGIN, wanted: model.side, take: None, joint_count: model.joint_count(), model };
+        let source = Source {
+            origin: ORIGIN,
+            wanted: model.side,
+            take: None,
+            joint_count: model.joint_count(),
+            model,
+            pose_model: None,
+        };
         let value = json(&source, packet)?;
         let Recording { side, motion, .. } = recording(&source, &value)?;
         let side = match &motion {

@@ -6,9 +6,10 @@
 //! | | file | format |
 //! |---|---|---|
 //! | ghand's own, or a capture | JSON, JSON Lines, `.npz` | [`ghand`] |
-//! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, ARCTIC, AMASS | JSON, `.npz`, `.npy`, `.pkl` | [`mano`] |
+//! | MANO parameters: InterHand2.6M, HaMeR, WiLoR, HaWoR, Dyn-HaMR, ARCTIC, GRAB, DexYCB, AMASS | JSON, `.npz`, `.npy`, `.pkl`, `.pt`, joblib | [`mano`] |
 //! | HO-3D | `.pkl`, or the folder of them | [`ho3d`] |
 //! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
+//! | bodies of SAM 3D Body, for their hands | JSON, `.npz`, `.pkl`, `.pt` | [`sam_3d_body`] |
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
 //! | landmarks in images of calibrated cameras | JSON, JSON Lines | [`image_landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
@@ -24,6 +25,7 @@ mod gaps;
 pub mod ghand;
 pub mod ho3d;
 pub mod image_landmarks;
+mod known_layouts;
 mod landmark_fit;
 pub mod landmark_report;
 pub mod landmarks;
@@ -34,10 +36,12 @@ mod plausibility;
 mod proportions;
 mod recording;
 mod refusal;
+pub mod sam_3d_body;
 mod sides;
 mod source;
 mod timeline;
 mod to_model;
+mod unreadable;
 pub mod xr;
 
 use std::path::Path;
@@ -185,7 +189,8 @@ fn poses_and_fit(
     options: &PoseOptions,
 ) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let wanted = options.side.unwrap_or(model.side);
-    let source = Source { origin, wanted, take: options.take.as_deref(), joint_count: model.joint_count(), model };
+    let (take, pose_model) = (options.take.as_deref(), options.pose_model.as_ref());
+    let source = Source { origin, wanted, take, joint_count: model.joint_count(), model, pose_model };
     let (Recording { side, usual_fps, motion, skipped, mut warnings }, mut timeline) = timed_recording(&source, value)?;
     warnings.extend(skipped.finish(&source, motion.len())?);
     let is_capture = matches!(&motion, Motion::Rows(rows) if rows.capture_kind.is_some());
@@ -252,20 +257,29 @@ fn poses_and_fit(
 
 /// The content of a file with its usable frames, of which there is at least one.
 pub(crate) fn recording(source: &Source, value: &Value) -> Result<Recording, PoseError> {
-    let (recording, _) = timed_recording(source, value)?;
-    recording.skipped.finish(source, recording.motion.len())?;
-    Ok(recording)
+    timed_recording(source, value).map(|(recording, _)| recording)
 }
 
-/// The content of a file, read by the first reader that recognises its kind, with the places of its frames.
+/// The content of a file with the places of its frames, and what is unreadable in it.
 fn timed_recording(source: &Source, value: &Value) -> Result<(Recording, Timeline), PoseError> {
-    let readers: [Reader; 6] = [xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
+    // The numbers of a data set's frames are names.
+    let mut timeline = if mano::is_interhand(value) { Timeline::default() } else { Timeline::of(value) };
+    let usable = |recording: Recording| {
+        recording.skipped.finish(source, recording.motion.len())?;
+        Ok(recording)
+    };
+    let recording = unreadable::said(value, readable(source, value, &mut timeline).and_then(usable))?;
+    plausibility::checked(source, recording).map(|recording| (recording, timeline))
+}
+
+/// The content of a file, read by the first reader that recognises its kind.
+fn readable(source: &Source, value: &Value, timeline: &mut Timeline) -> Result<Recording, PoseError> {
+    let readers: [Reader; 7] =
+        [sam_3d_body::read, xr::read, image_landmarks::read, landmarks::read, mano::read, ho3d::read, plain::read];
     let trackers = |source: &Source, value: &Value| readers.iter().find_map(|read| read(source, value));
     let refused = |value: &Value| Err(source.invalid("content", refusal::problem(source, value)));
-    // The numbers of a data set's frames are names.
-    let timeline = if mano::is_interhand(value) { Timeline::default() } else { Timeline::of(value) };
     if let Some(recording) = trackers(source, value) {
-        return plausibility::checked(source, recording?).map(|recording| (recording, timeline));
+        return recording;
     }
     if let Some(sides::OneHand { side, value: hand, warning }) = sides::one_hand(value, source.wanted) {
         let source = Source { wanted: side, ..*source };
@@ -276,11 +290,15 @@ fn timed_recording(source: &Source, value: &Value) -> Result<(Recording, Timelin
             rows.side = rows.side.or(Some(side));
         }
         recording.warnings.extend(warning);
-        let timeline = if timeline.places.is_empty() { Timeline::of(&hand) } else { timeline };
-        return plausibility::checked(&source, recording).map(|recording| (recording, timeline));
+        if timeline.places.is_empty() {
+            *timeline = Timeline::of(&hand);
+        }
+        return Ok(recording);
     }
-    let recording = ghand::read(source, value).unwrap_or_else(|| refused(value))?;
-    plausibility::checked(source, recording).map(|recording| (recording, timeline))
+    if let Some(problem) = known_layouts::problem(value) {
+        return Err(source.invalid("content", problem.into()));
+    }
+    ghand::read(source, value).unwrap_or_else(|| refused(value))
 }
 
 impl PoseSequence {

@@ -24,6 +24,8 @@ const MAX_AXES: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ElementKind {
     Float,
+    /// Floats of two bytes that are the upper halves of floats of four.
+    BrainFloat,
     Signed,
     Unsigned,
     Bool,
@@ -92,6 +94,9 @@ impl ElementType {
         let big = self.big_endian;
         let values = match (self.kind, self.size) {
             (ElementKind::Float, 2) => decode(bytes, big, |b| half(u16::from_le_bytes(b))),
+            (ElementKind::BrainFloat, 2) => {
+                decode(bytes, big, |b| f64::from(f32::from_bits(u32::from(u16::from_le_bytes(b)) << 16)))
+            }
             (ElementKind::Float, 4) => decode(bytes, big, |b| f64::from(f32::from_le_bytes(b))),
             (ElementKind::Float, 8) => decode(bytes, big, f64::from_le_bytes),
             (ElementKind::Signed, 1) => decode(bytes, big, |b| f64::from(i8::from_le_bytes(b))),

@@ -116,9 +116,11 @@ impl Graph<'_> {
                 self.numbers_at(x, depth + 1)
             }
             Class::ChumpySelect => self.selection(object, depth),
+            Class::Tensor | Class::Parameter | Class::TensorOfType => self.tensor(id),
             Class::SparseColumns | Class::SparseRows => {
                 Err(ArrayError("is a sparse matrix; save it as an array (matrix.toarray())".into()))
             }
+            Class::Unreadable(problem) => Err(ArrayError(problem.into())),
             _ => Err(ArrayError(format!("is an object, not an array; {SAVE_AGAIN}"))),
         }
     }
@@ -199,6 +201,10 @@ impl Graph<'_> {
                         _ => Plain::Array,
                     }
                 }
+                Class::Size => match object.args.first().map(|size| self.node(*size)) {
+                    Some(Node::Tuple(items) | Node::List(items)) => Plain::Items(items.clone()),
+                    _ => Plain::Items(vec![]),
+                },
                 Class::Encode | Class::Bytes => Plain::Text(self.text(id).unwrap_or_default()),
                 _ => Plain::Array,
             },
@@ -215,6 +221,10 @@ impl Graph<'_> {
                 let shape = self.stored(object)?.shape;
                 Ok(shape.iter().try_fold(1, |n: usize, axis| n.checked_mul(*axis)).unwrap_or(usize::MAX))
             }
+            Node::Object(object) if matches!(object.class, Class::Tensor | Class::Parameter | Class::TensorOfType) => {
+                element_count(&self.tensor_shape(id)?)
+            }
+            Node::Object(object) if matches!(object.class, Class::Unreadable(_)) => Ok(0),
             Node::Object(_) => Err(ArrayError(format!("is an object, not an array; {SAVE_AGAIN}"))),
             _ => Ok(1),
         }
@@ -253,7 +263,7 @@ impl Graph<'_> {
         }
     }
 
-    fn element_type(&self, id: Id) -> Result<ElementType, ArrayError> {
+    pub(super) fn element_type(&self, id: Id) -> Result<ElementType, ArrayError> {
         let damaged = || ArrayError(format!("is an array with elements of an unknown type; {SAVE_AGAIN}"));
         let Node::Object(object) = self.node(id) else { return Err(damaged()) };
         let code = object.args.first().filter(|_| object.class == Class::ElementType);
@@ -268,7 +278,7 @@ impl Graph<'_> {
     }
 
     /// A tuple or list of integers that are at least 0, such as a shape.
-    fn integers(&self, id: Id) -> Result<Vec<usize>, ArrayError> {
+    pub(super) fn integers(&self, id: Id) -> Result<Vec<usize>, ArrayError> {
         let unusable = || ArrayError(format!("has an invalid shape; {SAVE_AGAIN}"));
         match self.node(id) {
             Node::Tuple(items) | Node::List(items) if items.len() <= MAX_AXES => {
@@ -279,7 +289,7 @@ impl Graph<'_> {
     }
 
     /// An integer of Python or NumPy. Does not follow arrays: they have shapes, which have integers.
-    fn integer(&self, id: Id) -> Option<usize> {
+    pub(super) fn integer(&self, id: Id) -> Option<usize> {
         match self.node(id) {
             Node::Int(value) => usize::try_from(*value).ok(),
             Node::Object(object) if object.class == Class::ArrayScalar => {
@@ -310,7 +320,7 @@ struct Stored {
     data: Id,
 }
 
-const SAVE_AGAIN: &str = "save it again as a plain NumPy array";
+pub(super) const SAVE_AGAIN: &str = "save it again as a plain NumPy array";
 
 /// A number that counts something below `limit`.
 fn index(value: f64, limit: usize) -> Option<usize> {

@@ -3,33 +3,21 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-use super::{Class, Id, MAX_INSTRUCTIONS, Node, Object, PickleError, text};
+use super::{Class, Graph, Id, Node, Object, PickleError, joblib, text};
 
-/// Runs a pickle; returns its values and the index of the result.
-pub(super) fn run(input: &[u8]) -> Result<(Vec<Node<'_>>, Id), PickleError> {
-    let mut machine = Machine {
-        input,
-        at: 0,
-        instruction: 0,
-        nodes: Vec::new(),
-        stack: Vec::new(),
-        marks: Vec::new(),
-        memo: HashMap::new(),
-    };
-    for _ in 0..MAX_INSTRUCTIONS {
-        machine.instruction = machine.at;
-        let code = machine.byte()?;
-        if code == b'.' {
-            let root = machine.pop()?;
-            return Ok((machine.nodes, root));
-        }
-        machine.step(code)?;
-    }
-    Err(PickleError::TooLong)
+/// Runs the pickle at a byte of the input; returns its values, the index of the result, and the byte after it.
+pub(super) fn run(input: &[u8], at: usize, most: usize) -> Result<(Vec<Node<'_>>, Id, usize), PickleError> {
+    let mut machine = Machine { left: most, ..Machine::new(input, at, Vec::new()) };
+    let root = machine.run()?;
+    Ok((machine.nodes, root, machine.at))
 }
 
-struct Machine<'a> {
+pub(super) struct Machine<'a> {
     input: &'a [u8],
+    /// Instructions that may still be executed.
+    left: usize,
+    /// Whether it runs inside another pickle.
+    is_inner: bool,
     /// The next byte.
     at: usize,
     /// Start of the current instruction, for messages.
@@ -42,6 +30,44 @@ struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
+    fn new(input: &'a [u8], at: usize, nodes: Vec<Node<'a>>) -> Machine<'a> {
+        let (stack, marks, memo) = (Vec::new(), Vec::new(), HashMap::new());
+        Machine { input, left: 0, is_inner: false, at, instruction: at, nodes, stack, marks, memo }
+    }
+
+    fn run(&mut self) -> Result<Id, PickleError> {
+        while let Some(left) = self.left.checked_sub(1) {
+            self.left = left;
+            self.instruction = self.at;
+            let code = self.byte()?;
+            if code == b'.' {
+                return self.pop();
+            }
+            self.step(code)?;
+        }
+        Err(PickleError::TooLong)
+    }
+
+    /// Runs the whole pickle that follows an instruction, with a stack and a memo of its own.
+    pub(super) fn inner(&mut self) -> Result<Id, PickleError> {
+        if self.is_inner {
+            return Err(PickleError::Unsupported("pickles in pickles in pickles", self.instruction));
+        }
+        let nodes = std::mem::take(&mut self.nodes);
+        let mut inner = Machine { left: self.left, is_inner: true, ..Machine::new(self.input, self.at, nodes) };
+        let root = inner.run()?;
+        (self.left, self.at, self.nodes) = (inner.left, inner.at, inner.nodes);
+        Ok(root)
+    }
+
+    /// Calls a function with all values so far.
+    pub(super) fn with_graph<T>(&mut self, read: impl FnOnce(&Graph) -> T) -> T {
+        let graph = Graph::of(std::mem::take(&mut self.nodes), Id(0));
+        let found = read(&graph);
+        self.nodes = graph.nodes;
+        found
+    }
+
     /// Executes every instruction except the end of the program. Codes have the names of Python's `pickletools`.
     fn step(&mut self, code: u8) -> Result<(), PickleError> {
         match code {
@@ -200,11 +226,27 @@ impl<'a> Machine<'a> {
                 let state = self.pop()?;
                 let object = self.top()?;
                 match self.node_mut(object)? {
-                    Node::Object(object) => object.state = Some(state),
+                    Node::Object(made) if made.class == Class::JoblibArray => {
+                        let array = joblib::array(self, state)?;
+                        *self.node_mut(object)? = array;
+                    }
+                    Node::Object(made) => made.state = Some(state),
+                    // Attributes of an OrderedDict.
+                    Node::Dict(_) => {}
                     _ => return Err(self.damaged("a state does not belong to an object")),
                 }
             }
-            b'P' | b'Q' => return Err(PickleError::Unsupported("a persistent id", self.instruction)),
+            // PERSID, BINPERSID
+            b'P' => {
+                let line = String::from_utf8_lossy(self.line()?).into_owned();
+                self.push(Node::Text(line.into()));
+                let id = self.pop()?;
+                self.refer(id);
+            }
+            b'Q' => {
+                let id = self.pop()?;
+                self.refer(id);
+            }
             0x82..=0x84 => return Err(PickleError::Unsupported("a registered extension", self.instruction)),
             0x97 | 0x98 => return Err(PickleError::Unsupported("data outside the file", self.instruction)),
             _ => return Err(self.damaged("unknown instruction")),
@@ -302,15 +344,35 @@ impl<'a> Machine<'a> {
         find(&String::from_utf8_lossy(module), &String::from_utf8_lossy(name))
     }
 
+    fn refer(&mut self, id: Id) {
+        self.push(Node::Object(Box::new(Object { class: Class::Reference, args: vec![id], state: None })));
+    }
+
     /// Pushes an instance of `class`, or its result as a function, without creating or calling it.
     fn make(&mut self, class: Class, args: Vec<Id>) -> Result<(), PickleError> {
         let class = match (class, args.first()) {
             (Class::Reconstructor, Some(made)) => self.class(*made)?,
             (Class::Reconstructor, None) => return Err(self.damaged("an object has no class")),
+            (Class::Dictionary, _) => {
+                let entries = self.pairs(&args)?;
+                self.push(Node::Dict(entries));
+                return Ok(());
+            }
             _ => class,
         };
         self.push(Node::Object(Box::new(Object { class, args, state: None })));
         Ok(())
+    }
+
+    /// The entries of a dictionary that is made of a list of pairs; of anything else, none.
+    fn pairs(&self, args: &[Id]) -> Result<Vec<(Id, Id)>, PickleError> {
+        let &[pairs] = args else { return Ok(vec![]) };
+        let (Node::List(pairs) | Node::Tuple(pairs)) = self.node(pairs)? else { return Ok(vec![]) };
+        let pair = |id: &Id| match self.node(*id)? {
+            Node::List(pair) | Node::Tuple(pair) if pair.len() == 2 => Ok((pair[0], pair[1])),
+            _ => Err(self.damaged("an entry of a dictionary is not a pair")),
+        };
+        pairs.iter().map(pair).collect()
     }
 
     fn class(&self, id: Id) -> Result<Class, PickleError> {
@@ -350,7 +412,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn push(&mut self, node: Node<'a>) {
+    pub(super) fn push(&mut self, node: Node<'a>) {
         self.stack.push(Id(self.nodes.len() as u32));
         self.nodes.push(node);
     }
@@ -360,7 +422,7 @@ impl<'a> Machine<'a> {
         self.stack.get(floor..).and_then(<[Id]>::last).copied().ok_or_else(|| self.damaged("the stack is empty"))
     }
 
-    fn pop(&mut self) -> Result<Id, PickleError> {
+    pub(super) fn pop(&mut self) -> Result<Id, PickleError> {
         let top = self.top()?;
         self.stack.pop();
         Ok(top)
@@ -390,7 +452,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn node(&self, id: Id) -> Result<&Node<'a>, PickleError> {
+    pub(super) fn node(&self, id: Id) -> Result<&Node<'a>, PickleError> {
         self.nodes.get(id.0 as usize).ok_or_else(|| self.damaged("a value is missing"))
     }
 
@@ -399,7 +461,7 @@ impl<'a> Machine<'a> {
         self.nodes.get_mut(id.0 as usize).ok_or(missing)
     }
 
-    fn byte(&mut self) -> Result<u8, PickleError> {
+    pub(super) fn byte(&mut self) -> Result<u8, PickleError> {
         let [byte] = self.array()?;
         Ok(byte)
     }
@@ -415,7 +477,7 @@ impl<'a> Machine<'a> {
     }
 
     /// The next bytes. Nothing is allocated for them, so their declared number need not be trusted.
-    fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
+    pub(super) fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
         let end = self.at.checked_add(length).ok_or_else(|| self.truncated())?;
         let bytes = self.input.get(self.at..end).ok_or_else(|| self.truncated())?;
         self.at = end;
@@ -447,6 +509,11 @@ impl<'a> Machine<'a> {
 
     fn truncated(&self) -> PickleError {
         self.damaged("it is truncated")
+    }
+
+    /// Start of the current instruction.
+    pub(super) fn instruction(&self) -> usize {
+        self.instruction
     }
 
     fn damaged(&self, problem: &'static str) -> PickleError {

@@ -20,6 +20,11 @@ pub(super) fn from_npy(bytes: &[u8]) -> Result<Value, String> {
 /// All arrays of an archive by name. Unreadable ones are [`Value`]s that say so.
 pub(super) fn from_npz(bytes: &[u8]) -> Result<Value, String> {
     let mut npz = Npz::open(bytes).map_err(|error| error.to_string())?;
+    if let (true, Some(file)) = (npz.names().is_empty(), npz.files().first()) {
+        return Err(format!(
+            "is a zip archive with {file:?} and without NumPy's arrays (.npy); unpack it and give the file with the poses"
+        ));
+    }
     let budget = Budget::new();
     let mut entries: Vec<(String, Value)> = Vec::new();
     for name in npz.names() {
@@ -33,8 +38,12 @@ pub(super) fn from_npz(bytes: &[u8]) -> Result<Value, String> {
 }
 
 fn pickled(bytes: &[u8], budget: &Budget) -> Result<Value, String> {
-    let graph = Graph::read(bytes).map_err(|error| error.to_string())?;
-    value(&graph, graph.root(), budget, 0)
+    from_graph(&Graph::read(bytes).map_err(|error| error.to_string())?, budget)
+}
+
+/// The whole value of a pickle.
+pub(super) fn from_graph(graph: &Graph, budget: &Budget) -> Result<Value, String> {
+    value(graph, graph.root(), budget, 0)
 }
 
 fn array(stored: StoredArray, budget: &Budget) -> Result<Value, String> {

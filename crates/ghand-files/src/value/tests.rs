@@ -48,7 +48,7 @@ fn damaged_or_endless_input_is_a_clear_error() {
     assert!(problem(b"{\"a\":[1,2").contains("ends too early"));
     assert!(problem(b"{} x").contains("trailing"));
     assert!(problem(b"hello").contains("neither JSON"));
-    assert!(problem(b"").contains("neither JSON"));
+    assert!(problem(b"").contains("is empty"));
     assert!(problem(&b"[".repeat(100_000)).contains("recursion"));
     let many = format!("[{}0]", "\"\",".repeat((1 << 22) + 1));
     assert!(problem(many.as_bytes()).contains("has more than 4194304 values"));
@@ -98,6 +98,81 @@ fn pickles_of_plain_values_are_read() {
     assert!(a.values[..2] == [1.0, 2.5] && a.values[2].is_nan());
     assert_eq!(value.get("b"), Some(&Value::List(vec![Value::Text("x".into()), array(&[], &[1.0])])));
     assert_eq!(value.get("3"), Some(&Value::Map(vec![])));
+}
+
+#[test]
+fn files_of_other_formats_are_named_with_what_converts_them() {
+    let cases: [(&[u8], &str, &str); 38] = [
+        (b"\x89HDF\r\n\x1a\n\0\0", "HDF5", "h5py"),
+        (b"MATLAB 5.0 MAT-file, Platform", "MATLAB", "loadmat"),
+        (b"MATLAB 7.3 MAT-file", "MATLAB 7.3", "h5py"),
+        (b"Kaydara FBX Binary  \0", "FBX", "Blender"),
+        (b"; FBX 7.3.0 project file", "FBX", "Blender"),
+        (b"HIERARCHY\nROOT Hips\n", "BVH", "Blender"),
+        (b"PXR-USDC\0", "USD", "Blender"),
+        (b"#usda 1.0\n", "USD", "Blender"),
+        (b"PAR1\x15", "Parquet", "pandas"),
+        (b"ARROW1\0\0", "Arrow", "pandas"),
+        (b"#ROSBAG V2.0\n", "ROS", "rosbags"),
+        (b"\x89MCAP0\r\n", "ROS", "mcap"),
+        (b"SQLite format 3\0", "SQLite", "numpy.savez"),
+        (b"\0\0\0\x20ftypisom", "video", "tracker"),
+        (b"\0\0\0\x18ftypheic", "image", "tracker"),
+        (b"\x1a\x45\xdf\xa3", "video", "tracker"),
+        (b"\x89PNG\r\n\x1a\n", "image", "tracker"),
+        (b"\xff\xd8\xff\xe0", "image", "tracker"),
+        (b"RIFF\0\0\0\0AVI ", "video", "tracker"),
+        (b"glTF\x02\0\0\0", "glTF", "--hand-model"),
+        (b"ply\nformat ascii 1.0\n", "mesh", "rotations or landmarks"),
+        (b"\x83\xa6frames\x90", "MessagePack", "msgpack"),
+        (b"\xde\0\x11\xd9\x04pose\x90", "MessagePack", "msgpack"),
+        (b"\x02\0\0\0\0\0\0\0{}", "safetensors", "load_file"),
+        (b"frame,x,y,z\n0,0.1,0.2,0.3\n", "CSV", "read_csv"),
+        (b"camera;x;y\n1;2;3\n", "CSV", "read_csv"),
+        (b"(a),b\n1,2\n", "CSV", "read_csv"),
+        (b"0.1 0.2 0.3\n0.4 0.5 0.6\n", "rows of numbers", "loadtxt"),
+        (b"# comment\n1\n2\n", "rows of numbers", "loadtxt"),
+        (b"fps: 30\npose:\n  - [0, 0, 0]\n", "YAML", "safe_load"),
+        (b"---\ncamera: 1\n", "YAML", "safe_load"),
+        (b"camera: 1\n", "YAML", "safe_load"),
+        (b"<?xml version=\"1.0\"?>", "XML", "ElementTree"),
+        (b"<!DOCTYPE html><html>", "web page", "download"),
+        (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS", "git lfs pull"),
+        (b"BZh91AY&SY", "bzip2", "bunzip2"),
+        (b"\x28\xb5\x2f\xfd\0", "zstd", "unzstd"),
+        (b"\x1f\x8b\x08\0", "gzip", "write the file again"),
+    ];
+    for (bytes, what, remedy) in cases {
+        let problem = problem(bytes);
+        assert!(problem.contains(what) && problem.contains(remedy), "{:?}: {problem}", String::from_utf8_lossy(bytes));
+    }
+    let prose = ["hello", "BMW", "camera poses follow", "x^2"];
+    assert!(prose.iter().all(|text| problem(text.as_bytes()).contains("neither JSON")));
+}
+
+#[test]
+fn compressed_files_are_read_as_what_is_in_them() {
+    for text in ["[[1,2],[3,4]]", "{\"pose\":[1]}"] {
+        let mut gzip = flate2::write::GzEncoder::new(vec![], flate2::Compression::default());
+        let mut zlib = flate2::write::ZlibEncoder::new(vec![], flate2::Compression::default());
+        gzip.write_all(text.as_bytes()).unwrap();
+        zlib.write_all(text.as_bytes()).unwrap();
+        for packed in [gzip.finish().unwrap(), zlib.finish().unwrap()] {
+            assert_eq!(Value::from_bytes(&packed).unwrap(), json(text));
+            assert!(problem(&packed[..packed.len() - 3]).contains("damaged"));
+        }
+    }
+}
+
+#[test]
+fn zip_archives_of_other_files_name_the_first() {
+    for name in ["poses/0001.json", "xl/workbook.xml"] {
+        let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        writer.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        writer.write_all(b"{}").unwrap();
+        let problem = problem(&writer.finish().unwrap().into_inner());
+        assert!(problem.contains(name) && problem.contains("unpack it"), "{problem}");
+    }
 }
 
 fn npy(code: &str, shape: &str, data: &[u8]) -> Vec<u8> {

@@ -12,21 +12,27 @@
 //!   dictionary with all frames in its arrays, or a list or a map of frames with one or several hands each. `is_right`
 //!   or `right` gives the side. The parameters are always those of a right hand: for a left hand, those of the mirrored
 //!   picture, so they are mirrored here. `cam_t`, `pred_cam_t_full` or `transl` give the hand's position in camera axes
-//!   (x right, y down, z forward). Measured from the flat hand. Pickles with PyTorch tensors are rejected, because
-//!   nothing in a file is executed; write `.cpu().numpy()`.
+//!   (x right, y down, z forward). Measured from the flat hand.
 //! - **HaWoR** (`.npz`): `pred_rot` (2, T, 3), `pred_hand_pose` (2, T, 45), `pred_trans`, `pred_betas`, `pred_valid`;
 //!   left hand first, each in the axes of its own model. Measured from the flat hand.
+//! - **Dyn-HaMR** (`*_world_results.npz`): see `mano/world_results.rs`.
+//! - **GRAB** (`.npz`): see `mano/grab.rs`.
+//! - **principal components** under any of these names, **DexYCB**: see `mano/components.rs`.
 //! - **ARCTIC** (`.mano.npy`, or as `.npz`): for each hand `rot` (T, 3), `pose` (T, 45), `trans` (T, 3), `shape` (10);
 //!   in maps `right` and `left`, with suffixes `_r` and `_l`, or without. Measured from MANO's mean pose. 30 frames per
 //!   second.
 //! - **AMASS** (`.npz`): `poses` (T, 156) of SMPL-H or (T, 165) of SMPL-X, whose last 90 numbers are the left and the
-//!   right hand, or `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45). Only the fingers move.
-//!   Measured from the flat hand.
+//!   right hand, or `pose_hand` (T, 90); also `right_hand_pose` and `left_hand_pose` (T, 45) and other names of them in
+//!   `mano/bodies.rs`. Only the fingers move. Measured from the flat hand.
 //!
 //! A field `flat_hand_mean` in the file overrides these.
 
 mod arrays;
+mod bodies;
+mod components;
 mod estimates;
+mod grab;
+mod world_results;
 
 use std::sync::OnceLock;
 
@@ -40,9 +46,10 @@ use glam::{DMat3, DVec3};
 
 use super::recording::{LeftRotations, ManoRows};
 use super::source::in_range;
-use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
+use super::to_model::side_name;
+use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts};
 use crate::rest_skeleton::RestSkeleton;
-use arrays::{arctic, body, hawor, is_arctic, is_body};
+use arrays::{arctic, hawor, is_arctic};
 pub(super) use estimates::left_rotations;
 use estimates::{estimates, has_parameters};
 
@@ -51,6 +58,9 @@ const ROTATION_TOLERANCE: f64 = 2e-2;
 
 const SIDE_NAMES: [&str; 7] = ["is_right", "isRight", "right", "side", "handedness", "hand_type", "hand_side"];
 
+/// The problem of a frame in which a tracker found nothing.
+const NO_HAND: &str = "has no hand";
+
 /// Frames of both hands, before one is chosen.
 struct Hand {
     id: String,
@@ -58,30 +68,49 @@ struct Hand {
     frame: Result<PoseFrame, String>,
     /// What its rotations are if it is a left one.
     left: LeftRotations,
+    /// Whether it was made of components, which are measured from the mean pose unless the file says otherwise.
+    from_components: bool,
 }
 
 impl Hand {
     /// A hand of a data set, whose rotations are about the axes of its own model.
-    fn own(id: String, side: Option<Side>, frame: Result<PoseFrame, String>) -> Hand {
-        Hand { id, side, frame, left: LeftRotations::Own }
+    fn new(id: String, side: Option<Side>, frame: Result<PoseFrame, String>) -> Hand {
+        Hand { id, side, frame, left: LeftRotations::Own, from_components: false }
     }
 }
 
 pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+    let mut remark = None;
     let (hands, fps, from_mean) = if value.get("pred_rot").is_some() {
         (hawor(source, value), None, false)
     } else if interhand_captures(value).is_some() {
         (interhand(source, value), Some(5.0), true)
+    } else if components::are_named(source, value) {
+        (components::hands(source, value), Some(30.0), true)
     } else if is_arctic(value) {
         (arctic(source, value), Some(30.0), true)
-    } else if is_body(value) {
-        (body(source, value), None, false)
+    } else if grab::is_grab(value) {
+        (grab::hands(source, value), None, false)
+    } else if bodies::is_body(value) {
+        remark = bodies::warning(value);
+        (bodies::hands(source, value), None, false)
+    } else if world_results::is_results(value) {
+        (world_results::hands(source, value), None, false)
     } else if has_parameters(value, 0) && !super::sides::holds_lists(value) {
         (estimates(source, value), None, false)
+    } else if let Some(inner) = bodies::inside(value) {
+        remark = bodies::warning(inner);
+        (bodies::hands(source, inner), None, false)
+    } else if let Some(problem) = known_layouts::body_without_hands(value) {
+        return Some(Err(source.invalid("content", problem.into())));
     } else {
         return None;
     };
-    Some(hands.and_then(|hands| recording(source, value, hands, fps, from_mean)))
+    let mut found = hands.and_then(|hands| recording(source, value, hands, fps, from_mean));
+    if let (Ok(recording), Some(remark)) = (&mut found, remark) {
+        recording.warnings.push(remark.into());
+    }
+    Some(found)
 }
 
 fn recording(
@@ -91,32 +120,59 @@ fn recording(
     fps: Option<f64>,
     from_mean: bool,
 ) -> Result<Recording, PoseError> {
-    let flat = value.get("flat_hand_mean").and_then(Value::number);
-    let from_mean = flat.map_or(from_mean, |flat| flat == 0.0);
+    let Chosen { side, hands: chosen, remark } = chosen(source.wanted, hands);
+    let (mut frames, mut skipped) = (Vec::<PoseFrame>::new(), Skipped::default());
+    let (mut seen, mut left) = (std::collections::HashSet::new(), LeftRotations::Own);
+    let by_components = chosen.iter().any(|hand| hand.from_components && hand.frame.is_ok());
+    let flat = components::flag(value, "flat_hand_mean");
+    let from_mean = flat.map_or(from_mean || by_components, |flat| !flat);
+    for Hand { id, frame, from_components, left: own_left, .. } in chosen {
+        match frame {
+            Ok(_) if from_components != by_components => {
+                skipped.add(&id, "has rotations, other frames have components, which have another zero");
+            }
+            Ok(_) if !seen.insert(id.clone()) => skipped.add(&id, "has a second hand of the same side"),
+            Ok(frame) => {
+                if frames.is_empty() {
+                    left = own_left;
+                }
+                frames.push(frame);
+            }
+            Err(problem) => skipped.add(&id, problem),
+        }
+    }
+    let motion = Motion::Mano(ManoRows { frames, from_mean, opengl: false, left });
+    Ok(Recording { side, usual_fps: fps, motion, skipped, warnings: remark.into_iter().collect() })
+}
+
+/// The hands of one side.
+struct Chosen {
+    side: Option<Side>,
+    hands: Vec<Hand>,
+    /// Why it is not the wanted side, if the file has that too.
+    remark: Option<String>,
+}
+
+/// The hands of the wanted side if one of them is usable, else those of the other.
+fn chosen(wanted: Side, hands: Vec<Hand>) -> Chosen {
     let has = |side: Side| hands.iter().any(|hand| hand.side == Some(side) && hand.frame.is_ok());
-    let other = crate::retarget::other_side(source.wanted);
-    let side = match (has(source.wanted), has(other)) {
-        (true, _) => Some(source.wanted),
+    let other = crate::retarget::other_side(wanted);
+    let side = match (has(wanted), has(other)) {
+        (true, _) => Some(wanted),
         (false, true) => Some(other),
         (false, false) => None,
     };
+    let problem = hands.iter().filter(|hand| hand.side == Some(wanted)).find_map(|hand| {
+        let problem = hand.frame.as_ref().err().filter(|problem| *problem != NO_HAND)?;
+        Some(format!("no {} hand can be used; frame {:?}: {problem}", side_name(wanted), hand.id))
+    });
+    let remark = problem.filter(|_| side == Some(other));
+    // If none is usable, the error is about the wanted one.
+    let kept = side.or_else(|| hands.iter().any(|hand| hand.side == Some(wanted)).then_some(wanted));
     // A frame without a hand is of either side.
-    let is_chosen = |hand: &Hand| side.is_none() || hand.side == side || (hand.side.is_none() && hand.frame.is_err());
-    let (mut frames, mut skipped) = (Vec::<PoseFrame>::new(), Skipped::default());
-    let (mut seen, mut left) = (std::collections::HashSet::new(), None);
-    for hand in hands.into_iter().filter(is_chosen) {
-        match hand.frame {
-            Ok(_) if !seen.insert(hand.id.clone()) => skipped.add(&hand.id, "has a second hand of the same side"),
-            Ok(frame) => {
-                left.get_or_insert(hand.left);
-                frames.push(frame);
-            }
-            Err(problem) => skipped.add(&hand.id, problem),
-        }
-    }
-    let left = left.unwrap_or(LeftRotations::Own);
-    let motion = Motion::Mano(ManoRows { frames, from_mean, opengl: false, left });
-    Ok(Recording { side, usual_fps: fps, motion, skipped, warnings: vec![] })
+    let is_kept = |hand: &Hand| kept.is_none() || hand.side == kept || (hand.side.is_none() && hand.frame.is_err());
+    let hands = hands.into_iter().filter(is_kept).collect();
+    Chosen { side, hands, remark }
 }
 
 /// Numbers of one hand and one frame: the root and 15 joints as axis-angles or matrices.
@@ -232,7 +288,7 @@ fn interhand(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
                 }
                 _ => Err(format!("has a pose of {} numbers, expected 48", pose.len())),
             };
-            Some(Hand::own((*id).clone(), Some(side), found))
+            Some(Hand::new((*id).clone(), Some(side), found))
         })
     });
     Ok(hands.collect())

@@ -2,10 +2,11 @@
 
 use ghand_files::value::Value;
 
-use super::{Source, plain};
+use super::{Source, known_layouts, plain};
 
 /// Poses as principal components, which are useless without the model's components.
-pub(super) const COMPONENT_NAMES: [&str; 2] = ["pose_m", "pose_pca"];
+pub(super) const COMPONENT_NAMES: [&str; 8] =
+    ["pose_m", "pose_pca", "pca_pose", "hand_pose_pca", "mano_pose_pca", "mano_pca", "pca_components", "pose_coeffs"];
 
 /// Most names of a map in a message; further ones are counted.
 const MOST_NAMES: usize = 8;
@@ -14,6 +15,9 @@ const LONGEST_NAME: usize = 40;
 
 /// Explains why a file contains no poses.
 pub(super) fn problem(source: &Source, value: &Value) -> String {
+    if let Some(known) = known_layouts::problem(value) {
+        return known.into();
+    }
     let first = match value.get("frames").unwrap_or(value) {
         Value::List(items) => items.first(),
         _ => None,
@@ -22,8 +26,9 @@ pub(super) fn problem(source: &Source, value: &Value) -> String {
         COMPONENT_NAMES.iter().find(|name| [Some(value), first].iter().flatten().any(|v| v.get(name).is_some()));
     if let Some(name) = components {
         return format!(
-            "{name:?} contains principal components of a pose, not rotations; store MANO's full pose, 45 or 48 \
-             axis-angle numbers, instead (components @ hands_components + hands_mean)"
+            "{name:?} contains principal components of a pose, not rotations, and only MANO's own file has what they mean; \
+             give it with --pose-model MANO_RIGHT.pkl (or MANO_LEFT.pkl), or store MANO's full pose, 45 or 48 axis-angle \
+             numbers (components @ hands_components + hands_mean)"
         );
     }
     if let Some(problem) =

@@ -26,6 +26,8 @@ pub(crate) struct Source<'a> {
     pub joint_count: usize,
     /// The model that the poses are for, whose shapes a file may name.
     pub model: &'a HandModel,
+    /// The model of the file's poses, if the user gave it.
+    pub pose_model: Option<&'a HandModel>,
 }
 
 impl Source<'_> {

@@ -3,6 +3,7 @@
 mod arrays;
 mod hands;
 mod images;
+mod layouts;
 mod mano;
 mod messages;
 mod rigs;

@@ -1,11 +1,11 @@
-//! Data sets and trackers that store all frames in arrays: HaWoR, ARCTIC, and the hands of AMASS's bodies.
+//! Data sets and trackers that store all frames in arrays: HaWoR and ARCTIC.
 
 use ghand_core::Side;
 use ghand_files::value::Value;
 
 use super::super::source::side_of;
 use super::super::{PoseError, Source};
-use super::{Hand, SIDE_NAMES, first, flat, frame};
+use super::{Hand, NO_HAND, SIDE_NAMES, first, flat, frame};
 
 pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let array = |name: &str, width: usize| -> Result<(usize, Vec<f64>), PoseError> {
@@ -39,9 +39,9 @@ pub(super) fn hawor(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
             let found = if shown {
                 frame(&id, &part(&orient, 3), &part(&fingers, 45), &part(&shapes, 10), &part(&places, 3))
             } else {
-                Err("has no hand".into())
+                Err(NO_HAND.into())
             };
-            hands.push(Hand::own(id, Some(side), found));
+            hands.push(Hand::new(id, Some(side), found));
         }
     }
     Ok(hands)
@@ -106,43 +106,7 @@ fn rows_of_hand(
         let id = format!("{k:04}");
         let (orient, fingers) = if width == 48 { row.split_at(3) } else { (root, row.as_slice()) };
         let found = frame(&id, orient, fingers, &shape_of(k), place);
-        hands.push(Hand::own(id, side, found));
+        hands.push(Hand::new(id, side, found));
     }
     Ok(())
-}
-
-fn columns(value: &Value, name: &str, widths: &[usize]) -> Option<usize> {
-    match value.get(name)?.numbers()?.shape[..] {
-        [_, width] if widths.contains(&width) => Some(width),
-        _ => None,
-    }
-}
-
-pub(super) fn is_body(value: &Value) -> bool {
-    columns(value, "poses", &[156, 165]).is_some()
-        || columns(value, "pose_hand", &[90]).is_some()
-        || ["right_hand_pose", "left_hand_pose"].iter().any(|name| columns(value, name, &[45]).is_some())
-}
-
-pub(super) fn body(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
-    let mut hands = Vec::new();
-    let both = [("poses", vec![156, 165]), ("pose_hand", vec![90])];
-    let both = both.into_iter().find_map(|(name, widths)| Some((name, columns(value, name, &widths)?)));
-    for (side, name, from_end) in [(Side::Left, "left_hand_pose", 90), (Side::Right, "right_hand_pose", 45)] {
-        let (name, width, start) = match both {
-            Some((name, width)) => (name, width, width - from_end),
-            None if value.get(name).is_some() => (name, 45, 0),
-            None => continue,
-        };
-        let rows = flat(value.get(name));
-        if !rows.len().is_multiple_of(width) {
-            return Err(source.invalid(name, format!("must have the shape (T, {width})")));
-        }
-        for (k, row) in rows.chunks_exact(width).enumerate() {
-            let id = format!("{k:04}");
-            let found = frame(&id, &[0.0; 3], row.get(start..start + 45).unwrap_or(&[]), &[], &[]);
-            hands.push(Hand::own(id, Some(side), found));
-        }
-    }
-    Ok(hands)
 }

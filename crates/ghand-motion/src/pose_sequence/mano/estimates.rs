@@ -1,12 +1,14 @@
 //! Estimates of networks: dictionaries of parameters at any place in a file.
 
 use ghand_core::Side;
+use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 
 use super::super::recording::LeftRotations;
 use super::super::source::{id_of, side_of};
 use super::super::{PoseError, Source};
-use super::{Hand, SIDE_NAMES, first, flat, frame};
+use super::components::{Fingers, meaning, said};
+use super::{Hand, NO_HAND, SIDE_NAMES, first, flat, frame};
 
 /// Largest depth of parameters in lists and maps.
 const MAX_DEPTH: usize = 5;
@@ -17,12 +19,14 @@ const LONGEST_ID: usize = 256;
 const MOST_SHAPES: usize = 300;
 
 const POSE_NAMES: [&str; 3] = ["hand_pose", "mano_hand_pose", "pred_hand_pose"];
-const ORIENT_NAMES: [&str; 4] = ["global_orient", "mano_global_orient", "pred_global_orient", "root_orient"];
+pub(super) const ORIENT_NAMES: [&str; 4] = ["global_orient", "mano_global_orient", "pred_global_orient", "root_orient"];
 const SHAPE_NAMES: [&str; 4] = ["betas", "mano_betas", "pred_betas", "shape"];
 const PLACE_NAMES: [&str; 6] = ["pred_cam_t_full", "cam_t_full", "cam_t", "transl", "trans", "pred_cam_t"];
 /// Names that only the results of networks for right hands have: HaMeR, WiLoR and their kin.
 const FLAG_NAMES: [&str; 3] = ["is_right", "isRight", "right"];
 const NETWORK_NAMES: [&str; 2] = ["wilor_preds", "pred_mano_params"];
+/// Poses of a body without its hands.
+const BODY_NAMES: [&str; 3] = ["body_pose", "pose_body", "pred_body_pose"];
 
 pub(super) fn has_parameters(value: &Value, depth: usize) -> bool {
     let children = |value: &Value| match value {
@@ -38,12 +42,15 @@ pub(super) fn has_parameters(value: &Value, depth: usize) -> bool {
 pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseError> {
     let mut hands = Vec::new();
     let top = value.get("frames").unwrap_or(value);
+    let said = said(value);
+    // What the file says outside the frames belongs to all of them.
+    let above = &[&said][..];
     let holds_one = |(name, child): &(String, Value)| {
         let named = ["params", "preds", "mano"].iter().any(|part| name.contains(part));
-        (named || side_of(&Value::Text(name.clone())).is_some()) && has_parameters(child, 1)
+        (named || side_of_name(name).is_some()) && has_parameters(child, 1)
     };
     if first(&[top], &POSE_NAMES).is_some() || top.entries().iter().any(holds_one) {
-        walk(source, top, None, &[], None, 0, &mut hands)?;
+        walk(source, top, None, above, None, 0, &mut hands)?;
         return Ok(hands);
     }
     match top {
@@ -52,20 +59,29 @@ pub(super) fn estimates(source: &Source, value: &Value) -> Result<Vec<Hand>, Pos
                 let before = hands.len();
                 let id = id_of(frame, number);
                 check_id(source, &id)?;
-                walk(source, frame, Some(&id), &[], None, 0, &mut hands)?;
+                walk(source, frame, Some(&id), above, None, 0, &mut hands)?;
                 if hands.len() == before {
-                    hands.push(Hand::own(id, None, Err("has no hand".into())));
+                    hands.push(Hand::new(id, None, Err(NO_HAND.into())));
                 }
             }
         }
         _ => {
             for (id, frame) in top.entries() {
                 check_id(source, id)?;
-                walk(source, frame, Some(id), &[], None, 0, &mut hands)?;
+                walk(source, frame, Some(id), above, None, 0, &mut hands)?;
             }
         }
     }
     Ok(hands)
+}
+
+/// The side that a name inside a file says.
+fn side_of_name(name: &str) -> Option<Side> {
+    match name {
+        "rhand" | "r_hand" | "hand_r" => Some(Side::Right),
+        "lhand" | "l_hand" | "hand_l" => Some(Side::Left),
+        _ => side_of(&Value::Text(name.into())),
+    }
 }
 
 fn check_id(source: &Source, id: &str) -> Result<(), PoseError> {
@@ -89,7 +105,8 @@ fn walk<'a>(
     }
     let maps: Vec<&Value> = std::iter::once(value).chain(above.iter().copied()).collect();
     if let (Some(pose), Some(orient)) = (first(&[value], &POSE_NAMES), first(&[value], &ORIENT_NAMES)) {
-        return parameters(source, id, side, &maps, pose, orient, hands);
+        let full = full_fingers(value, pose, &maps);
+        return parameters(source, id, side, &maps, full.as_ref().unwrap_or(pose), orient, hands);
     }
     match value {
         Value::List(items) => {
@@ -99,13 +116,26 @@ fn walk<'a>(
         }
         Value::Map(entries) => {
             for (name, child) in entries {
-                let side = side_of(&Value::Text(name.clone())).or(side);
+                let side = side_of_name(name).or(side);
                 walk(source, child, id, &maps, side, depth + 1, hands)?;
             }
         }
         _ => {}
     }
     Ok(())
+}
+
+/// The rotations of the fingers, if a dictionary has them beside their components.
+fn full_fingers(value: &Value, pose: &Value, maps: &[&Value]) -> Option<Value> {
+    let Ok(Fingers::Components(_)) = meaning(pose.numbers()?, maps) else { return None };
+    let full = first(&[value], &["fullpose", "full_pose"])?.numbers()?;
+    let width = full.shape.last().copied()?;
+    if !matches!(width, 45 | 48) {
+        return None;
+    }
+    // 48 numbers begin with the wrist.
+    let values: Vec<f64> = full.values.chunks_exact(width).flat_map(|row| &row[width - 45..]).copied().collect();
+    Some(Value::Numbers(NumericArray { shape: vec![values.len() / 45, 15, 3], values }))
 }
 
 /// The hands of one dictionary, whose arrays contain one or many.
@@ -118,23 +148,31 @@ fn parameters(
     orient: &Value,
     hands: &mut Vec<Hand>,
 ) -> Result<(), PoseError> {
-    let mut unusable = |problem: String| hands.push(Hand::own(id.unwrap_or("0000").into(), side, Err(problem)));
     if *pose == Value::Nothing {
-        unusable("has no hand".into());
+        hands.push(Hand::new(id.unwrap_or("0000").into(), side, Err(NO_HAND.into())));
         return Ok(());
     }
     let Some(pose) = pose.numbers() else {
         return Err(source.invalid("hand_pose", format!("is {}, expected numbers", pose.kind())));
     };
-    let width = match pose.shape[..] {
-        [.., 15, 3, 3] => 135,
-        [.., 15, 3] | [.., 45] => 45,
-        [.., 135] => 135,
-        _ => {
-            unusable(format!("has the shape {:?}, expected (T, 15, 3, 3), (T, 15, 3) or (T, 45)", pose.shape));
+    let unusable = |problem: String| Hand::new(id.unwrap_or("0000").into(), side.or(Some(source.wanted)), Err(problem));
+    if let Some(body) = first(maps, &BODY_NAMES) {
+        let problem = format!(
+            "has {} of a body beside hand_pose, so that the root is not the wrist's; name the hands right_hand_pose and \
+             left_hand_pose",
+            body.kind()
+        );
+        hands.push(unusable(problem));
+        return Ok(());
+    }
+    let fingers = match meaning(pose, maps) {
+        Ok(fingers) => fingers,
+        Err(problem) => {
+            hands.push(unusable(problem));
             return Ok(());
         }
     };
+    let width = fingers.width();
     let count = pose.values.len() / width;
     let [shapes, places] = [first(maps, &SHAPE_NAMES), first(maps, &PLACE_NAMES)];
     // All dictionaries of a file may share parameters of an enclosing one, and each would have a copy.
@@ -143,7 +181,8 @@ fn parameters(
     {
         let numbers = value.and_then(Value::numbers).map_or(0, |array| array.values.len());
         if numbers > most * count.max(1) {
-            unusable(format!("has {numbers} numbers in {name} for {count} hands, expected at most {most} each"));
+            let problem = format!("has {numbers} numbers in {name} for {count} hands, expected at most {most} each");
+            hands.push(unusable(problem));
             return Ok(());
         }
     }
@@ -170,10 +209,16 @@ fn parameters(
         };
         let own_side = own_side.or(side);
         let id = id.map_or_else(|| format!("{k:04}"), str::to_owned);
-        let fingers: Vec<f64> = pose.values.iter().skip(k * width).take(width).copied().collect();
+        let numbers = pose.values.get(k * width..(k + 1) * width).unwrap_or_default();
         let shape = shared(&shapes, k, &[10]);
-        let found = frame(&id, &per_hand(&orient, k), &fingers, &shape, &shared(&places, k, &[3]));
-        hands.push(Hand { id, side: own_side, frame: found, left });
+        let place = shared(&places, k, &[3]);
+        let rotations = fingers.rotations(source, own_side.unwrap_or(Side::Right), numbers);
+        let rotations = rotations.map_err(|problem| format!("hand_pose {problem}"));
+        let found = rotations.and_then(|rotations| frame(&id, &per_hand(&orient, k), &rotations, &shape, &place));
+        // Components are those of the model of that side.
+        let from_components = matches!(fingers, Fingers::Components(_));
+        let left = if from_components { LeftRotations::Own } else { left };
+        hands.push(Hand { id, side: own_side, frame: found, left, from_components });
     }
     Ok(())
 }
