@@ -97,6 +97,11 @@ impl fmt::Display for Finger {
     }
 }
 
+/// The finger that each joint belongs to; also the joints of both hands of a body.
+pub(crate) fn fingers(names: &[String]) -> Vec<Option<Finger>> {
+    rig::fingers(names)
+}
+
 /// What the names of a model's joints do not tell, if they do not identify the three joints of each finger: the missing
 /// parts and the joints without a part.
 pub fn unidentified(names: &[String]) -> Option<String> {

@@ -6,7 +6,7 @@
 
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joint_names::{Finger, JointRole, unidentified};
 use glam::{DMat3, DVec3};
 
 use crate::PoseError;
@@ -66,11 +66,8 @@ impl RestSkeleton {
             return Err(PoseError::Invalid {
                 origin: name.into(),
                 field: "joints".into(),
-                problem: format!(
-                    "their names do not identify the three joints of each finger, or they are at one point ({}); use \
-                     MANO's or WebXR's names",
-                    joint_names.join(", ")
-                ),
+                problem: unidentified(joint_names)
+                    .unwrap_or("joints of a finger are at one point; export the hand again".into()),
             });
         };
         Ok(RestSkeleton {

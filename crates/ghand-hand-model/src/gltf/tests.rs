@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use ghand_test_support::shared;
 
-use super::joints::WEBXR_JOINTS;
+use super::webxr::WEBXR_JOINTS;
 use super::*;
 
 /// The generic hand, if it is beside the checkout.
@@ -42,8 +42,9 @@ impl SmallHand {
         }
         let json = format!(
             r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,4]}}],
-            "nodes":[{{"mesh":0,"skin":0,"name":"hand_L"}},{{"name":"tip"}},{{"name":"middle","children":[1]}},
-                     {{"name":"between","children":[2]}},{{"name":"root","children":[3]}}],
+            "nodes":[{{"mesh":0,"skin":0,"name":"hand_L"}},{{"name":"tip","translation":[1,0,0]}},
+                     {{"name":"middle","children":[1],"translation":[1,0,0]}},
+                     {{"name":"between","children":[2]}},{{"name":"root","children":[3],"translation":[1,0,0]}}],
             "skins":[{{"joints":[1,2,4],"inverseBindMatrices":4}}],
             "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1,"JOINTS_0":2,"WEIGHTS_0":3}}}}]}}],
             "buffers":[{{"byteLength":{}}}],

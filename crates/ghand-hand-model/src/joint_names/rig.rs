@@ -56,6 +56,12 @@ pub(super) fn roles(names: &[String]) -> Vec<Option<JointRole>> {
     (0..roles.len()).map(|k| roles[k].filter(|_| is_best(k))).collect()
 }
 
+/// The finger that each joint belongs to.
+pub(super) fn fingers(names: &[String]) -> Vec<Option<Finger>> {
+    let finger = |named| if let Named::Finger(finger, _) = named { Some(finger) } else { None };
+    named_joints(&without_counters(names)).into_iter().map(finger).collect()
+}
+
 /// Names without the numbers that some exporters append to all nodes (`RightHandIndex1_037`).
 fn without_counters(names: &[String]) -> Vec<String> {
     let split = |name: &str| -> Option<(String, usize)> {

@@ -1,0 +1,175 @@
+//! Which hand of a file is read, and what of the file is not.
+
+use std::path::Path;
+
+use ::gltf::{Gltf, Mesh, Node, Skin};
+use ghand_core::Side;
+
+use super::buffers::Buffers;
+use super::hands::{Hand, hands};
+use super::placement::joints_in_world;
+use super::skeleton::Skeleton;
+use super::{Source, no_skin};
+use crate::HandModelError;
+use crate::joint_names::{JointRole, side_in_name};
+use crate::side::side_of_shape;
+
+/// A mesh with its skin.
+pub(super) struct Part<'a> {
+    pub node: Node<'a>,
+    pub mesh: Mesh<'a>,
+    pub skin: Skin<'a>,
+}
+
+/// The hand that is read.
+pub(super) struct Choice<'a> {
+    pub skeleton: Skeleton<'a>,
+    pub hand: Hand,
+    /// The meshes that its skeleton moves, in the order of the nodes.
+    pub parts: Vec<Part<'a>>,
+    /// Whether the skeleton has no other hand.
+    pub is_only_hand: bool,
+}
+
+/// A hand that could be read.
+struct Candidate {
+    skeleton: usize,
+    hand: Hand,
+    side: Option<Side>,
+    /// Vertices of the meshes that its skeleton moves.
+    vertices: usize,
+}
+
+impl<'a> Choice<'a> {
+    /// The hand of the wanted side, else the right one, else the first; of hands of one side, that with the most vertices.
+    pub(super) fn of(
+        file: &'a Gltf,
+        wanted: Option<Side>,
+        buffers: &Buffers,
+        source: &Source,
+        warnings: &mut Vec<String>,
+    ) -> Result<Choice<'a>, HandModelError> {
+        let parts = skinned_parts(file, warnings);
+        let mut skins: Vec<Skin> = vec![];
+        for part in &parts {
+            if skins.iter().all(|skin| skin.index() != part.skin.index()) {
+                skins.push(part.skin.clone());
+            }
+        }
+        let skeletons = Skeleton::all(file, &skins, buffers, source)?;
+        let vertices: Vec<usize> = skeletons.iter().map(|skeleton| vertices(skeleton, &parts)).collect();
+        let mut candidates = vec![];
+        for (k, skeleton) in skeletons.iter().enumerate() {
+            for hand in hands(skeleton, source)? {
+                let side = side(skeleton, &hand, &parts, file);
+                candidates.push(Candidate { skeleton: k, hand, side, vertices: vertices[k] });
+            }
+        }
+        if candidates.is_empty() {
+            let Some(largest) = first_largest(&vertices) else { return Err(no_skin(source)) };
+            let hand = Hand::whole(&skeletons[largest], source)?;
+            candidates.push(Candidate { skeleton: largest, hand, side: None, vertices: vertices[largest] });
+        }
+        let preference = |candidate: &Candidate| match (wanted, candidate.side) {
+            (Some(wanted), side) => usize::from(side == Some(wanted)),
+            (None, Some(Side::Right)) => 2,
+            (None, Some(Side::Left)) => 1,
+            (None, None) => 0,
+        };
+        let best = candidates.iter().map(|c| (preference(c), c.vertices)).max().unwrap_or_default();
+        let at = candidates.iter().position(|c| (preference(c), c.vertices) == best).unwrap_or(0);
+        let chosen = candidates.swap_remove(at);
+        let others_here = candidates.iter().filter(|other| other.skeleton == chosen.skeleton).count();
+        warnings.extend(candidates.iter().filter_map(|other| told_of(other, &chosen, wanted, source)));
+        let (own, apart): (Vec<_>, Vec<_>) =
+            parts.into_iter().partition(|part| moves(&skeletons[chosen.skeleton], part));
+        let has_hand = |part: &Part| candidates.iter().any(|other| moves(&skeletons[other.skeleton], part));
+        let unread: Vec<String> = apart.iter().filter(|part| !has_hand(part)).map(Part::name).collect();
+        if !unread.is_empty() {
+            warnings.push(format!("meshes of other skeletons are not read: {}", unread.join(", ")));
+        }
+        if own.len() > 1 {
+            let names: Vec<String> = own.iter().map(Part::name).collect();
+            warnings.push(format!("{} meshes of one skeleton are read as one hand: {}", own.len(), names.join(", ")));
+        }
+        let Some(skeleton) = skeletons.into_iter().nth(chosen.skeleton) else { return Err(no_skin(source)) };
+        Ok(Choice { skeleton, hand: chosen.hand, parts: own, is_only_hand: others_here == 0 })
+    }
+
+    /// Names that may tell the side, the most reliable first; that of the file, which may be anything, comes last.
+    pub(super) fn telling_names(&self, file: &Gltf, path: &Path) -> Vec<String> {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let joints = self.hand.names(&self.skeleton);
+        let above = self.hand.names_above(&self.skeleton, file);
+        [joints, names_of_parts(&self.parts.iter().collect::<Vec<_>>()), above, stem.into_iter().collect()].concat()
+    }
+}
+
+impl Part<'_> {
+    fn name(&self) -> String {
+        self.node.name().or(self.mesh.name()).unwrap_or("unnamed").to_owned()
+    }
+}
+
+/// The meshes with skins. A mesh without one is not part of any hand, which is said.
+fn skinned_parts<'a>(file: &'a Gltf, warnings: &mut Vec<String>) -> Vec<Part<'a>> {
+    let mut parts: Vec<Part> = vec![];
+    let mut plain = vec![];
+    for node in file.nodes() {
+        match (node.mesh(), node.skin()) {
+            (Some(mesh), Some(skin)) => {
+                let is_same = |part: &Part| (part.mesh.index(), part.skin.index()) == (mesh.index(), skin.index());
+                if !parts.iter().any(is_same) {
+                    parts.push(Part { node, mesh, skin });
+                }
+            }
+            (Some(mesh), None) => plain.push(node.name().or(mesh.name()).unwrap_or("unnamed").to_owned()),
+            _ => {}
+        }
+    }
+    if !plain.is_empty() && !parts.is_empty() {
+        warnings.push(format!("meshes without a skin are not read: {}", plain.join(", ")));
+    }
+    parts
+}
+
+fn moves(skeleton: &Skeleton, part: &Part) -> bool {
+    skeleton.skins.iter().any(|skin| skin.index == part.skin.index())
+}
+
+fn vertices(skeleton: &Skeleton, parts: &[Part]) -> usize {
+    let own = parts.iter().filter(|part| moves(skeleton, part)).flat_map(|part| part.mesh.primitives());
+    own.filter_map(|primitive| Some(primitive.get(&::gltf::Semantic::Positions)?.count())).fold(0, usize::saturating_add)
+}
+
+fn first_largest(counts: &[usize]) -> Option<usize> {
+    let largest = counts.iter().max()?;
+    counts.iter().position(|count| count == largest)
+}
+
+/// The side of a hand from its shape, or else from names.
+fn side(skeleton: &Skeleton, hand: &Hand, parts: &[Part], file: &Gltf) -> Option<Side> {
+    let joints = hand.names(skeleton);
+    let by_shape = side_of_shape(&JointRole::of_joints(&joints), &joints_in_world(skeleton, hand));
+    let own: Vec<&Part> = parts.iter().filter(|part| moves(skeleton, part)).collect();
+    let names = [joints, names_of_parts(&own), hand.names_above(skeleton, file)].concat();
+    by_shape.or_else(|| names.iter().find_map(|name| side_in_name(name)))
+}
+
+fn names_of_parts(parts: &[&Part]) -> Vec<String> {
+    let names = parts.iter().flat_map(|part| [part.node.name(), part.mesh.name(), part.skin.name()]);
+    names.flatten().map(String::from).collect()
+}
+
+/// What is said of a hand that is not read; nothing if the user has chosen between sides.
+fn told_of(other: &Candidate, chosen: &Candidate, wanted: Option<Side>, source: &Source) -> Option<String> {
+    match (chosen.side, other.side) {
+        (Some(read), Some(side)) if side != read => wanted.is_none().then(|| {
+            format!("has both hands; the {read} one is read, {}:{side} is the {side} one", source.name)
+        }),
+        (read, _) => {
+            let read = read.map_or("of an unknown side".to_owned(), |side| format!("a {side} hand"));
+            Some(format!("has another hand besides that which is read ({read}); export the wanted one alone"))
+        }
+    }
+}
