@@ -260,7 +260,11 @@ fn a_rigged_hand_is_exported_and_read_back() {
     let tiny = tiny_mano().display().to_string();
     let unknown = export(&[&tiny, "--glb", "tiny.glb", "--fit-pose-correctives"]);
     let told = String::from_utf8_lossy(&unknown.stderr);
-    assert!(told.contains("error: --fit-pose-correctives: ") && told.contains("protocol2.pkl: the joints' names do not tell"), "{told}");
+    assert!(
+        told.contains("error: --fit-pose-correctives: ")
+            && told.contains("protocol2.pkl: the joints' names do not tell"),
+        "{told}"
+    );
     assert!(!folder.path().join("tiny.glb").exists() && !folder.path().join("other.glb").exists());
 }
 

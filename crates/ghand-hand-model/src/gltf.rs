@@ -116,22 +116,31 @@ fn read_hand(
     let placement = Placement::of(skeleton, hand, parts, &source, &mut warnings)?;
     let n_b = hand.joints.len();
     let mut raw = RawMesh::default();
+    let mut ends = vec![];
     for part in parts {
         let binding = placement.binding(part.skin.index());
-        let primitives: Vec<_> = part.mesh.primitives().collect();
+        let mut primitives: Vec<_> = part.mesh.primitives().collect();
         morph_targets::require_equal_counts(&primitives, &source)?;
         let targets = primitives.first().map_or(0, |primitive| primitive.morph_targets().len());
         let names = morph_targets::names_in_file(part.mesh.extras().as_deref(), targets);
+        primitives.retain(|primitive| binding.may_move(primitive, &buffers));
         for primitive in primitives {
             raw.append(&primitive, &names, n_b, binding, &buffers, &source)?;
         }
+        ends.push(raw.positions.len());
     }
-    let before = raw.positions.len();
-    cut::cut(&mut raw, &placement.joints, *is_only_hand, |joint| skeleton.names[joint].clone(), &mut warnings);
-    let is_whole = raw.positions.len() == before;
+    let name_of_joint = |joint: usize| skeleton.names[joint].clone();
+    let kept = cut::cut(&mut raw, &placement.joints, *is_only_hand, name_of_joint, &mut warnings);
+    let is_whole = !kept.contains(&false);
     if !is_whole {
         morph_targets::drop_idle(&mut raw.targets, &mut warnings);
     }
+    if raw.triangles.is_empty() {
+        return Err(
+            source.invalid("mesh", "has no triangle that follows the hand's joints; export it with its weights".into())
+        );
+    }
+    warnings.extend(choice.told_of_parts(&ends, &kept));
     let names = hand.names(skeleton);
     let shape = side_of_shape(&JointRole::of_joints(&names), &placement.joints);
     let telling = choice.telling_names(&file, Path::new(name));
@@ -140,8 +149,7 @@ fn read_hand(
     let Some(first) = parts.first() else { return Err(no_skin(&source)) };
     let binding = placement.binding(first.skin.index());
     let extras = first.skin.extras().as_deref();
-    let joint_directions =
-        joint_shifts::joint_directions(extras, &target_names, binding, n_b, &source, &mut warnings)?;
+    let joint_directions = joint_shifts::joint_directions(extras, &target_names, binding, n_b, &source, &mut warnings)?;
     let joints = Joints { names, parents: hand.parents.clone(), positions: placement.joints.clone() };
     let mut model = weld::weld(raw, joints, side, &source, &mut warnings)?;
     model.shape_names = morph_targets::unique_names(target_names);

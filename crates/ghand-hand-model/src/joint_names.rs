@@ -111,17 +111,19 @@ pub fn unidentified(names: &[String]) -> Option<String> {
         bends.filter(|bend| !roles.contains(&Some(*bend))).map(|bend| bend.to_string()).collect();
     let unplaced: Vec<&str> =
         names.iter().zip(&roles).filter(|(_, role)| role.is_none()).map(|(name, _)| name.as_str()).collect();
-    let unplaced = match unplaced.len() {
-        0 => "every joint has another part".into(),
-        _ => format!("joints without a part: {}", unplaced.join(", ")),
+    let missing_parts = missing.join(", ");
+    let cause = match unplaced.len() {
+        0 => format!(
+            "has no joints {missing_parts}, counted from the palm; poses by name and of other hands need three for each \
+             finger"
+        ),
+        _ => format!(
+            "the joints' names do not tell {missing_parts}, counted from the palm (joints without a part: {}); name them \
+             like MANO's (index1) or WebXR's",
+            unplaced.join(", ")
+        ),
     };
-    (!missing.is_empty()).then(|| {
-        format!(
-            "the joints' names do not tell {}, counted from the palm ({unplaced}); name them like MANO's (index1) or \
-             WebXR's",
-            missing.join(", ")
-        )
-    })
+    (!missing.is_empty()).then_some(cause)
 }
 
 /// The three joints that bend a finger, starting at the palm, if the model has them.
@@ -208,11 +210,16 @@ mod tests {
     #[test]
     fn numbers_count_from_where_their_finger_begins() {
         for (names, expected) in [
-            ("h finger_index_meta_r finger_index_0_r finger_index_1_r finger_index_2_r finger_index_r_end", "IM I1 I2 I3 Itip"),
+            (
+                "h finger_index_meta_r finger_index_0_r finger_index_1_r finger_index_2_r finger_index_r_end",
+                "IM I1 I2 I3 Itip",
+            ),
             ("h J_Bip_R_Ring0 J_Bip_R_Ring1 J_Bip_R_Ring2 J_Bip_R_Ring3 J_Bip_R_Ring3_end", "RM R1 R2 R3 Rtip"),
             ("h LeftHandPinky1 LeftHandPinky2 LeftHandPinky3 LeftHandPinky4 LeftHandPinky4_end", "L1 L2 L3 Ltip -"),
             ("h mid1 mid2 mid3 mid4 mid_tip", "MM M1 M2 M3 Mtip"),
             ("h Index Index.001 Index.002", "I1 I2 I3"),
+            ("h Thumb Thumb.001 Thumb.002 Thumb.003", "T1 T2 T3 Ttip"),
+            ("h InHandThumb HandThumb1 HandThumb2 HandThumb3", "- T1 T2 T3"),
             ("h index1_base.r index1.r index2.r index3.r", "IM I1 I2 I3"),
             ("h RightInHandRing RightHandRing1 RightHandRing2 RightHandRing3", "RM R1 R2 R3"),
             ("h index_meta index_a index_b index_c index_end", "IM I1 I2 I3 Itip"),
@@ -234,7 +241,10 @@ mod tests {
         ] {
             assert!(read(names).starts_with("I1 I2 I3"), "{names}: {}", read(names));
         }
-        assert_eq!(read("h index_01 index_02 index_03 mid_04 mid_05 mid_06 ring_07 ring_08 ring_09"), "I1 I2 I3 M1 M2 M3 R1 R2 R3");
+        assert_eq!(
+            read("h index_01 index_02 index_03 mid_04 mid_05 mid_06 ring_07 ring_08 ring_09"),
+            "I1 I2 I3 M1 M2 M3 R1 R2 R3"
+        );
     }
 
     #[test]
@@ -253,16 +263,39 @@ mod tests {
     #[test]
     fn words_decide_and_not_letters_in_them() {
         for name in [
-            "spring1", "string_2", "earring1", "thumbnail1", "forearm1", "middleware2", "wristband", "wrist_twist_01",
-            "toe_index1", "ring_ik_target1", "indexer1", "index_pinky_1", "lower_leg_middle_1", "forehead1",
+            "spring1",
+            "string_2",
+            "earring1",
+            "thumbnail1",
+            "forearm1",
+            "middleware2",
+            "wristband",
+            "wrist_twist_01",
+            "toe_index1",
+            "ring_ik_target1",
+            "indexer1",
+            "index_pinky_1",
+            "lower_leg_middle_1",
+            "forehead1",
         ] {
             assert_eq!(JointRole::of(name), None, "{name}");
         }
         for (name, side) in [
-            ("leftover1", None), ("copyright", None), ("LeftHandIndex1", Some(Side::Left)), ("hand_l", Some(Side::Left)),
-            ("rIndex1", Some(Side::Right)), ("Bip01 L Finger0", Some(Side::Left)), ("f_index.01.R.001", Some(Side::Right)),
-            ("rightindex1", Some(Side::Right)), ("lhand", Some(Side::Left)), ("left_right", None), ("little1", None),
-            ("ring1", None), ("rhino", None), ("MANO_RIGHT", Some(Side::Right)), ("左手首", Some(Side::Left)),
+            ("leftover1", None),
+            ("copyright", None),
+            ("LeftHandIndex1", Some(Side::Left)),
+            ("hand_l", Some(Side::Left)),
+            ("rIndex1", Some(Side::Right)),
+            ("Bip01 L Finger0", Some(Side::Left)),
+            ("f_index.01.R.001", Some(Side::Right)),
+            ("rightindex1", Some(Side::Right)),
+            ("lhand", Some(Side::Left)),
+            ("left_right", None),
+            ("little1", None),
+            ("ring1", None),
+            ("rhino", None),
+            ("MANO_RIGHT", Some(Side::Right)),
+            ("左手首", Some(Side::Left)),
         ] {
             assert_eq!(side_in_name(name), side, "{name}");
         }

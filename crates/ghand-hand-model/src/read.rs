@@ -104,3 +104,25 @@ fn is_gltf(path: &Path) -> bool {
     let read = ghand_files::input_file::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
     matches!(extension.as_deref(), Some("glb" | "gltf")) || (read.is_ok() && start == b"glTF")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::builtin::builtin_hand;
+    use crate::rigged_glb::write_rigged_glb;
+
+    #[test]
+    fn a_side_after_the_name_chooses_a_hand_unless_that_is_a_files_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.glb");
+        write_rigged_glb(&path, &builtin_hand(Side::Left).unwrap()).unwrap();
+        let named = |side: &str| PathBuf::from(format!("{}:{side}", path.display()));
+        let read = |path: &Path| read_hand_model(path, &ReadOptions::default());
+        assert_eq!(read(&named("left")).unwrap().model, read(&path).unwrap().model);
+        let refused = read(&named("right")).unwrap_err().to_string();
+        assert!(refused.contains("hand.glb: hand model: has no right hand, but a left one; omit :right"), "{refused}");
+        assert_eq!(file_and_side(&named("front")), (named("front"), None));
+        std::fs::copy(&path, named("right")).unwrap();
+        assert_eq!(read(&named("right")).unwrap().model.side, Side::Left);
+    }
+}

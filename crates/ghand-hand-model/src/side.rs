@@ -97,6 +97,9 @@ mod tests {
         assert!(warnings.is_empty());
         assert_eq!(decide(Some(Side::Right), ["hand_l"], &mut warnings), Side::Right);
         assert_eq!(decide(None, ["ring"], &mut warnings), Side::Right);
-        assert!(warnings[0].contains("\"hand_l\" says left") && warnings[1].contains("read as a right"), "{warnings:?}");
+        assert!(
+            warnings[0].contains("\"hand_l\" says left") && warnings[1].contains("read as a right"),
+            "{warnings:?}"
+        );
     }
 }

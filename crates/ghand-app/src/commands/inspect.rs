@@ -58,7 +58,9 @@ pub struct InspectArgs {
 /// error only if no image can be used.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
-        Some(path) if !file_and_side(path).0.exists() && !is_hand_name(path) => bail!("{}: no such file or folder", path.display()),
+        Some(path) if !file_and_side(path).0.exists() && !is_hand_name(path) => {
+            bail!("{}: no such file or folder", path.display())
+        }
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");

@@ -207,7 +207,8 @@ impl Reader<'_> {
                     );
                 };
                 self.validator.is_inside_capture("hand_model.path", path)?;
-                let file = read_gltf_hand(&root.join(path), Some(side)).map_err(|source| self.hand_model_error(source))?;
+                let file =
+                    read_gltf_hand(&root.join(path), Some(side)).map_err(|source| self.hand_model_error(source))?;
                 warnings.extend(file.warnings.iter().map(|warning| format!("{path}: {warning}")));
                 if file.model.side != side {
                     let found = file.model.side;

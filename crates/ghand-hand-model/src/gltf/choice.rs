@@ -6,6 +6,7 @@ use ::gltf::{Gltf, Mesh, Node, Skin};
 use ghand_core::Side;
 
 use super::buffers::Buffers;
+use super::cut::listed;
 use super::hands::{Hand, hands};
 use super::placement::joints_in_world;
 use super::skeleton::Skeleton;
@@ -80,20 +81,46 @@ impl<'a> Choice<'a> {
         let at = candidates.iter().position(|c| (preference(c), c.vertices) == best).unwrap_or(0);
         let chosen = candidates.swap_remove(at);
         let others_here = candidates.iter().filter(|other| other.skeleton == chosen.skeleton).count();
-        warnings.extend(candidates.iter().filter_map(|other| told_of(other, &chosen, wanted, source)));
+        let names = |other: &Candidate| {
+            let own = parts.iter().filter(|part| moves(&skeletons[other.skeleton], part));
+            listed(&own.map(Part::name).collect::<Vec<_>>())
+        };
+        warnings.extend(candidates.iter().filter_map(|other| told_of(other, &names(other), &chosen, wanted, source)));
         let (own, apart): (Vec<_>, Vec<_>) =
             parts.into_iter().partition(|part| moves(&skeletons[chosen.skeleton], part));
         let has_hand = |part: &Part| candidates.iter().any(|other| moves(&skeletons[other.skeleton], part));
         let unread: Vec<String> = apart.iter().filter(|part| !has_hand(part)).map(Part::name).collect();
         if !unread.is_empty() {
-            warnings.push(format!("meshes of other skeletons are not read: {}", unread.join(", ")));
-        }
-        if own.len() > 1 {
-            let names: Vec<String> = own.iter().map(Part::name).collect();
-            warnings.push(format!("{} meshes of one skeleton are read as one hand: {}", own.len(), names.join(", ")));
+            warnings.push(format!("meshes of other skeletons are not read: {}", listed(&unread)));
         }
         let Some(skeleton) = skeletons.into_iter().nth(chosen.skeleton) else { return Err(no_skin(source)) };
         Ok(Choice { skeleton, hand: chosen.hand, parts: own, is_only_hand: others_here == 0 })
+    }
+
+    /// What is said of meshes and joints: which are read as one hand, and which are not of it. Of the vertices, those
+    /// before `ends[k]` and not before `ends[k - 1]` are of part `k`; `kept` are those of the hand.
+    pub(super) fn told_of_parts(&self, ends: &[usize], kept: &[bool]) -> Vec<String> {
+        let mut told = vec![];
+        let starts = [0].into_iter().chain(ends.iter().copied());
+        let is_read = |(start, end): (usize, &usize)| kept.get(start..*end).is_some_and(|own| own.contains(&true));
+        let reads: Vec<bool> = starts.zip(ends).map(is_read).collect();
+        let names = |wanted: bool| -> Vec<String> {
+            self.parts.iter().zip(&reads).filter(|(_, read)| **read == wanted).map(|(part, _)| part.name()).collect()
+        };
+        let (read, unread) = (names(true), names(false));
+        if read.len() > 1 {
+            told.push(format!("{} meshes are read as one hand: {}", read.len(), listed(&read)));
+        }
+        if !unread.is_empty() {
+            told.push(format!("meshes that do not follow the hand's joints are not read: {}", listed(&unread)));
+        }
+        let is_other = |joint: &usize| !self.hand.joints.contains(joint);
+        let others: Vec<String> =
+            (0..self.skeleton.names.len()).filter(is_other).map(|k| self.skeleton.names[k].clone()).collect();
+        if !others.is_empty() {
+            told.push(format!("joints that are not of the hand are not read: {}", listed(&others)));
+        }
+        told
     }
 
     /// Names that may tell the side, the most reliable first; that of the file, which may be anything, comes last.
@@ -106,7 +133,7 @@ impl<'a> Choice<'a> {
 }
 
 impl Part<'_> {
-    fn name(&self) -> String {
+    pub(super) fn name(&self) -> String {
         self.node.name().or(self.mesh.name()).unwrap_or("unnamed").to_owned()
     }
 }
@@ -128,7 +155,7 @@ fn skinned_parts<'a>(file: &'a Gltf, warnings: &mut Vec<String>) -> Vec<Part<'a>
         }
     }
     if !plain.is_empty() && !parts.is_empty() {
-        warnings.push(format!("meshes without a skin are not read: {}", plain.join(", ")));
+        warnings.push(format!("meshes without a skin are not read: {}", listed(&plain)));
     }
     parts
 }
@@ -139,7 +166,8 @@ fn moves(skeleton: &Skeleton, part: &Part) -> bool {
 
 fn vertices(skeleton: &Skeleton, parts: &[Part]) -> usize {
     let own = parts.iter().filter(|part| moves(skeleton, part)).flat_map(|part| part.mesh.primitives());
-    own.filter_map(|primitive| Some(primitive.get(&::gltf::Semantic::Positions)?.count())).fold(0, usize::saturating_add)
+    own.filter_map(|primitive| Some(primitive.get(&::gltf::Semantic::Positions)?.count()))
+        .fold(0, usize::saturating_add)
 }
 
 fn first_largest(counts: &[usize]) -> Option<usize> {
@@ -162,14 +190,17 @@ fn names_of_parts(parts: &[&Part]) -> Vec<String> {
 }
 
 /// What is said of a hand that is not read; nothing if the user has chosen between sides.
-fn told_of(other: &Candidate, chosen: &Candidate, wanted: Option<Side>, source: &Source) -> Option<String> {
+fn told_of(
+    other: &Candidate,
+    meshes: &str,
+    chosen: &Candidate,
+    wanted: Option<Side>,
+    source: &Source,
+) -> Option<String> {
     match (chosen.side, other.side) {
-        (Some(read), Some(side)) if side != read => wanted.is_none().then(|| {
-            format!("has both hands; the {read} one is read, {}:{side} is the {side} one", source.name)
-        }),
-        (read, _) => {
-            let read = read.map_or("of an unknown side".to_owned(), |side| format!("a {side} hand"));
-            Some(format!("has another hand besides that which is read ({read}); export the wanted one alone"))
-        }
+        (Some(read), Some(side)) if side != read => wanted
+            .is_none()
+            .then(|| format!("has both hands; the {read} one is read, {}:{side} is the {side} one", source.name)),
+        _ => Some(format!("has another hand that is not read ({meshes}); export the wanted one alone")),
     }
 }

@@ -15,16 +15,17 @@ const MOST_NAMES: usize = 6;
 
 /// Removes vertices that mostly follow other joints than the hand's, except for a stub of the arm; a mesh that is no
 /// longer than a hand with its forearm stays whole if it is the only hand. What is left of other joints' weights goes to
-/// the wrist. `joints` are the hand's rest positions, the wrist first; `name` names joints of the skeleton.
+/// the wrist. `joints` are the hand's rest positions, the wrist first; `name` names joints of the skeleton. Returns which
+/// vertices are left.
 pub(super) fn cut(
     mesh: &mut RawMesh,
     joints: &[DVec3],
     is_only_hand: bool,
     name: impl Fn(usize) -> String,
     warnings: &mut Vec<String>,
-) {
+) -> Vec<bool> {
     if mesh.outside.iter().all(|outside| outside.total() == 0.0) {
-        return;
+        return vec![true; mesh.positions.len()];
     }
     let n_b = joints.len();
     let wrist = joints.first().copied().unwrap_or_default();
@@ -34,16 +35,21 @@ pub(super) fn cut(
         let near = outside.arm > outside.body && position.distance(wrist) <= STUB * reach;
         stays_whole || outside.total() <= 0.5 || near
     };
-    let keep: Vec<bool> = mesh.outside.iter().zip(&mesh.positions).map(is_kept).collect();
+    let mut keep: Vec<bool> = mesh.outside.iter().zip(&mesh.positions).map(is_kept).collect();
+    if keep.contains(&false) {
+        let mut has_triangle = vec![false; keep.len()];
+        let whole = mesh.triangles.iter().filter(|triangle| triangle.iter().all(|v| keep[*v as usize]));
+        whole.flatten().for_each(|v| has_triangle[*v as usize] = true);
+        keep = has_triangle;
+    }
     let removed: Vec<&Outside> = mesh.outside.iter().zip(&keep).filter(|(_, keep)| !**keep).map(|(o, _)| o).collect();
     let merged: Vec<&Outside> =
         mesh.outside.iter().zip(&keep).filter(|(o, keep)| **keep && o.total() > 0.5).map(|(o, _)| o).collect();
     if !removed.is_empty() {
         warnings.push(format!(
-            "{} of {} vertices of the file follow joints that are not of this hand ({}); they are not read",
+            "{} of {} vertices follow joints that are not of this hand, or belong to their triangles; they are not read",
             removed.len(),
-            keep.len(),
-            names_of(&removed, &name)
+            keep.len()
         ));
     }
     if !merged.is_empty() {
@@ -61,6 +67,14 @@ pub(super) fn cut(
     if keep.contains(&false) {
         mesh.retain(&keep, n_b);
     }
+    keep
+}
+
+/// Names, the first ones of many.
+pub(super) fn listed(names: &[String]) -> String {
+    let more = names.len().saturating_sub(MOST_NAMES);
+    let first = names[..names.len() - more].join(", ");
+    if more == 0 { first } else { format!("{first} and {more} more") }
 }
 
 /// The longest edge of the box around points.
@@ -76,7 +90,5 @@ fn names_of(vertices: &[&Outside], name: &impl Fn(usize) -> String) -> String {
     vertices.iter().filter_map(|o| o.heaviest).for_each(|(joint, _)| *counts.entry(joint).or_default() += 1);
     let mut joints: Vec<(usize, usize)> = counts.into_iter().collect();
     joints.sort_by_key(|&(joint, count)| (std::cmp::Reverse(count), joint));
-    let names: Vec<String> = joints.iter().take(MOST_NAMES).map(|&(joint, _)| name(joint)).collect();
-    let more = joints.len().saturating_sub(MOST_NAMES);
-    if more == 0 { names.join(", ") } else { format!("{} and {more} more", names.join(", ")) }
+    listed(&joints.iter().map(|&(joint, _)| name(joint)).collect::<Vec<_>>())
 }

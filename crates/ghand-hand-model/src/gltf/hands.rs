@@ -6,8 +6,8 @@ use ::gltf::Gltf;
 use ghand_core::Side;
 
 use super::Source;
-use super::webxr::{WEBXR_JOINTS, webxr_order, webxr_parent};
 use super::skeleton::Skeleton;
+use super::webxr::{WEBXR_JOINTS, webxr_order, webxr_parent};
 use crate::HandModelError;
 use crate::joint_names::{Finger, JointRole, Limb, fingers, limb, side_in_name};
 
@@ -30,7 +30,8 @@ pub(super) struct Hand {
 pub(super) fn hands(skeleton: &Skeleton, source: &Source) -> Result<Vec<Hand>, HandModelError> {
     if let Some(order) = webxr_order(&skeleton.nodes, source)? {
         let parents = (0..WEBXR_JOINTS.len()).map(webxr_parent).collect();
-        return Ok(vec![Hand { joints: order, parents, arm: vec![] }]);
+        let arm = arm(skeleton, &skeleton.parents, &order);
+        return Ok(vec![Hand { joints: order, parents, arm }]);
     }
     let parents = with_parents_by_name(skeleton);
     let order = skeleton.order(&parents, source)?;
@@ -45,12 +46,11 @@ pub(super) fn hands(skeleton: &Skeleton, source: &Source) -> Result<Vec<Hand>, H
     };
     let hand = |&palm: &usize| {
         let own = above(palm).take_while(|&joint| !is_of_other(joint, palm));
-        let all_fingers = own.clone().find(|&joint| below[joint] == own.clone().fold(0, |all, joint| all | below[joint]));
+        let all_fingers =
+            own.clone().find(|&joint| below[joint] == own.clone().fold(0, |all, joint| all | below[joint]));
         let wrist = wrist_above(skeleton, own.skip_while(|joint| Some(*joint) != all_fingers)).unwrap_or(palm);
         let of_hand: Vec<usize> = order.iter().copied().filter(|&joint| above(joint).any(|j| j == wrist)).collect();
-        let arm = parents[wrist].map_or(vec![], |arm| {
-            order.iter().copied().filter(|&joint| above(joint).any(|j| j == arm) && !of_hand.contains(&joint)).collect()
-        });
+        let arm = arm(skeleton, &parents, &of_hand);
         Hand::of(of_hand, &parents, arm)
     };
     Ok(palms.iter().map(hand).collect())
@@ -59,8 +59,13 @@ pub(super) fn hands(skeleton: &Skeleton, source: &Source) -> Result<Vec<Hand>, H
 impl Hand {
     /// All joints of a skeleton whose names identify no hand.
     pub(super) fn whole(skeleton: &Skeleton, source: &Source) -> Result<Hand, HandModelError> {
-        let roots: Vec<&str> =
-            skeleton.parents.iter().zip(&skeleton.nodes).filter(|(parent, _)| parent.is_none()).map(|(_, node)| node.name().unwrap_or("unnamed")).collect();
+        let roots: Vec<&str> = skeleton
+            .parents
+            .iter()
+            .zip(&skeleton.nodes)
+            .filter(|(parent, _)| parent.is_none())
+            .map(|(_, node)| node.name().unwrap_or("unnamed"))
+            .collect();
         let order = skeleton.order(&skeleton.parents, source)?;
         if roots.len() != 1 {
             let problem = format!(
@@ -89,9 +94,20 @@ impl Hand {
     }
 }
 
+/// The joint above the wrist, and those below it that are not the hand's.
+fn arm(skeleton: &Skeleton, parents: &[Option<usize>], hand: &[usize]) -> Vec<usize> {
+    let Some(top) = hand.first().and_then(|&wrist| parents[wrist]) else { return vec![] };
+    // The tree of a WebXR hand may have a cycle.
+    let above = |joint: usize| std::iter::successors(Some(joint), |&joint| parents[joint]).take(parents.len());
+    let is_of_arm = |joint: &usize| !hand.contains(joint) && above(*joint).any(|ancestor| ancestor == top);
+    (0..skeleton.names.len()).filter(is_of_arm).collect()
+}
+
 /// Fingers whose joints are a joint or below it, one bit each.
 fn fingers_below(skeleton: &Skeleton, parents: &[Option<usize>], order: &[usize]) -> Vec<u32> {
-    let bit = |finger: Option<Finger>| finger.and_then(|own| Finger::ALL.iter().position(|f| *f == own)).map_or(0, |k| 1 << k);
+    let bit = |finger: Option<Finger>| {
+        finger.and_then(|own| Finger::ALL.iter().position(|f| *f == own)).map_or(0, |k| 1 << k)
+    };
     let mut below: Vec<u32> = fingers(&skeleton.names).into_iter().map(bit).collect();
     for &joint in order.iter().rev() {
         if let Some(parent) = parents[joint] {

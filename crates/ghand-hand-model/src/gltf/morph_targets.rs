@@ -9,8 +9,8 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::Source;
-use super::raw_mesh::RawTarget;
 use super::buffers::Buffers;
+use super::raw_mesh::RawTarget;
 use crate::HandModelError;
 
 /// Most morph targets of a mesh: many times those of any hand, fewer than those of a face.
@@ -80,7 +80,10 @@ pub(super) fn drop_idle(targets: &mut Vec<RawTarget>, warnings: &mut Vec<String>
     let before = targets.len();
     targets.retain(|target| target.displacements.iter().any(|d| *d != DVec3::ZERO));
     if targets.len() < before {
-        warnings.push(format!("{} of {before} morph targets do not move this hand; they are not read", before - targets.len()));
+        warnings.push(format!(
+            "{} of {before} morph targets do not move this hand; they are not read",
+            before - targets.len()
+        ));
     }
 }
 

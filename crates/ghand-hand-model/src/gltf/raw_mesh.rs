@@ -39,6 +39,21 @@ impl Binding {
         self.model_from_mesh.map_or(point, |(turn, origin)| turn * point + origin)
     }
 
+    /// Whether a primitive may have vertices of the hand or of the arm next to it. What cannot be read is left to the
+    /// reader of the primitive.
+    pub(super) fn may_move(&self, primitive: &Primitive, buffers: &Buffers) -> bool {
+        if !self.joints.iter().any(|moves| matches!(moves, Moves::Body(_))) {
+            return true;
+        }
+        (0..MAX_SETS).map_while(|set| Some((primitive.get(&Semantic::Joints(set))?, set))).any(|(joints, set)| {
+            let weights = primitive.get(&Semantic::Weights(set)).and_then(|w| buffers.floats::<4>(&w, "").ok());
+            let (Ok(joints), Some(weights)) = (buffers.integers::<4>(&joints, ""), weights) else { return true };
+            let mut bound = joints.iter().flatten().zip(weights.iter().flatten());
+            let is_of_body = |joint: u32| matches!(self.joints.get(joint as usize), Some(Moves::Body(_)));
+            bound.any(|(joint, weight)| *weight != 0.0 && !is_of_body(*joint))
+        })
+    }
+
     pub(super) fn direction(&self, direction: DVec3) -> DVec3 {
         self.model_from_mesh.map_or(direction, |(turn, _)| turn * direction)
     }
@@ -257,7 +272,11 @@ impl RawMesh {
 
 impl Outside {
     fn add(&mut self, joint: usize, weight: f64, is_arm: bool) {
-        if is_arm { self.arm += weight } else { self.body += weight }
+        if is_arm {
+            self.arm += weight
+        } else {
+            self.body += weight
+        }
         if self.heaviest.is_none_or(|(_, heaviest)| weight > heaviest) {
             self.heaviest = Some((joint, weight));
         }

@@ -75,12 +75,19 @@ impl<'a> Skeleton<'a> {
                     return Err(source.invalid("skin", problem));
                 }
             }
-            bound.push(BoundSkin { index: skin.index(), inverse_binds: inverse_binds(skin, joints.len(), buffers, source)?, joints });
+            bound.push(BoundSkin {
+                index: skin.index(),
+                inverse_binds: inverse_binds(skin, joints.len(), buffers, source)?,
+                joints,
+            });
         }
         let name = |(k, node): (usize, &Node)| node.name().map_or_else(|| format!("joint{k}"), String::from);
         Ok(Skeleton {
             names: nodes.iter().enumerate().map(name).collect(),
-            parents: nodes.iter().map(|node| tree.ancestors(node.index()).find_map(|n| joint_of_node.get(&n).copied())).collect(),
+            parents: nodes
+                .iter()
+                .map(|node| tree.ancestors(node.index()).find_map(|n| joint_of_node.get(&n).copied()))
+                .collect(),
             world_from_node: nodes.iter().map(|node| tree.world_from_node(node.index())).collect(),
             nodes,
             skins: bound,

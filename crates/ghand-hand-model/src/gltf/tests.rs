@@ -1,3 +1,4 @@
+mod hands;
 mod shapes;
 mod skinning;
 mod storage;

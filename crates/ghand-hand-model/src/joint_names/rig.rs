@@ -44,6 +44,7 @@ pub(super) fn roles(names: &[String]) -> Vec<Option<JointRole>> {
         if pieces.iter().filter(|(_, piece)| *piece == Piece::Bare).count() > 1 {
             pieces = pieces_of(finger, &counted);
         }
+        without_strangers(&mut pieces, &lengths);
         let chain = Chain::of(&pieces);
         for (k, piece) in pieces {
             roles[k] = if finger == Finger::Thumb { chain.of_thumb(piece) } else { chain.of_finger(finger, piece) };
@@ -201,6 +202,20 @@ fn pieces_of(finger: Finger, named: &[Named]) -> Vec<(usize, Piece)> {
     named.iter().enumerate().filter_map(own).collect()
 }
 
+/// The finger alone is the first of a chain of the same words with numbers (`Index`, `Index.001`); with other words
+/// (`RightInHandIndex` beside `RightHandIndex1`) it is what comes before the chain. `lengths` counts the words of names.
+fn without_strangers(pieces: &mut [(usize, Piece)], lengths: &[usize]) {
+    let chain: Vec<usize> = (pieces.iter())
+        .filter(|(_, piece)| matches!(piece, Piece::Number(_)))
+        .map(|(joint, _)| lengths[*joint])
+        .collect();
+    for (joint, piece) in pieces {
+        if *piece == Piece::Bare && chain.len() >= 3 && chain.iter().all(|length| *length != lengths[*joint] + 1) {
+            *piece = Piece::Part(Part::Metacarpal, None);
+        }
+    }
+}
+
 /// The pieces of one finger.
 struct Chain {
     parts: Vec<Part>,
@@ -212,7 +227,8 @@ struct Chain {
 
 impl Chain {
     fn of(pieces: &[(usize, Piece)]) -> Chain {
-        let parts = pieces.iter().filter_map(|(_, piece)| if let Piece::Part(part, _) = piece { Some(*part) } else { None });
+        let parts =
+            pieces.iter().filter_map(|(_, piece)| if let Piece::Part(part, _) = piece { Some(*part) } else { None });
         let mut numbers: BTreeSet<Option<usize>> = (pieces.iter())
             .filter_map(|(_, piece)| if let Piece::Number(number) = piece { Some(Some(*number)) } else { None })
             .collect();
@@ -232,7 +248,7 @@ impl Chain {
     /// The place of a joint among the numbered ones, and whether their first is the metacarpal's, before the knuckle's.
     fn place(&self, piece: Piece) -> (Option<usize>, bool) {
         let own = if let Piece::Number(number) = piece { Some(number) } else { None };
-        let starts_at_0 = matches!(self.numbers.first(), Some(None | Some(0)));
+        let starts_at_0 = self.numbers.first() == Some(&Some(0));
         (self.numbers.iter().position(|number| *number == own), starts_at_0 || self.has_separate_tip)
     }
 
@@ -240,8 +256,7 @@ impl Chain {
         let bend = |k: usize| Some(JointRole::Bend(finger, k as u8));
         let (metacarpal, tip) = (Some(JointRole::Metacarpal(finger)), Some(JointRole::Tip(finger)));
         if let Piece::Part(part, _) = piece {
-            let is_before_knuckle =
-                self.numbers.len() >= 3 || self.has(&[Part::Proximal, Part::Knuckle, Part::Mcp]);
+            let is_before_knuckle = self.numbers.len() >= 3 || self.has(&[Part::Proximal, Part::Knuckle, Part::Mcp]);
             return match part {
                 Part::Metacarpal | Part::Cmc => metacarpal,
                 Part::Start if is_before_knuckle => metacarpal,
@@ -256,7 +271,13 @@ impl Chain {
             (3, (Some(k), _), _) => bend(k + 1),
             (4, (Some(0), true), _) if !has_metacarpal => metacarpal,
             (4, (Some(k), true), _) if !has_metacarpal => bend(k),
-            (4, (Some(k), _), _) => if k < 3 { bend(k + 1) } else { tip },
+            (4, (Some(k), _), _) => {
+                if k < 3 {
+                    bend(k + 1)
+                } else {
+                    tip
+                }
+            }
             (5, (Some(k), _), _) => match k {
                 0 => metacarpal,
                 4 => tip,
@@ -295,7 +316,13 @@ impl Chain {
             (3, (Some(k), _), _) => bend(k + 1),
             (4, (Some(0), true), _) => None,
             (4, (Some(k), true), _) => bend(k),
-            (4, (Some(k), false), _) => if k < 3 { bend(k + 1) } else { tip },
+            (4, (Some(k), false), _) => {
+                if k < 3 {
+                    bend(k + 1)
+                } else {
+                    tip
+                }
+            }
             (.., Piece::Number(k @ 1..=3)) => bend(k),
             (.., Piece::Number(4)) => tip,
             _ => None,

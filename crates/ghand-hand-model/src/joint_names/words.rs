@@ -99,6 +99,7 @@ const WORDS: &[(&str, Word)] = &[
     ("null", Word::Part(Part::Tip)),
     ("leaf", Word::Part(Part::Tip)),
     ("site", Word::Part(Part::Tip)),
+    ("先", Word::Part(Part::Tip)),
     ("wrist", Word::Wrist),
     ("手首", Word::Wrist),
     ("hand", Word::Hand),
