@@ -36,7 +36,7 @@ const SHEET_VIEWS: usize = 12;
 #[derive(Debug, Args)]
 pub struct InspectArgs {
     /// A capture: any folder that `train` accepts, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
-    /// (.glb, .gltf). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
+    /// (.glb, .gltf; FILE:left is the left one of two). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
