@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_capture::camera_list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::joint_names::unidentified;
+use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_hand_model::read::ReadOptions;
 use ghand_motion::motions::{MOTION_NAMES, motion};
@@ -155,7 +155,7 @@ pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
         bail!(unknown_name(name));
     }
     named_pose(name, model).ok_or_else(|| {
-        let cause = unidentified(&model.joint_names).unwrap_or("joints of a finger are at one point".into());
+        let cause = why_without_axes(&model.joint_names);
         anyhow!("{}: pose {name:?} needs the joints of each finger: {cause}; or give a file of poses", model.name)
     })
 }

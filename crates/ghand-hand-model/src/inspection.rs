@@ -90,7 +90,7 @@ fn atlas_warning(model: &HandModel) -> Option<String> {
              again",
             samples.overlaps
         )),
-        Ok(samples) if samples.len() > 0 => None,
+        Ok(samples) if !samples.is_empty() => None,
         _ => Some("the UV atlas has no texels in [0, 1]^2; unwrap it again".into()),
     }
 }

@@ -5,8 +5,8 @@
 //! frames are the identity.
 
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips};
-use ghand_hand_model::joint_names::{Finger, JointRole, unidentified};
+use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips, why_without_axes};
+use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
 use crate::PoseError;
@@ -66,8 +66,7 @@ impl RestSkeleton {
             return Err(PoseError::Invalid {
                 origin: name.into(),
                 field: "joints".into(),
-                problem: unidentified(joint_names)
-                    .unwrap_or("joints of a finger are at one point; export the hand again".into()),
+                problem: why_without_axes(joint_names),
             });
         };
         Ok(RestSkeleton {

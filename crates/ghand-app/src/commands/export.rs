@@ -8,7 +8,7 @@ use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
 use ghand_files::atomic_file::check_writable;
-use ghand_hand_model::joint_names::unidentified;
+use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::pose_correctives::fit_pose_directions;
 use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_render::splat::Purpose;
@@ -104,7 +104,7 @@ fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
     let mut model = file.model;
     if args.fit_pose_correctives {
         model.pose_directions = fit_pose_directions(&model).with_context(|| {
-            let cause = unidentified(&model.joint_names).unwrap_or("joints of a finger are at one point".into());
+            let cause = why_without_axes(&model.joint_names);
             format!("--fit-pose-correctives: {}: {cause}", args.subject.display())
         })?;
     }

@@ -26,7 +26,7 @@ pub(super) struct Part<'a> {
 pub(super) struct Choice<'a> {
     pub skeleton: Skeleton<'a>,
     pub hand: Hand,
-    /// The meshes that its skeleton moves, in the order of the nodes.
+    /// The meshes that its skeleton moves, the largest first: where meshes have the same texels, the first has them.
     pub parts: Vec<Part<'a>>,
     /// Whether the skeleton has no other hand.
     pub is_only_hand: bool,
@@ -86,8 +86,9 @@ impl<'a> Choice<'a> {
             listed(&own.map(Part::name).collect::<Vec<_>>())
         };
         warnings.extend(candidates.iter().filter_map(|other| told_of(other, &names(other), &chosen, wanted, source)));
-        let (own, apart): (Vec<_>, Vec<_>) =
+        let (mut own, apart): (Vec<_>, Vec<_>) =
             parts.into_iter().partition(|part| moves(&skeletons[chosen.skeleton], part));
+        own.sort_by_key(|part| std::cmp::Reverse(part.vertices()));
         let has_hand = |part: &Part| candidates.iter().any(|other| moves(&skeletons[other.skeleton], part));
         let unread: Vec<String> = apart.iter().filter(|part| !has_hand(part)).map(Part::name).collect();
         if !unread.is_empty() {
@@ -133,6 +134,11 @@ impl<'a> Choice<'a> {
 }
 
 impl Part<'_> {
+    fn vertices(&self) -> usize {
+        let count = |primitive: ::gltf::Primitive| Some(primitive.get(&::gltf::Semantic::Positions)?.count());
+        self.mesh.primitives().filter_map(count).fold(0, usize::saturating_add)
+    }
+
     pub(super) fn name(&self) -> String {
         self.node.name().or(self.mesh.name()).unwrap_or("unnamed").to_owned()
     }
@@ -165,9 +171,7 @@ fn moves(skeleton: &Skeleton, part: &Part) -> bool {
 }
 
 fn vertices(skeleton: &Skeleton, parts: &[Part]) -> usize {
-    let own = parts.iter().filter(|part| moves(skeleton, part)).flat_map(|part| part.mesh.primitives());
-    own.filter_map(|primitive| Some(primitive.get(&::gltf::Semantic::Positions)?.count()))
-        .fold(0, usize::saturating_add)
+    parts.iter().filter(|part| moves(skeleton, part)).map(Part::vertices).fold(0, usize::saturating_add)
 }
 
 fn first_largest(counts: &[usize]) -> Option<usize> {

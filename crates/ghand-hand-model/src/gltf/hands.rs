@@ -28,7 +28,7 @@ pub(super) struct Hand {
 
 /// The hands of a skeleton, in the order of its joints.
 pub(super) fn hands(skeleton: &Skeleton, source: &Source) -> Result<Vec<Hand>, HandModelError> {
-    if let Some(order) = webxr_order(&skeleton.nodes, source)? {
+    if let Some(order) = webxr_order(&skeleton.nodes) {
         let parents = (0..WEBXR_JOINTS.len()).map(webxr_parent).collect();
         let arm = arm(skeleton, &skeleton.parents, &order);
         return Ok(vec![Hand { joints: order, parents, arm }]);

@@ -197,10 +197,6 @@ fn bad_files_are_rejected_with_the_part_and_a_remedy() {
         (required("KHR_mesh_quantization"), "export without quantization"),
         (required("EXT_unknown"), "EXT_unknown"),
         (small().replace(r#""children":[2]"#, r#""children":[]"#), "2 root joints (middle, root)"),
-        (
-            small().replace(r#""name":"tip""#, r#""name":"wrist""#).replace("middle", "thumb-tip"),
-            "export all 25 joints",
-        ),
         (small().put(0, f32::NAN), "POSITION: entry 0 is not finite"),
         (small().put(72, f32::INFINITY), "TEXCOORD_0: entry 0 is not finite"),
         (small().put(144, -1.0), "WEIGHTS_0: has -1"),

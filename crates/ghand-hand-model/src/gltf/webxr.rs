@@ -2,9 +2,6 @@
 
 use ::gltf::Node;
 
-use super::Source;
-use crate::HandModelError;
-
 /// The joints of a WebXR hand: parents precede their children, and each finger hangs from the wrist.
 pub(super) const WEBXR_JOINTS: [&str; 25] = [
     "wrist",
@@ -43,19 +40,7 @@ pub(super) fn webxr_parent(joint: usize) -> Option<usize> {
     }
 }
 
-/// Joints of the skin in the order of [`WEBXR_JOINTS`]; `None` if the rig has other names.
-pub(super) fn webxr_order(nodes: &[Node], source: &Source) -> Result<Option<Vec<usize>>, HandModelError> {
-    let find = |name: &str| nodes.iter().position(|node| node.name() == Some(name));
-    let found: Vec<Option<usize>> = WEBXR_JOINTS.iter().map(|name| find(name)).collect();
-    // Rigs of other kinds may also have a joint called "wrist".
-    if found.iter().flatten().count() <= 1 {
-        return Ok(None);
-    }
-    let missing = WEBXR_JOINTS.iter().zip(&found).find(|(_, at)| at.is_none());
-    match missing {
-        Some((name, _)) => {
-            Err(source.invalid("skin", format!("has WebXR joints but no '{name}'; export all 25 joints of the hand")))
-        }
-        None => Ok(Some(found.into_iter().flatten().collect())),
-    }
+/// Joints of the skin in the order of [`WEBXR_JOINTS`]; `None` if it lacks one of these names.
+pub(super) fn webxr_order(nodes: &[Node]) -> Option<Vec<usize>> {
+    WEBXR_JOINTS.iter().map(|name| nodes.iter().position(|node| node.name() == Some(name))).collect()
 }

@@ -107,8 +107,8 @@ fn weld_targets(
     let torn = torn.iter().filter(|torn| **torn).count();
     if torn > 0 {
         warnings.push(format!(
-            "{torn} vertices have copies at UV seams that morph targets move apart; the copies move together, by the \
-             mean"
+            "{torn} vertices have copies at UV seams or in several meshes that morph targets move apart; the copies move \
+             together, by the mean"
         ));
     }
     directions

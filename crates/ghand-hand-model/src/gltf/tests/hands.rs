@@ -166,6 +166,21 @@ fn rigs_of_other_programs_have_the_same_fingers() {
 }
 
 #[test]
+fn webxr_names_need_not_be_complete_or_exact() {
+    let webxr = |finger: &str, k: usize| match finger {
+        "thumb" => format!("thumb-{}", ["metacarpal", "phalanx-proximal", "phalanx-distal"][k - 1]),
+        _ => format!("{finger}-finger-phalanx-{}", ["proximal", "intermediate", "distal"][k - 1]),
+    };
+    let without_tips = |name: &str| finger_of(name).map_or("wrist".into(), |(finger, k)| webxr(finger, k));
+    let with_little = |name: &str| without_tips(name).replace("pinky", "little");
+    for rig in [Rig::hand().named(without_tips), Rig::hand().named(with_little)] {
+        let file = rig.read();
+        assert!(file.warnings.is_empty(), "{}", told(&file));
+        assert!(Finger::ALL.iter().all(|finger| finger_joints(*finger, &file.model).is_some()));
+    }
+}
+
+#[test]
 fn joints_beside_each_other_are_a_hand_by_their_names() {
     let hand = Rig::hand().read().model;
     for name in [|name: &str| name.to_owned(), |name: &str| format!("left_{name}")] {
