@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use ghand_files::input_file;
+use ghand_hand_model::read::file_and_side;
 
 /// Kinds of files that commands distinguish before reading them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,11 +25,12 @@ const LARGEST_HEADER: u64 = 100_000_000;
 /// First bytes of binary glTF, of an archive of arrays, and of pickles of the protocols 2 to 5.
 const HAND_MODEL_STARTS: [&[u8]; 6] = [b"glTF", b"PK\x03\x04", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"];
 
-/// The kind of a file from its first bytes, or from its name if these are not conclusive.
+/// The kind of a file from its first bytes, or from its name if these are not conclusive. `FILE:left` is a hand of a file.
 pub fn file_kind(path: &Path) -> FileKind {
+    let (path, _) = file_and_side(path);
     let mut start = Vec::new();
     // A safetensors file begins with the length of its JSON header, little-endian, and the header.
-    let read = input_file::open(path).and_then(|file| file.take(9).read_to_end(&mut start));
+    let read = input_file::open(&path).and_then(|file| file.take(9).read_to_end(&mut start));
     let header = start.first_chunk::<8>().map(|length| u64::from_le_bytes(*length));
     let is_safetensors =
         header.is_some_and(|length| (2..=LARGEST_HEADER).contains(&length)) && start.get(8) == Some(&b'{');

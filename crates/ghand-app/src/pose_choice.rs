@@ -6,6 +6,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_capture::camera_list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
+use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_hand_model::read::ReadOptions;
 use ghand_motion::motions::{MOTION_NAMES, motion};
@@ -102,7 +103,11 @@ impl PoseReadingArgs {
             return Err(unknown_name(text));
         }
         let pose_model = match &self.pose_model {
-            Some(path) => Some(load_hand_model(path, &ReadOptions::default())?.model),
+            Some(path) => {
+                let file = load_hand_model(path, &ReadOptions::default())?;
+                file.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", path.display()));
+                Some(file.model)
+            }
             None => None,
         };
         let options = PoseOptions {
@@ -171,9 +176,8 @@ pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
         bail!(unknown_name(name));
     }
     named_pose(name, model).ok_or_else(|| {
-        anyhow!(
-            "pose {name:?} needs joints whose names identify the fingers, which this avatar lacks; give a file of poses"
-        )
+        let cause = why_without_axes(&model.joint_names);
+        anyhow!("{}: pose {name:?} needs the joints of each finger: {cause}; or give a file of poses", model.name)
     })
 }
 

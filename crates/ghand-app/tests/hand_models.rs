@@ -14,6 +14,7 @@ use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::{ManoOptions, read_mano};
 use ghand_hand_model::named_poses::named_pose;
 use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::rigged_glb::write_rigged_glb;
 use glam::DVec3;
 use image::RgbImage;
 
@@ -260,7 +261,11 @@ fn a_rigged_hand_is_exported_and_read_back() {
     let tiny = tiny_mano().display().to_string();
     let unknown = export(&[&tiny, "--glb", "tiny.glb", "--fit-pose-correctives"]);
     let told = String::from_utf8_lossy(&unknown.stderr);
-    assert!(told.contains("error: --fit-pose-correctives: the names") && told.contains("protocol2.pkl"), "{told}");
+    assert!(
+        told.contains("error: --fit-pose-correctives: ")
+            && told.contains("protocol2.pkl: the joints' names do not tell"),
+        "{told}"
+    );
     assert!(!folder.path().join("tiny.glb").exists() && !folder.path().join("other.glb").exists());
 }
 
@@ -317,6 +322,53 @@ fn inspect_describes_a_model_and_its_oddities() {
         assert!(mano.contains(expected), "no {expected:?} in {mano}");
     }
     assert_one_sentence(&run(GHAND, folder.path(), &["inspect", "absent.glb"]), &["absent.glb"]);
+}
+
+#[test]
+fn every_program_that_opens_a_hand_warns_as_inspect_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut wrong_unit = builtin_hand(Side::Right).unwrap().without_blend_shapes();
+    wrong_unit.vertices.iter_mut().chain(&mut wrong_unit.joints).for_each(|point| *point *= 100.0);
+    let mut misnamed = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().without_blend_shapes();
+    misnamed.joint_names.iter_mut().for_each(|name| *name = name.replace("ring", "spring"));
+    for (name, model, expected) in [
+        ("unit.glb", wrong_unit, "is 22.7844 m long"),
+        (
+            "names.glb",
+            misnamed,
+            "do not tell ring 1, ring 2, ring 3, counted from the palm (joints without a part: spring1",
+        ),
+    ] {
+        write_rigged_glb(&folder.path().join(name), &model).unwrap();
+        let told = |arguments: &[&str]| {
+            let output = run(GHAND, folder.path(), arguments);
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat()
+        };
+        for arguments in [
+            &["inspect", name][..],
+            &["pose", "--hand-model", name, "--out", "mesh.obj"],
+            &["export", name, "--glb", "again.glb"],
+        ] {
+            assert!(told(arguments).contains(expected), "{arguments:?}: {}", told(arguments));
+        }
+    }
+    let fist = ["pose", "--hand-model", "names.glb", "--pose", "fist", "--out", "fist.obj"];
+    let refused = run(GHAND, folder.path(), &fist);
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("error: names.glb: pose \"fist\" needs"), "{told}");
+    assert!(told.contains("joints without a part: spring1, spring2, spring3"), "{told}");
+}
+
+#[test]
+fn inspect_lists_the_part_of_each_joint() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(GHAND, folder.path(), &["inspect", "procedural"]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    for (joint, part) in [("wrist", "wrist"), ("thumb1", "thumb 1"), ("pinky3", "little 3")] {
+        let line = told.lines().find(|line| line.contains(&format!(" {joint}  ("))).unwrap();
+        assert!(line.ends_with(&format!(")  {part}")), "{line}");
+    }
 }
 
 #[test]

@@ -46,7 +46,7 @@ impl Capture {
         let file = path.join(CAPTURE_FILE);
         if !path.is_dir() || file.exists() {
             let file = if path.is_dir() { &file } else { path };
-            return Ok(Opened::plain(CaptureKind::Ghand, read_capture(file, mano)?, SkippedImages::default()));
+            return opened(read_capture(file, mano)?);
         }
         if let Some(location) = locate(path) {
             let sequences = Sequences { train: options.train_sequences.clone(), test: options.test_sequences.clone() };
@@ -57,6 +57,11 @@ impl Capture {
             return Ok(Opened::plain(CaptureKind::HandAppearance, capture, skipped_images));
         }
         // This error describes what a capture is.
-        Ok(Opened::plain(CaptureKind::Ghand, read_capture(&file, mano)?, SkippedImages::default()))
+        opened(read_capture(&file, mano)?)
     }
+}
+
+/// A capture in ghand's own format.
+fn opened((capture, warnings): (Capture, Vec<String>)) -> Result<Opened, CaptureError> {
+    Ok(Opened { warnings, ..Opened::plain(CaptureKind::Ghand, capture, SkippedImages::default()) })
 }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ghand_core::HandModel;
 use glam::DVec3;
 
-use crate::joint_names::JointRole;
+use crate::joint_names::{JointRole, unidentified};
 use crate::surface::sample_surface;
 
 /// Resolutions at which texels are counted.
@@ -28,20 +28,30 @@ pub struct Inspection {
     pub texels: Vec<(u32, usize)>,
     /// Fraction of the UV square that the atlas covers.
     pub uv_fill: f64,
-    /// Unusual properties, each with its consequence.
-    pub warnings: Vec<String>,
 }
 
 /// Inspects a valid model.
 pub fn inspect(model: &HandModel) -> Inspection {
+    let (low, high) = bounds(model);
+    let texels: Vec<(u32, usize)> = RESOLUTIONS
+        .iter()
+        .map(|&resolution| (resolution, sample_surface(model, resolution).map_or(0, |samples| samples.len())))
+        .collect();
+    let uv_fill = texels.last().map_or(0.0, |(resolution, count)| *count as f64 / f64::from(*resolution).powi(2));
+    let boundary_edges = edge_uses(model).values().filter(|uses| **uses == 1).count();
+    Inspection { low, high, boundary_edges, texels, uv_fill }
+}
+
+/// Unusual properties of a valid model, each with its consequence.
+pub fn warnings(model: &HandModel) -> Vec<String> {
     let mut warnings = Vec::new();
-    let low = model.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let high = model.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let (low, high) = bounds(model);
     let longest = (high - low).max_element();
     if !HAND_SIZE.contains(&longest) {
         warnings
             .push(format!("is {longest:.4} m long, which is not the size of a hand; its unit may not be the metre"));
     }
+    warnings.extend(unidentified(&model.joint_names));
     let margin = 0.1 * longest;
     for (name, joint) in model.joint_names.iter().zip(&model.joints) {
         if joint.cmplt(low - margin).any() || joint.cmpgt(high + margin).any() {
@@ -59,13 +69,7 @@ pub fn inspect(model: &HandModel) -> Inspection {
     if !idle.is_empty() {
         warnings.push(format!("no vertex follows {}; rotating it alone has no visible effect", idle.join(", ")));
     }
-    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
-    for &[a, b, c] in &model.faces {
-        for edge in [[a, b], [b, c], [c, a]] {
-            *edges.entry([edge[0].min(edge[1]), edge[0].max(edge[1])]).or_default() += 1;
-        }
-    }
-    let crowded = edges.values().filter(|uses| **uses > 2).count();
+    let crowded = edge_uses(model).values().filter(|uses| **uses > 2).count();
     if crowded > 0 {
         warnings.push(format!("{crowded} edges belong to more than two triangles; the surface is not a manifold"));
     }
@@ -73,29 +77,38 @@ pub fn inspect(model: &HandModel) -> Inspection {
     if flat > 0 {
         warnings.push(format!("{flat} triangles have no area"));
     }
-    let mut texels = Vec::new();
-    let mut uv_fill = 0.0;
-    for resolution in RESOLUTIONS {
-        match sample_surface(model, resolution) {
-            Ok(samples) => {
-                texels.push((resolution, samples.len()));
-                uv_fill = samples.len() as f64 / f64::from(resolution).powi(2);
-                if samples.overlaps > 0 && RESOLUTIONS.last() == Some(&resolution) {
-                    let count = samples.overlaps;
-                    warnings.push(format!(
-                        "the UV atlas overlaps itself at {count} texels of {resolution}; parts of \
-                                           the hand get no Gaussians, unwrap it again"
-                    ));
-                }
-            }
-            Err(_) => texels.push((resolution, 0)),
+    warnings.extend(atlas_warning(model));
+    warnings
+}
+
+/// What is wrong with the UV atlas, at the highest resolution.
+fn atlas_warning(model: &HandModel) -> Option<String> {
+    let resolution = *RESOLUTIONS.last()?;
+    match sample_surface(model, resolution) {
+        Ok(samples) if samples.overlaps > 0 => Some(format!(
+            "the UV atlas overlaps itself at {} texels of {resolution}; parts of the hand get no Gaussians, unwrap it \
+             again",
+            samples.overlaps
+        )),
+        Ok(samples) if !samples.is_empty() => None,
+        _ => Some("the UV atlas has no texels in [0, 1]^2; unwrap it again".into()),
+    }
+}
+
+fn bounds(model: &HandModel) -> (DVec3, DVec3) {
+    let points = || model.vertices.iter().copied();
+    (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max))
+}
+
+/// How many triangles have each edge.
+fn edge_uses(model: &HandModel) -> HashMap<[u32; 2], usize> {
+    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
+    for &[a, b, c] in &model.faces {
+        for edge in [[a, b], [b, c], [c, a]] {
+            *edges.entry([edge[0].min(edge[1]), edge[0].max(edge[1])]).or_default() += 1;
         }
     }
-    if texels.last().is_none_or(|(_, count)| *count == 0) {
-        warnings.push("the UV atlas has no texels in [0, 1]^2; unwrap it again".into());
-    }
-    let boundary_edges = edges.values().filter(|uses| **uses == 1).count();
-    Inspection { low, high, boundary_edges, texels, uv_fill, warnings }
+    edges
 }
 
 fn area(model: &HandModel, face: [u32; 3]) -> f64 {
@@ -110,8 +123,9 @@ mod tests {
 
     #[test]
     fn the_built_in_hand_is_closed_and_gives_no_warning() {
-        let found = inspect(&ProceduralHand::default().build().unwrap());
-        assert_eq!((found.boundary_edges, &found.warnings[..]), (0, &[][..]));
+        let hand = ProceduralHand::default().build().unwrap();
+        let found = inspect(&hand);
+        assert_eq!((found.boundary_edges, warnings(&hand)), (0, vec![]));
         assert_eq!(found.texels.iter().map(|t| t.0).collect::<Vec<_>>(), RESOLUTIONS);
         // Four times as many texels at twice the resolution, except at the charts' borders.
         let growth = found.texels.windows(2).map(|pair| pair[1].1 as f64 / pair[0].1 as f64);
@@ -124,10 +138,11 @@ mod tests {
         let warned = |change: fn(&mut HandModel), expected: &str| {
             let mut model = sound.clone();
             change(&mut model);
-            let warnings = inspect(&model).warnings.join("; ");
+            let warnings = warnings(&model).join("; ");
             assert!(warnings.contains(expected), "wanted {expected:?}, got {warnings:?}");
         };
         warned(|m| m.vertices.iter_mut().for_each(|v| *v *= 1000.0), "unit may not be the metre");
+        warned(|m| m.joint_names[5] = "blob".into(), "do not tell middle 2");
         warned(|m| m.joints[3].x += 1.0, "index3 is outside");
         warned(|m| m.weights.chunks_exact_mut(16).for_each(|w| w[0] += std::mem::take(&mut w[5])), "follows middle2");
         warned(|m| m.faces.push(m.faces[0]), "more than two");

@@ -7,11 +7,20 @@
 use ghand_core::{HandModel, Side};
 use glam::{DMat3, DVec3};
 
-use crate::joint_names::{Finger, JointRole};
+use crate::joint_names::{Finger, JointRole, unidentified};
 
 /// How much the axes of the thumb's hinges let its nail face the back of the hand: they bend it across the palm and, a
 /// little, into it.
 pub(crate) const THUMB_TOWARDS_BACK: f64 = 0.45;
+
+/// Why a hand has no axes although its joints are known.
+const UNKNOWN_BONE: &str = "joints of a finger are at one point, or no skin and no joint shows its tip; bind the skin to \
+                            the last joint of each finger, or rename joints that are counted from elsewhere";
+
+/// Why [`JointAxes::of_joints`] and [`RestBones::frames`] have nothing for joints of these names.
+pub fn why_without_axes(names: &[String]) -> String {
+    unidentified(names).unwrap_or_else(|| UNKNOWN_BONE.into())
+}
 
 /// The axes about which a joint rotates at rest, unit vectors in model axes, at right angles to each other.
 ///

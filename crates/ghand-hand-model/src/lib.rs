@@ -31,6 +31,7 @@ pub mod procedural;
 pub mod read;
 pub mod rigged_glb;
 pub mod shape_values;
+mod side;
 pub mod surface;
 pub mod uv_atlas;
 

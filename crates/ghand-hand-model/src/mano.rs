@@ -4,6 +4,7 @@
 //! Accepts the pickle as published, pickles of later releases of Python and its libraries in any protocol, with or
 //! without chumpy's wrappers, and `.npz` archives with the same keys. Nothing that a file names is executed.
 
+mod body;
 mod build;
 mod fields;
 mod layout;
@@ -114,7 +115,7 @@ pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandMo
 ///
 /// # Errors
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the key and a remedy
-/// if it is larger than 256 MiB, damaged, names a class or function that no hand model needs, lacks a key, or has an
+/// if it is larger than 256 MiB, damaged, the model of a whole body, names a class or function that no hand model needs, lacks a key, or has an
 /// invalid shape, index or number.
 pub fn read_mano_with_warnings(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
     let bytes = read_file(path)?;
@@ -135,6 +136,7 @@ pub fn read_mano_bytes(
     options: &ManoOptions,
 ) -> Result<ManoFile, HandModelError> {
     let mut fields = Fields::open(name, bytes, REMEDY)?;
+    body::reject_body(&mut fields)?;
     let mut warnings = Vec::new();
     let mut model = build::build(&mut fields, &mut warnings)?;
     model.side = side::find_side(&model, name, options.side, &mut warnings);

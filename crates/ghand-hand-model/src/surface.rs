@@ -34,7 +34,7 @@ pub struct SurfaceSamples {
     pub weights: Vec<f64>,
     /// Square root of the area of the surface that the point stands for, one texel or several, metres.
     pub spacings: Vec<f64>,
-    /// How often a texel's centre was strictly inside a further triangle. 0 for a one-to-one atlas.
+    /// Texels whose centre is strictly inside several triangles. 0 for a one-to-one atlas.
     pub overlaps: usize,
 }
 
@@ -76,6 +76,8 @@ struct Hit {
     face: u32,
     barycentric: [f64; 3],
     strictly_inside: bool,
+    /// Whether the texel's centre is strictly inside another triangle, too.
+    is_shared: bool,
 }
 
 /// Samples the rest surface at the texels of a `resolution` x `resolution` raster of the UV atlas.
@@ -178,12 +180,21 @@ fn rasterize(model: &HandModel, resolution: u32) -> (Vec<Option<Hit>>, usize) {
                 }
                 let strictly_inside = least > EDGE;
                 match &mut hits[row * resolution as usize + column] {
-                    Some(first) => overlaps += usize::from(first.strictly_inside && strictly_inside),
+                    Some(first) if first.strictly_inside && strictly_inside => {
+                        overlaps += usize::from(!first.is_shared);
+                        first.is_shared = true;
+                    }
+                    Some(_) => {}
                     empty => {
                         // Rounding may leave a coordinate just below 0, which would make a negative weight.
                         let kept = raw.map(|v| v.max(0.0));
                         let sum: f64 = kept.iter().sum();
-                        *empty = Some(Hit { face: face as u32, barycentric: kept.map(|v| v / sum), strictly_inside });
+                        *empty = Some(Hit {
+                            face: face as u32,
+                            barycentric: kept.map(|v| v / sum),
+                            strictly_inside,
+                            is_shared: false,
+                        });
                     }
                 }
             }

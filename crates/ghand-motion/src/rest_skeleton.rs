@@ -5,7 +5,7 @@
 //! frames are the identity.
 
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips};
+use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips, why_without_axes};
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
@@ -66,11 +66,7 @@ impl RestSkeleton {
             return Err(PoseError::Invalid {
                 origin: name.into(),
                 field: "joints".into(),
-                problem: format!(
-                    "their names do not identify the three joints of each finger, or they are at one point ({}); use \
-                     MANO's or WebXR's names",
-                    joint_names.join(", ")
-                ),
+                problem: why_without_axes(joint_names),
             });
         };
         Ok(RestSkeleton {

@@ -8,6 +8,7 @@ use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
 use ghand_files::atomic_file::check_writable;
+use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::pose_correctives::fit_pose_directions;
 use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_render::splat::Purpose;
@@ -103,10 +104,8 @@ fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
     let mut model = file.model;
     if args.fit_pose_correctives {
         model.pose_directions = fit_pose_directions(&model).with_context(|| {
-            format!(
-                "--fit-pose-correctives: the names of the joints of {} do not identify the three joints of each finger",
-                args.subject.display()
-            )
+            let cause = why_without_axes(&model.joint_names);
+            format!("--fit-pose-correctives: {}: {cause}", args.subject.display())
         })?;
     }
     write_rigged_glb(path, &model)?;

@@ -15,6 +15,7 @@ use ghand_avatar::ply::SplatScene;
 use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
+use ghand_hand_model::read::file_and_side;
 use ghand_render::DeviceError;
 use ghand_train::alignment::review::review;
 
@@ -35,7 +36,7 @@ const SHEET_VIEWS: usize = 12;
 #[derive(Debug, Args)]
 pub struct InspectArgs {
     /// A capture: any folder that `train` accepts, or a capture.json. Or a hand model: MANO (.pkl, .npz) or rigged glTF
-    /// (.glb, .gltf). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
+    /// (.glb, .gltf; FILE:left is the left one of two). Or an avatar (.ghand), or a scene of Gaussians (.ply) [default: the built-in hand]
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -57,7 +58,9 @@ pub struct InspectArgs {
 /// error only if no image can be used.
 pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     match &args.capture {
-        Some(path) if !path.exists() && !is_hand_name(path) => bail!("{}: no such file or folder", path.display()),
+        Some(path) if !file_and_side(path).0.exists() && !is_hand_name(path) => {
+            bail!("{}: no such file or folder", path.display())
+        }
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
+use ghand_hand_model::read::read_gltf_hand;
 
 use super::fields::{parameters, read_fields};
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};
@@ -24,20 +24,20 @@ use crate::truth::{TRUTH_FILE, read_truth};
 /// Most images of all splits together; the largest data sets have a few million.
 const MOST_VIEWS: usize = 1 << 23;
 
-/// Reads a `capture.json`. Of the images, at most one header is read: masks are made for a capture without masks whose
+/// Reads a `capture.json`, with oddities of its hand model. Of the images, at most one header is read: masks are made for a capture without masks whose
 /// images have no alpha channel. `mano` is the user's MANO model, for captures whose poses are MANO's.
 ///
 /// # Errors
 /// [`CaptureError`] names the file, the missing or wrong field, and what to do.
-pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
+pub(crate) fn read_capture(path: &Path, mano: Option<&HandModel>) -> Result<(Capture, Vec<String>), CaptureError> {
     let remedy = "give the folder of a capture (with its capture.json), InterHand2.6M or one of its folders Capture0, \
                   Capture1 and so on, or a subject of the Hand Appearance dataset";
     let text = read_text(path, LARGEST_FILE, "read the capture", remedy)?;
-    let mut capture = read_capture_text(path, &text, mano)?;
+    let (mut capture, warnings) = read_text_with_warnings(path, &text, mano)?;
     if capture.images.mask.is_none() && capture.images.made_masks.is_none() && lacks_alpha(&capture) {
         capture.images.made_masks = Some(MadeMasks::new(MaskMethod::Colors, capture.root.clone(), PathBuf::new()));
     }
-    Ok(capture)
+    Ok((capture, warnings))
 }
 
 /// Whether the first image has no alpha channel. One that cannot be read is reported when it is needed.
@@ -55,9 +55,19 @@ fn lacks_alpha(capture: &Capture) -> bool {
 /// # Errors
 /// As for [`Capture::open`].
 pub fn read_capture_text(path: &Path, text: &str, mano: Option<&HandModel>) -> Result<Capture, CaptureError> {
+    read_text_with_warnings(path, text, mano).map(|(capture, _)| capture)
+}
+
+fn read_text_with_warnings(
+    path: &Path,
+    text: &str,
+    mano: Option<&HandModel>,
+) -> Result<(Capture, Vec<String>), CaptureError> {
     let reader = Reader { validator: FileValidator { path }, mano };
     reader.header(text)?;
-    reader.capture(read_fields(path, text)?)
+    let mut warnings = vec![];
+    let capture = reader.capture(read_fields(path, text)?, &mut warnings)?;
+    Ok((capture, warnings))
 }
 
 /// Reads one file.
@@ -93,7 +103,7 @@ impl Reader<'_> {
         }
     }
 
-    fn capture(&self, file: CaptureFile) -> Result<Capture, CaptureError> {
+    fn capture(&self, file: CaptureFile, warnings: &mut Vec<String>) -> Result<Capture, CaptureError> {
         let root = match self.validator.path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
@@ -111,7 +121,7 @@ impl Reader<'_> {
             let problem = format!("is {:?}; each component must be from 0 to 1", file.background);
             return Err(self.invalid("background", problem));
         }
-        let (hand_model, hand_model_source) = self.hand_model(&root, &file.hand_model, side)?;
+        let (hand_model, hand_model_source) = self.hand_model(&root, &file.hand_model, side, warnings)?;
         let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
         let joints = JointRows { order: &joint_order, names: &hand_model.joint_names };
 
@@ -185,6 +195,7 @@ impl Reader<'_> {
         root: &Path,
         file: &HandModelFile,
         side: Side,
+        warnings: &mut Vec<String>,
     ) -> Result<(HandModel, HandModelSource), CaptureError> {
         self.only_of("gltf", "path", file.path.is_some(), file)?;
         self.only_of("procedural", "parameters", file.parameters.is_some(), file)?;
@@ -196,8 +207,14 @@ impl Reader<'_> {
                     );
                 };
                 self.validator.is_inside_capture("hand_model.path", path)?;
-                let model = read_gltf(&root.join(path)).map_err(|source| self.hand_model_error(source))?;
-                (model, HandModelSource::Gltf { path: path.clone() })
+                let file =
+                    read_gltf_hand(&root.join(path), Some(side)).map_err(|source| self.hand_model_error(source))?;
+                warnings.extend(file.warnings.iter().map(|warning| format!("{path}: {warning}")));
+                if file.model.side != side {
+                    let found = file.model.side;
+                    warnings.push(format!("{path}: is a {found} hand, but the capture's side is {side}"));
+                }
+                (file.model, HandModelSource::Gltf { path: path.clone() })
             }
             "builtin" => {
                 let model = builtin_hand(side).map_err(|source| self.hand_model_error(source))?;

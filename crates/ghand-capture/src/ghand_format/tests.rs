@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
@@ -214,6 +215,30 @@ fn each_unusable_field_is_named_with_what_to_do() {
     ];
     for (change, parts) in cases {
         assert_contains(&message_after(change), parts);
+    }
+}
+
+#[test]
+fn oddities_of_a_captures_own_hand_model_are_warnings() {
+    let right = hand().build().unwrap();
+    let mut in_centimetres = right.clone();
+    in_centimetres.vertices.iter_mut().chain(&mut in_centimetres.joints).for_each(|point| *point *= 100.0);
+    for (model, expected) in [
+        (right.mirrored(), "hand.glb: is a left hand, but the capture's side is right"),
+        (in_centimetres, "m long, which is not the size of a hand"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        sample(folder.path()).save().unwrap();
+        write_rigged_glb(&folder.path().join("hand.glb"), &model).unwrap();
+        let file = folder.path().join("capture.json");
+        let mut value = read_json(&file);
+        let own = json!({"kind": "gltf", "path": "hand.glb", "joints": value["hand_model"]["joints"],
+            "parents": value["hand_model"]["parents"]});
+        value["hand_model"] = own;
+        write_atomically(&file, &serde_json::to_vec(&value).unwrap()).unwrap();
+        let opened = Capture::open_with(folder.path(), &Default::default()).unwrap();
+        let told = opened.warnings.join("; ");
+        assert!(told.contains(expected), "{told}");
     }
 }
 

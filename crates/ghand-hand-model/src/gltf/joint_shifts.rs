@@ -8,6 +8,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Source;
+use super::raw_mesh::{Binding, Moves};
 use crate::HandModelError;
 
 #[derive(Deserialize)]
@@ -16,12 +17,13 @@ struct SkinExtras<'a> {
     shape: &'a RawValue,
 }
 
-/// Displacements `[n_s][n_b]` of the model's joints, if the file has any. Entries belong to the targets of their names,
+/// Displacements `[n_s][n_b]` of the model's `joints`, if the file has any. Entries belong to the targets of their names,
 /// or in order if no name is a target's. Extras of other programs are ignored.
 pub(super) fn joint_directions(
     extras: Option<&RawValue>,
     target_names: &[Option<String>],
-    model_from_skin: &[Option<usize>],
+    binding: &Binding,
+    joints: usize,
     source: &Source,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Vec<DVec3>>, HandModelError> {
@@ -29,7 +31,6 @@ pub(super) fn joint_directions(
     if entries.is_empty() || target_names.is_empty() {
         return Ok(None);
     }
-    let joints = model_from_skin.iter().flatten().count();
     let mut directions = vec![DVec3::ZERO; target_names.len() * joints];
     let mut without = Vec::new();
     let found = entries_of_targets(entries, target_names);
@@ -39,11 +40,11 @@ pub(super) fn joint_directions(
             without.push(name);
             continue;
         };
-        let rows = rows(entry, model_from_skin.len())
+        let rows = rows(entry, binding.joints.len())
             .map_err(|problem| source.invalid(&format!("skins.extras.shape[{name:?}].joint_shift"), problem))?;
-        for (row, to) in rows.into_iter().zip(model_from_skin) {
-            if let Some(to) = to {
-                moved[*to] = row;
+        for (row, moves) in rows.into_iter().zip(&binding.joints) {
+            if let Moves::Hand(to) = moves {
+                moved[*to] = binding.direction(row);
             }
         }
     }

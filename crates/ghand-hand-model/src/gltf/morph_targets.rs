@@ -5,10 +5,12 @@ use std::collections::HashSet;
 use ::gltf::accessor::DataType;
 use ::gltf::json::extras::RawValue;
 use ::gltf::mesh::Primitive;
+use glam::DVec3;
 use serde::Deserialize;
 
 use super::Source;
 use super::buffers::Buffers;
+use super::raw_mesh::RawTarget;
 use crate::HandModelError;
 
 /// Most morph targets of a mesh: many times those of any hand, fewer than those of a face.
@@ -55,6 +57,34 @@ pub(super) fn displacements(
         buffers.floats::<3>(&accessor, &field)
     };
     primitive.morph_targets().enumerate().map(target).collect()
+}
+
+/// Requires the primitives of a mesh to have equally many targets, as glTF does.
+pub(super) fn require_equal_counts(primitives: &[Primitive], source: &Source) -> Result<(), HandModelError> {
+    let first = primitives.first().map_or(0, |primitive| primitive.morph_targets().len());
+    match primitives.iter().find(|primitive| primitive.morph_targets().len() != first) {
+        Some(odd) => {
+            let problem = format!(
+                "primitive {} has {} morph targets, the first has {first}; export the hand again",
+                odd.index(),
+                odd.morph_targets().len()
+            );
+            Err(source.invalid("targets", problem))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Removes targets that move no vertex of what is left of a mesh.
+pub(super) fn drop_idle(targets: &mut Vec<RawTarget>, warnings: &mut Vec<String>) {
+    let before = targets.len();
+    targets.retain(|target| target.displacements.iter().any(|d| *d != DVec3::ZERO));
+    if targets.len() < before {
+        warnings.push(format!(
+            "{} of {before} morph targets do not move this hand; they are not read",
+            before - targets.len()
+        ));
+    }
 }
 
 #[derive(Deserialize)]

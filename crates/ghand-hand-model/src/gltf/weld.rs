@@ -5,23 +5,31 @@ use std::collections::HashMap;
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
-use super::joints::Rig;
-use super::{RawMesh, Source, dvec3};
+use super::Source;
+use super::raw_mesh::{RawMesh, RawTarget};
 use crate::HandModelError;
 
 /// Distance between the displacements of two copies of a vertex that is not rounding, metres per unit of a shape.
 const APART: f64 = 1e-6;
 
+/// The joints of the model.
+pub(super) struct Joints {
+    pub names: Vec<String>,
+    pub parents: Vec<Option<usize>>,
+    /// Rest positions, metres.
+    pub positions: Vec<DVec3>,
+}
+
 /// Welds vertices with exactly the same position. Their weights and displacements are averaged where they differ; every
 /// file vertex keeps its UV point. Triangles that lose their area are dropped.
 pub(super) fn weld(
     raw: RawMesh,
-    rig: Rig,
+    joints: Joints,
     side: Side,
     source: &Source,
     warnings: &mut Vec<String>,
 ) -> Result<HandModel, HandModelError> {
-    let n_b = rig.names.len();
+    let n_b = joints.names.len();
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
     let mut vertices: Vec<DVec3> = Vec::new();
     let mut copies: Vec<f64> = Vec::new();
@@ -29,9 +37,9 @@ pub(super) fn weld(
     let mut welded_from_raw = Vec::with_capacity(raw.positions.len());
     for (position, row) in raw.positions.iter().zip(raw.weights.chunks_exact(n_b)) {
         // Adding 0 turns -0 into 0, which is the same position.
-        let key = position.map(|v| (v + 0.0).to_bits());
+        let key = position.as_vec3().to_array().map(|v| (v + 0.0).to_bits());
         let welded = *index.entry(key).or_insert_with(|| {
-            vertices.push(dvec3(*position));
+            vertices.push(*position);
             copies.push(0.0);
             weights.extend(std::iter::repeat_n(0.0, n_b));
             vertices.len() as u32 - 1
@@ -62,9 +70,9 @@ pub(super) fn weld(
     Ok(HandModel {
         name: source.name.clone(),
         side,
-        joint_names: rig.names,
-        parents: rig.parents,
-        joints: rig.positions,
+        joint_names: joints.names,
+        parents: joints.parents,
+        joints: joints.positions,
         vertices,
         faces,
         uvs: raw.uvs,
@@ -82,7 +90,7 @@ pub(super) fn weld(
 
 /// Displacements `[n_s][V]` of the welded vertices.
 fn weld_targets(
-    targets: &[Vec<[f32; 3]>],
+    targets: &[RawTarget],
     welded_from_raw: &[u32],
     copies: &[f64],
     warnings: &mut Vec<String>,
@@ -90,7 +98,7 @@ fn weld_targets(
     let mut directions = vec![DVec3::ZERO; targets.len() * copies.len()];
     let mut torn = vec![false; copies.len()];
     for (target, direction) in targets.iter().zip(directions.chunks_exact_mut(copies.len())) {
-        let moved = || target.iter().map(|d| dvec3(*d)).zip(welded_from_raw.iter().map(|&at| at as usize));
+        let moved = || target.displacements.iter().copied().zip(welded_from_raw.iter().map(|&at| at as usize));
         moved().for_each(|(d, at)| direction[at] += d / copies[at]);
         for (d, at) in moved() {
             torn[at] |= d.distance(direction[at]) > 0.5 * APART;
@@ -99,8 +107,8 @@ fn weld_targets(
     let torn = torn.iter().filter(|torn| **torn).count();
     if torn > 0 {
         warnings.push(format!(
-            "{torn} vertices have copies at UV seams that morph targets move apart; the copies move together, by the \
-             mean"
+            "{torn} vertices have copies at UV seams or in several meshes that morph targets move apart; the copies move \
+             together, by the mean"
         ));
     }
     directions

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::fields::Fields;
 use super::{PARENTS, REMEDY, build};
+use crate::joint_names::side_in_name;
 
 /// The side: the requested one, else from the file's name, else from the geometry.
 pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warnings: &mut Vec<String>) -> Side {
@@ -24,14 +25,9 @@ pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warn
     known
 }
 
-/// "left" or "right" in the name, if it contains only one of them.
+/// The side that a word of the file's name says.
 fn side_of_name(path: &Path) -> Option<Side> {
-    let name = path.file_stem()?.to_string_lossy().to_lowercase();
-    match (name.contains("left"), name.contains("right")) {
-        (true, false) => Some(Side::Left),
-        (false, true) => Some(Side::Right),
-        _ => None,
-    }
+    side_in_name(&path.file_stem()?.to_string_lossy())
 }
 
 /// The side from the joints, if they are MANO's.

@@ -296,3 +296,31 @@ fn files_that_are_not_models_are_reported_as_such() {
     let missing = read_mano(std::path::Path::new("no/such/file.pkl"), &ManoOptions::default()).unwrap_err();
     assert!(missing.to_string().starts_with("no/such/file.pkl: cannot read"), "{missing}");
 }
+
+/// A row of `count` joints of SMPL's hierarchy, as `kintree_table` has it.
+fn body_tree(count: usize) -> Py {
+    let body = [-1.0, 0., 0., 0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 9., 9., 12., 13., 14., 16., 17., 18., 19.];
+    let parents = (0..count).map(|k| body.get(k).copied().unwrap_or(20.0 + (k % 2) as f64));
+    let values: Vec<f64> = parents.chain((0..count).map(|k| k as f64)).collect();
+    numbers("<i8", &[2, count], &values)
+}
+
+#[test]
+fn whole_bodies_are_refused_by_name() {
+    for (name, vertices, joints) in [
+        ("SMPL (6890 vertices, 24 joints)", 6890, 24),
+        ("SMPL-H (6890 vertices, 52 joints)", 6890, 52),
+        ("SMPL-X (10475 vertices, 55 joints)", 10475, 55),
+        ("SMPL-X (20 vertices, 55 joints)", 20, 55),
+        ("SMPL or a model made from it (10475 vertices, 75 joints)", 10475, 75),
+    ] {
+        let mut entries = changed("kintree_table", body_tree(joints));
+        set(&mut entries, "v_template", numbers("<f8", &[vertices, 3], &vec![0.1; 3 * vertices]));
+        for bytes in [as_pickle(&entries), as_npz(&entries, true)] {
+            assert_refused(&bytes, &["is a whole body", name, "MANO_RIGHT.pkl"]);
+        }
+    }
+    // A rig of 24 joints that is not a body's is left to the other checks.
+    let chain: Vec<f64> = (0..24).map(|k| f64::from(k) - 1.0).chain((0..24).map(f64::from)).collect();
+    assert_refused(&as_pickle(&changed("kintree_table", numbers("<i8", &[2, 24], &chain))), &["weights"]);
+}

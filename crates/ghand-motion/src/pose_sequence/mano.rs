@@ -47,7 +47,7 @@ use glam::{DMat3, DVec3};
 use super::recording::{LeftRotations, ManoRows};
 use super::source::in_range;
 use super::to_model::side_name;
-use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts};
+use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts, plain};
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, hawor, is_arctic};
 pub(super) use estimates::left_rotations;
@@ -101,7 +101,7 @@ pub(super) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     } else if let Some(inner) = bodies::inside(value) {
         remark = bodies::warning(inner);
         (bodies::hands(source, inner), None, false)
-    } else if let Some(problem) = known_layouts::body_without_hands(value) {
+    } else if let Some(problem) = known_layouts::body_without_hands(value).filter(|_| !plain::has_hand(source, value)) {
         return Some(Err(source.invalid("content", problem.into())));
     } else {
         return None;

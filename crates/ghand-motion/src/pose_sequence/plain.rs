@@ -172,6 +172,11 @@ fn array_of<'a>(source: &Source, value: &'a Value) -> Result<Option<(Named, &'a 
     })
 }
 
+/// Whether one of a value's arrays is a hand's pose.
+pub(super) fn has_hand(source: &Source, value: &Value) -> bool {
+    matches!(array_of(source, value), Ok(Some((name, _))) if name != Named::Nothing)
+}
+
 /// Why none of a value's arrays is read, if their names are the cause.
 pub(super) fn problem_of_names(source: &Source, value: &Value) -> Option<String> {
     let has_shape = |value: &Value| found(source, Named::Nothing, value).is_some();

@@ -227,18 +227,12 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
 /// The 25 joints of WebXR in order.
 fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
     let rig = RestSkeleton::webxr(Side::Right);
-    let named = |name: &str| {
-        let role = JointRole::of(name);
-        rig.joint_names
-            .iter()
-            .zip(&rig.roles)
-            .position(|(own, own_role)| own == name || (role.is_some() && *own_role == role))
-    };
     let by_rows = is_row_by_row(joints);
     let mut found: Vec<Option<Result<Joint, String>>> = vec![None; rig.joints.len()];
     if let Value::Map(entries) = joints {
-        for (name, joint) in entries {
-            if let Some(slot) = named(name).and_then(|k| found.get_mut(k)) {
+        let names: Vec<Option<&str>> = entries.iter().map(|(name, _)| Some(name.as_str())).collect();
+        for ((_, joint), place) in entries.iter().zip(places(&rig, &names)) {
+            if let Some(slot) = place.and_then(|k| found.get_mut(k)) {
                 *slot = (*joint != Value::Nothing).then(|| placed_joint(joint, by_rows));
             }
         }
@@ -248,10 +242,10 @@ fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
             _ => joints.items().unwrap_or_default().iter().map(|item| placed_joint(item, by_rows)).collect(),
         };
         let names: Vec<Option<usize>> = match joints {
-            Value::List(items) => items
-                .iter()
-                .map(|item| find(item, &["name", "jointName", "joint"]).and_then(Value::text).and_then(named))
-                .collect(),
+            Value::List(items) => {
+                let name = |item| find(item, &["name", "jointName", "joint"]).and_then(Value::text);
+                places(&rig, &items.iter().map(name).collect::<Vec<_>>())
+            }
             _ => vec![],
         };
         let by_name = !names.is_empty() && names.iter().filter(|name| name.is_some()).count() >= rig.joints.len();
@@ -264,6 +258,17 @@ fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
         }
     }
     found.into_iter().map(|joint| joint.unwrap_or_else(|| Err(MISSING.into()))).collect()
+}
+
+/// The joint of a rig that each name means, by all names together.
+fn places(rig: &RestSkeleton, names: &[Option<&str>]) -> Vec<Option<usize>> {
+    let texts: Vec<String> = names.iter().map(|name| name.unwrap_or_default().to_owned()).collect();
+    let roles = JointRole::of_any_joints(&texts);
+    let place = |(name, role): (&String, &Option<JointRole>)| {
+        let own = |(own, own_role): (&String, &Option<JointRole>)| own == name || (role.is_some() && own_role == role);
+        rig.joint_names.iter().zip(&rig.roles).position(own)
+    };
+    texts.iter().zip(&roles).map(place).collect()
 }
 
 /// Whether the joints are matrices with their translations at the ends of rows.

@@ -1,7 +1,8 @@
 //! Describes a hand model.
 
-use ghand_core::{HandModel, Side};
+use ghand_core::HandModel;
 use ghand_hand_model::inspection::inspect;
+use ghand_hand_model::joint_names::JointRole;
 use ghand_hand_model::read::HandModelFile;
 use glam::DVec3;
 
@@ -9,11 +10,7 @@ use glam::DVec3;
 pub fn describe(file: &HandModelFile) -> String {
     let found = inspect(&file.model);
     let model = &file.model;
-    let side = match model.side {
-        Side::Right => "right",
-        Side::Left => "left",
-    };
-    let mut lines = vec![format!("{}: {}, {side}", model.name, file.kind)];
+    let mut lines = vec![format!("{}: {}, {}", model.name, file.kind, model.side)];
     let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}"));
     row("joints", format!("{}", model.joint_count()));
     for line in joint_tree(model) {
@@ -50,24 +47,26 @@ pub fn describe(file: &HandModelFile) -> String {
     for (resolution, texels) in &found.texels {
         row(&format!("  at {resolution}"), format!("{texels} texels"));
     }
-    let warnings: Vec<&String> = file.warnings.iter().chain(&found.warnings).collect();
-    if warnings.is_empty() {
+    if file.warnings.is_empty() {
         row("warnings", "none".into());
     }
-    for warning in warnings {
+    for warning in &file.warnings {
         row("warning", warning.clone());
     }
     lines.join("\n") + "\n"
 }
 
-/// The joints with their rest positions in metres, children indented below their parents.
+/// The joints with their rest positions in metres and the parts of the hand that they move, children indented below their
+/// parents.
 pub(super) fn joint_tree(model: &HandModel) -> Vec<String> {
     let mut depth = vec![0; model.joint_count()];
+    let roles = JointRole::of_joints(&model.joint_names);
+    let role = |k: usize| roles[k].map_or("no part".into(), |role| role.to_string());
     let joints = model.joint_names.iter().zip(&model.joints).zip(&model.parents).enumerate();
     joints
         .map(|(k, ((name, at), parent))| {
             depth[k] = parent.map_or(0, |p| depth[p] + 1);
-            format!("{:>2} {:indent$}{name}  {}", k, "", vector(*at), indent = 2 * depth[k])
+            format!("{:>2} {:indent$}{name}  {}  {}", k, "", vector(*at), role(k), indent = 2 * depth[k])
         })
         .collect()
 }

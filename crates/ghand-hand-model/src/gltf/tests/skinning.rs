@@ -2,8 +2,8 @@
 //!
 //! The standard moves a vertex by the sum of `weight * world_from_joint * inverse_bind_matrix`, with the node tree's
 //! world transforms; the mesh node's own transform has no effect. With the rest frame `A_k` of a joint in the mesh's
-//! axes (the inverse of its inverse bind matrix), a rotation `R_k` in the model's axes is the node's rotation
-//! multiplied from the right by `A_k^-1 R_k A_k`.
+//! axes (the inverse of its inverse bind matrix), a rotation `R_k` in these axes is the node's rotation multiplied from
+//! the right by `A_k^-1 R_k A_k`. The model's axes are the world's, turned from the mesh's; its origin is the mesh's.
 
 use ghand_core::pose::Pose;
 use ghand_core::posing::pose_hand;
@@ -154,6 +154,17 @@ impl TreeRig {
         }
     }
 
+    /// A rotation in the model's axes.
+    fn in_model(&self, rotation: DVec3) -> DVec3 {
+        let (_, turn, _) = self.world_from_mesh.to_scale_rotation_translation();
+        turn * rotation
+    }
+
+    /// How far the model's origin is from the world's.
+    fn origin(&self) -> DVec3 {
+        self.world_from_mesh.w_axis.truncate()
+    }
+
     /// The vertices in the world as the standard defines them, from rotations of the skin's joints in the mesh's axes.
     fn skinned(&self, rotations: &[DVec3]) -> Vec<DVec3> {
         let mut locals: Vec<DMat4> = self.locals.iter().map(Transform::matrix).collect();
@@ -205,11 +216,11 @@ fn a_tree_of_rotated_and_scaled_nodes_poses_as_the_standard_says() {
             let rotations: Vec<DVec3> = JOINTS.iter().map(|_| vector(random) * 2.0).collect();
             let mut pose = Pose::rest(JOINTS.len());
             for (node, rotation) in JOINTS.iter().zip(&rotations) {
-                pose.rotations[model.joint_index(NAMES[*node]).unwrap()] = *rotation;
+                pose.rotations[model.joint_index(NAMES[*node]).unwrap()] = rig.in_model(*rotation);
             }
             let posed = pose_hand(&model, &[], &pose).unwrap().vertices;
             for (ours, standard) in posed.iter().zip(rig.skinned(&rotations)) {
-                let distance = rig.world_from_mesh.transform_point3(*ours).distance(standard);
+                let distance = (*ours + rig.origin()).distance(standard);
                 // The file's bind matrices and vertices are f32.
                 assert!(distance < 1e-6, "{distance}");
                 worst = worst.max(distance);
@@ -220,15 +231,17 @@ fn a_tree_of_rotated_and_scaled_nodes_poses_as_the_standard_says() {
 }
 
 #[test]
-fn rotations_are_about_the_axes_of_the_mesh() {
-    // The wrist's rotation moves everything rigidly: about its rest position, in the mesh's axes.
+fn rotations_are_about_the_axes_of_the_world() {
+    // The wrist's rotation moves everything rigidly: about its rest position, in the world's axes.
     let rig = TreeRig::new(9);
     let model = read_bytes(&rig.glb).unwrap();
     let turn = DVec3::new(0.3, -1.1, 0.4);
     let standard = rig.skinned(&[DVec3::ZERO, turn, DVec3::ZERO, DVec3::ZERO]);
     let centre = model.joints[0];
+    let turn = rotation_from_axis_angle(rig.in_model(turn));
     for (p, standard) in rig.positions.iter().zip(standard) {
-        let turned = rotation_from_axis_angle(turn) * (*p - centre) + centre;
-        assert!(rig.world_from_mesh.transform_point3(turned).distance(standard) < 1e-6);
+        let rest = rig.world_from_mesh.transform_vector3(*p);
+        let turned = turn * (rest - centre) + centre;
+        assert!((turned + rig.origin()).distance(standard) < 1e-6);
     }
 }

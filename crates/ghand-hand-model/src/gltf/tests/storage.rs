@@ -4,6 +4,7 @@ use std::fs::File;
 
 use base64::Engine;
 use base64::prelude::{BASE64_STANDARD, BASE64_STANDARD_NO_PAD};
+use glam::DVec2;
 
 use super::*;
 
@@ -153,13 +154,13 @@ fn damaged_and_endless_storage_is_rejected() {
 
 #[test]
 fn joints_in_a_cycle_are_rejected() {
-    let circle = SmallHand::new().replace(r#"{"name":"tip"}"#, r#"{"name":"tip","children":[4]}"#);
+    let circle = SmallHand::new().replace(r#"{"name":"tip","#, r#"{"name":"tip","children":[4],"#);
     let message = circle.read().unwrap_err().to_string();
     assert!(message.contains("small.glb: "), "{message}");
     // Above the root, among nodes that are not joints.
     let above = SmallHand::new().replace(
-        r#"{"name":"root","children":[3]}"#,
-        r#"{"name":"root","children":[3]},
+        r#"{"name":"root","children":[3],"translation":[1,0,0]}"#,
+        r#"{"name":"root","children":[3],"translation":[1,0,0]},
         {"children":[6]},{"children":[5,4]}"#,
     );
     assert_eq!(above.read().unwrap().parents, [None, Some(0), Some(1)]);
