@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::capture::CaptureError;
 use crate::capture_validation::{CameraEntry, FileValidator, Position, member};
 use crate::distortion::Distortion;
-use crate::json_file::parse;
+use crate::ghand_format::fields::read_camera_fields;
 use crate::text_file::read_text;
 
 /// Larger files hold more than one camera.
@@ -44,7 +44,7 @@ pub(crate) struct CameraFile {
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
     let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
-    let file: CameraFile = parse(path, &text)?;
+    let file = read_camera_fields(path, &text)?;
     let validator = FileValidator { path };
     let camera = file.camera(validator, String::new())?;
     match file.distortion(validator, "", &camera)? {

@@ -14,7 +14,8 @@ use crate::capture_validation::FileValidator;
 use crate::color_correction::ColorMap;
 use crate::distortion::Distortion;
 use crate::ghand_format::CAPTURE_FILE;
-use crate::json_file::{LARGEST_FILE, parse, write_json};
+use crate::ghand_format::fields::read_cameras_fields;
+use crate::json_file::{LARGEST_FILE, write_json};
 use crate::text_file::read_text;
 
 /// A camera with a lens.
@@ -41,6 +42,9 @@ impl LensCamera {
 const LARGEST_TURN: f64 = 5.0_f64.to_radians();
 const LARGEST_PART: f64 = 0.1;
 
+/// The field of a file of cameras that a `capture.json` lacks.
+pub(crate) const COLORS: &str = "colors";
+
 #[derive(Serialize, Deserialize)]
 struct CameraList {
     cameras: Vec<CameraFile>,
@@ -63,7 +67,7 @@ fn read(path: &Path) -> Result<(Vec<LensCamera>, BTreeMap<String, ColorMap>), Ca
     let remedy = "give a capture.json, or a JSON file with `cameras` as in one";
     let text = read_text(&path, LARGEST_FILE, "read the cameras", remedy)?;
     let validator = FileValidator { path: &path };
-    let CameraList { cameras: files, colors } = parse::<CameraList>(&path, &text)?;
+    let CameraList { cameras: files, colors } = read_cameras_fields::<CameraList>(&path, &text, COLORS)?;
     validator.index("cameras", files.iter().map(|file| file.id.as_str()))?;
     let camera = |file: &CameraFile| {
         let field = format!("cameras[{:?}]", file.id);

@@ -28,6 +28,9 @@ pub struct HandModelFile {
     pub warnings: Vec<String>,
 }
 
+/// The kind of a MANO file.
+pub const MANO_KIND: &str = "MANO model";
+
 /// Reads a rigged glTF hand (`.glb`, `.gltf`), or else a MANO file (a pickle or an `.npz` archive).
 ///
 /// ```no_run
@@ -62,7 +65,7 @@ pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFi
             }
         });
     }
-    Ok(HandModelFile { model: file.model, kind: "MANO model", warnings })
+    Ok(HandModelFile { model: file.model, kind: MANO_KIND, warnings })
 }
 
 /// From the file's name, else from its first bytes. The reader reports a file that cannot be opened.

@@ -110,6 +110,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
     let start = Instant::now();
+    check_options(&arguments)?;
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
@@ -139,6 +140,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
     };
+    if let (false, Subject::Scene { .. }) = (arguments.overlay.is_empty(), &subject) {
+        bail!("--overlay: {source} is a scene of Gaussians, without a hand model to draw; omit --overlay")
+    }
     if let (Some(_), Subject::Scene { .. }) = (arguments.live, &subject) {
         bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
     }
@@ -196,9 +200,31 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     window::open(&mut viewer)
 }
 
+/// Fails if an option is given without what it applies to.
+fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.pose.is_none() {
+        arguments.reading.refuse_without("--pose")?;
+    }
+    if arguments.capture.is_none() {
+        arguments.capture_options.refuse_without_capture()?;
+    }
+    let layer = arguments.layer;
+    if arguments.joint.is_some() && !layer.has_joint() {
+        bail!("--joint: --layer {} shows no joint; give --layer weights or residual, or omit --joint", layer.name());
+    }
+    if arguments.basis.is_some() && !layer.has_basis() {
+        bail!("--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis", layer.name());
+    }
+    Ok(())
+}
+
 /// The file that is shown of a file in a preset.
 fn played(gpu: &mut Gpu, path: Option<&Path>, quality: Quality) -> anyhow::Result<(Option<PathBuf>, QualityChoice)> {
     let avatar = path.filter(|path| file_kind(path) == FileKind::Avatar);
+    if avatar.is_none() && quality != Quality::Exact {
+        let shown = path.map_or(DEMO_AVATAR_NAME.into(), |path| path.display().to_string());
+        bail!("--quality {}: is for avatars' files, and {shown} is none; omit --quality", quality.name());
+    }
     let (Some(avatar), true) = (avatar, quality != Quality::Exact) else {
         return Ok((path.map(Path::to_owned), QualityChoice::exact(avatar)));
     };

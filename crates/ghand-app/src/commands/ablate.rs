@@ -108,6 +108,12 @@ struct Report<'a> {
 /// An error that names the file, the option or the setting and its problem; [`Stopped`] if the user has stopped it.
 pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let arms = chosen(&args.arms)?;
+    if args.settings.seed_given() {
+        bail!("--seed: the trainings have the seeds 1, 2, ...; say how many with --seeds, and omit --seed");
+    }
+    if args.settings.max_time_given() && !args.equal.contains(&Budget::Time) {
+        bail!("--max-time: is the time of --equal time; give that, or omit --max-time");
+    }
     let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
     settings.check()?;
     if args.settings.are_only_printed(&settings) {

@@ -132,7 +132,10 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     check_writable(&args.out).with_context(|| format!("--out {}: cannot be written", args.out.display()))?;
     let capture = match &args.capture.capture {
         Some(path) => Some(args.capture.open(path, &[&args.split], &[])?),
-        None => None,
+        None => {
+            args.capture.check()?;
+            None
+        }
     };
     let poses = PoseSet::gather(&args.poses, &avatar, capture.as_ref().map(|capture| (capture, args.split.as_str())))?;
     let mut gpu = adapter.open()?;

@@ -70,6 +70,7 @@ fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
 
 /// Poses the avatar and writes its Gaussians.
 fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    args.reading.refuse_for("--ply writes an avatar")?;
     check_output("--ply", path, "ply")?;
     let avatar = Avatar::load(&args.subject)?;
     let pose = args.pose.as_deref().unwrap_or("rest");
@@ -95,6 +96,7 @@ fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Resul
 
 /// Writes the hand with its skeleton.
 fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
+    args.reading_poses.refuse_without("--pose and --ply")?;
     check_output("--glb", path, "glb")?;
     let file = args.reading.load(Some(&args.subject))?;
     for warning in &file.warnings {

@@ -64,10 +64,17 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
+            let hand_model_args = &args.options.hand_model_args;
             let text = match (path, path.as_deref().map(file_kind)) {
-                (Some(path), Some(FileKind::Avatar)) => avatar::describe(path, &Avatar::load(path)?),
-                (Some(path), Some(FileKind::Ply)) => scene::describe(path, &SplatScene::read(path)?),
-                _ => hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?),
+                (Some(path), Some(FileKind::Avatar)) => {
+                    hand_model_args.refuse_for(&format!("{} is an avatar", path.display()))?;
+                    avatar::describe(path, &Avatar::load(path)?)
+                }
+                (Some(path), Some(FileKind::Ply)) => {
+                    hand_model_args.refuse_for(&format!("{} is a scene", path.display()))?;
+                    scene::describe(path, &SplatScene::read(path)?)
+                }
+                _ => hand_model::describe(&hand_model_args.load(path.as_ref())?),
             };
             say!("{}", text.trim_end());
             Ok(())

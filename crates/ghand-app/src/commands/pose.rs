@@ -98,6 +98,11 @@ type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandM
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
+    if let (Some(_), Some(Output::Mesh(..)) | None) = (args.reading_poses.fps, &output)
+        && args.frame.is_none()
+    {
+        bail!("--fps: one pose is written, the first; give --frame, --out FILE.json, or omit --fps");
+    }
     let file = args.reading.load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
@@ -188,6 +193,12 @@ fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<(PoseSequence,
     if let Some(text) = &args.pose {
         return args.reading_poses.load_with_fit(text, model);
     }
+    if args.reading_poses.flat_mean && model.pose_space.is_none() {
+        bail!("--flat-mean: {} is not a MANO model with a mean pose; omit --flat-mean", model.name);
+    }
+    let mut others = args.reading_poses.clone();
+    others.flat_mean = false;
+    others.refuse_without("--pose")?;
     // Zeros are the mean pose of a MANO model.
     let mut pose = Pose::rest(model.joint_count());
     if let (Some(space), false) = (&model.pose_space, args.reading_poses.flat_mean) {

@@ -85,14 +85,18 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
     let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
-    let sequence = args.reading.load(&args.pose, &avatar.model)?;
+    // The rate of a film of one pose is that of its views.
+    let is_film = matches!(destination, Destination::Film(..));
+    let sequence = match is_film {
+        true => args.reading.load_with_fit(&args.pose, &avatar.model)?.0,
+        false => args.reading.load(&args.pose, &avatar.model)?,
+    };
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;
     if args.orbit.is_some() && frames.len() == 1 {
         bail!("--orbit: there is only one frame; give a motion, or use --turntable");
     }
-    if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1)
-    {
+    if is_film && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1) {
         bail!("--turntable: a film shows each frame from one view; use --orbit, or choose one frame with --frame");
     }
     let poses: Vec<&Pose> = frames.iter().map(|(_, frame)| &frame.pose).collect();

@@ -19,7 +19,7 @@ use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
-use crate::pictures::{Background, FormatArgs, Series, Shot, parse_background, turn_rate};
+use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_framing::{UpAxis, scene_turntable};
@@ -76,6 +76,9 @@ pub struct SplatArgs {
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
     let destination = args.format.destination(&args.out, name)?;
+    if args.fps.is_some() && !matches!(destination, Destination::Film(..)) {
+        bail!("--fps: --out {} is not a film; give .gif, .webm or .mp4, or omit --fps", args.out.display());
+    }
     if let Some(path) = &args.gradients
         && path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("safetensors"))
     {

@@ -241,6 +241,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         say!("the run in {} has ended: there is nothing to go on with", folder.path().display());
         return Ok(());
     };
+    args.capture.check()?;
     let settings = &record.settings;
     // What is given on the command line is the same as in the record, in the user's own words.
     let lpips = if args.lpips.path().is_some() { &args.lpips } else { &record.lpips }.load()?;
@@ -264,7 +265,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     capture.template.clone_from(&start.template);
     capture.frames.iter_mut().zip(&start.frames).for_each(|(own, start)| own.shape.clone_from(&start.shape));
     check_image_sizes(lpips.as_deref(), &start, test_split)?;
-    check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
+    check_before_training(&start, path, &record.split, test_split, args.ignore_checks || record.ignore_checks)?;
     let train_split = capture.split(&record.split)?.clone();
     let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?.with_lpips(lpips.clone());
     let gaussians = match settings.simplify {
