@@ -53,6 +53,11 @@ impl CaptureArgs {
         if self.capture.is_none() { self.options.refuse_without_capture() } else { Ok(()) }
     }
 
+    /// The files and folders that these options name.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        self.capture.iter().chain(self.options.inputs()).cloned().collect()
+    }
+
     /// The same files from any folder.
     ///
     /// # Errors
@@ -124,6 +129,11 @@ impl CaptureOptions {
         warnings.append(&mut opened.warnings);
         opened.warnings = warnings;
         Ok(opened)
+    }
+
+    /// The files that these options name.
+    pub fn inputs(&self) -> impl Iterator<Item = &PathBuf> {
+        self.hand_model.iter().chain(self.hand_model_args.inputs())
     }
 
     /// Fails if an option is given that says nothing about this capture.

@@ -36,6 +36,11 @@ impl HandModelArgs {
         Ok(HandModelArgs { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
     }
 
+    /// The files that these options name.
+    pub fn inputs(&self) -> Option<&PathBuf> {
+        self.uv.as_ref()
+    }
+
     /// Reads the hand model, or the template mesh of an avatar; the built-in hand if there is no path.
     ///
     /// # Errors

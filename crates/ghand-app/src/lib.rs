@@ -3,6 +3,7 @@
 pub mod bare_hand;
 pub mod capture_args;
 pub mod capture_preflight;
+pub mod claim;
 pub mod cli;
 pub mod commands;
 pub mod crash;
@@ -14,6 +15,7 @@ pub mod heap;
 pub mod light_args;
 pub mod lpips_args;
 pub mod mesh_picture;
+pub mod own_inputs;
 pub mod pictures;
 pub mod pose_choice;
 pub mod quality;

@@ -68,6 +68,12 @@ impl PoseReadingArgs {
         Ok(sequence)
     }
 
+    /// The files and folders that poses are read from.
+    pub fn inputs(&self, poses: Option<&str>) -> Vec<PathBuf> {
+        let named = poses.filter(|text| !is_name(text)).map(PathBuf::from);
+        named.into_iter().chain(self.pose_model.clone()).chain(self.cameras.clone()).collect()
+    }
+
     /// The first given option that applies only to files of poses, if any.
     fn given_for_files(&self) -> Option<&'static str> {
         let given = [

@@ -12,6 +12,7 @@ use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::heap::use_one_arena;
 use ghand_app::light_args::LightArgs;
+use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::quality::{self, Quality};
 use ghand_app::train_run::run_folder::last_avatar;
@@ -207,6 +208,18 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
     }
     if arguments.capture.is_none() {
         arguments.capture_options.refuse_without_capture()?;
+    }
+    if let Some(path) = &arguments.screenshot {
+        if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
+            bail!("--screenshot {}: must end in .png", path.display());
+        }
+        let inputs = OwnInputs::default()
+            .and(arguments.file.as_ref().filter(|file| file.is_file()))
+            .and(arguments.reading.inputs(arguments.pose.as_deref()))
+            .and(arguments.light.input())
+            .and(&arguments.capture)
+            .and(arguments.capture_options.inputs());
+        inputs.refuse("--screenshot", path)?;
     }
     let layer = arguments.layer;
     if arguments.joint.is_some() && !layer.has_joint() {

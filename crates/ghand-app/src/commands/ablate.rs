@@ -15,8 +15,10 @@ use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;
+use crate::claim::Claim;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
+use crate::own_inputs::refuse_capture_folder;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::settings_args::SettingsArgs;
@@ -120,6 +122,8 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    refuse_capture_folder("--out", &args.out, path)?;
+    let _claim = Claim::folder(&args.out)?;
     let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {
         bail!("{}: the split {:?} has no images to compare with", path.display(), args.test_split);

@@ -9,8 +9,10 @@ use ghand_core::Side;
 use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
+use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::say;
+use crate::train_run::interruption::Interruption;
 
 /// Command line of `ghand capture`.
 #[derive(Debug, Args)]
@@ -152,6 +154,8 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };
+    let _claim = Claim::beside(&args.out)?;
+    Interruption::listen("stopped: nothing was written")?;
     adapter.open()?.retry_on_device_loss("the synthetic capture", |gpu| -> anyhow::Result<()> {
         Ok(make_capture(gpu, &options, &args.out)?)
     })?;

@@ -21,6 +21,7 @@ use crate::capture_args::CaptureArgs;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::lpips_args::LpipsArgs;
+use crate::own_inputs::refuse_capture_folder;
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
@@ -109,8 +110,10 @@ struct EvaluationFile {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.poses == Some(PosesArg::Library) {
+        check_out(args)?;
         return pose_library::run(args, adapter);
     }
+    check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
     let lpips = args.lpips.load()?;
     let mut gpu = adapter.open()?;
@@ -189,6 +192,14 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     say!("report: {}", report_path.display());
     Ok(())
+}
+
+/// Fails if the results would go to the capture's folder.
+fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
+    match (&args.out, &args.capture.capture) {
+        (Some(out), Some(capture)) if !args.force => refuse_capture_folder("--out", out, capture),
+        _ => Ok(()),
+    }
 }
 
 /// The test images in poses mapped by the offsets of the refined training poses.

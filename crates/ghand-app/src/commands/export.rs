@@ -14,6 +14,7 @@ use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
 use crate::hand_model_file::HandModelArgs;
+use crate::own_inputs::OwnInputs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
@@ -53,6 +54,13 @@ pub struct ExportArgs {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let inputs = OwnInputs::default()
+        .and([&args.subject])
+        .and(args.reading_poses.inputs(args.pose.as_deref()))
+        .and(args.reading.inputs());
+    [("--ply", &args.ply), ("--glb", &args.glb)]
+        .into_iter()
+        .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
     match (&args.ply, &args.glb) {
         (Some(ply), _) => scene(args, ply, adapter),
         (None, Some(glb)) => rigged_hand(args, glb),

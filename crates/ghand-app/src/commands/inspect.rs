@@ -23,6 +23,7 @@ use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
+use crate::own_inputs::OwnInputs;
 use crate::say;
 use contact_sheet::{SheetView, contact_sheet};
 
@@ -98,11 +99,12 @@ fn default_sheet(capture: &Path) -> PathBuf {
 }
 
 fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
+    if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| !e.eq_ignore_ascii_case("png"))) {
         bail!("--sheet {}: must end in .png", sheet.display());
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
+        OwnInputs::default().and([path]).and(args.options.inputs()).refuse("--sheet", &sheet)?;
         check_writable(&sheet)
             .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }

@@ -21,6 +21,7 @@ use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
+use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
@@ -98,6 +99,14 @@ type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandM
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
+    let inputs = OwnInputs::default()
+        .and(&args.hand_model)
+        .and(args.reading.inputs())
+        .and(args.reading_poses.inputs(args.pose.as_deref()))
+        .and(args.look.camera.as_deref().map(camera_file));
+    [("--out", &args.out), ("--picture", &args.picture)]
+        .into_iter()
+        .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
     if let (Some(_), Some(Output::Mesh(..)) | None) = (args.reading_poses.fps, &output)
         && args.frame.is_none()
     {

@@ -14,6 +14,7 @@ use ghand_render::splat::{Purpose, band_rows};
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::{orbit, turntable};
 use crate::light_args::LightArgs;
+use crate::own_inputs::{OwnInputs, camera_file};
 pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
@@ -84,6 +85,12 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
+    let inputs = OwnInputs::default()
+        .and([&args.avatar])
+        .and(args.reading.inputs(Some(&args.pose)))
+        .and(args.camera.as_deref().map(camera_file))
+        .and(args.light.input());
+    destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
     let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
     // The rate of a film of one pose is that of its views.
     let is_film = matches!(destination, Destination::Film(..));

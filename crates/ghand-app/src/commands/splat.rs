@@ -19,6 +19,7 @@ use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
@@ -79,6 +80,10 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.fps.is_some() && !matches!(destination, Destination::Film(..)) {
         bail!("--fps: --out {} is not a film; give .gif, .webm or .mp4, or omit --fps", args.out.display());
     }
+    let inputs =
+        OwnInputs::default().and([&args.scene]).and(args.camera.as_deref().map(camera_file)).and(args.weights.as_ref());
+    destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
+    args.gradients.as_ref().map_or(Ok(()), |path| inputs.refuse("--gradients", path))?;
     if let Some(path) = &args.gradients
         && path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("safetensors"))
     {

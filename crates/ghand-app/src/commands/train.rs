@@ -20,6 +20,7 @@ use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::lpips_args::{LpipsArgs, check_image_sizes};
+use crate::own_inputs::refuse_capture_folder;
 use crate::quality::{self, Quality};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
@@ -236,6 +237,9 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
+    if let (Some(out), Some(capture), false) = (&args.out, &args.capture.capture, args.force) {
+        refuse_capture_folder("--out", out, capture)?;
+    }
     let folder = args.folder()?;
     let Some(Plan { record, resumed }) = args.plan(&folder)? else {
         say!("the run in {} has ended: there is nothing to go on with", folder.path().display());
@@ -330,7 +334,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     refined.color_correction.cameras.clone_from(&trained.colors);
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
-    when_there_is_room(&avatar_path, || {
+    when_there_is_room(&avatar_path, &interruption, || {
         interruption.whole(|| -> anyhow::Result<()> {
             trained.avatar.save(&avatar_path)?;
             folder.remove_other_results()?;
@@ -412,7 +416,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         curve: &trained.curve,
         pictures: pictures.into_iter().filter_map(|(caption, picture)| Some((caption, picture.as_ref()?))).collect(),
     };
-    when_there_is_room(&report_path, || {
+    when_there_is_room(&report_path, &interruption, || {
         interruption.whole(|| -> anyhow::Result<()> {
             outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
             shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;

@@ -1,5 +1,7 @@
 //! The poses over which an avatar is baked, and those on which the result is judged.
 
+use std::path::PathBuf;
+
 use anyhow::bail;
 use clap::Args;
 use ghand_avatar::Avatar;
@@ -36,6 +38,14 @@ pub struct PoseSetArgs {
 impl Default for PoseSetArgs {
     fn default() -> Self {
         PoseSetArgs { poses: vec![], reading: PoseReadingArgs::default(), fit: DEFAULT_FIT, seed: 1 }
+    }
+}
+
+impl PoseSetArgs {
+    /// The files and folders that poses are read from.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let named = self.poses.iter().flat_map(|poses| self.reading.inputs(Some(poses)));
+        named.chain(self.reading.inputs(None)).collect()
     }
 }
 
