@@ -7,6 +7,7 @@ use clap::Args;
 use ghand_capture::capture::HandModelSource;
 use ghand_capture::mask::MaskMethod;
 use ghand_capture::{Capture, CaptureKind, OpenOptions, Opened};
+use ghand_core::Side;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -178,6 +179,23 @@ impl CaptureOptions {
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))
     }
+}
+
+/// Fails if an avatar is compared with a capture of the other hand.
+///
+/// # Errors
+/// One sentence that names both.
+pub fn check_sides(avatar: &str, side: Side, capture: &Capture) -> anyhow::Result<()> {
+    let name = |side| if side == Side::Left { "left" } else { "right" };
+    if side != capture.side {
+        bail!(
+            "{avatar}: is a {} hand, but {} shows a {} one; give a capture of the same hand",
+            name(side),
+            capture.root.display(),
+            name(capture.side)
+        );
+    }
+    Ok(())
 }
 
 fn parse_point(text: &str) -> anyhow::Result<DVec2> {

@@ -22,5 +22,6 @@ pub mod quality;
 pub mod runtime_dir;
 pub mod scene_framing;
 pub mod shown;
+pub mod sight;
 pub mod train_run;
 pub mod viewer;

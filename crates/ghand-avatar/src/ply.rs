@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_files::input_file;
 use ghand_render::splat::SplatModel;
+use glam::DVec3;
 pub use write::{EXPORTED_OPACITY, exported_logit};
 
 /// Why a scene file could not be read or written.
@@ -64,6 +65,12 @@ impl SplatScene {
     pub fn row(&self, row: usize) -> impl Iterator<Item = f32> {
         let model = self.model();
         (0..self.count).filter_map(move |i| self.table.get(model.index(row, i, self.count)).copied())
+    }
+
+    /// The centres of the Gaussians.
+    pub fn means(&self) -> impl Iterator<Item = DVec3> {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.row(axis).map(f64::from));
+        x.zip(y).zip(z).map(|((x, y), z)| DVec3::new(x, y, z))
     }
 
     /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9,

@@ -17,7 +17,7 @@ use ghand_render::deform::baked::Precision;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
 use crate::claim::Claim;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
@@ -140,7 +140,11 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     check_writable(&args.out).with_context(|| format!("--out {}: cannot be written", args.out.display()))?;
     let _claim = Claim::beside(&args.out)?;
     let capture = match &args.capture.capture {
-        Some(path) => Some(args.capture.open(path, &[&args.split], &[])?),
+        Some(path) => {
+            let capture = args.capture.open(path, &[&args.split], &[])?;
+            check_sides(&args.avatar.display().to_string(), avatar.template.side, &capture)?;
+            Some(capture)
+        }
         None => {
             args.capture.check()?;
             None

@@ -17,7 +17,7 @@ use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views, 
 use ghand_train::report::report;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::lpips_args::LpipsArgs;
@@ -218,6 +218,7 @@ fn refined_poses_file(args: &EvaluateArgs) -> Option<PathBuf> {
 
 /// Poses of the capture must be poses of the avatar.
 fn check_joints(avatar: &Avatar, path: &Path, capture: &Capture) -> anyhow::Result<()> {
+    check_sides(&path.display().to_string(), avatar.template.side, capture)?;
     let [own, other] = [&avatar.template.joint_names, &capture.hand_model.joint_names];
     if own != other || avatar.template.parents != capture.hand_model.parents {
         bail!(

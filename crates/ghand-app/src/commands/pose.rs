@@ -25,6 +25,7 @@ use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
+use crate::sight::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -195,6 +196,9 @@ fn picture(
     };
     let mut picture = Picture::blank([camera.width, camera.height], look.background, format);
     draw(&adapter.open()?, model, vertices, &camera, &look.style, &mut picture)?;
+    let mut blank = BlankPictures::default();
+    blank.look(&picture, &camera, || vertices.iter().copied());
+    blank.warn("the hand");
     Ok(picture.in_linear_light())
 }
 

@@ -12,7 +12,7 @@ use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
-use crate::framing::{orbit, turntable};
+use crate::framing::{orbit, posed_vertices, turntable};
 use crate::light_args::LightArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
 pub use crate::pictures::write_png;
@@ -21,6 +21,7 @@ use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
+use crate::sight::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -138,6 +139,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
+    let mut blank = BlankPictures::default();
     gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let most = [size[0], band_rows(gpu, size)];
         let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, most)?;
@@ -145,10 +147,12 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             scene.set_pose(gpu, 0, 0, pose)?;
             let mut picture = series.blank();
             scene.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
+            blank.look(&picture, camera, || posed_vertices(&avatar.model, pose));
             series.add(picture.in_linear_light())?;
         }
         Ok(())
     })?;
+    blank.warn("the hand");
     say!("{}", series.finish()?);
     Ok(())
 }

@@ -24,6 +24,7 @@ use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_b
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_framing::{UpAxis, scene_turntable};
+use crate::sight::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -99,6 +100,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     let mut broken = 0;
+    let mut blank = BlankPictures::default();
     gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let mut splatter = splatter(gpu, args, &scene, size, weights.is_some())?;
         while let Some(camera) = series.next().and_then(|number| cameras.get(number)) {
@@ -117,10 +119,12 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                 write_atomically(path, &bytes)
                     .with_context(|| format!("{}: cannot write the gradients", path.display()))?;
             }
+            blank.look(&picture, camera, || scene.means());
             series.add(picture)?;
         }
         Ok(())
     })?;
+    blank.warn("the scene");
     if broken > 0 {
         log::warn!("{}: {broken} Gaussians have numbers that are not finite and were skipped", args.scene.display());
     }

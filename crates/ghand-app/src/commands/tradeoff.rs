@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
 use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_count};
 use crate::commands::bake::pose_set::PoseSetArgs;
@@ -65,6 +65,7 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let _claim = Claim::folder(&args.out)?;
     let capture = args.capture.open(path, &[&args.split], &[])?;
     for ((_, avatar), path) in avatars.iter().zip(&args.avatars) {
+        check_sides(&path.display().to_string(), avatar.template.side, &capture)?;
         if avatar.template.joint_names != capture.template.joint_names {
             bail!("{}: has other joints than the capture's hand", path.display());
         }

@@ -289,6 +289,13 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if capture.splits.contains_key(test_split) {
         trainer = trainer.watch(test_split)?;
     }
+    if trainer.reduction() > 1 {
+        log::warn!(
+            "images are trained on at 1/{} of their size, because this graphics device takes no larger ones; they are \
+             compared at full size",
+            trainer.reduction()
+        );
+    }
     match trainer.resumed_at() {
         Some(iteration) => say!("going on after {iteration} iterations"),
         None => {
