@@ -99,7 +99,7 @@ pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<Han
             let model = Avatar::load(path)?.model;
             Ok(HandModelFile { model, kind: "template mesh of an avatar", warnings: vec![] })
         }
-        FileKind::Ply => bail!(
+        FileKind::Scene => bail!(
             "{}: is a scene of Gaussians (.ply), not a hand model; give MANO (.pkl, .npz), a rigged glTF hand (.glb, \
              .gltf) or an avatar (.ghand)",
             path.display()

@@ -11,7 +11,6 @@ use std::time::Instant;
 
 use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
-use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, HandModel, Pose, Side};
@@ -24,6 +23,7 @@ use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::turntable;
 use crate::pose_choice::PoseReadingArgs;
 use crate::say;
+use crate::viewer::scene::read_suspicious;
 
 /// Options of `ghand bench`.
 #[derive(Debug, Args)]
@@ -150,7 +150,7 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
     };
     if args.scene != "hand" {
         ensure!(args.n.is_none(), "--n: --scene {} has its own Gaussians; omit --n", args.scene);
-        let scene = SplatScene::read(args.scene.as_ref())?;
+        let scene = read_suspicious(args.scene.as_ref())?;
         let Some(camera) = camera else { bail!("--scene {}: needs a --camera", args.scene) };
         let size = [camera.width, camera.height];
         let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, ..SplatOptions::default() };

@@ -94,11 +94,6 @@ fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Resul
     })?;
     scene.write(path)?;
     say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
-    if avatar.config.antialias {
-        say!(
-            "trained with antialiasing, which the file cannot say: `ghand splat --antialias` shows it as it was trained"
-        );
-    }
     Ok(())
 }
 

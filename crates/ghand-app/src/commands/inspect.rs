@@ -71,7 +71,7 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                     hand_model_args.refuse_for(&format!("{} is an avatar", path.display()))?;
                     avatar::describe(path, &Avatar::load(path)?)
                 }
-                (Some(path), Some(FileKind::Ply)) => {
+                (Some(path), Some(FileKind::Scene)) => {
                     hand_model_args.refuse_for(&format!("{} is a scene", path.display()))?;
                     scene::describe(path, &SplatScene::read(path)?)
                 }

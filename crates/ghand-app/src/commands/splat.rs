@@ -25,6 +25,7 @@ use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_framing::{UpAxis, scene_turntable};
 use crate::sight::BlankPictures;
+use crate::viewer::scene::read_suspicious;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -33,7 +34,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("view").required(true))]
 pub struct SplatArgs {
-    /// The scene: a 3D Gaussian Splatting .ply file
+    /// The scene: a 3D Gaussian Splatting .ply file, also a compressed one, a .spz or a .splat
     scene: PathBuf,
     /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, such as capture.json:cam03
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
@@ -66,7 +67,7 @@ pub struct SplatArgs {
     /// Write the gradient of the picture's weighted sum with respect to the stored numbers, a .safetensors file
     #[arg(long, value_name = "FILE", requires = "weights")]
     gradients: Option<PathBuf>,
-    /// Reduce the opacity of small Gaussians to compensate for the pixel blur
+    /// Reduce the opacity of small Gaussians to compensate for the pixel blur, even if the file does not say so
     #[arg(long)]
     antialias: bool,
 }
@@ -90,7 +91,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     {
         bail!("--gradients {}: must end in .safetensors", path.display());
     }
-    let scene = SplatScene::read(&args.scene)?;
+    let scene = read_suspicious(&args.scene)?;
     let cameras = cameras(args, &scene)?;
     let size = cameras.first().map_or(DEFAULT_SIZE, |camera| [camera.width, camera.height]);
     let weights = args.weights.as_deref().map(|path| read_weights(path, size)).transpose()?;
@@ -157,7 +158,7 @@ fn splatter(
     size: [u32; 2],
     has_gradient: bool,
 ) -> anyhow::Result<Splatter> {
-    let model = SplatModel { antialias: args.antialias, ..scene.model() };
+    let model = SplatModel { antialias: args.antialias || scene.antialias, ..scene.model() };
     let (purpose, rows) =
         if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
     let splatter =
