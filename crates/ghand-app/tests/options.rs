@@ -89,6 +89,7 @@ fn options_that_need_another_are_refused_without_it() {
         ("viewer builtin --screenshot a.png --quality fast", "--quality fast"),
         ("ghand capture --out C --masks arm", "--masks arm"),
         ("ghand capture --out C --masks none --mask-noise 2", "--mask-noise"),
+        ("ghand capture --out C --masks none --format interhand", "--masks none"),
         ("ghand capture --out C --test-frames 3 --test-views 0", "--test-frames"),
         ("ghand ablate --capture none --out a --seed 4", "--seed"),
         ("ghand ablate --capture none --out a --equal iterations --max-time 3m", "--max-time"),

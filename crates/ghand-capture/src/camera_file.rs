@@ -53,6 +53,18 @@ pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     }
 }
 
+/// What is added to the principal points of a file whose top left pixel has its centre at `pixel_center`, 0.5 if absent.
+pub(crate) fn principal_shift(validator: FileValidator, pixel_center: Option<f64>) -> Result<f64, CaptureError> {
+    match pixel_center {
+        None | Some(0.5) => Ok(0.0),
+        Some(0.0) => Ok(0.5),
+        Some(other) => {
+            let problem = format!("is {other}; must be 0.5, or 0 as calibrated by OpenCV, Kalibr and ROS");
+            Err(validator.invalid("pixel_center", problem))
+        }
+    }
+}
+
 impl CameraFile {
     /// As it is written.
     pub(crate) fn of(camera: &Camera, distortion: Option<Distortion>) -> CameraFile {

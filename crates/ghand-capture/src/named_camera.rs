@@ -6,7 +6,7 @@ use ghand_core::Camera;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use crate::camera_file::CameraFile;
+use crate::camera_file::{CameraFile, principal_shift};
 use crate::camera_list::COLORS;
 use crate::capture::CaptureError;
 use crate::capture_validation::FileValidator;
@@ -26,6 +26,7 @@ struct Kind {
 
 #[derive(Deserialize)]
 struct CameraList {
+    pixel_center: Option<f64>,
     cameras: Vec<CameraFile>,
 }
 
@@ -51,7 +52,7 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
             _ => file.camera(validator, String::new()),
         };
     }
-    let cameras = read_cameras_fields::<CameraList>(&path, &text, COLORS)?.cameras;
+    let CameraList { pixel_center, cameras } = read_cameras_fields::<CameraList>(&path, &text, COLORS)?;
     let with_id = |id: &str| cameras.iter().filter(|c| c.id == id).collect::<Vec<_>>();
     let chosen = match (&id, cameras.as_slice()) {
         (Some(id), _) => match with_id(id).as_slice() {
@@ -73,7 +74,8 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
             return Err(validator.invalid("cameras", problem));
         }
     };
-    chosen.camera(validator, format!("cameras[{:?}]", chosen.id))
+    let camera = chosen.camera(validator, format!("cameras[{:?}]", chosen.id))?;
+    Ok(Camera { principal: camera.principal + principal_shift(validator, pixel_center)?, ..camera })
 }
 
 /// The file and the id in a name.
@@ -126,6 +128,8 @@ mod tests {
         for (name, fx) in [("{}:cam00", 100.0), ("{}:cam03", 200.0), ("{folder}:cam03", 200.0)] {
             assert_eq!(read("capture.json", &json, name).unwrap().focal.x, fx, "{name}");
         }
+        let centered = json.replacen("\"cameras\"", "\"pixel_center\":0,\"cameras\"", 1);
+        assert_eq!(read("capture.json", &centered, "{}:cam00").unwrap().principal, glam::DVec2::new(32.5, 24.5));
         let only = capture(&["a:b"]);
         for name in ["{}", "{folder}"] {
             assert_eq!(read("capture.json", &only, name).unwrap().id, "a:b");

@@ -107,6 +107,9 @@ fn check(args: &CaptureArgs) -> anyhow::Result<()> {
     if args.masks == "arm" && !args.forearm {
         bail!("--masks arm: there is no forearm; give --forearm, or omit --masks");
     }
+    if args.masks == "none" && args.format == "interhand" {
+        bail!("--masks none: captures in InterHand2.6M's layout have masks; omit it");
+    }
     if args.masks == "none" && args.mask_noise.is_some_and(|noise| noise > 0.0) {
         bail!("--mask-noise: with --masks none there are no masks; omit one of the two");
     }
