@@ -26,6 +26,13 @@ const FAINT: f32 = -2.944;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpAxis(DVec3);
 
+impl Default for UpAxis {
+    /// That of scenes from images.
+    fn default() -> Self {
+        UpAxis(DVec3::NEG_Y)
+    }
+}
+
 impl FromStr for UpAxis {
     type Err = String;
 

@@ -41,7 +41,7 @@ impl Blank {
                 "is outside of the picture; check the camera's rotation, translation and intrinsics".into()
             }
             Blank::Far(distance) => format!(
-                "is {distance:.4} away and smaller than {LEAST_PIXELS} pixels; check the units, or bring the camera nearer"
+                "is {distance:.1} away and smaller than {LEAST_PIXELS} pixels; check the units, or bring the camera nearer"
             ),
             Blank::Invisible => "has nothing there that is opaque enough to be seen".into(),
         }

@@ -221,6 +221,13 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
             .and(arguments.capture_options.inputs());
         inputs.refuse("--screenshot", path)?;
     }
+    // clap does not require what conflicts with another option.
+    if arguments.live.is_none() && !arguments.live_origin.is_empty() {
+        bail!("--live-origin: needs --live; give it, or omit --live-origin");
+    }
+    if arguments.screenshot.is_none() && (arguments.size.is_some() || arguments.scale.is_some()) {
+        bail!("--size and --scale: are those of a --screenshot; omit them");
+    }
     let layer = arguments.layer;
     if arguments.joint.is_some() && !layer.has_joint() {
         bail!("--joint: --layer {} shows no joint; give --layer weights or residual, or omit --joint", layer.name());

@@ -100,6 +100,9 @@ fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Resul
 /// Writes the hand with its skeleton.
 fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
     args.reading_poses.refuse_without("--pose and --ply")?;
+    if args.frame.is_some() {
+        bail!("--frame: --glb writes the hand at rest; give --ply, or omit --frame");
+    }
     check_output("--glb", path, "glb")?;
     let file = args.reading.load(Some(&args.subject))?;
     for warning in &file.warnings {

@@ -42,9 +42,9 @@ pub struct SplatArgs {
     /// This many views around the scene; distant outliers are ignored
     #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
-    /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z
-    #[arg(long, value_name = "AXIS", default_value = "-y", allow_hyphen_values = true, requires = "turntable")]
-    up: UpAxis,
+    /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z [default: -y]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    up: Option<UpAxis>,
     /// Size of the pictures [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
@@ -79,6 +79,12 @@ pub struct SplatArgs {
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
     let destination = args.format.destination(&args.out, name)?;
+    if args.up.is_some() && args.turntable.is_none() {
+        bail!("--up: is for a turntable; give --turntable, or omit --up");
+    }
+    if args.gradients.is_some() && args.weights.is_none() {
+        bail!("--gradients: needs --weights and --camera; give them, or omit --gradients");
+    }
     if args.fps.is_some() && !matches!(destination, Destination::Film(..)) {
         bail!("--fps: --out {} is not a film; give .gif, .webm or .mp4, or omit --fps", args.out.display());
     }
@@ -145,7 +151,7 @@ fn cameras(args: &SplatArgs, scene: &SplatScene) -> anyhow::Result<Vec<Camera>> 
         }
         None => {
             let views = args.turntable.unwrap_or(1) as usize;
-            Ok(scene_turntable(scene, views, args.up, args.size.unwrap_or(DEFAULT_SIZE)))
+            Ok(scene_turntable(scene, views, args.up.unwrap_or_default(), args.size.unwrap_or(DEFAULT_SIZE)))
         }
     }
 }
