@@ -7,6 +7,8 @@ use same_file::is_same_file;
 
 /// What says of a folder that it is a capture.
 const CAPTURE_FILE: &str = "capture.json";
+/// Endings of files beside it.
+const DATA_ENDINGS: [&str; 6] = ["json", "glb", "gltf", "bin", "pkl", "npz"];
 
 /// The files and captures that a command reads.
 #[derive(Debug, Clone, Default)]
@@ -20,7 +22,7 @@ impl OwnInputs {
         self
     }
 
-    /// Fails if an output is one of them, by whatever name, or lies in the folder of a capture among them and exists.
+    /// Fails if an output is one of them, by whatever name, or exists and may be a part of a capture among them.
     ///
     /// # Errors
     /// One sentence that names the option and the file.
@@ -30,7 +32,7 @@ impl OwnInputs {
             bail!("{option} {shown}: is {}, which this command reads; give another name", input.display());
         }
         let output = output.exists().then(|| std::fs::canonicalize(output).ok()).flatten();
-        let inside = |folder: &&PathBuf| output.as_ref().is_some_and(|output| output.starts_with(folder));
+        let inside = |folder: &&PathBuf| output.as_ref().is_some_and(|output| may_be_part(output, folder));
         let folders: Vec<PathBuf> = self.0.iter().filter_map(|input| capture_folder(input)).collect();
         match folders.iter().find(inside) {
             Some(folder) => bail!(
@@ -53,6 +55,13 @@ pub fn refuse_capture_folder(option: &str, output: &Path, capture: &Path) -> any
         bail!("{option} {}: is the folder of the capture that is read; give another, or --force", output.display());
     }
     Ok(())
+}
+
+/// Whether a file may be a part of the capture in a folder: it is in a folder of it, like images, or has the ending of data.
+fn may_be_part(file: &Path, folder: &Path) -> bool {
+    let Ok(inside) = file.strip_prefix(folder) else { return false };
+    let ending = inside.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    inside.components().count() > 1 || DATA_ENDINGS.contains(&ending.as_str())
 }
 
 /// The folder of a capture, in full.
@@ -113,6 +122,8 @@ mod tests {
                 assert!(inputs.refuse("--sheet", &at(output)).is_err(), "{capture} {output}");
             }
             inputs.refuse("--sheet", &at("S/new.png")).unwrap();
+            std::fs::write(at("S/sheet.png"), "x").unwrap();
+            inputs.refuse("--sheet", &at("S/sheet.png")).unwrap();
             inputs.refuse("--sheet", &at("other.png")).unwrap();
             assert!(refuse_capture_folder("--out", &at("S/images/.."), &at(capture)).is_err());
             refuse_capture_folder("--out", &at("S/run"), &at(capture)).unwrap();

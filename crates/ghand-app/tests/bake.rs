@@ -92,7 +92,7 @@ fn what_cannot_be_baked_is_one_sentence() {
         (&["--out", "x.ghand", "--max-mb", "0.001"], &["--max-mb 0.001", "too small", "without any component"]),
         (&["--out", "x.ghand", "--fit", "12"], &["too few", "--poses"]),
         (&["--out", "x.png"], &["--out x.png", ".ghand"]),
-        (&["--out", "hand.ghand"], &["exists already", "--force"]),
+        (&["--out", "hand.ghand"], &["hand.ghand", "which this command reads"]),
         (&["--out", "hand.ghand/x.ghand"], &["--out hand.ghand/x.ghand", "cannot be written"]),
     ];
     for (arguments, parts) in cases {

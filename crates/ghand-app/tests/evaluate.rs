@@ -317,7 +317,10 @@ fn an_avatar_is_not_compared_with_the_other_hand() {
         let avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap();
         avatar.save(&path.join("a.ghand")).unwrap();
         let told = format!("is a {own} hand, but");
-        assert_one_sentence(&run(GHAND, path, &["evaluate", "a.ghand", "--capture", other, "--out", "E"]), &[&told]);
+        assert_one_sentence(
+            &run(GHAND, path, &["evaluate", "a.ghand", "--capture", other, "--train-split", "train", "--out", "E"]),
+            &[&told],
+        );
         let viewer = ["a.ghand", "--capture", other, "--compare", "split", "--screenshot", "s.png"];
         assert_one_sentence(&run(env!("CARGO_BIN_EXE_viewer"), path, &viewer), &[&told]);
     }

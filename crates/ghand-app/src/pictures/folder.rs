@@ -55,6 +55,8 @@ impl Folder {
     /// An error that names a file that would be overwritten but is not from an earlier render, the problem with the
     /// list, or that another command writes there.
     pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<Folder> {
+        // First, because another command may be writing pictures now.
+        let claim = Claim::folder(path)?;
         let most = |number: fn(&Shot) -> Option<usize>| shots.iter().filter_map(number).max().unwrap_or(0);
         let widths = [most(|s| s.frame), most(|s| s.view)].map(|most| most.to_string().len());
         let ending = Format::Still(format).ending();
@@ -69,7 +71,7 @@ impl Folder {
             let file = path.join(&foreign.file);
             bail!("{}: exists and is not from an earlier render; move it, or choose another folder", file.display());
         }
-        Ok(Folder { path: path.into(), pictures, earlier, begun: false, _claim: Claim::folder(path)? })
+        Ok(Folder { path: path.into(), pictures, earlier, begun: false, _claim: claim })
     }
 
     /// Writes picture number `number`; before the first one, removes the pictures of an earlier render.

@@ -70,7 +70,7 @@ pub(super) fn parse(bytes: &[u8], header: &Header) -> Result<SplatScene, Problem
             return Err(unreadable.clone());
         }
         // Checked before anything is allocated.
-        let length = element.count.checked_mul(element.stride()).unwrap_or(usize::MAX);
+        let length = element.count.saturating_mul(element.stride());
         let Some((own, rest)) = data.split_at_checked(length) else {
             let there = data.len() / element.stride().max(1);
             let text = format!("has {there} of {} rows of {}; copy the file again", element.count, element.name);
@@ -238,7 +238,7 @@ mod tests {
             (replaced("chunk 2", "chunk 1"), "too few"),
             (replaced("chunk 2", "chunk 99999999999999999"), "rows of chunk"),
             (replaced("chunk 2", "chonk 2"), "element chunk"),
-            (replaced("uint packed_scale", "char packed_scale"), "rows of"),
+            (replaced("uint packed_scale", "char packed_scale"), "type uint"),
             (replaced("packed_color", "packed_colour"), "packed_color"),
             (replaced("max_scale_x", "max_scale_w"), "max_scale_x"),
             (replaced("property uchar f_rest_8\n", ""), "f_rest_*"),

@@ -9,7 +9,7 @@ const STRIDE: usize = 32;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
     let count = bytes.len() / STRIDE;
-    if count == 0 || bytes.len() % STRIDE != 0 {
+    if count == 0 || !bytes.len().is_multiple_of(STRIDE) {
         let text = format!("is {} bytes, but a .splat has {STRIDE} for each Gaussian; copy it again", bytes.len());
         return problem("file", text);
     }

@@ -195,7 +195,7 @@ mod tests {
             (packed(&file(9, 1, 0, 0)), "version: is 9"),
             (packed(&file(2, 1, 4, 0)), "degree"),
             (packed(b"something else that is long enough"), "not that of an SPZ"),
-            (good[..good.len() / 2].to_vec(), "data"),
+            (good[..good.len() / 2].to_vec(), "copy it again"),
             (file(2, 1, 0, 0), "version 4"),
             (b"nonsense".to_vec(), "not that of an SPZ"),
         ] {
