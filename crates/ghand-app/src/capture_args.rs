@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::Args;
+use ghand_capture::capture::HandModelSource;
 use ghand_capture::mask::MaskMethod;
-use ghand_capture::{Capture, OpenOptions, Opened};
+use ghand_capture::{Capture, CaptureKind, OpenOptions, Opened};
+use ghand_core::Side;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +46,19 @@ pub struct CaptureOptions {
 }
 
 impl CaptureArgs {
+    /// Fails if an option says something about a capture, but none is given.
+    ///
+    /// # Errors
+    /// One sentence that names the option.
+    pub fn check(&self) -> anyhow::Result<()> {
+        if self.capture.is_none() { self.options.refuse_without_capture() } else { Ok(()) }
+    }
+
+    /// The files and folders that these options name.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        self.capture.iter().chain(self.options.inputs()).cloned().collect()
+    }
+
     /// The same files from any folder.
     ///
     /// # Errors
@@ -95,6 +110,9 @@ impl CaptureOptions {
     /// # Errors
     /// One sentence that names the file, the field and what to do.
     pub fn open(&self, path: &Path) -> anyhow::Result<Opened> {
+        if self.hand_model.is_none() {
+            self.hand_model_args.refuse_for("no --hand-model is given")?;
+        }
         let file = self.hand_model.as_ref().map(|file| self.hand_model_args.load(Some(file))).transpose()?;
         let mut warnings = vec![];
         let mano = file.map(|file| {
@@ -108,9 +126,46 @@ impl CaptureOptions {
             principal_point: self.principal_point,
         };
         let mut opened = Capture::open_with(path, &options)?;
+        self.refuse_unused(path, &opened)?;
         warnings.append(&mut opened.warnings);
         opened.warnings = warnings;
         Ok(opened)
+    }
+
+    /// The files that these options name.
+    pub fn inputs(&self) -> impl Iterator<Item = &PathBuf> {
+        self.hand_model.iter().chain(self.hand_model_args.inputs())
+    }
+
+    /// Fails if an option is given that says nothing about this capture.
+    fn refuse_unused(&self, path: &Path, opened: &Opened) -> anyhow::Result<()> {
+        let refuse = |option: &str, reason: &str| bail!("{option}: {} {reason}; omit {option}", path.display());
+        if self.hand_model.is_some() && opened.capture.hand_model_source != HandModelSource::Mano {
+            refuse("--hand-model", "brings its own hand model, and its poses are that one's")?;
+        }
+        let is = |kind| opened.kind == kind;
+        for (option, given) in
+            [("--train-sequences", &self.train_sequences), ("--test-sequences", &self.test_sequences)]
+        {
+            if !given.is_empty() && !is(CaptureKind::InterHand) {
+                refuse(option, "is not InterHand2.6M, and has no sequences")?;
+            }
+        }
+        if self.principal_point.is_some() && !is(CaptureKind::HandAppearance) {
+            refuse("--principal-point", "is not of the Hand Appearance dataset, and its cameras say it")?;
+        }
+        Ok(())
+    }
+
+    /// Fails if any of these options is given, for a command line without a capture.
+    ///
+    /// # Errors
+    /// One sentence that names the option.
+    pub fn refuse_without_capture(&self) -> anyhow::Result<()> {
+        match self.given() {
+            Some(option) => bail!("{option}: is for captures, and no --capture is given; omit {option}"),
+            None => self.hand_model_args.refuse_for("no --hand-model is given"),
+        }
     }
 
     /// The first given option that applies only to captures, if any.
@@ -124,6 +179,23 @@ impl CaptureOptions {
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))
     }
+}
+
+/// Fails if an avatar is compared with a capture of the other hand.
+///
+/// # Errors
+/// One sentence that names both.
+pub fn check_sides(avatar: &str, side: Side, capture: &Capture) -> anyhow::Result<()> {
+    let name = |side| if side == Side::Left { "left" } else { "right" };
+    if side != capture.side {
+        bail!(
+            "{avatar}: is a {} hand, but {} shows a {} one; give a capture of the same hand",
+            name(side),
+            capture.root.display(),
+            name(capture.side)
+        );
+    }
+    Ok(())
 }
 
 fn parse_point(text: &str) -> anyhow::Result<DVec2> {

@@ -10,6 +10,7 @@ use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
 use crate::crash;
 use crate::runtime_dir::RuntimeDir;
+use crate::train_run::interruption::Interruption;
 
 /// Largest edge of an image that the splatter accepts, pixels.
 const LARGEST_EDGE: u32 = 16_384;
@@ -76,6 +77,8 @@ pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode
             return told(Ok(()));
         }
     };
+    // What a program has not said itself; without handlers, a signal ends it as well.
+    let _ = Interruption::listen("stopped");
     told(program(args))
 }
 

@@ -11,8 +11,8 @@ use ghand_hand_model::read::file_and_side;
 pub enum FileKind {
     /// An avatar, `.ghand`.
     Avatar,
-    /// A scene of Gaussians, `.ply`.
-    Ply,
+    /// A scene of Gaussians: `.ply`, `.spz` or `.splat`, or one in a format that is not read.
+    Scene,
     /// A hand model: `.glb`, `.gltf`, or MANO's `.pkl` and `.npz`.
     HandModel,
     /// Anything else.
@@ -37,10 +37,12 @@ pub fn file_kind(path: &Path) -> FileKind {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     match extension.as_deref() {
         _ if read.is_ok() && is_safetensors => FileKind::Avatar,
-        _ if read.is_ok() && start.starts_with(b"ply") => FileKind::Ply,
+        _ if read.is_ok() && start.starts_with(b"ply") => FileKind::Scene,
+        // An archive, like some hand models.
+        Some("sog") => FileKind::Scene,
         _ if read.is_ok() && HAND_MODEL_STARTS.iter().any(|mark| start.starts_with(mark)) => FileKind::HandModel,
         Some("ghand") => FileKind::Avatar,
-        Some("ply") => FileKind::Ply,
+        Some("ply" | "spz" | "splat" | "ksplat" | "lcc") => FileKind::Scene,
         Some("glb" | "gltf" | "pkl" | "npz") => FileKind::HandModel,
         _ => FileKind::Other,
     }
@@ -60,15 +62,17 @@ mod tests {
         };
         let tensors = [&40u64.to_le_bytes()[..], b"{\"__metadata__\":{}}"].concat();
         assert_eq!(kind("a.bin", &tensors), FileKind::Avatar);
-        assert_eq!(kind("a.bin", b"ply\nformat ascii 1.0\n"), FileKind::Ply);
+        assert_eq!(kind("a.bin", b"ply\nformat ascii 1.0\n"), FileKind::Scene);
         assert_eq!(kind("a.bin", b"\x80\x02}q\x00(X"), FileKind::HandModel);
         assert_eq!(kind("a.bin", b"{\"frames\":[{}]}"), FileKind::Other);
-        assert_eq!(kind("avatar.ghand", b"ply\r\nformat"), FileKind::Ply);
+        assert_eq!(kind("avatar.ghand", b"ply\r\nformat"), FileKind::Scene);
         assert_eq!(kind("a.bin", b"glTF\x02\0\0\0\0"), FileKind::HandModel);
         // A file with a broken beginning is left to the reader for its name.
         assert_eq!(kind("e.pkl", b"(dp1\n"), FileKind::HandModel);
         assert_eq!(kind("hand.obj", b"v 0 0 0\nv "), FileKind::Other);
-        assert_eq!((kind("a.ghand", b""), kind("a.PLY", b"cut")), (FileKind::Avatar, FileKind::Ply));
+        assert_eq!(kind("a.sog", b"PK\x03\x04abcdef"), FileKind::Scene);
+        assert_eq!((kind("a.SPZ", b"\x1f\x8babcdefgh"), kind("b.splat", &[0; 32])), (FileKind::Scene, FileKind::Scene));
+        assert_eq!((kind("a.ghand", b""), kind("a.PLY", b"cut")), (FileKind::Avatar, FileKind::Scene));
         assert_eq!(file_kind(&folder.path().join("absent.glb")), FileKind::HandModel);
         assert_eq!(file_kind(&folder.path().join("absent.txt")), FileKind::Other);
     }

@@ -8,7 +8,7 @@ use ghand_avatar::Avatar;
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
 use ghand_hand_model::mano::LeftShapes;
-use ghand_hand_model::read::{HandModelFile, ReadOptions, read_hand_model};
+use ghand_hand_model::read::{HandModelFile, MANO_KIND, ReadOptions, read_hand_model};
 use serde::{Deserialize, Serialize};
 
 use crate::file_kind::{FileKind, file_kind};
@@ -36,19 +36,47 @@ impl HandModelArgs {
         Ok(HandModelArgs { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
     }
 
+    /// The files that these options name.
+    pub fn inputs(&self) -> Option<&PathBuf> {
+        self.uv.as_ref()
+    }
+
     /// Reads the hand model, or the template mesh of an avatar; the built-in hand if there is no path.
     ///
     /// # Errors
     /// An error that names the file, if it is not a usable hand model or avatar.
     pub fn load(&self, path: Option<&PathBuf>) -> anyhow::Result<HandModelFile> {
         let Some(path) = path else {
+            self.refuse_for("the built-in hand is not a MANO model")?;
             return Ok(HandModelFile { model: builtin_hand(Side::Right)?, kind: HAND_OF_GHAND, warnings: vec![] });
         };
-        if let (FileKind::Avatar, Some(uv)) = (file_kind(path), &self.uv) {
-            bail!("--uv {}: {} is an avatar, which has UVs; omit --uv", uv.display(), path.display());
+        match file_kind(path) {
+            _ if is_hand_name(path) => self.refuse_for(&format!("{} is a hand of ghand", path.display()))?,
+            FileKind::Avatar => self.refuse_for(&format!("{} is an avatar", path.display()))?,
+            _ => {}
         }
         let left_shapes = if self.left_shapes_as_published { LeftShapes::AsPublished } else { LeftShapes::Fixed };
-        load_hand_model(path, &ReadOptions { uv_obj: self.uv.clone(), left_shapes })
+        let file = load_hand_model(path, &ReadOptions { uv_obj: self.uv.clone(), left_shapes })?;
+        if file.kind != MANO_KIND {
+            self.refuse_for(&format!("{} is a {}", path.display(), file.kind))?;
+        }
+        if self.left_shapes_as_published && file.model.side != Side::Left {
+            bail!("--left-shapes-as-published: {} is a right hand; omit the option", path.display());
+        }
+        Ok(file)
+    }
+
+    /// Fails if any of these options is given, where no MANO model is read because of `reason`.
+    ///
+    /// # Errors
+    /// One sentence that names the option.
+    pub fn refuse_for(&self, reason: &str) -> anyhow::Result<()> {
+        let uv = self.uv.as_ref().map(|uv| format!("--uv {}", uv.display()));
+        let left = self.left_shapes_as_published.then(|| "--left-shapes-as-published".into());
+        match uv.or(left) {
+            Some(option) => bail!("{option}: is for MANO models, and {reason}; omit it"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -71,7 +99,7 @@ pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<Han
             let model = Avatar::load(path)?.model;
             Ok(HandModelFile { model, kind: "template mesh of an avatar", warnings: vec![] })
         }
-        FileKind::Ply => bail!(
+        FileKind::Scene => bail!(
             "{}: is a scene of Gaussians (.ply), not a hand model; give MANO (.pkl, .npz), a rigged glTF hand (.glb, \
              .gltf) or an avatar (.ghand)",
             path.display()

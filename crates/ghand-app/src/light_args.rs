@@ -38,6 +38,11 @@ fn parse_turn(text: &str) -> Result<f64, String> {
 }
 
 impl LightArgs {
+    /// The file of the light, if it is not one by name.
+    pub fn input(&self) -> Option<&Path> {
+        Some(self.light.as_path()).filter(|light| *light != Path::new(AS_CAPTURED) && *light != Path::new("studio"))
+    }
+
     /// Whether the avatar's own light is wanted, as it is.
     pub fn is_default(&self) -> bool {
         self.light == Path::new(AS_CAPTURED) && self.light_turn == 0.0

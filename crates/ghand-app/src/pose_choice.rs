@@ -80,7 +80,47 @@ impl PoseReadingArgs {
     /// # Errors
     /// One sentence that names the file and the field, or lists the existing names.
     pub fn load(&self, text: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
-        Ok(self.load_with_fit(text, model)?.0)
+        let sequence = self.load_with_fit(text, model)?.0;
+        if let (Some(_), 1) = (self.fps, sequence.frames.len()) {
+            bail!("--fps: {text} is one pose, not a motion; omit --fps");
+        }
+        Ok(sequence)
+    }
+
+    /// The files and folders that poses are read from.
+    pub fn inputs(&self, poses: Option<&str>) -> Vec<PathBuf> {
+        let named = poses.filter(|text| !is_name(text)).map(PathBuf::from);
+        named.into_iter().chain(self.pose_model.clone()).chain(self.cameras.clone()).collect()
+    }
+
+    /// The first given option that applies only to files of poses, if any.
+    fn given_for_files(&self) -> Option<&'static str> {
+        let given = [
+            ("--side", self.side.is_some()),
+            ("--pose-model", self.pose_model.is_some()),
+            ("--flat-mean", self.flat_mean),
+            ("--take", self.take.is_some()),
+            ("--in-place", self.in_place),
+            ("--cameras", self.cameras.is_some()),
+        ];
+        given.into_iter().find_map(|(name, given)| given.then_some(name))
+    }
+
+    /// Fails if any of these options is given, for a command line without the option `needed`, which names poses.
+    ///
+    /// # Errors
+    /// One sentence that names the option.
+    pub fn refuse_without(&self, needed: &str) -> anyhow::Result<()> {
+        match self.given_for_files().or(self.fps.map(|_| "--fps")) {
+            Some(option) => bail!("{option}: says how poses are read, and needs {needed}; give it, or omit {option}"),
+            None => Ok(()),
+        }
+    }
+
+    /// What of these options applies to motions by name.
+    #[must_use]
+    pub fn for_names(&self) -> PoseReadingArgs {
+        PoseReadingArgs { fps: self.fps, ..PoseReadingArgs::default() }
     }
 
     /// Like [`Self::load`], with how well the hand fits if the poses are from landmarks.
@@ -88,10 +128,16 @@ impl PoseReadingArgs {
     /// # Errors
     /// As in [`Self::load`].
     pub fn load_with_fit(&self, text: &str, model: &HandModel) -> anyhow::Result<(PoseSequence, Option<LandmarkFit>)> {
+        if is_name(text)
+            && let Some(option) = self.given_for_files()
+        {
+            bail!("{option}: {text:?} is a pose or motion of ghand, not a file; omit {option}");
+        }
         if POSE_NAMES.contains(&text) {
             let frame = PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] };
             let joint_names = model.joint_names.clone();
-            let sequence = PoseSequence { fps: DEFAULT_FPS, joint_names, frames: vec![frame], warnings: vec![] };
+            let fps = self.fps.unwrap_or(DEFAULT_FPS);
+            let sequence = PoseSequence { fps, joint_names, frames: vec![frame], warnings: vec![] };
             return Ok((sequence, None));
         }
         if let Some(found) = motion(text, model, self.fps.unwrap_or(DEFAULT_FPS)) {
@@ -133,6 +179,11 @@ impl PoseReadingArgs {
             None => Ok((sequence, fit)),
         }
     }
+}
+
+/// Whether this is a pose or a motion by name.
+pub fn is_name(text: &str) -> bool {
+    POSE_NAMES.contains(&text) || MOTION_NAMES.contains(&text)
 }
 
 /// The frame of that id, else of that number, counted from 0.

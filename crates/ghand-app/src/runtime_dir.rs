@@ -3,9 +3,11 @@
 //! Vulkan's loader and Mesa look for a display server under `XDG_RUNTIME_DIR` and complain on stderr if it is missing,
 //! as in containers, jobs and logins without a desktop. A user cannot do much about it, so the programs make one.
 
+use ghand_files::temporary::{Registered, Temporary};
+
 /// A runtime folder of this process; removed with the value.
 pub struct RuntimeDir {
-    _folder: Option<tempfile::TempDir>,
+    _folder: Option<(Registered, tempfile::TempDir)>,
 }
 
 const VARIABLE: &str = "XDG_RUNTIME_DIR";
@@ -25,7 +27,8 @@ impl RuntimeDir {
         if let Some(folder) = &folder {
             set(folder.path());
         }
-        RuntimeDir { _folder: folder }
+        let known = folder.map(|folder| (Registered::new(Temporary::Folder(folder.path().into())), folder));
+        RuntimeDir { _folder: known }
     }
 }
 

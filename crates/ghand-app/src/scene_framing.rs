@@ -26,6 +26,13 @@ const FAINT: f32 = -2.944;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpAxis(DVec3);
 
+impl Default for UpAxis {
+    /// That of scenes from images.
+    fn default() -> Self {
+        UpAxis(DVec3::NEG_Y)
+    }
+}
+
 impl FromStr for UpAxis {
     type Err = String;
 
@@ -131,7 +138,7 @@ mod tests {
         (0..4).for_each(|k| table.extend(row(&|_| if k == 0 { 1.0 } else { 0.0 })));
         table.extend(row(&|g| g.2));
         (0..3).for_each(|_| table.extend(row(&|_| 0.0)));
-        SplatScene { degree: 0, count: gaussians.len(), table }
+        SplatScene { degree: 0, count: gaussians.len(), table, antialias: false }
     }
 
     #[test]
@@ -173,7 +180,7 @@ mod tests {
     fn scenes_without_extent_get_cameras_too() {
         for gaussians in [0, 1] {
             let table = vec![0.0; 14 * gaussians];
-            let scene = SplatScene { degree: 0, count: gaussians, table };
+            let scene = SplatScene { degree: 0, count: gaussians, table, antialias: false };
             let cameras = scene_turntable(&scene, 2, "y".parse().unwrap(), [10, 10]);
             assert!(cameras.len() == 2 && cameras.iter().all(|c| c.center().is_finite() && c.focal.is_finite()));
         }

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use ghand_avatar::Avatar;
+use ghand_avatar::{Avatar, PropertyTables};
 
 use crate::light_args::LightArgs;
 
@@ -30,9 +30,16 @@ impl Shown {
                 Ok(avatar)
             }
             Shown::Views if !light.is_default() => bail!("--light: --show views has no light"),
-            Shown::Views => avatar
-                .colored_by_seen()
-                .context("--show views: the avatar's file does not say what training saw; train the avatar again"),
+            Shown::Views => {
+                let remedy = match avatar.tables {
+                    PropertyTables::Baked(_) => "bake it again, of an avatar whose file says so",
+                    _ => "train the avatar again",
+                };
+                let shown = avatar.colored_by_seen();
+                shown.with_context(|| {
+                    format!("--show views: the avatar's file does not say what training saw; {remedy}")
+                })
+            }
         }
     }
 }

@@ -92,7 +92,7 @@ fn what_cannot_be_baked_is_one_sentence() {
         (&["--out", "x.ghand", "--max-mb", "0.001"], &["--max-mb 0.001", "too small", "without any component"]),
         (&["--out", "x.ghand", "--fit", "12"], &["too few", "--poses"]),
         (&["--out", "x.png"], &["--out x.png", ".ghand"]),
-        (&["--out", "hand.ghand"], &["exists already", "--force"]),
+        (&["--out", "hand.ghand"], &["hand.ghand", "which this command reads"]),
         (&["--out", "hand.ghand/x.ghand"], &["--out hand.ghand/x.ghand", "cannot be written"]),
     ];
     for (arguments, parts) in cases {
@@ -105,4 +105,27 @@ fn what_cannot_be_baked_is_one_sentence() {
     let again = run(GHAND, folder, &["bake", "x.ghand", "--out", "y.ghand", "--fit", "40"]);
     assert_one_sentence(&again, &["x.ghand", "baked already"]);
     assert_one_sentence(&run(GHAND, folder, &["explain", "x.ghand", "--out", "e"]), &["x.ghand", "is baked"]);
+}
+
+#[test]
+fn a_baked_avatar_shows_what_training_saw() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    save_moving_avatar(folder);
+    let show = ["--show", "views", "--turntable", "1", "--size", "96x120"];
+    let output = run(GHAND, folder, &[&["render", "hand.ghand", "--out", "a.png"][..], &show].concat());
+    assert_one_sentence(&output, &["--show views", "train the avatar again"]);
+    let mut avatar = Avatar::load(&folder.join("hand.ghand")).unwrap();
+    avatar.seen = Some((0..avatar.template.len()).map(|p| 1.0 + (p % 7) as f32).collect());
+    avatar.save(&folder.join("hand.ghand")).unwrap();
+    let output = bake(folder, &["--out", "small.ghand", "--fit", "60", "--max-loss-db", "0.5"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for (avatar, out) in [("hand.ghand", "a.png"), ("small.ghand", "b.png")] {
+        let output = run(GHAND, folder, &[&["render", avatar, "--out", out][..], &show].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let [a, b] = ["a.png", "b.png"].map(|name| image::open(folder.join(name)).unwrap().into_rgb8());
+    let difference: u64 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    assert!(difference < 4 * a.as_raw().len() as u64, "{difference}");
+    assert!(a.pixels().any(|p| p.0[1] > p.0[0] + 40), "green is seen often");
 }

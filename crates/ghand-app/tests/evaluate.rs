@@ -300,3 +300,28 @@ fn what_the_pose_library_lacks_is_one_sentence() {
     // Masks are made, then.
     assert!(evaluate(folder.path(), "out", &["--poses", "library"]).status.success());
 }
+
+#[test]
+fn an_avatar_is_not_compared_with_the_other_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    for (side, capture) in [("right", "R"), ("left", "L")] {
+        let made =
+            ["capture", "--out", capture, "--side", side, "--size", "32x32", "--views", "1", "--train-frames", "1"];
+        assert!(run(GHAND, path, &made).status.success());
+    }
+    for (own, other) in [("right", "L"), ("left", "R")] {
+        let side = if own == "left" { ghand_core::Side::Left } else { ghand_core::Side::Right };
+        let model = ghand_hand_model::builtin::builtin_hand(side).unwrap();
+        let config = ghand_avatar::AvatarConfig { uv_resolution: 32, ..Default::default() };
+        let avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap();
+        avatar.save(&path.join("a.ghand")).unwrap();
+        let told = format!("is a {own} hand, but");
+        assert_one_sentence(
+            &run(GHAND, path, &["evaluate", "a.ghand", "--capture", other, "--train-split", "train", "--out", "E"]),
+            &[&told],
+        );
+        let viewer = ["a.ghand", "--capture", other, "--compare", "split", "--screenshot", "s.png"];
+        assert_one_sentence(&run(env!("CARGO_BIN_EXE_viewer"), path, &viewer), &[&told]);
+    }
+}

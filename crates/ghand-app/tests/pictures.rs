@@ -259,7 +259,10 @@ fn the_example_camera_sees_the_whole_hand_and_cameras_of_captures_are_chosen_by_
     let away = camera.replace("\"front\"", "\"away\"").replace("0.6]", "-0.6]");
     std::fs::write(folder.path().join("capture.json"), format!(r#"{{"cameras":[{camera},{away}]}}"#)).unwrap();
     assert!(picture("capture.json:front") == seen);
-    assert!(picture("capture.json:away").pixels().all(|p| p.0 == [0; 3]));
+    let arguments = render("capture.json:away");
+    let output = run(GHAND, folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the hand is behind the camera"));
+    assert!(open(folder.path(), "a.png").into_rgb8().pixels().all(|p| p.0 == [0; 3]));
     for (name, part) in [("capture.json:back", "\"back\""), ("capture.json", "choose one")] {
         for command in [
             &["render", "hand.ghand", "--out", "b.png", "--camera", name][..],

@@ -137,7 +137,7 @@ impl Bake {
             config,
             tables: PropertyTables::Baked(tables),
             light: source.light.as_ref().map(reorder),
-            seen: None,
+            seen: source.seen.as_ref().map(|seen| self.ordered.order.iter().map(|p| seen[*p]).collect()),
             ..source.clone()
         }
     }

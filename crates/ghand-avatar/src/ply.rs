@@ -1,11 +1,16 @@
-//! Scenes of Gaussians in the `.ply` format of 3D Gaussian Splatting.
+//! Scenes of Gaussians: in the `.ply` format of 3D Gaussian Splatting, in PlayCanvas' compressed one, `.spz` and `.splat`.
 
+mod compressed;
+mod dot_splat;
+mod spz;
+mod suspicions;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use ghand_files::input_file;
 use ghand_render::splat::SplatModel;
+use glam::DVec3;
 pub use write::{EXPORTED_OPACITY, exported_logit};
 
 /// Why a scene file could not be read or written.
@@ -52,12 +57,15 @@ pub struct SplatScene {
     pub count: usize,
     /// The table of [`SplatModel::trained`] for this degree, ordered by [`SplatModel::index`].
     pub table: Vec<f32>,
+    /// Whether it was trained with antialiasing, so that it must be shown with it: a Gaussian smaller than a pixel becomes
+    /// fainter instead of larger.
+    pub antialias: bool,
 }
 
 impl SplatScene {
     /// The model of the Gaussians.
     pub fn model(&self) -> SplatModel {
-        SplatModel::trained(self.degree)
+        SplatModel { antialias: self.antialias, ..SplatModel::trained(self.degree) }
     }
 
     /// A row of the table, a number of each Gaussian.
@@ -66,8 +74,15 @@ impl SplatScene {
         (0..self.count).filter_map(move |i| self.table.get(model.index(row, i, self.count)).copied())
     }
 
-    /// Reads a `.ply` file: binary (little-endian) or ASCII, with the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9,
-    /// 24 or 45 of them), `opacity`, `scale_*` and `rot_*`; others are ignored.
+    /// The centres of the Gaussians.
+    pub fn means(&self) -> impl Iterator<Item = DVec3> {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.row(axis).map(f64::from));
+        x.zip(y).zip(z).map(|((x, y), z)| DVec3::new(x, y, z))
+    }
+
+    /// Reads a scene, recognised from its contents or else its name. A `.ply` file is binary (little-endian) or ASCII, with
+    /// the properties `x y z`, `f_dc_*`, `f_rest_*` (0, 9, 24 or 45 of them), `opacity`, `scale_*` and `rot_*`, others are
+    /// ignored; or it is PlayCanvas' compressed one. Or the file is a `.spz` or a `.splat`.
     ///
     /// # Errors
     /// [`PlyError`] names the file, the part and a remedy.
@@ -75,8 +90,31 @@ impl SplatScene {
         let bytes =
             input_file::read(path, LARGEST_FILE).map_err(|source| PlyError::Io { path: path.into(), source })?;
         let too_large = || ("file".into(), format!("is larger than {} GiB; split the scene", LARGEST_FILE >> 30));
-        let scene = bytes.ok_or_else(too_large).and_then(|bytes| parse(&bytes));
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let scene = bytes.ok_or_else(too_large).and_then(|bytes| parse_any(&bytes, &ending));
         scene.map_err(|(field, problem)| PlyError::Invalid { path: path.into(), field, problem })
+    }
+}
+
+/// Reads a scene whose file's name has this ending, in lower case.
+fn parse_any(bytes: &[u8], ending: &str) -> Result<SplatScene, Problem> {
+    let convert = |format: &str, ending: &str| {
+        let text = format!(
+            "is {format}, which is not read; convert it to .ply, for example with PlayCanvas' splat-transform: \
+             `splat-transform scene.{ending} scene.ply`"
+        );
+        problem("format", text)
+    };
+    match ending {
+        _ if bytes.starts_with(b"ply") => parse(bytes),
+        _ if bytes.starts_with(spz::GZIP) => spz::parse(bytes),
+        _ if bytes.starts_with(spz::MAGIC) => convert("SPZ of version 4 or later", "spz"),
+        "sog" => convert("SOG", "sog"),
+        "ksplat" => convert("a .ksplat", "ksplat"),
+        "lcc" => convert("an .lcc", "lcc"),
+        "spz" => problem("header", "is not that of an SPZ file; copy it again"),
+        "splat" => dot_splat::parse(bytes),
+        _ => parse(bytes),
     }
 }
 
@@ -95,6 +133,9 @@ enum Kind {
 }
 
 impl Kind {
+    /// Four bytes without a sign.
+    const WORD: Kind = Kind::Integer { bytes: 4, signed: false };
+
     fn parse(name: &str) -> Option<Kind> {
         let integer = |bytes, signed| Some(Kind::Integer { bytes, signed });
         match name {
@@ -134,10 +175,39 @@ impl Kind {
     }
 }
 
-struct Header {
-    ascii: bool,
+/// A kind of rows.
+struct Element {
+    name: String,
     count: usize,
     properties: Vec<(String, Kind)>,
+    /// A property that cannot be read, and what is wrong with it.
+    unreadable: Option<Problem>,
+}
+
+impl Element {
+    /// Bytes of a row.
+    fn stride(&self) -> usize {
+        self.properties.iter().map(|(_, kind)| kind.size()).sum()
+    }
+
+    /// Bytes of the properties before one.
+    fn offset(&self, column: usize) -> usize {
+        self.properties.iter().take(column).map(|(_, kind)| kind.size()).sum()
+    }
+
+    fn column(&self, name: &str) -> Result<usize, Problem> {
+        match self.properties.iter().position(|(own, _)| own == name) {
+            Some(column) => Ok(column),
+            None => problem(&format!("property {name}"), "is missing; give a 3D Gaussian Splatting .ply file"),
+        }
+    }
+}
+
+struct Header {
+    ascii: bool,
+    elements: Vec<Element>,
+    /// Whether its comments say that Gaussians are fainter, not larger, where they are smaller than a pixel.
+    antialias: bool,
     /// Offset of the data, bytes.
     end: usize,
 }
@@ -161,58 +231,79 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
     if line()? != "ply" {
         return problem("header", "does not begin with `ply`; give a 3D Gaussian Splatting .ply file");
     }
-    let (mut ascii, mut count, mut properties) = (None, None, Vec::new());
+    let (mut ascii, mut antialias, mut elements) = (None, false, Vec::<Element>::new());
     loop {
         let words: Vec<String> = line()?.split_whitespace().map(String::from).collect();
-        match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-            ["format", "ascii", _] => ascii = Some(true),
-            ["format", "binary_little_endian", _] => ascii = Some(false),
-            ["format", other, ..] => {
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        match (words.as_slice(), elements.last_mut()) {
+            (["format", "ascii", _], _) => ascii = Some(true),
+            (["format", "binary_little_endian", _], _) => ascii = Some(false),
+            (["format", other, ..], _) => {
                 return problem("format", format!("is {other}; save it as binary_little_endian or ascii"));
             }
-            ["comment" | "obj_info", ..] | [] => {}
-            ["element", "vertex", number] if count.is_none() => match number.parse::<usize>() {
-                Ok(number) => count = Some(number),
-                Err(_) => return problem("element vertex", format!("has the count {number:?}")),
+            (["comment", comment @ ..], _) => antialias = said_antialias(comment).unwrap_or(antialias),
+            (["obj_info", ..] | [], _) => {}
+            (["element", name, number], _) => match number.parse::<usize>() {
+                Ok(count) => {
+                    elements.push(Element { name: (*name).into(), count, properties: vec![], unreadable: None });
+                }
+                Err(_) => return problem(&format!("element {name}"), format!("has the count {number:?}")),
             },
-            ["element", name, ..] if count.is_none() => {
-                return problem("element", format!("{name} comes before the vertices; save only the Gaussians"));
+            (["property", "list", ..], Some(element)) => {
+                let text = format!("of the element {} is a list; remove it", element.name);
+                element.unreadable.get_or_insert(("property".into(), text));
             }
-            // Elements after the vertices are not read.
-            ["element", ..] => {
-                while line()? != "end_header" {}
-                break;
-            }
-            ["property", "list", ..] => return problem("property", "of the vertices is a list; remove it"),
-            ["property", kind, name] => match Kind::parse(kind) {
-                Some(kind) => properties.push((name.to_owned(), kind)),
-                None => return problem(&format!("property {name}"), format!("is of the unknown type {kind}")),
+            (["property", kind, name], Some(element)) => match Kind::parse(kind) {
+                Some(kind) => element.properties.push(((*name).into(), kind)),
+                None => {
+                    let text = format!("is of the unknown type {kind}");
+                    element.unreadable.get_or_insert((format!("property {name}"), text));
+                }
             },
-            ["end_header"] => break,
+            (["end_header"], _) => break,
             _ => return problem("header", format!("has the line {:?}, which is not valid PLY", words.join(" "))),
         }
     }
-    match (ascii, count) {
-        (Some(ascii), Some(count)) => Ok(Header { ascii, count, properties, end: at }),
-        (None, _) => problem("format", "is missing from the header"),
-        _ => problem("element vertex", "is missing; the file has no Gaussians"),
+    match ascii {
+        Some(ascii) => Ok(Header { ascii, elements, antialias, end: at }),
+        None => problem("format", "is missing from the header"),
+    }
+}
+
+/// What a comment says of antialiasing: `SplatRenderMode: mip`, as Brush writes it, or `antialiased 1`, as Postshot does.
+fn said_antialias(comment: &[&str]) -> Option<bool> {
+    let text = comment.join(" ").to_lowercase();
+    let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    match words[..] {
+        ["splatrendermode", mode] => Some(mode == "mip"),
+        ["antialiased", flag] => Some(matches!(flag, "1" | "true")),
+        _ => None,
     }
 }
 
 fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
     let header = header(bytes)?;
-    let find = |name: &str| match header.properties.iter().position(|(n, _)| n == name) {
-        Some(column) => Ok(column),
-        None => problem(&format!("property {name}"), "is missing; give a 3D Gaussian Splatting .ply file"),
+    let vertices = header.elements.iter().find(|element| element.name == "vertex");
+    let Some(vertices) = vertices else {
+        return problem("element vertex", "is missing; the file has no Gaussians");
     };
-    let rest = header.properties.iter().filter(|(name, _)| name.starts_with("f_rest_")).count();
-    let degree = match rest {
-        0 => 0,
-        9 => 1,
-        24 => 2,
-        45 => 3,
-        other => return problem("f_rest_*", format!("has {other} properties; there must be 0, 9, 24 or 45")),
-    };
+    if vertices.column("packed_position").is_ok() {
+        return compressed::parse(bytes, &header);
+    }
+    if let Some(first) = header.elements.first().filter(|first| first.name != "vertex") {
+        return problem("element", format!("{} comes before the vertices; save only the Gaussians", first.name));
+    }
+    if let Some(unreadable) = &vertices.unreadable {
+        return Err(unreadable.clone());
+    }
+    if vertices.column("scale_1").is_ok() && vertices.column("scale_2").is_err() {
+        let text =
+            "is missing: this is a scene of flat Gaussians (2DGS), which are not drawn; give one of 3D Gaussians";
+        return problem("property scale_2", text);
+    }
+    let find = |name: &str| vertices.column(name);
+    let rest = vertices.properties.iter().filter(|(name, _)| name.starts_with("f_rest_")).count();
+    let degree = degree_of(rest)?;
     // The column of each row of the table. Files order the harmonics by channel, the table by basis function.
     let named = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>();
     let mut columns = named(&["x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"])?;
@@ -223,54 +314,75 @@ fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         }
     }
     let data = bytes.get(header.end..).unwrap_or_default();
-    let count = header.count;
+    let count = vertices.count;
     let model = SplatModel::trained(degree);
     let table = if header.ascii {
-        let numbers = ascii_numbers(data, &header, &columns)?;
+        let numbers = ascii_numbers(data, vertices, &columns)?;
         model.table(count, |row, i| numbers[i * columns.len() + row])
     } else {
-        let stride: usize = header.properties.iter().map(|(_, kind)| kind.size()).sum();
+        let stride = vertices.stride();
         // Checked before anything is allocated.
         if count.checked_mul(stride).is_none_or(|size| size > data.len()) {
-            let there = data.len() / stride.max(1);
-            return problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"));
+            return truncated(data.len() / stride.max(1), count);
         }
-        let offsets: Vec<usize> = columns
-            .iter()
-            .map(|column| header.properties[..*column].iter().map(|(_, kind)| kind.size()).sum())
-            .collect();
+        let offsets: Vec<usize> = columns.iter().map(|column| vertices.offset(*column)).collect();
         let mut table = vec![0.0; columns.len() * count];
         for (i, vertex) in data.chunks_exact(stride).take(count).enumerate() {
             for (row, (column, offset)) in columns.iter().zip(&offsets).enumerate() {
-                let kind = header.properties[*column].1;
+                let kind = vertices.properties[*column].1;
                 table[model.index(row, i, count)] = kind.value(&vertex[*offset..offset + kind.size()]);
             }
         }
         table
     };
-    Ok(SplatScene { degree, count, table })
+    Ok(SplatScene { degree, count, table, antialias: header.antialias })
+}
+
+/// The logit of an opacity; those of files with bytes are 0 or 1, whose logits are infinite.
+fn logit_of(opacity: f64) -> f64 {
+    let opacity = opacity.clamp(1.0 - EXPORTED_OPACITY, EXPORTED_OPACITY);
+    (opacity / (1.0 - opacity)).ln()
+}
+
+/// The harmonic of degree 0 of a colour, a display value.
+fn dc_of(color: f64) -> f64 {
+    (color - write::GREY) / write::SH_0
+}
+
+/// The degree of the harmonics with this many numbers beyond the first function.
+fn degree_of(rest: usize) -> Result<u32, Problem> {
+    match rest {
+        0 => Ok(0),
+        9 => Ok(1),
+        24 => Ok(2),
+        45 => Ok(3),
+        other => problem("f_rest_*", format!("has {other} properties; there must be 0, 9, 24 or 45")),
+    }
+}
+
+fn truncated<T>(there: usize, count: usize) -> Result<T, Problem> {
+    problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"))
 }
 
 /// The numbers of these columns, one Gaussian after the other.
-fn ascii_numbers(data: &[u8], header: &Header, columns: &[usize]) -> Result<Vec<f32>, Problem> {
+fn ascii_numbers(data: &[u8], vertices: &Element, columns: &[usize]) -> Result<Vec<f32>, Problem> {
     let Ok(text) = std::str::from_utf8(data) else { return problem("data", "is not text, but the format is ascii") };
     let mut numbers = Vec::new();
-    for (i, line) in text.lines().take(header.count).enumerate() {
+    for (i, line) in text.lines().take(vertices.count).enumerate() {
         let words: Vec<&str> = line.split_whitespace().collect();
         for column in columns {
             match words.get(*column).and_then(|word| word.parse::<f32>().ok()) {
                 Some(number) => numbers.push(number),
                 None => {
-                    let name = &header.properties[*column].0;
+                    let name = &vertices.properties[*column].0;
                     return problem("data", format!("Gaussian {i} has no number for {name}; save the file again"));
                 }
             }
         }
     }
     let there = numbers.len() / columns.len();
-    if there < header.count {
-        let count = header.count;
-        return problem("data", format!("has {there} of {count} Gaussians; the file is truncated, copy it again"));
+    if there < vertices.count {
+        return truncated(there, vertices.count);
     }
     Ok(numbers)
 }
@@ -331,7 +443,7 @@ mod tests {
     fn both_encodings_are_read_with_harmonics_ordered_by_basis_function() {
         for ascii in [false, true] {
             let (bytes, table) = file(ascii);
-            assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table });
+            assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table, antialias: false });
         }
         let scene = parse(&file(false).0).unwrap();
         assert_eq!(scene.table.len(), scene.model().rows() * scene.count);

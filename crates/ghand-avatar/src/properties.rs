@@ -221,7 +221,7 @@ impl PropertyTables {
         match self {
             PropertyTables::Direct(tables) => tables.set_constant_colors(colors),
             PropertyTables::Network(tables) => tables.set_constant_colors(colors),
-            PropertyTables::Baked(_) => {}
+            PropertyTables::Baked(tables) => tables.set_constant_colors(colors),
         }
     }
 

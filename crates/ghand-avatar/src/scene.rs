@@ -310,7 +310,8 @@ impl Scene {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn posed_splats(&mut self, gpu: &Gpu, frame: usize) -> Result<SplatScene, RenderError> {
-        Ok(SplatScene::of_hand(&self.posed_table(gpu, frame)?, self.splatter.options().model.shape))
+        let SplatModel { shape, antialias, .. } = self.splatter.options().model;
+        Ok(SplatScene { antialias, ..SplatScene::of_hand(&self.posed_table(gpu, frame)?, shape) })
     }
 
     /// The splatter's table of frame `frame` without gloss, `[rows][N]` with the avatars one after the other in each row.

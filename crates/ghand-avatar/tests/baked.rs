@@ -274,6 +274,29 @@ fn poses_far_from_those_that_were_fitted_do_not_explode() {
 }
 
 #[test]
+fn a_baked_avatar_knows_what_training_saw_and_shows_it_in_all_precisions() {
+    let gpu = gpu();
+    let mut avatar = flat_avatar();
+    let count = avatar.template.len();
+    avatar.seen = Some((0..count).map(|p| p as f32).collect());
+    let bake = Bake::new(&gpu, &avatar, &poses(1, 40, avatar.template.joint_count(), 0.4), 3, |_| ()).unwrap();
+    for precision in PRECISIONS {
+        let baked = bake.avatar(bake.blocks() / 2, precision);
+        let seen: Vec<f32> = bake.order().iter().map(|p| *p as f32).collect();
+        assert_eq!(baked.seen.as_ref(), Some(&seen));
+        let shown = baked.colored_by_seen().unwrap();
+        let tables = tables(&shown);
+        let colors = baked.seen_colors().unwrap();
+        for (p, color) in colors.iter().enumerate() {
+            let found = tables.mean_of(p).color;
+            assert!(found.distance(DVec3::from(*color)) < 0.01, "{precision:?} {found} {color:?}");
+        }
+        let (_, _, change) = tables.values_of(0, 0);
+        assert_eq!(change, DVec3::ZERO, "no pose changes a colour");
+    }
+}
+
+#[test]
 fn what_cannot_be_baked_or_trained_is_said() {
     let gpu = gpu();
     let avatar = random_avatar(2, &AvatarConfig::default());

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::capture::CaptureError;
 use crate::capture_validation::{CameraEntry, FileValidator, Position, member};
 use crate::distortion::Distortion;
-use crate::json_file::parse;
+use crate::ghand_format::fields::read_camera_fields;
 use crate::text_file::read_text;
 
 /// Larger files hold more than one camera.
@@ -44,12 +44,24 @@ pub(crate) struct CameraFile {
 pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
     let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
     let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
-    let file: CameraFile = parse(path, &text)?;
+    let file = read_camera_fields(path, &text)?;
     let validator = FileValidator { path };
     let camera = file.camera(validator, String::new())?;
     match file.distortion(validator, "", &camera)? {
         None => Ok(camera),
         Some(_) => Err(validator.invalid(file.lens_field(), "pictures are drawn without distortion; remove it")),
+    }
+}
+
+/// What is added to the principal points of a file whose top left pixel has its centre at `pixel_center`, 0.5 if absent.
+pub(crate) fn principal_shift(validator: FileValidator, pixel_center: Option<f64>) -> Result<f64, CaptureError> {
+    match pixel_center {
+        None | Some(0.5) => Ok(0.0),
+        Some(0.0) => Ok(0.5),
+        Some(other) => {
+            let problem = format!("is {other}; must be 0.5, or 0 as calibrated by OpenCV, Kalibr and ROS");
+            Err(validator.invalid("pixel_center", problem))
+        }
     }
 }
 

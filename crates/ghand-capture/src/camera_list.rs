@@ -8,13 +8,14 @@ use ghand_core::Camera;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::camera_file::CameraFile;
+use crate::camera_file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError};
 use crate::capture_validation::FileValidator;
 use crate::color_correction::ColorMap;
 use crate::distortion::Distortion;
 use crate::ghand_format::CAPTURE_FILE;
-use crate::json_file::{LARGEST_FILE, parse, write_json};
+use crate::ghand_format::fields::read_cameras_fields;
+use crate::json_file::{LARGEST_FILE, write_json};
 use crate::text_file::read_text;
 
 /// A camera with a lens.
@@ -41,8 +42,14 @@ impl LensCamera {
 const LARGEST_TURN: f64 = 5.0_f64.to_radians();
 const LARGEST_PART: f64 = 0.1;
 
+/// The field of a file of cameras that a `capture.json` lacks.
+pub(crate) const COLORS: &str = "colors";
+
 #[derive(Serialize, Deserialize)]
 struct CameraList {
+    /// As in a `capture.json`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pixel_center: Option<f64>,
     cameras: Vec<CameraFile>,
     /// What makes the colours of a camera's images those of all, by its id.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -63,11 +70,13 @@ fn read(path: &Path) -> Result<(Vec<LensCamera>, BTreeMap<String, ColorMap>), Ca
     let remedy = "give a capture.json, or a JSON file with `cameras` as in one";
     let text = read_text(&path, LARGEST_FILE, "read the cameras", remedy)?;
     let validator = FileValidator { path: &path };
-    let CameraList { cameras: files, colors } = parse::<CameraList>(&path, &text)?;
+    let CameraList { pixel_center, cameras: files, colors } = read_cameras_fields::<CameraList>(&path, &text, COLORS)?;
     validator.index("cameras", files.iter().map(|file| file.id.as_str()))?;
+    let shift = principal_shift(validator, pixel_center)?;
     let camera = |file: &CameraFile| {
         let field = format!("cameras[{:?}]", file.id);
         let camera = file.camera(validator, field.clone())?;
+        let camera = Camera { principal: camera.principal + shift, ..camera };
         let distortion = file.distortion(validator, &field, &camera)?;
         Ok(LensCamera { camera, distortion })
     };
@@ -88,7 +97,7 @@ impl Capture {
         let cameras = self.cameras.iter().enumerate().map(|(k, camera)| CameraFile::of(camera, distortion(k)));
         let corrections = self.color_correction.cameras.iter();
         let colors = corrections.filter_map(|(k, map)| Some((self.cameras.get(*k)?.id.clone(), *map)));
-        write_json(path, &CameraList { cameras: cameras.collect(), colors: colors.collect() })
+        write_json(path, &CameraList { pixel_center: None, cameras: cameras.collect(), colors: colors.collect() })
     }
 
     /// Takes the cameras, and the corrections of their colours, of a file that [`Capture::save_cameras`] wrote for this capture.

@@ -6,7 +6,7 @@
 
 #[cfg(test)]
 mod field_tests;
-mod fields;
+pub(crate) mod fields;
 mod read;
 #[cfg(test)]
 mod tests;

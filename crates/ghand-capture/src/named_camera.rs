@@ -6,10 +6,12 @@ use ghand_core::Camera;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use crate::camera_file::CameraFile;
+use crate::camera_file::{CameraFile, principal_shift};
+use crate::camera_list::COLORS;
 use crate::capture::CaptureError;
 use crate::capture_validation::FileValidator;
 use crate::ghand_format::CAPTURE_FILE;
+use crate::ghand_format::fields::{read_camera_fields, read_cameras_fields};
 use crate::json_file::{LARGEST_FILE, parse};
 use crate::text_file::read_text;
 
@@ -24,6 +26,7 @@ struct Kind {
 
 #[derive(Deserialize)]
 struct CameraList {
+    pixel_center: Option<f64>,
     cameras: Vec<CameraFile>,
 }
 
@@ -40,7 +43,7 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
     let text = read_text(&path, LARGEST_FILE, "read the camera", remedy)?;
     let validator = FileValidator { path: &path };
     if parse::<Kind>(&path, &text)?.cameras.is_none() {
-        let file: CameraFile = parse(&path, &text)?;
+        let file = read_camera_fields(&path, &text)?;
         return match id {
             Some(id) if file.id != id => {
                 let problem = format!("is {:?}, not {id:?}; the file has only this camera", file.id);
@@ -49,7 +52,7 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
             _ => file.camera(validator, String::new()),
         };
     }
-    let cameras = parse::<CameraList>(&path, &text)?.cameras;
+    let CameraList { pixel_center, cameras } = read_cameras_fields::<CameraList>(&path, &text, COLORS)?;
     let with_id = |id: &str| cameras.iter().filter(|c| c.id == id).collect::<Vec<_>>();
     let chosen = match (&id, cameras.as_slice()) {
         (Some(id), _) => match with_id(id).as_slice() {
@@ -71,7 +74,8 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
             return Err(validator.invalid("cameras", problem));
         }
     };
-    chosen.camera(validator, format!("cameras[{:?}]", chosen.id))
+    let camera = chosen.camera(validator, format!("cameras[{:?}]", chosen.id))?;
+    Ok(Camera { principal: camera.principal + principal_shift(validator, pixel_center)?, ..camera })
 }
 
 /// The file and the id in a name.
@@ -124,6 +128,8 @@ mod tests {
         for (name, fx) in [("{}:cam00", 100.0), ("{}:cam03", 200.0), ("{folder}:cam03", 200.0)] {
             assert_eq!(read("capture.json", &json, name).unwrap().focal.x, fx, "{name}");
         }
+        let centered = json.replacen("\"cameras\"", "\"pixel_center\":0,\"cameras\"", 1);
+        assert_eq!(read("capture.json", &centered, "{}:cam00").unwrap().principal, glam::DVec2::new(32.5, 24.5));
         let only = capture(&["a:b"]);
         for name in ["{}", "{folder}"] {
             assert_eq!(read("capture.json", &only, name).unwrap().id, "a:b");
@@ -132,6 +138,35 @@ mod tests {
         assert_eq!(read("one.json", &camera("c", 100.0), "{}").unwrap().id, "c");
         assert_eq!(read("one.json", &camera("c", 100.0), "{}:c").unwrap().id, "c");
         assert_eq!(read("with:colon.json", &camera("c", 100.0), "{}").unwrap().id, "c");
+    }
+
+    #[test]
+    fn an_unknown_field_of_a_camera_or_of_its_file_is_named() {
+        let (one, many) = (camera("c", 100.0), capture(&["cam00", "cam03"]));
+        let lens = "\"width\":64,\"distorsion\":[0.1,0,0,0,0]";
+        for (file, json, name, parts) in [
+            ("one.json", one.replace("\"width\":64", lens), "{}", ["distorsion", "\"distortion\""]),
+            ("one.json", one.replace("\"id\"", "\"name\""), "{}", ["name", "not a field"]),
+            (
+                "capture.json",
+                many.replacen("\"width\":64", lens, 1),
+                "{}:cam03",
+                ["cameras[0].distorsion", "\"distortion\""],
+            ),
+            (
+                "cameras.json",
+                many.replacen("\"cameras\"", "\"colours\":{},\"cameras\"", 1),
+                "{}:cam00",
+                ["colours", "\"colors\""],
+            ),
+        ] {
+            let error = read(file, &json, name).unwrap_err();
+            assert!(parts.iter().all(|part| error.contains(part)) && error.contains(file), "{error}");
+        }
+        assert!(read("one.json", &one.replace("\"id\"", "\"_note\":1,\"id\""), "{}").is_ok());
+        assert!(
+            read("cameras.json", &many.replacen("\"cameras\"", "\"colors\":{},\"cameras\"", 1), "{}:cam00").is_ok()
+        );
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use crate::temporary;
+
 /// How the name of a file begins until it is complete.
 const UNFINISHED: &str = ".writing-";
 
@@ -14,6 +16,7 @@ const UNFINISHED: &str = ".writing-";
 /// # Errors
 /// As for [`check_writable`], and any error of the file system; the file at `path` is then unchanged.
 pub fn write_atomically(path: &Path, contents: &[u8]) -> io::Result<()> {
+    let _writing = temporary::writing();
     let target = replaceable(path)?;
     let folder = folder_of(&target);
     std::fs::create_dir_all(folder)?;

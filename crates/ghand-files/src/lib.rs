@@ -1,7 +1,7 @@
 //! Reading and writing of files for all other crates: within limits, and never half-written.
 //!
-//! [`input_file`] opens files named by a user, [`atomic_file`] replaces a file completely or not at all, [`json_error`]
-//! puts a parser's messages into plain words. [`Value`] is the content of any data file; [`npz`] reads and writes
+//! [`input_file`] opens files named by a user, [`atomic_file`] replaces a file completely or not at all, [`temporary`]
+//! knows what a signal must not leave behind, [`json_error`] puts a parser's messages into plain words. [`Value`] is the content of any data file; [`npz`] reads and writes
 //! NumPy's arrays, [`pickle`] reads Python's objects without executing anything.
 
 pub mod atomic_file;
@@ -9,6 +9,7 @@ pub mod input_file;
 pub mod json_error;
 pub mod npz;
 pub mod pickle;
+pub mod temporary;
 pub mod value;
 
 pub use value::Value;

@@ -29,6 +29,9 @@ pub struct HandModelFile {
     pub warnings: Vec<String>,
 }
 
+/// The kind of a MANO file.
+pub const MANO_KIND: &str = "MANO model";
+
 /// Reads a rigged glTF hand (`.glb`, `.gltf`), or else a MANO file (a pickle or an `.npz` archive). `FILE:left` and
 /// `FILE:right` are one hand of a file with both ([`file_and_side`]).
 ///
@@ -93,7 +96,7 @@ fn read_mano_hand(path: &Path, side: Option<Side>, options: &ReadOptions) -> Res
         });
     }
     warnings.extend(inspection::warnings(&file.model));
-    Ok(HandModelFile { model: file.model, kind: "MANO model", warnings })
+    Ok(HandModelFile { model: file.model, kind: MANO_KIND, warnings })
 }
 
 /// From the file's name, else from its first bytes. The reader reports a file that cannot be opened.

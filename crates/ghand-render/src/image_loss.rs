@@ -96,7 +96,16 @@ fn strips([width, height]: [u32; 2]) -> [u32; 2] {
     [height * width.div_ceil(ROW_STRIP), width * height.div_ceil(COLUMN_STRIP)]
 }
 
+/// Bytes per pixel of the largest of its buffers.
+const BYTES_PER_PIXEL: u64 = 4 * 3 * 4;
+
 impl ImageLoss {
+    /// Most pixels of an image on a device.
+    pub fn most_pixels(gpu: &Gpu) -> u64 {
+        let limits = gpu.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / BYTES_PER_PIXEL
+    }
+
     /// A loss that reads `image` and writes `d_image` (one `vec4` per pixel each) for images of at most `max_pixels`.
     ///
     /// # Errors

@@ -47,6 +47,7 @@ use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, Imag
 use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, HandModel, Pose, Side};
+use ghand_files::temporary::{Registered, Temporary};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::mano::{in_mano_layout, write_mano};
@@ -299,6 +300,7 @@ pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderS
     std::fs::create_dir_all(parent).map_err(io("create the folder"))?;
     let workshop =
         tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("create the folder"))?;
+    let _known = Registered::new(Temporary::Folder(workshop.path().into()));
 
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
     let templates = Templates::of(options).map_err(model_error)?;

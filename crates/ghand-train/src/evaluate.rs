@@ -5,7 +5,7 @@ use ghand_capture::{Capture, CaptureError};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, Pose};
 use ghand_hand_model::arm_end::ArmEnd;
-use ghand_render::splat::Purpose;
+use ghand_render::splat::{Purpose, band_rows};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 use serde::Serialize;
@@ -123,6 +123,7 @@ pub fn evaluate_views(
     let boxed = protocol == Protocol::HandAvatar;
     let largest = |axis: fn(&Camera) -> u32| views.iter().map(|v| axis(&capture.cameras[v.camera])).max().unwrap_or(1);
     let max_size = if boxed { [SIDE; 2] } else { [largest(|c| c.width), largest(|c| c.height)] };
+    let max_band = [max_size[0], band_rows(gpu, max_size)];
     if let Some(lpips) = lpips {
         for view in views {
             let camera = &capture.cameras[view.camera];
@@ -130,7 +131,7 @@ pub fn evaluate_views(
             lpips.check_size(size).map_err(|error| EvaluateError::Lpips { camera: camera.id.clone(), error })?;
         }
     }
-    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?;
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, max_band)?;
     let background = if boxed { [0.0; 3] } else { capture.background };
     let mut similarities: [Vec<ImageSimilarity>; 2] = Default::default();
     let mut posed: Option<&Pose> = None;
@@ -149,9 +150,11 @@ pub fn evaluate_views(
             (capture.cameras[*camera_index].clone(), loaded)
         };
         let size = [camera.width, camera.height];
-        let image = scene.render(gpu, 0, &camera, background.map(|b| b as f32))?;
         let mut truth = truth;
-        let mut render: Vec<[u8; 3]> = image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
+        let mut render: Vec<[u8; 3]> = vec![];
+        scene.render_bands(gpu, 0, &camera, background.map(|b| b as f32), |_, band| {
+            render.extend(band.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])));
+        })?;
         let mut floor_picture: Vec<[u8; 3]> =
             floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
         if protocol == Protocol::Masks

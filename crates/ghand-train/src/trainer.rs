@@ -18,6 +18,7 @@ use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
+use ghand_render::image_loss::ImageLoss;
 use glam::DVec3;
 
 use crate::alignment::{Alignment, AlignmentError, align};
@@ -171,6 +172,13 @@ impl Watched {
     }
 }
 
+/// The least integer fraction of a resolution with at most this many pixels.
+fn least_reduction(size: [u32; 2], most_pixels: u64) -> u32 {
+    let pixels = |reduction: u32| size.map(|edge| u64::from(edge / reduction)).iter().product::<u64>();
+    let most = size[0].max(size[1]).max(1);
+    (1..most).find(|reduction| pixels(*reduction) <= most_pixels).unwrap_or(most)
+}
+
 /// Number of those images.
 const WATCHED_VIEWS: usize = 4;
 /// How often they are taken while the avatar is trained.
@@ -233,6 +241,14 @@ impl<'a> Trainer<'a> {
             earlier: 0.0,
             lpips: None,
         })
+    }
+
+    /// Images are trained on at this integer fraction of their resolution: 1, unless the device takes no larger ones. What is
+    /// measured on images is measured at their full resolution.
+    pub fn reduction(&self) -> u32 {
+        let watched = self.watched.as_ref().map_or([1; 2], |watched| watched.views.largest(1));
+        let largest = self.views.largest(1);
+        least_reduction([0, 1].map(|axis| largest[axis].max(watched[axis])), ImageLoss::most_pixels(self.gpu))
     }
 
     /// Stops the run after the iteration in which `stop` becomes true. In stage 2 the run then returns the present
@@ -376,7 +392,7 @@ impl<'a> Trainer<'a> {
                 part_of_time: self.settings.pose_stage,
                 done: 0,
                 refine_poses: true,
-                reduction: self.settings.pose_image_reduction,
+                reduction: self.settings.pose_image_reduction.max(self.reduction()),
                 scale_weight: self.settings.scale_weight,
                 previews: 0,
             };
@@ -414,7 +430,7 @@ impl<'a> Trainer<'a> {
             part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
-            reduction: 1,
+            reduction: self.reduction(),
             scale_weight: 0.0,
             previews: PREVIEWS,
         };
@@ -425,10 +441,10 @@ impl<'a> Trainer<'a> {
         avatar.limit_response(&self.seen_poses());
         let may_leave_out = !stopped && self.settings.model == Model::Direct;
         if let Some(simplification) = self.prepared.simplification.as_mut().filter(|_| may_leave_out) {
-            let (views, poses) = (&self.views, &self.prepared.poses);
+            let (views, poses, reduction) = (&self.views, &self.prepared.poses, stage.reduction);
             let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
-                let images = (0..views.len()).map(|k| views.get(k, 1).map(|view| (view.frame, view.camera)));
-                shown_gaussians(gpu, &avatar, poses, images, views.largest(1))
+                let images = (0..views.len()).map(|k| views.get(k, reduction).map(|view| (view.frame, view.camera)));
+                shown_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
             })?;
             if let Some(kept) = avatar.kept(&shown) {
                 simplification.never_shown = avatar.template.len() - kept.template.len();
@@ -652,6 +668,15 @@ fn recenter(refined: &mut [Pose], given: &[Pose]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn images_are_reduced_only_as_far_as_the_device_requires() {
+        assert_eq!(least_reduction([334, 512], 2_796_202), 1);
+        assert_eq!(least_reduction([2000, 1000], 2_000_000), 1);
+        assert_eq!(least_reduction([2001, 1000], 2_000_000), 2);
+        assert_eq!(least_reduction([4000, 3000], 2_796_202), 3);
+        assert_eq!(least_reduction([1, 1], 0), 1);
+    }
 
     #[test]
     fn recentring_keeps_single_corrections_and_removes_their_mean() {

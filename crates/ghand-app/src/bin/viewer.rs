@@ -12,6 +12,7 @@ use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::heap::use_one_arena;
 use ghand_app::light_args::LightArgs;
+use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::quality::{self, Quality};
 use ghand_app::train_run::run_folder::last_avatar;
@@ -110,6 +111,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
     let start = Instant::now();
+    check_options(&arguments)?;
     if arguments.screenshot.is_none() {
         window::check_display()?;
     }
@@ -139,6 +141,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
     };
+    if let (false, Subject::Scene { .. }) = (arguments.overlay.is_empty(), &subject) {
+        bail!("--overlay: {source} is a scene of Gaussians, without a hand model to draw; omit --overlay")
+    }
     if let (Some(_), Subject::Scene { .. }) = (arguments.live, &subject) {
         bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
     }
@@ -196,9 +201,50 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     window::open(&mut viewer)
 }
 
+/// Fails if an option is given without what it applies to.
+fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.pose.is_none() {
+        arguments.reading.refuse_without("--pose")?;
+    }
+    if arguments.capture.is_none() {
+        arguments.capture_options.refuse_without_capture()?;
+    }
+    if let Some(path) = &arguments.screenshot {
+        if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
+            bail!("--screenshot {}: must end in .png", path.display());
+        }
+        let inputs = OwnInputs::default()
+            .and(arguments.file.as_ref().filter(|file| file.is_file()))
+            .and(arguments.reading.inputs(arguments.pose.as_deref()))
+            .and(arguments.light.input())
+            .and(&arguments.capture)
+            .and(arguments.capture_options.inputs());
+        inputs.refuse("--screenshot", path)?;
+    }
+    // clap does not require what conflicts with another option.
+    if arguments.live.is_none() && !arguments.live_origin.is_empty() {
+        bail!("--live-origin: needs --live; give it, or omit --live-origin");
+    }
+    if arguments.screenshot.is_none() && (arguments.size.is_some() || arguments.scale.is_some()) {
+        bail!("--size and --scale: are those of a --screenshot; omit them");
+    }
+    let layer = arguments.layer;
+    if arguments.joint.is_some() && !layer.has_joint() {
+        bail!("--joint: --layer {} shows no joint; give --layer weights or residual, or omit --joint", layer.name());
+    }
+    if arguments.basis.is_some() && !layer.has_basis() {
+        bail!("--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis", layer.name());
+    }
+    Ok(())
+}
+
 /// The file that is shown of a file in a preset.
 fn played(gpu: &mut Gpu, path: Option<&Path>, quality: Quality) -> anyhow::Result<(Option<PathBuf>, QualityChoice)> {
     let avatar = path.filter(|path| file_kind(path) == FileKind::Avatar);
+    if avatar.is_none() && quality != Quality::Exact {
+        let shown = path.map_or(DEMO_AVATAR_NAME.into(), |path| path.display().to_string());
+        bail!("--quality {}: is for avatars' files, and {shown} is none; omit --quality", quality.name());
+    }
     let (Some(avatar), true) = (avatar, quality != Quality::Exact) else {
         return Ok((path.map(Path::to_owned), QualityChoice::exact(avatar)));
     };

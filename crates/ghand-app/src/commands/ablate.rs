@@ -15,8 +15,10 @@ use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;
+use crate::claim::Claim;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
+use crate::own_inputs::refuse_capture_folder;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::settings_args::SettingsArgs;
@@ -108,12 +110,20 @@ struct Report<'a> {
 /// An error that names the file, the option or the setting and its problem; [`Stopped`] if the user has stopped it.
 pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let arms = chosen(&args.arms)?;
+    if args.settings.seed_given() {
+        bail!("--seed: the trainings have the seeds 1, 2, ...; say how many with --seeds, and omit --seed");
+    }
+    if args.settings.max_time_given() && !args.equal.contains(&Budget::Time) {
+        bail!("--max-time: is the time of --equal time; give that, or omit --max-time");
+    }
     let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
     settings.check()?;
     if args.settings.are_only_printed(&settings) {
         return Ok(());
     }
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    refuse_capture_folder("--out", &args.out, path)?;
+    let _claim = Claim::folder(&args.out)?;
     let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {
         bail!("{}: the split {:?} has no images to compare with", path.display(), args.test_split);

@@ -17,9 +17,11 @@ use ghand_render::deform::baked::Precision;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
+use crate::claim::Claim;
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
+use crate::own_inputs::OwnInputs;
 use crate::say;
 use judge::{Judge, Loss};
 use pose_set::{NamedPose, PoseSet, PoseSetArgs};
@@ -126,13 +128,27 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.out.extension().is_none_or(|ending| ending != "ghand") {
         bail!("--out {}: must end in .ghand", args.out.display());
     }
-    if args.out.exists() && !args.force {
-        bail!("--out {}: exists already; give another name, or --force to replace it", args.out.display());
+    let outputs = [args.out.clone(), beside("json"), beside("worst.png"), beside("loss.png")];
+    if !args.force {
+        let inputs = OwnInputs::default().and([&args.avatar]).and(args.capture.inputs()).and(args.poses.inputs());
+        outputs.iter().try_for_each(|output| inputs.refuse("--out", output))?;
+        if let Some(output) = outputs.iter().find(|output| output.exists()) {
+            let remedy = "give another --out, or --force to replace it";
+            bail!("--out {}: {} exists already; {remedy}", args.out.display(), output.display());
+        }
     }
     check_writable(&args.out).with_context(|| format!("--out {}: cannot be written", args.out.display()))?;
+    let _claim = Claim::beside(&args.out)?;
     let capture = match &args.capture.capture {
-        Some(path) => Some(args.capture.open(path, &[&args.split], &[])?),
-        None => None,
+        Some(path) => {
+            let capture = args.capture.open(path, &[&args.split], &[])?;
+            check_sides(&args.avatar.display().to_string(), avatar.template.side, &capture)?;
+            Some(capture)
+        }
+        None => {
+            args.capture.check()?;
+            None
+        }
     };
     let poses = PoseSet::gather(&args.poses, &avatar, capture.as_ref().map(|capture| (capture, args.split.as_str())))?;
     let mut gpu = adapter.open()?;

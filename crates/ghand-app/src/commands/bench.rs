@@ -11,7 +11,6 @@ use std::time::Instant;
 
 use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
-use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, HandModel, Pose, Side};
@@ -24,6 +23,7 @@ use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::framing::turntable;
 use crate::pose_choice::PoseReadingArgs;
 use crate::say;
+use crate::viewer::scene::read_suspicious;
 
 /// Options of `ghand bench`.
 #[derive(Debug, Args)]
@@ -46,9 +46,9 @@ enum What {
 
 #[derive(Debug, Args)]
 struct SplatArgs {
-    /// Approximate number of Gaussians of the hand; the nearest UV resolution is used
-    #[arg(long, default_value_t = 87_779, value_name = "N")]
-    n: usize,
+    /// Approximate number of Gaussians of the hand; the nearest UV resolution is used [default: 87779]
+    #[arg(long, value_name = "N")]
+    n: Option<usize>,
     /// Image size in pixels [default: the camera's, else 334x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<[u32; 2]>,
@@ -85,6 +85,8 @@ struct MotionArgs {
     json: bool,
 }
 
+/// Default number of Gaussians of the hand.
+const DEFAULT_GAUSSIANS: usize = 87_779;
 /// Number of warm-up frames.
 const WARM_UP: usize = 3;
 /// Default size of the image.
@@ -147,7 +149,8 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
         (camera, _) => camera,
     };
     if args.scene != "hand" {
-        let scene = SplatScene::read(args.scene.as_ref())?;
+        ensure!(args.n.is_none(), "--n: --scene {} has its own Gaussians; omit --n", args.scene);
+        let scene = read_suspicious(args.scene.as_ref())?;
         let Some(camera) = camera else { bail!("--scene {}: needs a --camera", args.scene) };
         let size = [camera.width, camera.height];
         let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, ..SplatOptions::default() };
@@ -158,7 +161,10 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
         return Ok((splatter, camera));
     }
     let model = builtin_hand(Side::Right)?;
-    let config = AvatarConfig { uv_resolution: resolution_for(&model, args.n)?, ..Default::default() };
+    let config = AvatarConfig {
+        uv_resolution: resolution_for(&model, args.n.unwrap_or(DEFAULT_GAUSSIANS))?,
+        ..Default::default()
+    };
     let avatar = Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0)?;
     let rest = Pose::rest(model.joint_count());
     let around = || turntable(&model, &[&rest], 1, args.size.unwrap_or(DEFAULT_SIZE)).into_iter().flatten().next();

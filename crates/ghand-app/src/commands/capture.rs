@@ -3,13 +3,16 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use anyhow::bail;
 use clap::Args;
 use ghand_core::Side;
 use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 use ghand_train::synthetic_scene::make_capture;
 
+use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::say;
+use crate::train_run::interruption::Interruption;
 
 /// Command line of `ghand capture`.
 #[derive(Debug, Args)]
@@ -99,11 +102,34 @@ const LIGHTS: [(&str, LightSetup); 5] = [
     ("flat", LightSetup::Flat),
 ];
 
+/// Fails if options contradict each other.
+fn check(args: &CaptureArgs) -> anyhow::Result<()> {
+    if args.masks == "arm" && !args.forearm {
+        bail!("--masks arm: there is no forearm; give --forearm, or omit --masks");
+    }
+    if args.masks == "none" && args.format == "interhand" {
+        bail!("--masks none: captures in InterHand2.6M's layout have masks; omit it");
+    }
+    if args.masks == "none" && args.mask_noise.is_some_and(|noise| noise > 0.0) {
+        bail!("--mask-noise: with --masks none there are no masks; omit one of the two");
+    }
+    for (option, given, other, zero) in [
+        ("--test-frames", args.test_frames, "--test-views", args.test_views),
+        ("--test-views", args.test_views, "--test-frames", args.test_frames),
+    ] {
+        if given.is_some_and(|given| given > 0) && zero == Some(0) {
+            bail!("{option}: with {other} 0 there are no test images; omit {option}");
+        }
+    }
+    Ok(())
+}
+
 /// Makes the capture.
 ///
 /// # Errors
 /// An error that names the option or the file and its problem.
 pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    check(args)?;
     let start = Instant::now();
     let defaults = SyntheticOptions::default();
     let [width, height] = args.size.unwrap_or([defaults.width, defaults.height]);
@@ -131,6 +157,8 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };
+    let _claim = Claim::beside(&args.out)?;
+    Interruption::listen("stopped: nothing was written")?;
     adapter.open()?.retry_on_device_loss("the synthetic capture", |gpu| -> anyhow::Result<()> {
         Ok(make_capture(gpu, &options, &args.out)?)
     })?;

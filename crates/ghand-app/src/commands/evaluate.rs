@@ -17,10 +17,11 @@ use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views, 
 use ghand_train::report::report;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::lpips_args::LpipsArgs;
+use crate::own_inputs::refuse_capture_folder;
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
@@ -109,8 +110,10 @@ struct EvaluationFile {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.poses == Some(PosesArg::Library) {
+        check_out(args)?;
         return pose_library::run(args, adapter);
     }
+    check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
     let lpips = args.lpips.load()?;
     let mut gpu = adapter.open()?;
@@ -191,6 +194,14 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Fails if the results would go to the capture's folder.
+fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
+    match (&args.out, &args.capture.capture) {
+        (Some(out), Some(capture)) if !args.force => refuse_capture_folder("--out", out, capture),
+        _ => Ok(()),
+    }
+}
+
 /// The test images in poses mapped by the offsets of the refined training poses.
 fn aligned(capture: &Capture, split: &str, train_split: &str, refined: &[Pose]) -> anyhow::Result<Vec<PosedView>> {
     let truth = true_poses(capture, train_split).context("--protocol aligned")?;
@@ -207,6 +218,7 @@ fn refined_poses_file(args: &EvaluateArgs) -> Option<PathBuf> {
 
 /// Poses of the capture must be poses of the avatar.
 fn check_joints(avatar: &Avatar, path: &Path, capture: &Capture) -> anyhow::Result<()> {
+    check_sides(&path.display().to_string(), avatar.template.side, capture)?;
     let [own, other] = [&avatar.template.joint_names, &capture.hand_model.joint_names];
     if own != other || avatar.template.parents != capture.hand_model.parents {
         bail!(

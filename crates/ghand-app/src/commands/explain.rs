@@ -82,6 +82,7 @@ fn explain(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<(
 /// The poses of the command line.
 fn chosen_poses(args: &ExplainArgs, avatar: &Avatar) -> anyhow::Result<Vec<PoseFrame>> {
     let Some(poses) = &args.poses else {
+        args.reading.refuse_without("--poses")?;
         let by_name = |name: &&str| {
             let pose = pose_by_name(name, &avatar.model).context("--poses: is missing")?;
             Ok(PoseFrame { id: (*name).to_owned(), pose, shape: vec![] })

@@ -15,6 +15,7 @@ use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
 use crate::hand_model_file::HandModelArgs;
+use crate::own_inputs::OwnInputs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
@@ -54,6 +55,13 @@ pub struct ExportArgs {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let inputs = OwnInputs::default()
+        .and([&args.subject])
+        .and(args.reading_poses.inputs(args.pose.as_deref()))
+        .and(args.reading.inputs());
+    [("--ply", &args.ply), ("--glb", &args.glb)]
+        .into_iter()
+        .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
     match (&args.ply, &args.glb) {
         (Some(ply), _) => scene(args, ply, adapter),
         (None, Some(glb)) => rigged_hand(args, glb),
@@ -71,6 +79,7 @@ fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
 
 /// Poses the avatar and writes its Gaussians.
 fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    args.reading.refuse_for("--ply writes an avatar")?;
     check_output("--ply", path, "ply")?;
     let avatar = Avatar::load(&args.subject)?;
     let pose = args.pose.as_deref().unwrap_or("rest");
@@ -86,16 +95,15 @@ fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Resul
     })?;
     scene.write(path)?;
     say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
-    if avatar.config.antialias {
-        say!(
-            "trained with antialiasing, which the file cannot say: `ghand splat --antialias` shows it as it was trained"
-        );
-    }
     Ok(())
 }
 
 /// Writes the hand with its skeleton.
 fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
+    args.reading_poses.refuse_without("--pose and --ply")?;
+    if args.frame.is_some() {
+        bail!("--frame: --glb writes the hand at rest; give --ply, or omit --frame");
+    }
     check_output("--glb", path, "glb")?;
     let file = args.reading.load(Some(&args.subject))?;
     for warning in &file.warnings {

@@ -24,6 +24,7 @@ use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
+use crate::own_inputs::OwnInputs;
 use crate::say;
 use contact_sheet::{SheetView, contact_sheet};
 
@@ -67,10 +68,17 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
+            let hand_model_args = &args.options.hand_model_args;
             let text = match (path, path.as_deref().map(file_kind)) {
-                (Some(path), Some(FileKind::Avatar)) => avatar::describe(path, &Avatar::load(path)?),
-                (Some(path), Some(FileKind::Ply)) => scene::describe(path, &SplatScene::read(path)?),
-                _ => hand_model::describe(&args.options.hand_model_args.load(path.as_ref())?),
+                (Some(path), Some(FileKind::Avatar)) => {
+                    hand_model_args.refuse_for(&format!("{} is an avatar", path.display()))?;
+                    avatar::describe(path, &Avatar::load(path)?)
+                }
+                (Some(path), Some(FileKind::Scene)) => {
+                    hand_model_args.refuse_for(&format!("{} is a scene", path.display()))?;
+                    scene::describe(path, &SplatScene::read(path)?)
+                }
+                _ => hand_model::describe(&hand_model_args.load(path.as_ref())?),
             };
             say!("{}", text.trim_end());
             Ok(())
@@ -94,11 +102,12 @@ fn default_sheet(capture: &Path) -> PathBuf {
 }
 
 fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| e != "png")) {
+    if let Some(sheet) = args.sheet.as_ref().filter(|p| p.extension().is_none_or(|e| !e.eq_ignore_ascii_case("png"))) {
         bail!("--sheet {}: must end in .png", sheet.display());
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
+        OwnInputs::default().and([path]).and(args.options.inputs()).refuse("--sheet", &sheet)?;
         check_writable(&sheet)
             .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }

@@ -21,9 +21,11 @@ use crate::cli::{AdapterArgs, parse_size};
 use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
+use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
+use crate::sight::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -99,6 +101,19 @@ type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandM
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
+    let inputs = OwnInputs::default()
+        .and(&args.hand_model)
+        .and(args.reading.inputs())
+        .and(args.reading_poses.inputs(args.pose.as_deref()))
+        .and(args.look.camera.as_deref().map(camera_file));
+    [("--out", &args.out), ("--picture", &args.picture)]
+        .into_iter()
+        .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
+    if let (Some(_), Some(Output::Mesh(..)) | None) = (args.reading_poses.fps, &output)
+        && args.frame.is_none()
+    {
+        bail!("--fps: one pose is written, the first; give --frame, --out FILE.json, or omit --fps");
+    }
     let file = args.reading.load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
@@ -182,6 +197,9 @@ fn picture(
     };
     let mut picture = Picture::blank([camera.width, camera.height], look.background, format);
     draw(&adapter.open()?, model, vertices, &camera, &look.style, &mut picture)?;
+    let mut blank = BlankPictures::default();
+    blank.look(&picture, &camera, || vertices.iter().copied());
+    blank.warn("the hand");
     Ok(picture.in_linear_light())
 }
 
@@ -189,6 +207,12 @@ fn sequence(args: &PoseArgs, model: &HandModel) -> anyhow::Result<(PoseSequence,
     if let Some(text) = &args.pose {
         return args.reading_poses.load_with_fit(text, model);
     }
+    if args.reading_poses.flat_mean && model.pose_space.is_none() {
+        bail!("--flat-mean: {} is not a MANO model with a mean pose; omit --flat-mean", model.name);
+    }
+    let mut others = args.reading_poses.clone();
+    others.flat_mean = false;
+    others.refuse_without("--pose")?;
     // Zeros are the mean pose of a MANO model.
     let mut pose = Pose::rest(model.joint_count());
     if let (Some(space), false) = (&model.pose_space, args.reading_poses.flat_mean) {

@@ -12,14 +12,16 @@ use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
-use crate::framing::{orbit, turntable};
+use crate::framing::{orbit, posed_vertices, turntable};
 use crate::light_args::LightArgs;
+use crate::own_inputs::{OwnInputs, camera_file};
 pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
+use crate::sight::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -84,15 +86,25 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
+    let inputs = OwnInputs::default()
+        .and([&args.avatar])
+        .and(args.reading.inputs(Some(&args.pose)))
+        .and(args.camera.as_deref().map(camera_file))
+        .and(args.light.input());
+    destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
     let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
-    let sequence = args.reading.load(&args.pose, &avatar.model)?;
+    // The rate of a film of one pose is that of its views.
+    let is_film = matches!(destination, Destination::Film(..));
+    let sequence = match is_film {
+        true => args.reading.load_with_fit(&args.pose, &avatar.model)?.0,
+        false => args.reading.load(&args.pose, &avatar.model)?,
+    };
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;
     if args.orbit.is_some() && frames.len() == 1 {
         bail!("--orbit: there is only one frame; give a motion, or use --turntable");
     }
-    if matches!(destination, Destination::Film(..)) && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1)
-    {
+    if is_film && frames.len() > 1 && args.turntable.is_some_and(|views| views > 1) {
         bail!("--turntable: a film shows each frame from one view; use --orbit, or choose one frame with --frame");
     }
     let poses: Vec<&Pose> = frames.iter().map(|(_, frame)| &frame.pose).collect();
@@ -127,6 +139,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
+    let mut blank = BlankPictures::default();
     gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let most = [size[0], band_rows(gpu, size)];
         let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, most)?;
@@ -134,10 +147,12 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             scene.set_pose(gpu, 0, 0, pose)?;
             let mut picture = series.blank();
             scene.render_bands(gpu, 0, camera, args.background.color(), |row, band| picture.place([0, row], band))?;
+            blank.look(&picture, camera, || posed_vertices(&avatar.model, pose));
             series.add(picture.in_linear_light())?;
         }
         Ok(())
     })?;
+    blank.warn("the hand");
     say!("{}", series.finish()?);
     Ok(())
 }

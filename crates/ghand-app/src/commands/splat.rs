@@ -19,10 +19,13 @@ use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
-use crate::pictures::{Background, FormatArgs, Series, Shot, parse_background, turn_rate};
+use crate::own_inputs::{OwnInputs, camera_file};
+use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_framing::{UpAxis, scene_turntable};
+use crate::sight::BlankPictures;
+use crate::viewer::scene::read_suspicious;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -31,7 +34,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("view").required(true))]
 pub struct SplatArgs {
-    /// The scene: a 3D Gaussian Splatting .ply file
+    /// The scene: a 3D Gaussian Splatting .ply file, also a compressed one, a .spz or a .splat
     scene: PathBuf,
     /// A JSON file with one camera, such as examples/camera.json, or a camera of a capture, such as capture.json:cam03
     #[arg(long, value_name = "FILE[:ID]", group = "view")]
@@ -39,9 +42,9 @@ pub struct SplatArgs {
     /// This many views around the scene; distant outliers are ignored
     #[arg(long, value_name = "N", group = "view", value_parser = parse_count)]
     turntable: Option<u32>,
-    /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z
-    #[arg(long, value_name = "AXIS", default_value = "-y", allow_hyphen_values = true, requires = "turntable")]
-    up: UpAxis,
+    /// The scene's axis that points up in a turntable: x, y, z, -x, -y or -z [default: -y]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    up: Option<UpAxis>,
     /// Size of the pictures [default: the camera's, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
@@ -64,7 +67,7 @@ pub struct SplatArgs {
     /// Write the gradient of the picture's weighted sum with respect to the stored numbers, a .safetensors file
     #[arg(long, value_name = "FILE", requires = "weights")]
     gradients: Option<PathBuf>,
-    /// Reduce the opacity of small Gaussians to compensate for the pixel blur
+    /// Reduce the opacity of small Gaussians to compensate for the pixel blur, even if the file does not say so
     #[arg(long)]
     antialias: bool,
 }
@@ -76,12 +79,25 @@ pub struct SplatArgs {
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
     let destination = args.format.destination(&args.out, name)?;
+    if args.up.is_some() && args.turntable.is_none() {
+        bail!("--up: is for a turntable; give --turntable, or omit --up");
+    }
+    if args.gradients.is_some() && args.weights.is_none() {
+        bail!("--gradients: needs --weights and --camera; give them, or omit --gradients");
+    }
+    if args.fps.is_some() && !matches!(destination, Destination::Film(..)) {
+        bail!("--fps: --out {} is not a film; give .gif, .webm or .mp4, or omit --fps", args.out.display());
+    }
+    let inputs =
+        OwnInputs::default().and([&args.scene]).and(args.camera.as_deref().map(camera_file)).and(args.weights.as_ref());
+    destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
+    args.gradients.as_ref().map_or(Ok(()), |path| inputs.refuse("--gradients", path))?;
     if let Some(path) = &args.gradients
         && path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("safetensors"))
     {
         bail!("--gradients {}: must end in .safetensors", path.display());
     }
-    let scene = SplatScene::read(&args.scene)?;
+    let scene = read_suspicious(&args.scene)?;
     let cameras = cameras(args, &scene)?;
     let size = cameras.first().map_or(DEFAULT_SIZE, |camera| [camera.width, camera.height]);
     let weights = args.weights.as_deref().map(|path| read_weights(path, size)).transpose()?;
@@ -91,6 +107,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;
     let mut broken = 0;
+    let mut blank = BlankPictures::default();
     gpu.retry_on_device_loss("rendering", |gpu| -> anyhow::Result<()> {
         let mut splatter = splatter(gpu, args, &scene, size, weights.is_some())?;
         while let Some(camera) = series.next().and_then(|number| cameras.get(number)) {
@@ -109,10 +126,12 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                 write_atomically(path, &bytes)
                     .with_context(|| format!("{}: cannot write the gradients", path.display()))?;
             }
+            blank.look(&picture, camera, || scene.means());
             series.add(picture)?;
         }
         Ok(())
     })?;
+    blank.warn("the scene");
     if broken > 0 {
         log::warn!("{}: {broken} Gaussians have numbers that are not finite and were skipped", args.scene.display());
     }
@@ -132,7 +151,7 @@ fn cameras(args: &SplatArgs, scene: &SplatScene) -> anyhow::Result<Vec<Camera>> 
         }
         None => {
             let views = args.turntable.unwrap_or(1) as usize;
-            Ok(scene_turntable(scene, views, args.up, args.size.unwrap_or(DEFAULT_SIZE)))
+            Ok(scene_turntable(scene, views, args.up.unwrap_or_default(), args.size.unwrap_or(DEFAULT_SIZE)))
         }
     }
 }
@@ -145,7 +164,7 @@ fn splatter(
     size: [u32; 2],
     has_gradient: bool,
 ) -> anyhow::Result<Splatter> {
-    let model = SplatModel { antialias: args.antialias, ..scene.model() };
+    let model = SplatModel { antialias: args.antialias || scene.antialias, ..scene.model() };
     let (purpose, rows) =
         if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
     let splatter =

@@ -21,6 +21,7 @@ use clap::Args;
 use ghand_render::Gpu;
 use indicatif::ProgressBar;
 
+use crate::claim::Claim;
 use crate::cli::AdapterArgs;
 use crate::say;
 use case::{Outcome, Subject};
@@ -56,9 +57,7 @@ pub struct StressArgs {
 /// # Errors
 /// An error that names the cases beyond the bounds, if there are any; or the folder that cannot be written.
 pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if let Some(folder) = &args.out {
-        report::check_folder(folder)?;
-    }
+    let _claim = args.out.as_deref().map(Claim::folder).transpose()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     if args.growth {

@@ -10,9 +10,11 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_args::{CaptureArgs, check_sides};
+use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_count};
 use crate::commands::bake::pose_set::PoseSetArgs;
+use crate::own_inputs::refuse_capture_folder;
 use crate::quality::QualityPresets;
 use crate::say;
 use measure::Measured;
@@ -55,10 +57,15 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         .iter()
         .map(|path| Ok((variants::short_name(path, args.avatars.len()), Avatar::load(path)?)))
         .collect::<anyhow::Result<_>>()?;
-    report::check_folder(&args.out, args.force)?;
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    if !args.force {
+        refuse_capture_folder("--out", &args.out, path)?;
+    }
+    report::check_folder(&args.out, args.force)?;
+    let _claim = Claim::folder(&args.out)?;
     let capture = args.capture.open(path, &[&args.split], &[])?;
     for ((_, avatar), path) in avatars.iter().zip(&args.avatars) {
+        check_sides(&path.display().to_string(), avatar.template.side, &capture)?;
         if avatar.template.joint_names != capture.template.joint_names {
             bail!("{}: has other joints than the capture's hand", path.display());
         }

@@ -20,6 +20,7 @@ use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::lpips_args::{LpipsArgs, check_image_sizes};
+use crate::own_inputs::refuse_capture_folder;
 use crate::quality::{self, Quality};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
@@ -236,11 +237,15 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
+    if let (Some(out), Some(capture), false) = (&args.out, &args.capture.capture, args.force) {
+        refuse_capture_folder("--out", out, capture)?;
+    }
     let folder = args.folder()?;
     let Some(Plan { record, resumed }) = args.plan(&folder)? else {
         say!("the run in {} has ended: there is nothing to go on with", folder.path().display());
         return Ok(());
     };
+    args.capture.check()?;
     let settings = &record.settings;
     // What is given on the command line is the same as in the record, in the user's own words.
     let lpips = if args.lpips.path().is_some() { &args.lpips } else { &record.lpips }.load()?;
@@ -264,7 +269,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     capture.template.clone_from(&start.template);
     capture.frames.iter_mut().zip(&start.frames).for_each(|(own, start)| own.shape.clone_from(&start.shape));
     check_image_sizes(lpips.as_deref(), &start, test_split)?;
-    check_before_training(&start, path, &record.split, test_split, record.ignore_checks)?;
+    check_before_training(&start, path, &record.split, test_split, args.ignore_checks || record.ignore_checks)?;
     let train_split = capture.split(&record.split)?.clone();
     let mut trainer = Trainer::new(&gpu, &start, &record.split, settings)?.with_lpips(lpips.clone());
     let gaussians = match settings.simplify {
@@ -283,6 +288,13 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     if capture.splits.contains_key(test_split) {
         trainer = trainer.watch(test_split)?;
+    }
+    if trainer.reduction() > 1 {
+        log::warn!(
+            "images are trained on at 1/{} of their size, because this graphics device takes no larger ones; they are \
+             compared at full size",
+            trainer.reduction()
+        );
     }
     match trainer.resumed_at() {
         Some(iteration) => say!("going on after {iteration} iterations"),
@@ -329,7 +341,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     refined.color_correction.cameras.clone_from(&trained.colors);
     let avatar_path = folder.file(AVATAR_FILE);
     let report_path = folder.file(REPORT_FILE);
-    when_there_is_room(&avatar_path, || {
+    when_there_is_room(&avatar_path, &interruption, || {
         interruption.whole(|| -> anyhow::Result<()> {
             trained.avatar.save(&avatar_path)?;
             folder.remove_other_results()?;
@@ -411,7 +423,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         curve: &trained.curve,
         pictures: pictures.into_iter().filter_map(|(caption, picture)| Some((caption, picture.as_ref()?))).collect(),
     };
-    when_there_is_room(&report_path, || {
+    when_there_is_room(&report_path, &interruption, || {
         interruption.whole(|| -> anyhow::Result<()> {
             outlines.as_ref().map_or(Ok(()), |picture| write_png(&folder.file(ALIGN_FILE), picture))?;
             shown.as_ref().map_or(Ok(()), |picture| write_png(&report_path, picture))?;

@@ -27,6 +27,16 @@ pub enum Destination {
     Folder(PathBuf, StillFormat),
 }
 
+impl Destination {
+    /// The file that is written, if it is one.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Destination::Picture(path, _) | Destination::Film(path, _) => Some(path),
+            Destination::Folder(..) => None,
+        }
+    }
+}
+
 impl FormatArgs {
     /// Where the pictures go: to the file if `out` ends in a format's name, else to the folder, which need not exist
     /// yet. A film in a folder is called `name`.

@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 
 use anyhow::{Context, anyhow, bail};
 use ghand_files::atomic_file::write_atomically;
+use ghand_files::temporary::{Registered, Temporary};
 use tempfile::TempPath;
 
 use super::film_options::FilmOptions;
@@ -24,6 +25,7 @@ pub struct PipedFilm {
     /// Messages of ffmpeg; a file, because nothing reads a pipe during encoding.
     complaints: File,
     encoded: TempPath,
+    _known: Registered,
 }
 
 impl PipedFilm {
@@ -39,6 +41,7 @@ impl PipedFilm {
         // MP4 is not written sequentially.
         let encoded = tempfile::Builder::new().prefix("ghand-").tempfile().with_context(|| file("the film"))?;
         let encoded = encoded.into_temp_path();
+        let known = Registered::new(Temporary::File(encoded.to_path_buf()));
         let complaints = tempfile::tempfile().with_context(|| file("ffmpeg's messages"))?;
         let stderr = complaints.try_clone().with_context(|| file("ffmpeg's messages"))?;
         let child = Command::new(PROGRAM)
@@ -53,7 +56,7 @@ impl PipedFilm {
             _ => anyhow!("ffmpeg cannot be started: {error}; {REMEDY}"),
         })?;
         let pictures = child.stdin.take();
-        Ok(PipedFilm { child, pictures, complaints, encoded })
+        Ok(PipedFilm { child, pictures, complaints, encoded, _known: known })
     }
 
     /// Adds a picture.

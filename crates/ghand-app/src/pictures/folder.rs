@@ -8,6 +8,8 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use serde::{Deserialize, Serialize};
 
+use crate::claim::Claim;
+
 use super::format::{Format, StillFormat};
 use super::{Picture, Shot};
 
@@ -43,15 +45,18 @@ pub struct Folder {
     /// Pictures of an earlier render, to be removed.
     earlier: Vec<String>,
     begun: bool,
+    _claim: Claim,
 }
 
 impl Folder {
-    /// Checks the folder, which need not exist, and changes nothing.
+    /// Checks the folder, which need not exist, and claims it; else nothing changes.
     ///
     /// # Errors
-    /// An error that names a file that would be overwritten but is not from an earlier render, or the problem with the
-    /// list.
+    /// An error that names a file that would be overwritten but is not from an earlier render, the problem with the
+    /// list, or that another command writes there.
     pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<Folder> {
+        // First, because another command may be writing pictures now.
+        let claim = Claim::folder(path)?;
         let most = |number: fn(&Shot) -> Option<usize>| shots.iter().filter_map(number).max().unwrap_or(0);
         let widths = [most(|s| s.frame), most(|s| s.view)].map(|most| most.to_string().len());
         let ending = Format::Still(format).ending();
@@ -66,7 +71,7 @@ impl Folder {
             let file = path.join(&foreign.file);
             bail!("{}: exists and is not from an earlier render; move it, or choose another folder", file.display());
         }
-        Ok(Folder { path: path.into(), pictures, earlier, begun: false })
+        Ok(Folder { path: path.into(), pictures, earlier, begun: false, _claim: claim })
     }
 
     /// Writes picture number `number`; before the first one, removes the pictures of an earlier render.
@@ -158,6 +163,7 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
 mod tests {
     use super::*;
     use crate::pictures::Background;
+    use crate::train_run::folder_lock::LOCK_FILE;
 
     fn shots(frames: usize, views: Option<usize>) -> Vec<Shot> {
         let shot = |frame, view| Shot { frame: Some(frame), view, ..Shot::default() };
@@ -180,6 +186,7 @@ mod tests {
     fn listing(path: &Path) -> Vec<String> {
         let mut names: Vec<String> =
             path.read_dir().unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.retain(|name| name != LOCK_FILE);
         names.sort();
         names
     }

@@ -19,6 +19,8 @@ pub struct Picture {
     pub size: [u32; 2],
     background: Background,
     pixels: Pixels,
+    /// Number of pixels that are not only background.
+    covered: usize,
 }
 
 /// Rows from the top, straight alpha: colours are not multiplied by it.
@@ -34,7 +36,7 @@ impl Picture {
     /// An empty picture of 8-bit values.
     pub fn bytes(size: [u32; 2], background: Background) -> Picture {
         let count = size[0] as usize * size[1] as usize;
-        Picture { size, background, pixels: Pixels::Bytes(vec![[0; 4]; count]) }
+        Picture { size, background, pixels: Pixels::Bytes(vec![[0; 4]; count]), covered: 0 }
     }
 
     /// An empty picture of the kind that a format stores.
@@ -43,9 +45,14 @@ impl Picture {
             StillFormat::Png => Picture::bytes(size, background),
             StillFormat::Exr => {
                 let count = size[0] as usize * size[1] as usize;
-                Picture { size, background, pixels: Pixels::Floats(vec![[0.0; 4]; count]) }
+                Picture { size, background, pixels: Pixels::Floats(vec![[0.0; 4]; count]), covered: 0 }
             }
         }
+    }
+
+    /// Number of pixels that show something in front of the background.
+    pub fn covered(&self) -> usize {
+        self.covered
     }
 
     /// The colour to render with, see [`Background::color`].
@@ -95,7 +102,9 @@ impl Picture {
             let start = (top + y) as usize * columns as usize;
             for x in 0..width.min(columns.saturating_sub(left)) {
                 let at = start + (left + x) as usize;
-                let value = if transparent { straight(pixel(x, y)) } else { pixel(x, y) };
+                let drawn = pixel(x, y);
+                self.covered += usize::from(to_byte(drawn[3]) > 0);
+                let value = if transparent { straight(drawn) } else { drawn };
                 match &mut self.pixels {
                     Pixels::Floats(pixels) => pixels[at] = value,
                     Pixels::Bytes(pixels) => {

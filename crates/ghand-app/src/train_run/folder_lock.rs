@@ -38,12 +38,19 @@ impl FolderLock {
     /// # Errors
     /// An error that names the file, if it cannot be opened.
     pub fn attempt(folder: &Path) -> anyhow::Result<Attempt> {
-        let path = FolderLock::file(folder);
+        FolderLock::attempt_file(&FolderLock::file(folder))
+    }
+
+    /// As [`FolderLock::attempt`], by a file of any name.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn attempt_file(path: &Path) -> anyhow::Result<Attempt> {
         loop {
-            let opened = File::options().create(true).truncate(false).read(true).write(true).open(&path);
+            let opened = File::options().create(true).truncate(false).read(true).write(true).open(path);
             let mut file = opened.with_context(|| format!("{}: cannot be opened", path.display()))?;
             match file.try_lock() {
-                Ok(()) if !is_at(&file, &path) => {
+                Ok(()) if !is_at(&file, path) => {
                     // Its holder removed it after it was opened here: another process may have made and locked a new
                     // one.
                 }
@@ -60,7 +67,7 @@ impl FolderLock {
                 }
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
                     log::warn!(
-                        "{}: this file system does not support locks; let only one `train` write to this folder",
+                        "{}: this file system does not support locks; let only one program write here",
                         path.display()
                     );
                     return Ok(Attempt::Locked(FolderLock { _file: file }));

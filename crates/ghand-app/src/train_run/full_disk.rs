@@ -4,21 +4,28 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::time::Duration;
 
+use crate::train_run::interruption::Interruption;
+
 /// Time between two attempts.
 const PAUSE: Duration = Duration::from_secs(2);
 
 /// Repeats `write` while the disk is full: what took hours to train is not thrown away because a file of a few megabytes
-/// finds no room. `path` is for the message. A signal ends the program as usual.
+/// finds no room. `path` is for the message. A signal ends the wait and the program.
 ///
 /// # Errors
 /// The error of `write` if it fails for any other reason.
-pub fn when_there_is_room<T>(path: &Path, mut write: impl FnMut() -> anyhow::Result<T>) -> anyhow::Result<T> {
+pub fn when_there_is_room<T>(
+    path: &Path,
+    interruption: &Interruption,
+    mut write: impl FnMut() -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     let mut told = false;
     loop {
         match write() {
             Err(error) if is_full(&error) => {
                 if !told {
                     log::warn!("{}: there is no room on the disk; waiting until there is", path.display());
+                    interruption.end_with(format!("stopped: {} found no room on the disk", path.display()));
                     told = true;
                 }
                 std::thread::sleep(PAUSE);
@@ -43,7 +50,8 @@ mod tests {
     #[test]
     fn only_a_full_disk_is_waited_for() {
         let mut attempts = 0;
-        let result = when_there_is_room(Path::new("a"), || {
+        let interruption = Interruption::listen("stopped").unwrap();
+        let result = when_there_is_room(Path::new("a"), &interruption, || {
             attempts += 1;
             match attempts {
                 1 => Err(io::Error::from(ErrorKind::StorageFull)).context("a: cannot write"),

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
+use ghand_files::temporary;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli;
@@ -38,31 +39,39 @@ pub struct Interruption {
 }
 
 impl Interruption {
-    /// Starts to listen. At first a signal ends the program with `line`.
+    /// Lets a signal end the program with `line`, and listens from the first call until the program ends.
     ///
     /// # Errors
     /// If the system rejects the signal handlers.
     pub fn listen(line: &str) -> anyhow::Result<Interruption> {
+        static LISTENING: Mutex<Option<Interruption>> = Mutex::new(None);
+        let mut listening = LISTENING.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = listening.as_ref() {
+            known.end_with(line.into());
+            return Ok(known.clone());
+        }
         let state = State { response: Response::End(line.into()), leftovers: None };
         let interruption = Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
+        interruption.start()?;
+        Ok(listening.insert(interruption).clone())
+    }
+
+    fn start(&self) -> anyhow::Result<()> {
         let arrived = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, arrived.clone()).context("cannot handle Ctrl-C")?;
         }
-        let listener = interruption.clone();
-        let name = "signals".to_owned();
-        std::thread::Builder::new()
-            .name(name)
-            .spawn(move || {
-                loop {
-                    std::thread::sleep(LOOK_EVERY);
-                    if arrived.swap(false, Ordering::Relaxed) {
-                        listener.respond();
-                    }
+        let listener = self.clone();
+        let listen = move || {
+            loop {
+                std::thread::sleep(LOOK_EVERY);
+                if arrived.swap(false, Ordering::Relaxed) {
+                    listener.respond();
                 }
-            })
-            .context("cannot handle Ctrl-C")?;
-        Ok(interruption)
+            }
+        };
+        let started = std::thread::Builder::new().name("signals".into()).spawn(listen);
+        started.map(|_| ()).context("cannot handle Ctrl-C")
     }
 
     /// True once a stop has been requested.
@@ -114,6 +123,7 @@ impl Interruption {
                 if let Some(leftovers) = &state.leftovers {
                     leftovers.remove();
                 }
+                temporary::remove_all();
                 // Not `std::process::exit`: that would unload the graphics driver while it is working.
                 signal_hook::low_level::exit(cli::STOPPED.into())
             }

@@ -54,6 +54,16 @@ impl SettingsArgs {
         given.contains(&true) || self.max_time.is_some()
     }
 
+    /// Whether the option `--seed` is given.
+    pub fn seed_given(&self) -> bool {
+        self.seed.is_some()
+    }
+
+    /// Whether the option `--max-time` is given.
+    pub fn max_time_given(&self) -> bool {
+        self.max_time.is_some()
+    }
+
     /// Name of the preset.
     pub fn preset(&self) -> &str {
         self.preset.as_deref().unwrap_or(DEFAULT_PRESET)

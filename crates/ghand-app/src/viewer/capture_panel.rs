@@ -10,7 +10,7 @@ use ghand_core::{Camera, HandModel, Pose};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
-use crate::capture_args::CaptureOptions;
+use crate::capture_args::{CaptureOptions, check_sides};
 use crate::train_run::run_folder::CAMERAS_FILE;
 use crate::viewer::capture_poses::CapturePoses;
 use crate::viewer::number_slider::number_slider;
@@ -36,6 +36,7 @@ impl CapturePanel {
         let opened = options.open(path)?;
         let (capture, mut remarks) = (opened.capture, opened.warnings);
         ensure!(!capture.cameras.is_empty() && !capture.frames.is_empty(), "{}: has no views", path.display());
+        check_sides(&model.name, model.side, &capture)?;
         // Poses of another skeleton are carried over as those of a file are.
         let frame = |frame: &ghand_capture::Frame| PoseFrame {
             id: frame.id.clone(),

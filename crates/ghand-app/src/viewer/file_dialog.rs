@@ -37,7 +37,7 @@ impl FileDialog {
             .set_title("Open")
             .add_filter(
                 "Avatars, scenes, hand models, poses",
-                &["ghand", "ply", "glb", "gltf", "pkl", "npz", "npy", "json", "jsonl"],
+                &["ghand", "ply", "spz", "splat", "glb", "gltf", "pkl", "npz", "npy", "json", "jsonl"],
             )
             .add_filter("All files", &["*"])
             // Must be made on the main thread on some desktops; waiting for it need not be there.

@@ -158,7 +158,7 @@ fn read(path: &Path, model: Option<&HandModel>) -> anyhow::Result<Contents> {
         return Ok(Contents::Capture(Box::new(CapturePanel::open(path, &CaptureOptions::default(), model)?)));
     }
     match file_kind(path) {
-        FileKind::Avatar | FileKind::Ply => read_subject(path, &light),
+        FileKind::Avatar | FileKind::Scene => read_subject(path, &light),
         // An archive or a pickle may also have poses.
         FileKind::HandModel => read_subject(path, &light).or_else(|error| read_poses(path, model).map_err(|_| error)),
         FileKind::Other => read_poses(path, model).map_err(|error| match error.downcast_ref() {

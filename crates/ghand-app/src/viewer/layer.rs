@@ -130,6 +130,9 @@ impl Layer {
         let missing = |is_missing: bool, reason| is_missing.then_some(reason);
         match self {
             Layer::Albedo => missing(avatar.light.is_none(), "its light is part of its colours"),
+            Layer::Views if baked => {
+                missing(avatar.seen.is_none(), "its file does not say what training saw; bake it again")
+            }
             Layer::Views => missing(avatar.seen.is_none(), "its file does not say what training saw; train it again"),
             Layer::Residual if baked => {
                 Some("a baked avatar has no residual skinning weights; show the one it was made of")

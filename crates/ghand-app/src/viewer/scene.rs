@@ -23,13 +23,23 @@ const SPREAD: f64 = 2.5;
 /// # Errors
 /// One sentence that names the file and the invalid part.
 pub fn read_scene(path: &Path) -> anyhow::Result<SplatScene> {
-    let mut scene = SplatScene::read(path)?;
+    let mut scene = read_suspicious(path)?;
     let bounds = Bounds::of(&scene);
     ensure!(
         bounds.is_some_and(|b| normalize(&mut scene, b)),
         "{}: Gaussians: none has a finite position and size; give another scene",
         path.display()
     );
+    Ok(scene)
+}
+
+/// Reads a scene, and warns of numbers that are probably not what the format says.
+///
+/// # Errors
+/// One sentence that names the file and the invalid part.
+pub fn read_suspicious(path: &Path) -> anyhow::Result<SplatScene> {
+    let scene = SplatScene::read(path)?;
+    scene.suspicions().iter().for_each(|suspicion| log::warn!("{}: {suspicion}", path.display()));
     Ok(scene)
 }
 
@@ -98,7 +108,7 @@ pub(crate) mod tests {
         table.extend(vec![0.0; 3 * count]);
         table.extend((0..count).map(|i| opacity_logits[i % opacity_logits.len()]));
         table.extend([1.5, -1.5, -1.5].repeat(count));
-        SplatScene { degree: 0, count, table }
+        SplatScene { degree: 0, count, table, antialias: false }
     }
 
     /// The corners and centres of a grid of edge 2 about `middle`, times `scale`.

@@ -58,7 +58,7 @@ impl Subject {
                 light.apply_to(&mut avatar)?;
                 Ok(Subject::avatar(avatar))
             }
-            FileKind::Ply => {
+            FileKind::Scene => {
                 let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                 Ok(Subject::Scene { gaussians: read_scene(path)?, name })
             }

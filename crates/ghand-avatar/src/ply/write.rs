@@ -18,9 +18,9 @@ pub fn exported_logit() -> f32 {
 }
 
 /// The spherical harmonic of degree 0, 1 / (2 sqrt(pi)).
-const SH_0: f64 = 0.282_094_791_773_878_14;
+pub(super) const SH_0: f64 = 0.282_094_791_773_878_14;
 /// The sum of the harmonics is added to this grey.
-const GREY: f64 = 0.5;
+pub(super) const GREY: f64 = 0.5;
 
 impl SplatScene {
     /// Converts a table of [`SplatModel::HAND`] with this shape, `[rows][N]`, to a scene that looks the same. The
@@ -54,11 +54,11 @@ impl SplatScene {
         let colors =
             (0..count).flat_map(|i| (0..3).map(move |channel| table[(hand.color_row() + channel) * count + i]));
         scene.extend(colors.map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
-        SplatScene { degree: 0, count, table: scene }
+        SplatScene { degree: 0, count, table: scene, antialias: false }
     }
 
     /// The contents of a `.ply` file with this scene: binary, little-endian, with the same properties in the same order
-    /// as trainers of 3D Gaussian Splatting write, including normals (all zero).
+    /// as trainers of 3D Gaussian Splatting write, including normals (all zero). A comment says if the scene is antialiased.
     pub fn to_ply(&self) -> Vec<u8> {
         let model = self.model();
         let rest = model.color_bases() - 1;
@@ -79,7 +79,8 @@ impl SplatScene {
         properties.extend(named("scale", SplatModel::SCALE_ROW..rotation));
         properties.extend(named("rot", rotation..opacity));
 
-        let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", self.count);
+        let comment = if self.antialias { "comment SplatRenderMode: mip\n" } else { "" };
+        let mut header = format!("ply\nformat binary_little_endian 1.0\n{comment}element vertex {}\n", self.count);
         properties.iter().for_each(|(name, _)| header.push_str(&format!("property float {name}\n")));
         header.push_str("end_header\n");
         let mut bytes = header.into_bytes();
@@ -113,15 +114,17 @@ mod tests {
         for degree in 0..=3 {
             let count = 5;
             let table = (0..SplatModel::trained(degree).rows() * count).map(|k| (k as f32 * 0.37).sin()).collect();
-            let scene = SplatScene { degree, count, table };
+            let scene = SplatScene { degree, count, table, antialias: degree > 1 };
             scene.write(&path).unwrap();
+            let says = scene.to_ply().windows(20).any(|part| part == b"SplatRenderMode: mip");
+            assert_eq!(says, scene.antialias);
             assert_eq!(SplatScene::read(&path).unwrap(), scene);
         }
     }
 
     #[test]
     fn the_properties_and_their_order_match_those_of_trainers() {
-        let scene = SplatScene { degree: 1, count: 0, table: vec![] };
+        let scene = SplatScene { degree: 1, count: 0, table: vec![], antialias: false };
         let text = String::from_utf8(scene.to_ply()).unwrap();
         let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
         let expected = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 \

@@ -30,18 +30,54 @@ const LONGEST_FIELD: usize = 100;
 /// The content of a file's text, if it has no unknown field. An unknown field takes precedence over other errors,
 /// because a misspelt name leaves another field missing.
 pub(super) fn read_fields(path: &Path, text: &str) -> Result<CaptureFile, CaptureError> {
+    read_known(path, text, |top| match top {
+        None => field_names::<CaptureFile>(),
+        Some("hand_model") => field_names::<HandModelFile>(),
+        Some("cameras") => field_names::<CameraFile>(),
+        Some("frames") => field_names::<FrameFile>(),
+        Some(_) => field_names::<SplitFile>(),
+    })
+}
+
+/// As [`read_fields`], for the one camera of a file.
+pub(crate) fn read_camera_fields(path: &Path, text: &str) -> Result<CameraFile, CaptureError> {
+    read_known(path, text, |_| field_names::<CameraFile>())
+}
+
+/// As [`read_fields`], for the part `T` of a `capture.json`, or of a file of cameras, which has `cameras` and perhaps
+/// `own`.
+pub(crate) fn read_cameras_fields<T: DeserializeOwned>(
+    path: &Path,
+    text: &str,
+    own: &'static str,
+) -> Result<T, CaptureError> {
+    let names: Vec<&str> = field_names::<CaptureFile>().iter().copied().chain([own]).collect();
+    read_known(path, text, |top| if top.is_none() { &names } else { field_names::<CameraFile>() })
+}
+
+/// The content of a file's text, if it has no field but the `known` ones of the top-level field of that name, or of the
+/// file itself. What `T` does not read of them is not looked at.
+fn read_known<'a, T: DeserializeOwned>(
+    path: &Path,
+    text: &str,
+    known: impl Fn(Option<&str>) -> &'a [&'a str],
+) -> Result<T, CaptureError> {
     let mut unknown = None;
     let mut json = serde_json::Deserializer::from_str(text);
     let mut track = Track::new();
     let read = serde_ignored::deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track), |field| {
         let field = Place::of(&field);
-        if unknown.is_none() && !is_comment(&field.name) {
+        let is_known = || known(field.top.as_deref()).contains(&field.name.as_str());
+        if unknown.is_none() && !is_comment(&field.name) && !is_known() {
             unknown = Some(field);
         }
     });
-    let read = read.and_then(|file: CaptureFile| json.end().map(|()| file));
+    let read = read.and_then(|file: T| json.end().map(|()| file));
     match unknown {
-        Some(field) => Err(field.unknown(FileValidator { path })),
+        Some(field) => {
+            let known = known(field.top.as_deref());
+            Err(unknown_field(FileValidator { path }, &field.written, &field.name, known))
+        }
         None => read.map_err(|error| not_as_expected(path, track, &error)),
     }
 }
@@ -95,17 +131,6 @@ impl Place {
             }
             FieldPath::Root => Place { written: String::new(), name: String::new(), top: None },
         }
-    }
-
-    fn unknown(&self, validator: FileValidator) -> CaptureError {
-        let known = match self.top.as_deref() {
-            Some("hand_model") => field_names::<HandModelFile>(),
-            Some("cameras") => field_names::<CameraFile>(),
-            Some("frames") => field_names::<FrameFile>(),
-            Some("splits") => field_names::<SplitFile>(),
-            _ => field_names::<CaptureFile>(),
-        };
-        unknown_field(validator, &self.written, &self.name, known)
     }
 }
 

@@ -11,7 +11,7 @@ use ghand_hand_model::read::read_gltf_hand;
 
 use super::fields::{parameters, read_fields};
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};
-use crate::camera_file::CameraFile;
+use crate::camera_file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::capture_validation::{FileValidator, JointRows, member};
 use crate::distortion::Distortion;
@@ -125,14 +125,7 @@ impl Reader<'_> {
         let joint_order = self.joint_order(&file.hand_model, &hand_model)?;
         let joints = JointRows { order: &joint_order, names: &hand_model.joint_names };
 
-        let shift = match file.pixel_center {
-            None | Some(0.5) => 0.0,
-            Some(0.0) => 0.5,
-            Some(other) => {
-                let problem = format!("is {other}; must be 0.5, or 0 as calibrated by OpenCV, Kalibr and ROS");
-                return Err(self.invalid("pixel_center", problem));
-            }
-        };
+        let shift = principal_shift(self.validator, file.pixel_center)?;
         let mut cameras = file.cameras.iter().map(|c| self.camera(c)).collect::<Result<Vec<_>, _>>()?;
         cameras.iter_mut().for_each(|camera| camera.principal += shift);
         let distortion = self.distortion(&file.cameras, &cameras)?;

@@ -52,6 +52,10 @@ impl Precision {
     }
 }
 
+/// The rows of the colour among the words of a mean, as three floats and packed into one.
+const COLOR_ROW: usize = 4;
+const PACKED_COLOR_ROW: usize = 2;
+
 /// A number that depends on the pose: `clamp(gains . vec(R_joint - I) + product * bend_joint * bend_other, limits)` with
 /// `bend_k = bends_k . vec(R_k - I)`.
 #[repr(C)]
@@ -127,6 +131,24 @@ pub struct BakedTables {
 }
 
 impl BakedTables {
+    /// Gives each Gaussian a colour (display values, 0 to 1), the same in all poses.
+    pub fn set_constant_colors(&mut self, colors: &[[f64; 3]]) {
+        let count = self.count;
+        for (p, color) in colors.iter().enumerate().take(count) {
+            match self.precision {
+                Precision::F32 => {
+                    let rows = COLOR_ROW..COLOR_ROW + 3;
+                    rows.zip(color).for_each(|(row, v)| self.means[row * count + p] = (*v as f32).to_bits());
+                }
+                Precision::F16 | Precision::U8 => {
+                    let [r, g, b] = color.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u32);
+                    self.means[PACKED_COLOR_ROW * count + p] = r | g << 8 | b << 16;
+                }
+            }
+        }
+        self.entries.iter_mut().for_each(|entry| entry.factors[2] = 0.0);
+    }
+
     /// Fails unless the parts fit each other.
     ///
     /// # Errors

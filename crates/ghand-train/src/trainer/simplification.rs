@@ -286,7 +286,7 @@ impl<'a> Trials<'a> {
             part_of_time: 1.0,
             done: 0,
             refine_poses: false,
-            reduction: 1,
+            reduction: self.trainer.reduction(),
             scale_weight: 0.0,
             previews: 0,
             settings: settings.clone(),

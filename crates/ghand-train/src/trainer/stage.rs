@@ -264,7 +264,10 @@ impl Trainer<'_> {
         let poses = &self.prepared.poses;
         let mobility: Vec<f32> = moving_joints(poses).iter().map(|m| if *m { 1.0 } else { 0.0 }).collect();
         let watched = self.watched.as_ref().filter(|_| !stage.refine_poses);
-        let sizes = [self.views.largest(stage.reduction), watched.map_or([1; 2], |watched| watched.views.largest(1))];
+        let sizes = [
+            self.views.largest(stage.reduction),
+            watched.map_or([1; 2], |watched| watched.views.largest(stage.reduction)),
+        ];
         let largest = [0, 1].map(|axis| sizes[0][axis].max(sizes[1][axis]));
         // Behind the frames that are trained on.
         let others: &[Pose] = watched.map_or(&[], |watched| &watched.poses);
@@ -289,15 +292,16 @@ impl Trainer<'_> {
         background: [f32; 3],
     ) -> Result<(Option<f64>, Vec<Preview>), TrainError> {
         let Some(watched) = &self.watched else { return Ok((None, vec![])) };
-        let (mut previews, mut psnr) = (vec![], 0.0);
+        let (mut previews, mut psnr, reduction) = (vec![], 0.0, self.reduction());
         for k in 0..watched.views.len() {
-            let view = watched.views.get(k, 1)?;
+            let view = watched.views.get(k, reduction)?;
             let drawn = step.picture(gpu, self.prepared.poses.len() + k, &view.camera, background)?;
             let render: Vec<[u8; 3]> = drawn.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect();
             let errors = render.iter().zip(&view.pixels).map(|(a, b)| squared_error(*a, *b));
             let camera = &self.capture.cameras[view.camera_index];
             // The hand is inside the crop, and the background is known.
-            psnr += psnr_of(errors.sum(), 3 * camera.width as usize * camera.height as usize);
+            let whole = [camera.width, camera.height].map(|edge| (edge / reduction) as usize);
+            psnr += psnr_of(errors.sum(), 3 * whole[0] * whole[1]);
             let truth = view.pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
             previews.push(Preview { size: view.size, truth, render });
         }

@@ -5,7 +5,7 @@ use ghand_avatar::{Avatar, Scene};
 use ghand_capture::Capture;
 use ghand_core::{Camera, Pose};
 use ghand_render::Gpu;
-use ghand_render::splat::Purpose;
+use ghand_render::splat::{Purpose, band_rows};
 use ghand_train::metrics::quantize;
 use ghand_train::protocol::given_views;
 use ghand_train::views::TrainViews;
@@ -98,12 +98,16 @@ impl Judge {
     }
 
     fn draw(&self, gpu: &Gpu, avatar: &Avatar) -> anyhow::Result<Vec<Vec<[u8; 3]>>> {
-        let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, self.size)?;
+        let most = [self.size[0], band_rows(gpu, self.size)];
+        let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, most)?;
         let mut drawn = vec![];
         for picture in &self.pictures {
             scene.set_pose(gpu, 0, 0, &picture.pose)?;
-            let image = scene.render(gpu, 0, &picture.camera, self.background)?;
-            drawn.push(image.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])).collect());
+            let mut pixels = vec![];
+            scene.render_bands(gpu, 0, &picture.camera, self.background, |_, band| {
+                pixels.extend(band.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])));
+            })?;
+            drawn.push(pixels);
         }
         Ok(drawn)
     }

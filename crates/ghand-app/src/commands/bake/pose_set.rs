@@ -1,5 +1,7 @@
 //! The poses over which an avatar is baked, and those on which the result is judged.
 
+use std::path::PathBuf;
+
 use anyhow::bail;
 use clap::Args;
 use ghand_avatar::Avatar;
@@ -14,7 +16,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::pose_choice::{PoseReadingArgs, pose_by_name};
+use crate::pose_choice::{PoseReadingArgs, is_name, pose_by_name};
 
 /// Which poses an avatar is baked over.
 #[derive(Debug, Clone, Args)]
@@ -36,6 +38,14 @@ pub struct PoseSetArgs {
 impl Default for PoseSetArgs {
     fn default() -> Self {
         PoseSetArgs { poses: vec![], reading: PoseReadingArgs::default(), fit: DEFAULT_FIT, seed: 1 }
+    }
+}
+
+impl PoseSetArgs {
+    /// The files and folders that poses are read from.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let named = self.poses.iter().flat_map(|poses| self.reading.inputs(Some(poses)));
+        named.chain(self.reading.inputs(None)).collect()
     }
 }
 
@@ -82,8 +92,14 @@ impl PoseSet {
         let model = &avatar.model;
         let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
         let mut natural = vec![];
+        if args.poses.is_empty() {
+            args.reading.refuse_without("--poses")?;
+        }
+        let has_files = args.poses.iter().any(|name| !is_name(name));
         for name in &args.poses {
-            let frames = args.reading.load(name, model)?.frames;
+            let for_names = is_name(name) && has_files;
+            let reading = if for_names { args.reading.for_names() } else { args.reading.clone() };
+            let frames = reading.load_with_fit(name, model)?.0.frames;
             natural.extend(frames.into_iter().map(|frame| named(format!("{name} {}", frame.id), frame.pose)));
         }
         natural.extend(capture.map_or(vec![], |(capture, split)| training_poses(capture, avatar, split)));
@@ -132,7 +148,8 @@ fn library(args: &PoseSetArgs, model: &HandModel) -> Vec<NamedPose> {
     let poses = POSE_NAMES.iter().filter_map(|name| Some(named((*name).into(), pose_by_name(name, model).ok()?)));
     let mut all: Vec<NamedPose> = poses.collect();
     for name in MOTION_NAMES {
-        let frames = args.reading.load(name, model).ok().and_then(|motion| motion.resampled(MOTION_FPS).ok());
+        let frames =
+            args.reading.for_names().load(name, model).ok().and_then(|motion| motion.resampled(MOTION_FPS).ok());
         let frames = frames.into_iter().flat_map(|motion| motion.frames);
         all.extend(frames.map(|frame| named(format!("{name} {}", frame.id), frame.pose)));
     }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figures::Figures;
 use super::page::{Section, framed};
+use crate::claim::Claim;
 use crate::pictures::write_png;
 
 /// Name of the file that every run writes last.
@@ -24,6 +25,7 @@ const COEFFICIENTS: [&str; 2] = ["coefficients.json", "coefficients.csv"];
 pub struct OutputFolder {
     path: PathBuf,
     force: bool,
+    _claim: Claim,
 }
 
 /// `explain.json`.
@@ -41,6 +43,15 @@ struct Earlier {
     pictures: Vec<String>,
 }
 
+fn check_absent<'a>(folder: &Path, mut names: impl Iterator<Item = &'a str>) -> anyhow::Result<()> {
+    match names.find(|name| folder.join(name).exists()) {
+        Some(name) => {
+            bail!("{}: exists already; choose another --out, or replace it with --force", folder.join(name).display())
+        }
+        None => Ok(()),
+    }
+}
+
 impl OutputFolder {
     /// Checks a folder before anything is computed. With `force`, files of the same names may be replaced.
     ///
@@ -50,19 +61,10 @@ impl OutputFolder {
         if path.exists() && !path.is_dir() {
             bail!("--out {}: is not a folder", path.display());
         }
-        let folder = OutputFolder { path: path.into(), force };
-        folder.check_absent([REPORT, SHEET].into_iter().chain(COEFFICIENTS))?;
-        Ok(folder)
-    }
-
-    fn check_absent<'a>(&self, mut names: impl Iterator<Item = &'a str>) -> anyhow::Result<()> {
-        match names.find(|name| self.path.join(name).exists()).filter(|_| !self.force) {
-            Some(name) => bail!(
-                "{}: exists already; choose another --out, or replace it with --force",
-                self.path.join(name).display()
-            ),
-            None => Ok(()),
+        if !force {
+            check_absent(path, [REPORT, SHEET].into_iter().chain(COEFFICIENTS))?;
         }
+        Ok(OutputFolder { path: path.into(), force, _claim: Claim::folder(path)? })
     }
 
     /// Writes everything; returns the number of single pictures.
@@ -77,7 +79,9 @@ impl OutputFolder {
         sheet: &RgbImage,
     ) -> anyhow::Result<usize> {
         let single: Vec<_> = sections.iter().flat_map(|section| &section.figures).collect();
-        self.check_absent(single.iter().map(|figure| figure.file.as_str()))?;
+        if !self.force {
+            check_absent(&self.path, single.iter().map(|figure| figure.file.as_str()))?;
+        }
         std::fs::create_dir_all(&self.path)
             .with_context(|| format!("{}: cannot create the folder", self.path.display()))?;
         for figure in &single {

@@ -36,7 +36,8 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
             format!("{:.4} to {:.4}, half of them below {:.4}", opacity.low, opacity.high, opacity.median),
         );
     }
-    let mut warnings = Vec::new();
+    row("antialiasing", if scene.antialias { "yes".into() } else { "the file does not say so".into() });
+    let mut warnings = scene.suspicions();
     let not_finite: Vec<(&str, usize)> = (0..scene.model().rows())
         .map(|row| {
             let name = ROWS.get(row).copied().unwrap_or("f_rest");

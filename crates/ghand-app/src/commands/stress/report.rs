@@ -72,14 +72,6 @@ impl Kind {
     }
 }
 
-/// Makes the folder.
-///
-/// # Errors
-/// An error that names the folder.
-pub fn check_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("--out {}: cannot be made", folder.display()))
-}
-
 impl Report {
     pub fn new(adapter: &str, seed: u64) -> Report {
         Report {

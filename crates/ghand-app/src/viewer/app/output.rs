@@ -23,7 +23,7 @@ use crate::viewer::training_run::TrainingRun;
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];
 /// Endings of the files of subjects.
-const FILE_ENDINGS: [&str; 6] = ["ghand", "ply", "glb", "gltf", "pkl", "npz"];
+const FILE_ENDINGS: [&str; 8] = ["ghand", "ply", "spz", "splat", "glb", "gltf", "pkl", "npz"];
 
 impl Viewer {
     /// Asks what to save of the view.
