@@ -23,7 +23,6 @@ use crate::support::hands::{Hand, as_pickle};
 /// colour.
 pub fn synthetic() -> &'static Capture {
     static CAPTURE: LazyLock<(Capture, TempDir)> = LazyLock::new(|| {
-        let folder = tempfile::tempdir().unwrap();
         let options = SyntheticOptions {
             views: 6,
             train_frames: 3,
@@ -33,15 +32,37 @@ pub fn synthetic() -> &'static Capture {
             height: 192,
             ..Default::default()
         };
-        let root = folder.path().join("capture");
-        let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
-        generate(&options, &root, &mut |_: &SceneMesh, camera| Ok(vec![[0; 4]; pixels(camera)])).unwrap();
-        let capture = of_procedural_hand(Capture::open(&root).unwrap());
-        capture.save().unwrap();
-        capture.splits.values().flat_map(|split| &split.views).for_each(|view| draw(&capture, view));
-        (Capture::open(&root).unwrap(), folder)
+        made(&options)
     });
     &CAPTURE.0
+}
+
+/// A longer one, as [`synthetic`]: 3 cameras and 24 frames for training.
+pub fn long() -> &'static Capture {
+    static CAPTURE: LazyLock<(Capture, TempDir)> = LazyLock::new(|| {
+        let options = SyntheticOptions {
+            views: 3,
+            train_frames: 24,
+            test_frames: 1,
+            test_views: 1,
+            width: 96,
+            height: 144,
+            ..Default::default()
+        };
+        made(&options)
+    });
+    &CAPTURE.0
+}
+
+fn made(options: &SyntheticOptions) -> (Capture, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("capture");
+    let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+    generate(options, &root, &mut |_: &SceneMesh, camera| Ok(vec![[0; 4]; pixels(camera)])).unwrap();
+    let capture = of_procedural_hand(Capture::open(&root).unwrap());
+    capture.save().unwrap();
+    capture.splits.values().flat_map(|split| &split.views).for_each(|view| draw(&capture, view));
+    (Capture::open(&root).unwrap(), folder)
 }
 
 /// The capture with the procedural hand where the built-in one was. Joints that it lacks do not turn in it.

@@ -8,7 +8,7 @@ use ghand_test_support::shared;
 use image::{GrayImage, RgbImage};
 use tempfile::TempDir;
 
-use crate::fixtures::{assert_says, synthetic, synthetic_image, write_jpeg};
+use crate::fixtures::{assert_says, long, synthetic, synthetic_image, write_jpeg};
 use crate::interhand_files;
 
 fn inspected(capture: &Capture) -> CaptureInspection {
@@ -26,9 +26,13 @@ fn split<'a>(found: &'a CaptureInspection, name: &str) -> &'a SplitFacts {
 
 /// A copy of the synthetic capture's files, to be damaged.
 pub fn copy() -> (Capture, TempDir) {
+    copy_of(synthetic())
+}
+
+fn copy_of(original: &Capture) -> (Capture, TempDir) {
     let folder = tempfile::tempdir().unwrap();
-    let mut capture = synthetic().clone();
-    for split in synthetic().splits.values() {
+    let mut capture = original.clone();
+    for split in original.splits.values() {
         for view in &split.views {
             for file in [
                 capture.image_file(view.camera, view.frame),
@@ -315,4 +319,188 @@ fn another_background_than_that_of_the_images_is_told() {
     let (mut capture, _folder) = copy();
     capture.background = [1.0, 1.0, 1.0];
     assert_says(&told(&inspected(&capture)), &["are [0.00, 0.00, 0.00] beside the hand", "is [1.00, 1.00, 1.00]"]);
+}
+
+/// The files of images or masks of a camera in the training split, by frame.
+fn files_of(capture: &Capture, camera: usize, masks: bool) -> Vec<PathBuf> {
+    let views = capture.splits["train"].views.iter().filter(|view| view.camera == camera);
+    let file = |frame: usize| match masks {
+        true => capture.mask_file(camera, frame).unwrap().unwrap(),
+        false => capture.image_file(camera, frame).unwrap(),
+    };
+    views.map(|view| file(view.frame)).collect()
+}
+
+/// Replaces each file by that of another number; the last ones stay where there is none.
+fn reorder(files: &[PathBuf], other: impl Fn(usize) -> usize) {
+    let bytes: Vec<Vec<u8>> = files.iter().map(|file| std::fs::read(file).unwrap()).collect();
+    for (k, file) in files.iter().enumerate() {
+        if let Some(bytes) = bytes.get(other(k)) {
+            std::fs::write(file, bytes).unwrap();
+        }
+    }
+}
+
+fn change_each(files: &[PathBuf], change: impl Fn(&mut image::DynamicImage)) {
+    for file in files {
+        let mut picture = image::open(file).unwrap();
+        change(&mut picture);
+        picture.save(file).unwrap();
+    }
+}
+
+#[test]
+fn images_and_masks_that_do_not_belong_together_are_named_by_camera() {
+    assert!(!told(&inspected(long())).contains("belong together"));
+    type Change = fn(&Capture);
+    let cases: [(Change, &[&str]); 6] = [
+        (|c| reorder(&files_of(c, 0, false), |k| k + 2), &["of 1 of ", "(cam00)", "by 2 frames", "2 later"]),
+        (|c| reorder(&files_of(c, 1, true), |k| k + 1), &["of 1 of ", "(cam01)", "by 1 frame?", "1 earlier"]),
+        (|c| change_each(&files_of(c, 2, false), |p| *p = p.fliph()), &["(cam02)", "mirrored, left for right"]),
+        (|c| change_each(&files_of(c, 0, false), |p| *p = p.flipv()), &["(cam00)", "mirrored, top for bottom"]),
+        (|c| change_each(&files_of(c, 1, true), |p| *p = p.rotate180()), &["(cam01)", "turned by 180 degrees"]),
+        (|c| (0..3).for_each(|k| reorder(&files_of(c, k, false), |k| k + 3)), &["of 3 of 4", "by 3 frames"]),
+    ];
+    for (change, says) in cases {
+        let (capture, _folder) = copy_of(long());
+        change(&capture);
+        let said = told(&inspected(&capture));
+        assert_says(&said, &[says, &["do not belong together"]].concat());
+    }
+}
+
+#[test]
+fn cameras_that_are_late_or_have_another_rate_are_named() {
+    assert!(!told(&inspected(long())).contains("the poses of"));
+    let change = |capture: &Capture, camera: usize, other: &dyn Fn(usize) -> usize| {
+        for masks in [false, true] {
+            reorder(&files_of(capture, camera, masks), other);
+        }
+    };
+    for (camera, other, says) in [
+        (0, (|k| k + 2) as fn(usize) -> usize, ["the poses of 2 frames later", "(cam00)"]),
+        (1, |k: usize| k.saturating_sub(2), ["the poses of 2 frames earlier", "(cam01)"]),
+    ] {
+        let (capture, _folder) = copy_of(long());
+        change(&capture, camera, &other);
+        assert_says(&told(&inspected(&capture)), &says);
+    }
+    // Every second image of a film.
+    let (capture, _folder) = copy_of(long());
+    (0..3).for_each(|camera| change(&capture, camera, &|k| k / 2));
+    assert_says(&told(&inspected(&capture)), &["2.00 times the rate"]);
+}
+
+#[test]
+fn what_masks_hold_instead_of_a_mask_is_named() {
+    use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgba};
+    let grey = |picture: &DynamicImage, value: &dyn Fn(u8, u32) -> u8| {
+        let mask = picture.to_luma8();
+        DynamicImage::from(GrayImage::from_fn(mask.width(), mask.height(), |x, y| {
+            Luma([value(mask.get_pixel(x, y).0[0], x)])
+        }))
+    };
+    type Made<'a> = Box<dyn Fn(&DynamicImage) -> DynamicImage + 'a>;
+    let cases: Vec<(Made, &str, bool)> = vec![
+        (Box::new(|p| grey(p, &|v, _| if v > 127 { 2 } else { 0 })), "0 and 2 instead of 0 and 255", true),
+        (Box::new(|p| grey(p, &|v, _| if v > 127 { 100 } else { 0 })), "0 and 100 instead of 0 and 255", true),
+        (Box::new(|p| grey(p, &|v, x| if v > 127 { 1 + (x % 2) as u8 } else { 0 })), "labels from 0 to 2", false),
+        (
+            Box::new(|p| grey(p, &|v, x| if v > 127 { 20 + 10 * (x % 3) as u8 } else { 0 })),
+            "labels from 0 to 40",
+            false,
+        ),
+        (Box::new(|p| grey(p, &|v, _| if v > 127 { 255 } else { 140 })), "nowhere below 140", false),
+        (Box::new(|p| grey(p, &|v, _| if v > 127 { 250 } else { 128 })), "nowhere below 128", false),
+        (Box::new(|p| grey(p, &|v, x| if v > 127 { 40 + x as u8 } else { 90 })), "photographs", false),
+        (
+            Box::new(|p| {
+                let mask = p.to_luma8();
+                let pixel = |x, y| Rgba([0, 0, 0, mask.get_pixel(x, y).0[0]]);
+                ImageBuffer::from_fn(mask.width(), mask.height(), pixel).into()
+            }),
+            "their alpha channel counts as mask",
+            true,
+        ),
+    ];
+    for (made, says, is_usable) in cases {
+        let (capture, _folder) = copy();
+        for camera in 0..capture.cameras.len() {
+            for view in capture.splits.values().flat_map(|split| &split.views).filter(|view| view.camera == camera) {
+                let file = capture.mask_file(camera, view.frame).unwrap().unwrap();
+                let done = file.with_extension("done");
+                if !done.exists() {
+                    made(&image::open(&file).unwrap()).save(&file).unwrap();
+                    std::fs::write(done, "").unwrap();
+                }
+            }
+        }
+        let found = inspected(&capture);
+        assert_says(&told(&found), &[says]);
+        assert_eq!(found.is_trainable(), is_usable, "{}", told(&found));
+    }
+}
+
+#[test]
+fn a_second_hand_in_the_masks_is_told() {
+    for (width, says) in [(24, true), (2, false)] {
+        let (capture, _folder) = copy();
+        for camera in 0..3 {
+            change_each(&files_of(&capture, camera, true), |picture| {
+                let mut mask = picture.to_luma8();
+                // A bar at the edge that the hand does not reach.
+                for (x, y, pixel) in mask.enumerate_pixels_mut() {
+                    if x < width && y < 150 {
+                        pixel.0[0] = 255;
+                    } else if x < width + 2 {
+                        pixel.0[0] = 0;
+                    }
+                }
+                *picture = mask.into();
+            });
+        }
+        let found = inspected(&capture);
+        let parts: Vec<f64> = split(&found, "train").views.iter().map(|view| view.other_part).collect();
+        let said = told(&found);
+        assert_eq!(said.contains("apart from the posed hand"), says, "{said} {parts:?}");
+    }
+}
+
+#[test]
+fn a_template_whose_size_changes_between_frames_is_told() {
+    for (change, says) in [(3.0, true), (0.0, false)] {
+        let hand = ghand_hand_model::builtin::builtin_hand(ghand_core::Side::Right).unwrap();
+        let name = hand.shape_names.iter().position(|name| name == "hand-scale").unwrap();
+        let mut capture = synthetic().clone();
+        capture.hand_model = hand;
+        capture.truth = None;
+        for (k, frame) in capture.frames.iter_mut().enumerate() {
+            frame.pose = ghand_core::Pose::rest(capture.hand_model.joint_count());
+            frame.shape = vec![0.0; name + 1];
+            frame.shape[name] = if k % 2 == 0 { change } else { -change };
+        }
+        let said = told(&inspected(&capture));
+        assert_eq!(said.contains("one person's hand has one size"), says, "{said}");
+    }
+}
+
+#[test]
+fn files_with_nearly_the_expected_names_and_units_are_named() {
+    for ending in ["PNG", "heic"] {
+        let (capture, _folder) = copy();
+        for camera in 0..capture.cameras.len() {
+            for view in capture.splits.values().flat_map(|split| &split.views).filter(|view| view.camera == camera) {
+                let file = capture.image_file(camera, view.frame).unwrap();
+                if file.exists() {
+                    std::fs::rename(&file, file.with_extension(ending)).unwrap();
+                }
+            }
+        }
+        assert_says(&told(&inspected(&capture)), &["none of the", &format!(".{ending}\", which is another name")]);
+    }
+    for (factor, unit) in [(1000.0, "millimetres"), (100.0, "centimetres")] {
+        let mut capture = synthetic().clone();
+        capture.cameras.iter_mut().for_each(|camera| camera.translation *= factor);
+        assert_says(&told(&inspected(&capture)), &[unit, &format!("divide them by {factor}")]);
+    }
 }

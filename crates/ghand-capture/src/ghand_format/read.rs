@@ -203,10 +203,6 @@ impl Reader<'_> {
                 let file =
                     read_gltf_hand(&root.join(path), Some(side)).map_err(|source| self.hand_model_error(source))?;
                 warnings.extend(file.warnings.iter().map(|warning| format!("{path}: {warning}")));
-                if file.model.side != side {
-                    let found = file.model.side;
-                    warnings.push(format!("{path}: is a {found} hand, but the capture's side is {side}"));
-                }
                 (file.model, HandModelSource::Gltf { path: path.clone() })
             }
             "builtin" => {

@@ -383,8 +383,9 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
             }
             Cause::Swapped(other) => format!("the images are those of {}", name(*other)),
             Cause::Late(late) => {
-                let (frames, when) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });
-                format!("the images are {frames} frame{} {when} than the poses", if frames == 1 { "" } else { "s" })
+                let (count, which) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });
+                let s = if count == 1 { "" } else { "s" };
+                format!("the images show the poses of {count} frame{s} {which}")
             }
             Cause::Rate(percent) => format!(
                 "the images have {:.2} times the rate of the poses: pair each image with the frame of its time",

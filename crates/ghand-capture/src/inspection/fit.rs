@@ -36,8 +36,7 @@ pub struct ViewFit {
     pub other_background: Option<[u8; 3]>,
     /// What the values in the mask's file are.
     pub mask_sort: MaskSort,
-    /// The largest part of the mask apart from the posed template, as a fraction of the mask; 0 if the template touches no
-    /// part of it.
+    /// The largest part of the mask that the posed template hardly covers, as a fraction of the mask; 0 if it covers no part.
     pub other_part: f64,
     /// Pixels of the image's file with a channel that is not a number.
     pub nan_pixels: usize,
@@ -120,14 +119,20 @@ fn view_fit(
     })
 }
 
-/// The largest part of a mask that the template does not touch, as a fraction of the mask; 0 if it touches no part.
+/// A part of a mask of which the template covers less than this is not the hand.
+const LEAST_COVERED: f64 = 0.15;
+
+/// The largest part of a mask that the template hardly covers, as a fraction of the mask; 0 if it covers no part.
 fn other_part(mask: &[bool], template: &[bool], width: usize) -> f64 {
     let found = parts(mask, width);
-    let is_touched = |part: &Vec<usize>| part.iter().any(|pixel| template.get(*pixel) == Some(&true));
-    let (touched, apart): (Vec<_>, Vec<_>) = found.iter().partition(|part| is_touched(part));
+    let is_covered = |part: &Vec<usize>| {
+        let covered = part.iter().filter(|pixel| template.get(**pixel) == Some(&true)).count();
+        covered as f64 >= LEAST_COVERED * part.len() as f64
+    };
+    let (covered, apart): (Vec<_>, Vec<_>) = found.iter().partition(|part| is_covered(part));
     let all: usize = found.iter().map(Vec::len).sum();
     let largest = apart.iter().map(|part| part.len()).max().unwrap_or(0);
-    if touched.is_empty() { 0.0 } else { largest as f64 / all.max(1) as f64 }
+    if covered.is_empty() { 0.0 } else { largest as f64 / all.max(1) as f64 }
 }
 
 /// The largest value of any channel on the hand, or of the whole image where no hand is marked.

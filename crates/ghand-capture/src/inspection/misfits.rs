@@ -31,7 +31,7 @@ const LATE_GAIN: f64 = 0.04;
 const LATE_PART: f64 = 0.75;
 const LATE_VIEWS: usize = 4;
 /// Rates of images that are tried, percent of the poses'.
-const RATES: [u32; 6] = [50, 200, 83, 120, 48, 208];
+const RATES: [u32; 4] = [50, 200, 83, 120];
 /// Cameras or frames with fewer others have none to be compared with.
 const LEAST_OTHERS: usize = 2;
 
@@ -50,7 +50,7 @@ pub(super) enum Cause {
     Scaled(u32),
     /// Its images are those of another camera.
     Swapped(usize),
-    /// Its images are this many frames later than the poses.
+    /// Its images show the poses of frames that are this much later.
     Late(i32),
     /// Its images have this many percent of the rate of the poses.
     Rate(u32),
@@ -170,7 +170,7 @@ fn seen_by(capture: &Capture, views: &[&ViewFit], camera: usize, count: usize) -
     frames.iter().step_by(step).filter_map(|frame| Seen::of(capture, camera, *frame)).collect()
 }
 
-/// By how many frames a camera's images are later than the poses, and their overlap with the template of those frames.
+/// How much later the frames are whose poses a camera's images show, and the overlap with the template in them.
 fn lateness(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<(i32, f64)> {
     let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
     let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
@@ -221,7 +221,7 @@ impl Seen {
             Cause::Late(_) | Cause::Rate(_) | Cause::Unknown => {}
         }
         let frame = match cause {
-            Cause::Late(late) => self.frame.checked_add_signed(-(*late as isize))?,
+            Cause::Late(late) => self.frame.checked_add_signed(*late as isize)?,
             Cause::Rate(percent) => (self.frame as f64 * 100.0 / f64::from(*percent)).round() as usize,
             _ => self.frame,
         };
