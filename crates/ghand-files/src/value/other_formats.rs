@@ -9,8 +9,12 @@ pub(super) fn problem(bytes: &[u8]) -> Option<String> {
     Some(what.into())
 }
 
+const UTF_16: &str = "is text in UTF-16; save it in UTF-8 (open(\"IN\", encoding=\"utf-16\") reads it in Python)";
+
 /// First bytes of files, with what they are and a remedy.
-const FIRST_BYTES: [(&[u8], &str); 36] = [
+const FIRST_BYTES: [(&[u8], &str); 38] = [
+    (b"\xff\xfe", UTF_16),
+    (b"\xfe\xff", UTF_16),
     (b"version https://git-lfs", "is a pointer of Git LFS and not the data; fetch it with `git lfs pull`"),
     (b"MATLAB 5.0 MAT-file", MATLAB),
     (b"MATLAB 7", HDF5_OF_MATLAB),

@@ -193,9 +193,10 @@ pub(super) fn problem_of_names(source: &Source, value: &Value) -> Option<String>
         ));
     }
     let names = list(&other);
+    let (whose, hold) = if other.len() == 1 { ("its name", "holds") } else { ("their names", "hold") };
     (!other.is_empty()).then(|| {
         format!(
-            "has no hand: by name, {names} hold a body's pose, a shape, a face or the like; a hand's pose is \
+            "has no hand: by {whose}, {names} {hold} a body's pose, a shape, a face or the like; a hand's pose is \
              called \"hand_pose\", \"right_hand_pose\" or \"poses\""
         )
     })

@@ -1,6 +1,6 @@
 //! Checks what nobody would notice: degrees for radians, the other side, fingers that bend backwards, frames that jump.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use ghand_core::pose::LARGEST_ANGLE;
 use ghand_core::rotation::rotation_from_axis_angle;
@@ -16,6 +16,8 @@ use crate::rest_skeleton::RestSkeleton;
 
 /// Part of all rotations that may be longer than a turn: a tracker's optimiser may have gone round once.
 const LONG_ROTATIONS: f64 = 0.1;
+/// Part of the rotations of a hand's joints that may be longer than half a turn.
+const WIDE_ROTATIONS: f64 = 0.3;
 /// Bend of a finger, all joints together, below which it bends backwards, radians: a hand that is pressed reaches -0.5.
 const BACKWARDS: f64 = -0.7;
 /// A frame that jumps differs from the middle of its neighbours by at least this, radians and metres, ...
@@ -39,13 +41,14 @@ pub(super) fn checked(source: &Source, recording: Recording) -> Result<Recording
         turns.filter(|length| *length <= LARGEST_ANGLE)
     };
     let moving = lengths().filter(|length| *length > 1e-6).count();
-    let long = lengths().filter(|length| *length > TAU).count();
-    if long as f64 <= LONG_ROTATIONS * moving as f64 {
+    let longer = |least: f64| lengths().filter(|length| *length > least).count();
+    let [long, wide] = [TAU, PI].map(|least| longer(least));
+    if long as f64 <= LONG_ROTATIONS * moving as f64 && wide as f64 <= WIDE_ROTATIONS * moving as f64 {
         return Ok(recording);
     }
     let largest = lengths().fold(0.0, f64::max);
     let problem = format!(
-        "has rotations of up to {largest:.1}, {long} of {moving} of more than a full turn; are they degrees? give axis-angle \
+        "has rotations of up to {largest:.1}, {wide} of {moving} of more than half a turn; are they degrees? give axis-angle \
          rotations in radians (numpy.deg2rad)"
     );
     Err(source.invalid("rotations", problem))

@@ -56,6 +56,8 @@ pub(crate) struct Timeline {
     pub fps: Option<f64>,
     /// Place of each frame by its id, counted in frames from the first.
     pub places: HashMap<String, f64>,
+    /// By how much the numbers of the frames rise from one to the next, if they are places.
+    number_step: Option<f64>,
     /// Whether the places are not whole numbers: the rate is not constant.
     pub is_uneven: bool,
     /// Remarks for the user.
@@ -91,9 +93,10 @@ impl Timeline {
             numbers = slots.iter().map(|slot| slot.number).collect();
             timeline.warnings.push("the frames are not in the order of their numbers, and are sorted".into());
         }
+        let has_numbers = known(&numbers);
         let coordinates = if is_time {
             times
-        } else if known(&numbers) {
+        } else if has_numbers {
             numbers
         } else {
             (0..slots.len()).map(|k| Some(k as f64)).collect()
@@ -104,6 +107,7 @@ impl Timeline {
             let fps = (unit / step * FINEST_RATE).round() / FINEST_RATE;
             timeline.fps = Some(fps).filter(|fps| FPS_RANGE.contains(fps));
         }
+        timeline.number_step = (!is_time && has_numbers).then_some(step);
         if is_uneven {
             let fps = timeline.fps.map_or(String::new(), |fps| format!(", {fps:.4} frames per second,"));
             timeline.warnings.push(format!(
@@ -141,6 +145,13 @@ impl Timeline {
             }
             (stated, timed) => stated.or(timed),
         };
+        if let (Some(stated), Some(step), None) = (stated, self.number_step.filter(|step| *step > 1.5), given) {
+            self.warnings.push(format!(
+                "the numbers of the frames rise by {step:.1}; {stated} frames per second are taken as the rate of the frames in the \
+                 file; if it is that of the numbers, give --file-fps {:.4}",
+                stated / step
+            ));
+        }
         if let (Some(given), Some(own)) = (given, own)
             && (given / own - 1.0).abs() > SAME_STEP
         {

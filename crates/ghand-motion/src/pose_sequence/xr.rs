@@ -142,7 +142,10 @@ fn joints(value: &Value) -> Option<&Value> {
     let is_joints = match holder {
         Value::Map(entries) => entries.iter().any(|(name, _)| JointRole::of(name).is_some()),
         Value::List(items) => matches!(items.len(), 25 | 26) && (is_named || items.iter().any(is_joint)),
-        Value::Numbers(array) => is_frame(&array.shape) || (is_named && matches!(array.shape[..], [25 | 26, 3])),
+        Value::Numbers(array) => {
+            let are_positions = value.get("joints").is_some() && matches!(array.shape[..], [25 | 26, 3]);
+            is_frame(&array.shape) || are_positions
+        }
         _ => false,
     };
     is_joints.then_some(holder)

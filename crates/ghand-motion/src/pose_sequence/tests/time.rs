@@ -140,6 +140,9 @@ fn rates_come_from_the_user_the_times_or_the_file_and_a_missing_one_is_said() {
     assert!(!warned(&read(&stated, right()).unwrap(), "fps"));
     let over = read_with(&stated, right(), &given).unwrap();
     assert!(over.fps == 25.0 && warned(&over, "--file-fps"), "{:?}", over.warnings);
+    let every_fifth: Vec<Json> = (0..5).map(|k| with(hand(0.1), json!({"frame": 5 * k, "fps": 30}))).collect();
+    let sequence = read(&json!(every_fifth), right()).unwrap();
+    assert!(sequence.fps == 30.0 && warned(&sequence, "--file-fps 6"), "{:?}", sequence.warnings);
     let timed: Vec<Json> = (0..5).map(|k| with(hand(0.1), json!({"time": 0.1 * f64::from(k)}))).collect();
     let contradicts = read(&json!({"fps": 30, "frames": timed}), right()).unwrap();
     assert!((contradicts.fps - 10.0).abs() < 1e-9 && warned(&contradicts, "are used"), "{:?}", contradicts.warnings);
