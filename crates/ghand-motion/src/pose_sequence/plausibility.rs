@@ -42,7 +42,7 @@ pub(super) fn checked(source: &Source, recording: Recording) -> Result<Recording
     };
     let moving = lengths().filter(|length| *length > 1e-6).count();
     let longer = |least: f64| lengths().filter(|length| *length > least).count();
-    let [long, wide] = [TAU, PI].map(|least| longer(least));
+    let [long, wide] = [TAU, PI].map(longer);
     if long as f64 <= LONG_ROTATIONS * moving as f64 && wide as f64 <= WIDE_ROTATIONS * moving as f64 {
         return Ok(recording);
     }
