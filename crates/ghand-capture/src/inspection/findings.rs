@@ -385,7 +385,7 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
             Cause::Late(late) => {
                 let (count, which) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });
                 let s = if count == 1 { "" } else { "s" };
-                format!("the images show the poses of {count} frame{s} {which}")
+                format!("the masks show the poses of {count} frame{s} {which}")
             }
             Cause::Rate(percent) => format!(
                 "the images have {:.2} times the rate of the poses: pair each image with the frame of its time",

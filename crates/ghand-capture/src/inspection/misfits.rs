@@ -26,8 +26,8 @@ const MOST_VIEWS: usize = 5;
 const SURE: f64 = 0.93;
 /// Frames by which images are tried to be late or early.
 const MOST_LATE: i32 = 3;
-/// A camera is late if it overlaps the template of another frame by this much more, in this part of at least so many images.
-const LATE_GAIN: f64 = 0.04;
+/// A camera is paired wrongly if it overlaps the template of another frame by this much more, in this part of at least so many images.
+const LATE_GAIN: f64 = 0.025;
 const LATE_PART: f64 = 0.75;
 const LATE_VIEWS: usize = 4;
 /// Rates of images that are tried, percent of the poses'.
@@ -103,15 +103,15 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         .filter(|(camera, overlap)| **overlap < SURE && !is_known(camera))
         .map(|(camera, overlap)| (*camera, *overlap))
         .collect();
-    let late: Vec<WrongCamera> = unsure
+    let paired: Vec<WrongCamera> = unsure
         .par_iter()
         .filter_map(|&(camera, overlap)| {
-            let (late, fit) = lateness(capture, views, camera)?;
-            Some(WrongCamera { camera, cause: Cause::Late(late), overlap: [overlap, fit] })
+            let (cause, fit) = wrong_pairing(capture, views, camera)?;
+            Some(WrongCamera { camera, cause, overlap: [overlap, fit] })
         })
         .collect();
-    wrong.retain(|wrong| late.iter().all(|late| late.camera != wrong.camera));
-    wrong.extend(late);
+    wrong.retain(|wrong| paired.iter().all(|other| other.camera != wrong.camera));
+    wrong.extend(paired);
     let names: Vec<usize> = wrong.iter().map(|wrong| wrong.camera).collect();
     (wrong, median(others(&names)))
 }
@@ -158,7 +158,6 @@ fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> 
         let other = capture.cameras.get(**other);
         other.is_some_and(|other| (other.width, other.height) == (own.width, own.height))
     };
-    causes.extend(RATES.map(Cause::Rate));
     causes.extend(poor.iter().filter(|other| **other != camera).filter(same_size).map(|other| Cause::Swapped(*other)));
     causes
 }
@@ -170,19 +169,22 @@ fn seen_by(capture: &Capture, views: &[&ViewFit], camera: usize, count: usize) -
     frames.iter().step_by(step).filter_map(|frame| Seen::of(capture, camera, *frame)).collect()
 }
 
-/// How much later the frames are whose poses a camera's images show, and the overlap with the template in them.
-fn lateness(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<(i32, f64)> {
+/// How a camera's images are paired with the wrong frames, and their overlap with the template of the right ones.
+fn wrong_pairing(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<(Cause, f64)> {
     let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
     let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
-    let tried = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).filter_map(|late| {
-        let fits = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Late(late)));
-        let pairs: Vec<(f64, f64)> = as_is.iter().zip(fits).filter_map(|(a, b)| Some(((*a)?, b?))).collect();
-        let better = pairs.iter().filter(|(a, b)| *b > a + LATE_GAIN / 2.0).count();
-        let gain = median(pairs.iter().map(|(a, b)| b - a).collect());
-        let is_late = pairs.len() >= LATE_VIEWS && better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
-        is_late.then(|| (late, gain, median(pairs.iter().map(|(_, b)| *b).collect())))
+    let late = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).map(Cause::Late);
+    let tried = late.chain(RATES.map(Cause::Rate)).filter_map(|cause| {
+        let other = seen.iter().zip(&as_is).filter(|(seen, _)| seen.paired(&cause) != Some(seen.frame));
+        let pairs: Vec<[f64; 2]> =
+            other.filter_map(|(seen, as_is)| Some([(*as_is)?, seen.fit(capture, camera, &cause)?])).collect();
+        let better = pairs.iter().filter(|[a, b]| *b > a + LATE_GAIN / 2.0).count();
+        let gain = median(pairs.iter().map(|[a, b]| b - a).collect());
+        let is_found =
+            pairs.len() >= LATE_VIEWS && better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
+        is_found.then(|| (cause, gain, median(pairs.iter().map(|[_, b]| *b).collect())))
     });
-    tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(late, _, fit)| (late, fit))
+    tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cause, _, fit)| (cause, fit))
 }
 
 /// The mask of an image and the template's vertices in its frame (world, metres).
@@ -196,6 +198,15 @@ impl Seen {
     fn of(capture: &Capture, camera: usize, frame: usize) -> Option<Seen> {
         let mask = capture.load_hand_mask(camera, frame).ok()?;
         Some(Seen { frame, mask, vertices: posed_template(capture, frame).ok()?.0 })
+    }
+
+    /// The frame whose pose the image shows if the camera has this fault.
+    fn paired(&self, cause: &Cause) -> Option<usize> {
+        match cause {
+            Cause::Late(late) => self.frame.checked_add_signed(*late as isize),
+            Cause::Rate(percent) => Some((self.frame as f64 * 100.0 / f64::from(*percent)).round() as usize),
+            _ => Some(self.frame),
+        }
     }
 
     /// How well the template overlaps the mask if the camera has this fault, which is undone.
@@ -220,11 +231,7 @@ impl Seen {
             Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
             Cause::Late(_) | Cause::Rate(_) | Cause::Unknown => {}
         }
-        let frame = match cause {
-            Cause::Late(late) => self.frame.checked_add_signed(*late as isize)?,
-            Cause::Rate(percent) => (self.frame as f64 * 100.0 / f64::from(*percent)).round() as usize,
-            _ => self.frame,
-        };
+        let frame = self.paired(cause)?;
         let other = if frame == self.frame { None } else { Some(posed_template(capture, frame).ok()?.0) };
         let vertices = other.as_ref().unwrap_or(&self.vertices);
         iou(&mask, &covered_pixels(&seen_by, vertices, &capture.hand_model.faces))
