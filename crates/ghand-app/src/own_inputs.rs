@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use same_file::is_same_file;
 
 /// What says of a folder that it is a capture.
 const CAPTURE_FILE: &str = "capture.json";
@@ -28,7 +27,7 @@ impl OwnInputs {
     /// One sentence that names the option and the file.
     pub fn refuse(&self, option: &str, output: &Path) -> anyhow::Result<()> {
         let shown = output.display();
-        if let Some(input) = self.0.iter().find(|input| is_same_file(input, output).unwrap_or(false)) {
+        if let Some(input) = self.0.iter().find(|input| is_same(input, output)) {
             bail!("{option} {shown}: is {}, which this command reads; give another name", input.display());
         }
         let output = output.exists().then(|| std::fs::canonicalize(output).ok()).flatten();
@@ -51,10 +50,16 @@ impl OwnInputs {
 pub fn refuse_capture_folder(option: &str, output: &Path, capture: &Path) -> anyhow::Result<()> {
     let folder = if capture.is_dir() { Some(capture) } else { capture.parent() };
     let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
-    if folder.is_some_and(|folder| is_same_file(folder, output).unwrap_or(false)) {
+    if folder.is_some_and(|folder| is_same(folder, output)) {
         bail!("{option} {}: is the folder of the capture that is read; give another, or --force", output.display());
     }
     Ok(())
+}
+
+/// Whether two names are of one file or folder. Pipes and devices are not looked at: opening them may wait.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let is_plain = |path: &Path| path.metadata().is_ok_and(|found| found.is_file() || found.is_dir());
+    is_plain(a) && is_plain(b) && same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 /// Whether a file may be a part of the capture in a folder: it is in a folder of it, like images, or has the ending of data.

@@ -164,6 +164,7 @@ impl PoseReadingArgs {
             take: self.take.clone(),
             file_fps: self.file_fps,
             smooth: self.smooth,
+            by_id: false,
             in_place: self.in_place,
             cameras: match &self.cameras {
                 Some(path) => read_cameras(path).context("--cameras")?,

@@ -106,13 +106,16 @@ fn poses_of_any_kind_are_written_as_ghands_own_and_read_again() {
         (still["frames"].as_array().unwrap().len(), &still["frames"][0]["pose"][0]),
         (1, &serde_json::json!([0.0, 0.0, 0.0]))
     );
-    // A tracker's file with an invalid frame: one warning, on stderr.
+    // A tracker's file with an invalid frame and without a rate: one warning for each, on stderr.
     let estimate = |number: Option<f64>| serde_json::json!({"is_right": 1, "global_orient": [number, 0, 0], "hand_pose": vec![0.1; 45]});
     let estimates = serde_json::json!([estimate(Some(0.5)), estimate(None)]);
     std::fs::write(folder.path().join("hands.json"), estimates.to_string()).unwrap();
     let (hands, warnings) = written(&["--pose", "hands.json", "--out", "out.json"]);
-    assert_eq!(hands["frames"].as_array().unwrap().len(), 1);
-    assert!(warnings.contains("1 of 2 frames is skipped") && warnings.lines().count() == 1, "{warnings}");
+    assert_eq!(hands["frames"].as_array().unwrap().len(), 2);
+    for said in ["1 of 2 frames is skipped", "the last frame has no pose and is held", "--file-fps"] {
+        assert!(warnings.contains(said), "{warnings}");
+    }
+    assert_eq!(warnings.lines().count(), 3, "{warnings}");
 }
 
 /// Writes an avatar of the small built-in hand whose joints have WebXR's names.

@@ -112,6 +112,8 @@ pub struct PoseOptions {
     pub file_fps: Option<f64>,
     /// Whether single frames that jump are interpolated and the poses smoothed.
     pub smooth: bool,
+    /// Whether frames are used by their ids and not as a film: what has no pose stays without one, and no rate is needed.
+    pub by_id: bool,
     /// Ignore the rotation and the position of the whole hand.
     pub in_place: bool,
     /// The cameras of landmarks in images.
@@ -193,7 +195,9 @@ fn poses_and_fit(
     let source = Source { origin, wanted, take, joint_count: model.joint_count(), model, pose_model };
     let (Recording { side, usual_fps, motion, skipped, mut warnings }, mut timeline) = timed_recording(&source, value)?;
     warnings.extend(skipped.finish(&source, motion.len())?);
+    // The frames of a capture are photographs, whose ids are names.
     let is_capture = matches!(&motion, Motion::Rows(rows) if rows.capture_kind.is_some());
+    let is_film = !is_capture && !options.by_id;
     let side = plausibility::side(&motion, side, model.side, options, &mut warnings);
     let mut fit = None;
     let (frames, side) = match motion {
@@ -222,21 +226,21 @@ fn poses_and_fit(
     }
     let fps = timeline.rate(&source, value, usual_fps, options.file_fps)?;
     warnings.append(&mut timeline.warnings);
-    if fps.is_none() && frames.len() > 1 && !is_capture {
+    let has_rate = fps.is_some();
+    let fps = fps.unwrap_or(DEFAULT_FPS);
+    let mut frames = if is_film && !mano::is_interhand(value) {
+        let (frames, remarks) = gaps::filled(frames, &skipped.ids, &timeline, fps);
+        warnings.extend(remarks);
+        frames
+    } else {
+        frames
+    };
+    if !has_rate && frames.len() > 1 && is_film {
         warnings.push(format!(
             "the file does not give its rate, and {DEFAULT_FPS} frames per second are assumed; --file-fps gives it"
         ));
     }
-    let fps = fps.unwrap_or(DEFAULT_FPS);
-    // The frames of a capture are photographs, whose ids are names.
-    let mut frames = if is_capture || mano::is_interhand(value) {
-        frames
-    } else {
-        let (frames, remarks) = gaps::filled(frames, &skipped.ids, &timeline, fps);
-        warnings.extend(remarks);
-        frames
-    };
-    if !is_capture {
+    if is_film {
         plausibility::check_jumps(&mut frames, fps, options.smooth, &mut warnings);
         plausibility::check_bend(&frames, model, &mut warnings);
     }

@@ -115,7 +115,7 @@ pub fn poses_of_split(path: &Path, capture: &Capture, split: &str) -> anyhow::Re
 }
 
 fn frames_of_split(path: &Path, capture: &Capture, split: &str) -> anyhow::Result<Vec<PoseFrame>> {
-    let sequence = read_poses(path, &capture.hand_model, &PoseOptions::default())?;
+    let sequence = read_poses(path, &capture.hand_model, &PoseOptions { by_id: true, ..Default::default() })?;
     sequence.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", path.display()));
     let mut by_id: HashMap<String, PoseFrame> =
         sequence.frames.into_iter().map(|frame| (frame.id.clone(), frame)).collect();

@@ -50,8 +50,9 @@ impl CapturePanel {
             warnings: vec![],
         };
         let json = poses_json(&theirs, &capture.hand_model);
+        let by_id = PoseOptions { by_id: true, ..Default::default() };
         let origin = path.display().to_string();
-        let own = read_poses_bytes(&origin, json.as_bytes(), model, &PoseOptions::default())?;
+        let own = read_poses_bytes(&origin, json.as_bytes(), model, &by_id)?;
         ensure!(!own.frames.is_empty(), "{origin}: has no poses");
         remarks.extend(own.warnings);
         let name = path.file_name().map_or(origin.clone(), |name| name.to_string_lossy().into_owned());

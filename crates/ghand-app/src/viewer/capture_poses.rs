@@ -43,7 +43,7 @@ impl CapturePoses {
         if !path.exists() {
             return Ok(());
         }
-        let sequence = read_poses(&path, model, &PoseOptions::default())?;
+        let sequence = read_poses(&path, model, &PoseOptions { by_id: true, ..Default::default() })?;
         let mut trained: Vec<Option<Pose>> = vec![None; self.given.len()];
         for PoseFrame { id, pose, .. } in sequence.frames {
             // A frame without a pose in the capture is not in the list.

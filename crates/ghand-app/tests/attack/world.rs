@@ -43,10 +43,7 @@ impl World {
         value["hand_model"]["parameters"]["detail"] = json!(1);
         write(&capture.join("capture.json"), &value);
         write(&at("camera.json"), &value["cameras"][0]);
-        make(
-            &["pose", "--hand-model", path(&at("hand.npz")), "--flat-mean", "--pose", "fist", "--out"],
-            &at("poses.json"),
-        );
+        make(&["pose", "--hand-model", path(&at("hand.npz")), "--pose", "fist", "--out"], &at("poses.json"));
         std::fs::write(at("scene.ply"), scene()).unwrap();
         let (camera, poses) = (value["cameras"][0].clone(), read(&at("poses.json")));
         World { capture: value, poses, camera, folder }

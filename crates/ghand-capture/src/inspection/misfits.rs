@@ -31,7 +31,7 @@ const LATE_GAIN: f64 = 0.025;
 const LATE_PART: f64 = 0.75;
 const LATE_VIEWS: usize = 4;
 /// Rates of images that are tried, percent of the poses'.
-const RATES: [u32; 4] = [50, 200, 83, 120];
+const RATES: [u32; 2] = [50, 200];
 /// Cameras or frames with fewer others have none to be compared with.
 const LEAST_OTHERS: usize = 2;
 
@@ -180,9 +180,9 @@ fn wrong_pairing(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option
             other.filter_map(|(seen, as_is)| Some([(*as_is)?, seen.fit(capture, camera, &cause)?])).collect();
         let better = pairs.iter().filter(|[a, b]| *b > a + LATE_GAIN / 2.0).count();
         let gain = median(pairs.iter().map(|[a, b]| b - a).collect());
-        let is_found =
-            pairs.len() >= LATE_VIEWS && better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
-        is_found.then(|| (cause, gain, median(pairs.iter().map(|[_, b]| *b).collect())))
+        let fit = median(pairs.iter().map(|[_, b]| *b).collect());
+        let is_better = better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
+        (pairs.len() >= LATE_VIEWS && is_better && fit >= EXPLAINED).then_some((cause, gain, fit))
     });
     tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cause, _, fit)| (cause, fit))
 }

@@ -149,6 +149,20 @@ fn rates_come_from_the_user_the_times_or_the_file_and_a_missing_one_is_said() {
 }
 
 #[test]
+fn frames_that_are_used_by_their_ids_are_not_filled() {
+    let by_id = PoseOptions { by_id: true, ..Default::default() };
+    let gap = json!([
+        with(hand(0.1), json!({"id": "0000"})),
+        with(hand(0.1), json!({"id": "0004"})),
+        with(hand(0.1), json!({"id": "0005"}))
+    ]);
+    let found = read_with(&gap, right(), &by_id).unwrap();
+    assert_eq!(found.frames.iter().map(|frame| frame.id.as_str()).collect::<Vec<_>>(), ["0000", "0004", "0005"]);
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    assert_eq!(read(&gap, right()).unwrap().frames.len(), 6);
+}
+
+#[test]
 fn a_frame_that_jumps_is_said_and_smoothing_mends_it() {
     let bends: Vec<f64> = (0..60).map(|k| if k == 30 { 1.5 } else { 0.3 + 0.2 * (0.1 * f64::from(k)).sin() }).collect();
     let file = json!({"fps": 30, "frames": bends.iter().map(|bend| hand(*bend)).collect::<Vec<_>>()});
