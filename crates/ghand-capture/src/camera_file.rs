@@ -5,7 +5,9 @@ use std::path::Path;
 
 use ghand_core::Camera;
 use glam::{DMat3, DVec2, DVec3};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use crate::capture::CaptureError;
 use crate::capture_validation::{CameraEntry, FileValidator, Position, member};
@@ -27,6 +29,7 @@ pub(crate) struct CameraFile {
     pub width: u32,
     pub height: u32,
     pub intrinsics: [[f64; 3]; 3],
+    #[serde(deserialize_with = "rotation")]
     pub rotation: [[f64; 3]; 3],
     pub translation: [f64; 3],
     /// Lens distortion, OpenCV's k1, k2, p1, p2, k3 and so on; `None` if absent.
@@ -35,6 +38,32 @@ pub(crate) struct CameraFile {
     /// OpenCV's coefficients of a fisheye lens, k1 to k4; `None` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<Vec<f64>>,
+}
+
+/// The rows of a rotation matrix; another form of a rotation is named.
+fn rotation<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[[f64; 3]; 3], D::Error> {
+    let value = Value::deserialize(deserializer)?;
+    if let Ok(rows) = serde_json::from_value(value.clone()) {
+        return Ok(rows);
+    }
+    let lengths: Vec<Option<usize>> =
+        value.as_array().into_iter().flatten().map(|row| row.as_array().map(Vec::len)).collect();
+    let is_quaternion = ["w", "x", "y", "z"].iter().all(|name| value.get(name).is_some_and(Value::is_number));
+    let problem = match lengths[..] {
+        [None, None, None] | [Some(1), Some(1), Some(1)] | [Some(3)] => {
+            "is 3 numbers: a Rodrigues vector (give cv2.Rodrigues(v)[0]) or Euler angles; give the matrix"
+        }
+        [None, None, None, None] | [Some(4)] => {
+            "is 4 numbers: a quaternion; give the matrix (scipy's Rotation.from_quat([x, y, z, w]).as_matrix())"
+        }
+        _ if is_quaternion => "is a quaternion; give the matrix (scipy's Rotation.from_quat([x, y, z, w]).as_matrix())",
+        [Some(4), Some(4), Some(4), Some(4)] | [Some(4), Some(4), Some(4)] => {
+            "is a transform of rows of 4; give its first 3 rows and columns here and the last column in `translation`"
+        }
+        _ if lengths.len() == 9 => "is 9 numbers in one list; give 3 rows of 3",
+        _ => "must be 3 rows of 3 numbers: camera_from_world",
+    };
+    Err(D::Error::custom(problem))
 }
 
 /// Reads and checks a file that holds one camera.
@@ -160,6 +189,27 @@ mod tests {
 
     const GOOD: &str = r#"{"id":"a","width":64,"height":48,"intrinsics":[[100,0,32],[0,110,24],[0,0,1]],
         "rotation":[[0,1,0],[-1,0,0],[0,0,1]],"translation":[0.1,0.2,0.3]}"#;
+
+    #[test]
+    fn other_forms_of_a_rotation_are_named() {
+        for (form, says) in [
+            ("[0.1,0.2,0.3]", "Rodrigues"),
+            ("[[0.1],[0.2],[0.3]]", "Rodrigues"),
+            ("[[0.1,0.2,0.3]]", "Rodrigues"),
+            ("[0,0,0,1]", "quaternion"),
+            (r#"{"w":1,"x":0,"y":0,"z":0}"#, "quaternion"),
+            ("[0,1,0,-1,0,0,0,0,1]", "9 numbers"),
+            ("[[0,1,0,5],[-1,0,0,6],[0,0,1,7],[0,0,0,1]]", "rows of 4"),
+            ("[[0,1,0,5],[-1,0,0,6],[0,0,1,7]]", "rows of 4"),
+            (r#""identity""#, "3 rows of 3"),
+        ] {
+            let file = GOOD.replace("[[0,1,0],[-1,0,0],[0,0,1]]", form);
+            let error = read(&file).unwrap_err().to_string();
+            assert!(error.contains("rotation") && error.contains(says), "{form}: {error}");
+        }
+        let long = GOOD.replace("[0.1,0.2,0.3]", "[0.1,0.2,0.3,1]");
+        assert!(read(&long).unwrap_err().to_string().contains("too many values"));
+    }
 
     #[test]
     fn a_camera_is_read_with_rows_as_rows() {

@@ -18,6 +18,10 @@ pub fn plain_json_error(error: &Error) -> String {
     match error.classify() {
         Category::Data => format!("{}{place}", plain(message)),
         Category::Eof => format!("is not complete JSON: the text ends too early{place}"),
+        // A list of a fixed length that goes on is the same to the parser as text behind the end.
+        Category::Syntax if message == "trailing characters" => {
+            format!("has trailing characters: a list has too many values, or text is behind the JSON{place}")
+        }
         Category::Syntax | Category::Io => format!("is not JSON: {message}{place}"),
     }
 }

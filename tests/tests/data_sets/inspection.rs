@@ -277,7 +277,12 @@ fn change_files(capture: &Capture, camera: usize, with_images: bool, change: imp
 fn one_wrong_camera_is_named_with_its_cause() {
     type Change = fn(&mut Capture);
     let camera = |capture: &Capture, k: usize| capture.splits["train"].cameras[k];
-    let cases: [(Change, &[&str]); 7] = [
+    let cases: [(Change, &[&str]); 9] = [
+        (|c| c.cameras[0].rotation = c.cameras[0].rotation.transpose(), &["world_from_camera", "(cam00)"]),
+        (
+            |c| c.cameras[2].translation = -(c.cameras[2].rotation.transpose() * c.cameras[2].translation),
+            &["the camera's place", "(cam02)"],
+        ),
         (|c| change_files(c, 0, false, image::DynamicImage::invert), &["0 on the hand", "1 of 8 cameras (cam00)"]),
         (|c| change_files(c, 1, true, |p| *p = p.rotate180()), &["turned by 180 degrees", "(cam01)"]),
         (|c| change_files(c, 2, true, |p| *p = p.fliph()), &["mirrored, left for right", "(cam02)"]),

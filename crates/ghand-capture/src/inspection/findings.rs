@@ -381,6 +381,8 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
             Cause::Scaled(percent) => {
                 format!("the intrinsics are those of images {:.2} times as large", f64::from(*percent) / 100.0)
             }
+            Cause::Transposed => "`rotation` is world_from_camera, and must be transposed,".to_owned(),
+            Cause::Place => "`translation` is the camera's place c, and must be -R c,".to_owned(),
             Cause::Swapped(other) => format!("the images are those of {}", name(*other)),
             Cause::Late(late) => {
                 let (count, which) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });

@@ -48,6 +48,10 @@ pub(super) enum Cause {
     Flipped,
     /// Its intrinsics are those of images this many times as large, in percent.
     Scaled(u32),
+    /// Its rotation is that from the camera to the world.
+    Transposed,
+    /// Its translation is the camera's place.
+    Place,
     /// Its images are those of another camera.
     Swapped(usize),
     /// Its images show the poses of frames that are this much later.
@@ -152,7 +156,8 @@ fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> 
     // Where the principal point is in the middle of images of another size, that is the size.
     let middle = [own.principal.x / f64::from(own.width), own.principal.y / f64::from(own.height)];
     let by_middle = (100.0 * (middle[0] + middle[1])).round().clamp(10.0, 1000.0) as u32;
-    let mut causes = vec![Cause::Inverted, Cause::Turned, Cause::Mirrored, Cause::Flipped];
+    let mut causes =
+        vec![Cause::Inverted, Cause::Turned, Cause::Mirrored, Cause::Flipped, Cause::Transposed, Cause::Place];
     causes.extend([50, 200, by_middle].into_iter().filter(|percent| percent.abs_diff(100) > 10).map(Cause::Scaled));
     let same_size = |other: &&usize| {
         let other = capture.cameras.get(**other);
@@ -228,6 +233,8 @@ impl Seen {
                 let factor = f64::from(*percent) / 100.0;
                 seen_by = Camera { focal: own.focal / factor, principal: own.principal / factor, ..seen_by };
             }
+            Cause::Transposed => seen_by = Camera { rotation: own.rotation.transpose(), ..seen_by },
+            Cause::Place => seen_by = Camera { translation: -(own.rotation * own.translation), ..seen_by },
             Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
             Cause::Late(_) | Cause::Rate(_) | Cause::Unknown => {}
         }

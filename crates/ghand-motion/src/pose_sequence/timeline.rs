@@ -298,7 +298,8 @@ fn steps(values: &[Option<f64>]) -> Vec<f64> {
 fn median_step(values: &[Option<f64>]) -> Option<f64> {
     let mut steps = steps(values);
     steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied()
+    // Of an even number, the shorter one: gaps make steps longer.
+    steps.get(steps.len().checked_sub(1)? / 2).copied()
 }
 
 struct Places {
