@@ -161,7 +161,7 @@ fn wrong_conventions_give_warnings() {
         assert_says(&told(&found), parts);
     };
     let poor = "train (0.";
-    warned(&|c| c.cameras.iter_mut().for_each(|c| c.rotation = c.rotation.transpose()), &[poor]);
+    warned(&|c| c.cameras.iter_mut().for_each(|c| c.rotation = c.rotation.transpose()), &["world_from_camera"]);
     let millimetres = |c: &mut Capture| c.cameras.iter_mut().for_each(|c| c.translation *= 1000.0);
     warned(&millimetres, &["8 of 8 cameras are not between", "metre", poor]);
     let backwards = glam::DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, -1.0));
