@@ -102,6 +102,9 @@ impl PoseReadingArgs {
             ("--take", self.take.is_some()),
             ("--in-place", self.in_place),
             ("--cameras", self.cameras.is_some()),
+            ("--mirrored", self.mirrored.is_some()),
+            ("--file-fps", self.file_fps.is_some()),
+            ("--smooth", self.smooth),
         ];
         given.into_iter().find_map(|(name, given)| given.then_some(name))
     }

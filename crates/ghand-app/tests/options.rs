@@ -39,12 +39,16 @@ fn options_for_files_of_poses_are_refused_without_one() {
         ("--pose fist --flat-mean", "--flat-mean"),
         ("--pose wave --cameras none.json", "--cameras"),
         ("--pose fist --fps 12", "--fps"),
+        ("--pose fist --mirrored yes", "--mirrored"),
+        ("--pose wave --file-fps 25", "--file-fps"),
+        ("--pose wave --smooth", "--smooth"),
     ] {
         refused(folder.path(), &format!("{render} {line}"), &[option, "omit"]);
     }
     for (line, option) in [
         ("ghand pose --out a.obj --side left", "--side"),
         ("ghand pose --out a.obj --flat-mean", "--flat-mean"),
+        ("ghand pose --out a.obj --smooth", "--smooth"),
         ("ghand pose --out a.obj --pose count --fps 10", "--fps"),
         ("ghand explain hand.ghand --out e --take 1", "--take"),
         ("ghand bake hand.ghand --out b.ghand --side left", "--side"),

@@ -274,7 +274,7 @@ fn write(x: &mut [f64; UNKNOWNS], at: usize, v: DVec3) {
     (x[at], x[at + 1], x[at + 2]) = (v.x, v.y, v.z);
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -154,7 +154,7 @@ impl LivePoses {
             Motion::WebXr { frames } => {
                 let frame = only(&source, frames)?;
                 let own = &Skeleton::kept(&mut self.skeleton, model)?.own;
-                (PacketKind::XrJoints, Retarget::new(&RestSkeleton::webxr(side), own).pose(&frame.pose))
+                (PacketKind::XrJoints, Retarget::new(RestSkeleton::webxr(side), own).pose(&frame.pose))
             }
             Motion::Landmarks { frames, .. } => {
                 let points = only(&source, frames)?.points;

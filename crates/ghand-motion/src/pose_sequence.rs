@@ -199,11 +199,12 @@ fn poses_and_fit(
     let is_capture = matches!(&motion, Motion::Rows(rows) if rows.capture_kind.is_some());
     let is_film = !is_capture && !options.by_id;
     let side = plausibility::side(&motion, side, model.side, options, &mut warnings);
+    plausibility::unused_options(&motion, mano::is_interhand(value), side, options, &mut warnings);
     let mut fit = None;
     let (frames, side) = match motion {
         Motion::Rows(found) => rows(&source, *found, model, options, &mut warnings)?,
         Motion::Mano(rows) => (mano_rows(rows, side, model, options, &mut warnings)?, side),
-        Motion::WebXr { frames } => (retargeted(frames, &RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
+        Motion::WebXr { frames } => (retargeted(frames, RestSkeleton::webxr(side), &RestSkeleton::of(model)?), side),
         Motion::Landmarks { frames, tip_inset } => {
             plausibility::check_landmarks(&source, &frames, &mut warnings)?;
             let (frames, found) = landmark_fit::from_points(&source, &frames, tip_inset, side, model, &mut warnings)?;
@@ -225,7 +226,9 @@ fn poses_and_fit(
         return Err(source.invalid("frames", "there are none; give at least one".into()));
     }
     let fps = timeline.rate(&source, value, usual_fps, options.file_fps)?;
-    warnings.append(&mut timeline.warnings);
+    if is_film {
+        warnings.append(&mut timeline.warnings);
+    }
     let has_rate = fps.is_some();
     let fps = fps.unwrap_or(DEFAULT_FPS);
     let mut frames = if is_film && !mano::is_interhand(value) {

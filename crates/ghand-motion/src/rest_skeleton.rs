@@ -4,6 +4,8 @@
 //! ([`ghand_hand_model::joint_axes`]). WebXR and OpenXR give joints by their frames in space, so that all their rest
 //! frames are the identity.
 
+use std::sync::OnceLock;
+
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips, why_without_axes};
 use ghand_hand_model::joint_names::{Finger, JointRole};
@@ -83,7 +85,14 @@ impl RestSkeleton {
     }
 
     /// The 25 joints of WebXR. Only their frames in space are known: all rest frames are the identity, all joints at 0.
-    pub fn webxr(side: Side) -> RestSkeleton {
+    pub fn webxr(side: Side) -> &'static RestSkeleton {
+        static HANDS: [OnceLock<RestSkeleton>; 2] = [const { OnceLock::new() }; 2];
+        let [right, left] = &HANDS;
+        let kept = if side == Side::Right { right } else { left };
+        kept.get_or_init(|| RestSkeleton::new_webxr(side))
+    }
+
+    fn new_webxr(side: Side) -> RestSkeleton {
         let mut names = vec!["wrist".to_owned()];
         let mut parents = vec![None];
         for finger in ["thumb", "index-finger", "middle-finger", "ring-finger", "pinky-finger"] {

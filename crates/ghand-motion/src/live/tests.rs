@@ -35,7 +35,7 @@ fn xr_hand(random: &mut ChaCha8Rng) -> Json {
         let turn = DQuat::from_scaled_axis(vector(random, 0.3)).to_array();
         json!({"position": [0.01 * k as f64, 1.2, -0.4], "orientation": turn})
     };
-    let names = RestSkeleton::webxr(Side::Right).joint_names;
+    let names = &RestSkeleton::webxr(Side::Right).joint_names;
     Json::Object(names.iter().enumerate().map(|(k, name)| (name.clone(), joint(k))).collect())
 }
 

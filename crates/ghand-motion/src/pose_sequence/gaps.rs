@@ -17,12 +17,10 @@ pub(super) fn filled(
 ) -> (Vec<PoseFrame>, Vec<String>) {
     let place = |id: &str| timeline.place(id);
     let placed: Option<Vec<f64>> = frames.iter().map(|frame| place(&frame.id)).collect();
-    let Some(mut places) = placed.filter(|places| !places.is_empty()) else { return (frames, vec![]) };
-    let mut order: Vec<usize> = (0..frames.len()).collect();
-    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
-    places = order.iter().map(|k| places[*k]).collect();
-    let mut kept: Vec<Option<PoseFrame>> = frames.into_iter().map(Some).collect();
-    let frames: Vec<PoseFrame> = order.iter().filter_map(|k| kept.get_mut(*k)?.take()).collect();
+    let Some(places) = placed.filter(|places| !places.is_empty()) else { return (frames, vec![]) };
+    let mut placed: Vec<(f64, PoseFrame)> = places.into_iter().zip(frames).collect();
+    placed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (places, frames): (Vec<f64>, Vec<PoseFrame>) = placed.into_iter().unzip();
     let others = skipped.iter().filter_map(|id| Some((place(id)?, id.as_str())));
     let all = timeline.places.values().copied().chain(others.clone().map(|(place, _)| place));
     let (mut first, mut last) = (places[0], places[places.len() - 1]);
@@ -49,7 +47,9 @@ impl Fill {
     fn resampled(&self, first: f64, last: f64) -> (Vec<PoseFrame>, Vec<String>) {
         let count = (last - first).floor() as usize + 1;
         if count > MOST_FRAMES {
-            return (self.frames.clone(), vec![]);
+            let text =
+                format!("at that rate, there were {count} frames, more than {MOST_FRAMES}: they stay as they are");
+            return (self.frames.clone(), vec![text]);
         }
         let frame = |k: usize| {
             let at = first + k as f64;
@@ -58,7 +58,7 @@ impl Fill {
             let found = self.interpolated(before, after, at);
             PoseFrame { id: format!("{k:04}"), ..found }
         };
-        ((0..count).map(frame).collect(), vec![])
+        ((0..count).map(frame).collect(), vec!["the frames are interpolated at a constant rate".into()])
     }
 
     fn interpolated(&self, before: usize, after: usize, at: f64) -> PoseFrame {
@@ -76,20 +76,18 @@ impl Fill {
         let Some((start, end)) = self.frames.first().zip(self.frames.last()) else { return (found, warnings) };
         let held = |frame: &PoseFrame, id: String| PoseFrame { id, ..frame.clone() };
         let lead = count_of(self.places[0] - first + 1.0);
-        if lead > 0 && (lead as f64) <= longest {
+        if lead as f64 > longest {
+            warnings.push(self.pause_text(lead, "before", &start.id));
+        } else if lead > 0 {
             found.extend((0..lead).map(|k| held(start, self.name(first + k as f64, None, k))));
             warnings.push(held_text("first", lead, &start.id));
         }
         for k in 0..self.frames.len() {
             if let Some(before) = k.checked_sub(1) {
                 let count = count_of(self.places[k] - self.places[before]);
-                if count as f64 > longest {
-                    warnings.push(format!(
-                        "there is no pose for {:.0} s after frame {:?}; that pause is left out",
-                        count as f64 / self.fps,
-                        self.frames[before].id
-                    ));
-                } else if count > 0 && found.len() + count < MOST_FRAMES {
+                if count as f64 > longest || found.len() + count >= MOST_FRAMES {
+                    warnings.push(self.pause_text(count, "after", &self.frames[before].id));
+                } else if count > 0 {
                     gaps.push((count, &self.frames[before].id, &self.frames[k].id));
                     for n in 1..=count {
                         let at = self.places[before] + n as f64;
@@ -101,7 +99,9 @@ impl Fill {
             found.push(self.frames[k].clone());
         }
         let rest = count_of(last - self.places[self.places.len() - 1] + 1.0);
-        if rest > 0 && (rest as f64) <= longest {
+        if rest as f64 > longest {
+            warnings.push(self.pause_text(rest, "after", &end.id));
+        } else if rest > 0 {
             let from = self.places[self.places.len() - 1];
             let before = Some(self.frames.len() - 1);
             found.extend((1..=rest).map(|n| held(end, self.name(from + n as f64, before, n))));
@@ -123,6 +123,10 @@ impl Fill {
             warnings.push(format!("{total} {frames} without a pose {is} interpolated: {}{more}", named.join(", ")));
         }
         (found, warnings)
+    }
+
+    fn pause_text(&self, count: usize, side: &str, id: &str) -> String {
+        format!("there is no pose for {:.0} s {side} frame {id:?}; that pause is left out", count as f64 / self.fps)
     }
 
     /// The id of a frame that is filled, `n` places after a known one: its own, else the number between its neighbours',

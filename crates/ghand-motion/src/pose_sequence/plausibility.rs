@@ -4,14 +4,12 @@ use std::f64::consts::{PI, TAU};
 
 use ghand_core::pose::LARGEST_ANGLE;
 use ghand_core::rotation::rotation_from_axis_angle;
-use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::joint_names::{Finger, JointRole};
 use glam::{DQuat, DVec3};
 
 use super::recording::{LandmarkFrame, LeftRotations};
 use super::{Motion, PoseError, PoseFrame, PoseOptions, Recording, Source, between, proportions, side_name};
-use crate::ik::LANDMARK_COUNT;
+use crate::ik::HandIk;
 use crate::rest_skeleton::RestSkeleton;
 
 /// Part of all rotations that may be longer than a turn: a tracker's optimiser may have gone round once.
@@ -36,20 +34,23 @@ pub(super) fn checked(source: &Source, recording: Recording) -> Result<Recording
         _ => return Ok(recording),
     };
     // What is out of range is named by frame and joint elsewhere.
-    let lengths = || {
-        let turns = frames.iter().flat_map(|frame| &frame.pose.rotations).map(|turn| turn.length());
-        turns.filter(|length| *length <= LARGEST_ANGLE)
+    let lengths = |first: usize| {
+        let turns = frames.iter().flat_map(move |frame| frame.pose.rotations.iter().skip(first));
+        turns.map(|turn| turn.length()).filter(|length| *length <= LARGEST_ANGLE)
     };
-    let moving = lengths().filter(|length| *length > 1e-6).count();
-    let longer = |least: f64| lengths().filter(|length| *length > least).count();
-    let [long, wide] = [TAU, PI].map(longer);
-    if long as f64 <= LONG_ROTATIONS * moving as f64 && wide as f64 <= WIDE_ROTATIONS * moving as f64 {
+    // The whole hand may be turned by any angle.
+    let part = |first: usize, least: f64| {
+        let moving = lengths(first).filter(|length| *length > 1e-6).count();
+        lengths(first).filter(|length| *length > least).count() as f64 / moving.max(1) as f64
+    };
+    if part(0, TAU) <= LONG_ROTATIONS && part(1, PI) <= WIDE_ROTATIONS {
         return Ok(recording);
     }
-    let largest = lengths().fold(0.0, f64::max);
+    let largest = lengths(0).fold(0.0, f64::max);
     let problem = format!(
-        "has rotations of up to {largest:.1}, {wide} of {moving} of more than half a turn; are they degrees? give axis-angle \
-         rotations in radians (numpy.deg2rad)"
+        "has rotations of up to {largest:.1}, {:.0} % of those of joints of more than half a turn; are they degrees? give \
+         axis-angle rotations in radians (numpy.deg2rad)",
+        100.0 * part(1, PI)
     );
     Err(source.invalid("rotations", problem))
 }
@@ -119,6 +120,35 @@ pub(super) fn side(
     }
 }
 
+/// Says which of the user's options a file has no use for.
+pub(super) fn unused_options(
+    motion: &Motion,
+    is_interhand: bool,
+    side: Side,
+    options: &PoseOptions,
+    warnings: &mut Vec<String>,
+) {
+    let is_mano = matches!(motion, Motion::Mano(_));
+    let has_rotations = is_mano || matches!(motion, Motion::Rows(_));
+    let is_image = matches!(motion, Motion::ImageLandmarks { .. });
+    for (option, is_given, is_used, why) in [
+        ("--take", options.take.is_some(), is_interhand, "it does not hold captures by name"),
+        ("--cameras", !options.cameras.is_empty(), is_image, "it has no landmarks in images"),
+        ("--pose-model", options.pose_model.is_some(), has_rotations, "it has no rotations of another model's joints"),
+        ("--flat-mean", options.flat_mean, has_rotations, "it has no rotations from a mean pose"),
+        (
+            "--mirrored",
+            options.mirrored.is_some(),
+            is_mano && side == Side::Left,
+            "it has no MANO rotations of a left hand",
+        ),
+    ] {
+        if is_given && !is_used {
+            warnings.push(format!("{option} is not used for this file: {why}"));
+        }
+    }
+}
+
 /// Whether a left hand's rotations are a right hand's, with a remark about what is assumed.
 pub(super) fn is_mirrored(left: LeftRotations, given: Option<bool>, warnings: &mut Vec<String>) -> bool {
     if let Some(given) = given {
@@ -149,8 +179,10 @@ pub(super) fn is_mirrored(left: LeftRotations, given: Option<bool>, warnings: &m
 /// Says if the fingers bend backwards in the mean, which hands cannot.
 pub(super) fn check_bend(frames: &[PoseFrame], model: &HandModel, warnings: &mut Vec<String>) {
     let Ok(skeleton) = RestSkeleton::of(model) else { return };
-    let bends: Vec<f64> = frames.iter().filter_map(|frame| mean_bend(&frame.pose, &skeleton)).collect();
-    let mean = bends.iter().sum::<f64>() / bends.len().max(1) as f64;
+    let hand = HandIk::new(&skeleton);
+    let sign = if skeleton.side == Side::Right { 1.0 } else { -1.0 };
+    let bends = frames.iter().map(|frame| sign * proportions::right_bend(&hand.landmarks(&frame.pose)));
+    let mean = bends.sum::<f64>() / frames.len().max(1) as f64;
     if mean < BACKWARDS {
         warnings.push(format!(
             "the fingers bend backwards by {:.0} degrees in the mean, which hands cannot: is it the other hand (--side), or are \
@@ -158,31 +190,6 @@ pub(super) fn check_bend(frames: &[PoseFrame], model: &HandModel, warnings: &mut
             -mean.to_degrees()
         ));
     }
-}
-
-/// How far the fingers are bent in a pose, all joints of a finger together, radians.
-fn mean_bend(pose: &Pose, skeleton: &RestSkeleton) -> Option<f64> {
-    let chain = pose_skeleton(&skeleton.parents, &skeleton.joints, &pose.rotations);
-    let place = |joint: usize, rest: DVec3| -> Option<DVec3> {
-        Some(
-            chain.world.get(joint)?.linear * (rest - *skeleton.joints.get(joint)?)
-                + chain.world.get(joint)?.translation,
-        )
-    };
-    let joint = |role: JointRole| {
-        let joint = skeleton.joint(role)?;
-        place(joint, *skeleton.joints.get(joint)?)
-    };
-    let mut points = [DVec3::ZERO; LANDMARK_COUNT];
-    points[0] = joint(JointRole::Wrist)?;
-    for (f, finger) in Finger::ALL.into_iter().enumerate() {
-        for k in 1..=3_u8 {
-            points[4 * f + usize::from(k)] = joint(JointRole::Bend(finger, k))?;
-        }
-        points[4 * f + 4] = place(skeleton.joint(JointRole::Bend(finger, 3))?, *skeleton.tip(finger)?)?;
-    }
-    let sign = if skeleton.side == Side::Right { 1.0 } else { -1.0 };
-    Some(sign * proportions::right_bend(&points))
 }
 
 /// Finds single frames that jump and come back: interpolates them if asked, else says so.

@@ -4,7 +4,7 @@ use ghand_core::Side;
 use glam::DVec3;
 
 use super::recording::LandmarkFrame;
-use crate::ik::LANDMARK_COUNT;
+use crate::ik::{LANDMARK_COUNT, median};
 
 /// At least this part of what is true of hands must be true of points.
 const LEAST_LIKENESS: f64 = 0.8;
@@ -53,11 +53,6 @@ fn likeness(points: &Points) -> f64 {
     truths.iter().filter(|truth| **truth).count() as f64 / truths.len() as f64
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// Whether points have a hand's proportions in MediaPipe's order.
 pub(super) fn is_hand(frames: &[Points]) -> bool {
     median(frames.iter().map(likeness).collect()) >= LEAST_LIKENESS
@@ -88,7 +83,7 @@ pub(super) fn unit_problem(frames: &[Points]) -> Option<String> {
     };
     let length = median(frames.iter().map(chain).collect());
     let (low, high) = LENGTHS;
-    if length == 0.0 || (low..=high).contains(&length) {
+    if length.is_nan() || length == 0.0 || (low..=high).contains(&length) {
         return None;
     }
     let units = [(1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"), (10.0, "decimetres")];

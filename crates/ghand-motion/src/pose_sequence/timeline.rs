@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use ghand_files::value::Value;
 
-use super::source::{ID_NAMES, frames_of, own_id, shown};
+use super::source::{ID_NAMES, frames_of, own_id, shown, side_of};
 use super::{DEFAULT_FPS, PoseError, Source};
 
 const TIME_NAMES: [&str; 14] = [
@@ -110,9 +110,7 @@ impl Timeline {
         timeline.number_step = (!is_time && has_numbers).then_some(step);
         if is_uneven {
             let fps = timeline.fps.map_or(String::new(), |fps| format!(", {fps:.4} frames per second,"));
-            timeline.warnings.push(format!(
-                "the frames are unevenly spaced; their mean rate{fps} is used, and they are interpolated"
-            ));
+            timeline.warnings.push(format!("the frames are unevenly spaced; their mean rate{fps} is used"));
         }
         timeline.is_uneven = is_uneven;
         for (slot, place) in slots.into_iter().zip(places) {
@@ -170,14 +168,18 @@ pub(super) fn is_known(name: &str) -> bool {
 /// The rate that a file states, for all frames or in each.
 fn stated_rate(source: &Source, value: &Value, warnings: &mut Vec<String>) -> Result<Option<f64>, PoseError> {
     let named = |value: &Value| RATE_NAMES.iter().find_map(|name| Some((*name, value.get(name)?.clone())));
-    let stated = named(value).or_else(|| {
+    let mut in_frames = |value: &Value| {
         let frames = frames_of(value)?;
         let first = frames.iter().find_map(named)?;
         if frames.iter().filter_map(named).any(|other| other.1 != first.1) {
             warnings.push("the frames state different rates; the first is used".into());
         }
         Some(first)
-    });
+    };
+    // A file may have all of a hand below its side.
+    let hands = value.entries().iter().filter(|(name, _)| side_of(&Value::Text(name.clone())).is_some());
+    let mut holders = std::iter::once(value).chain(hands.map(|(_, hand)| hand));
+    let stated = holders.find_map(|holder| named(holder).or_else(|| in_frames(holder)));
     let Some((name, fps)) = stated else { return Ok(None) };
     match fps.number() {
         Some(fps) if FPS_RANGE.contains(&fps) => Ok(Some(fps)),

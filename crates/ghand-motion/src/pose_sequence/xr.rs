@@ -106,14 +106,14 @@ fn add_frame(
     frames: &mut Vec<XrFrame>,
     skipped: &mut Skipped,
 ) {
-    let names = RestSkeleton::webxr(Side::Right).joint_names;
+    let names = &RestSkeleton::webxr(Side::Right).joint_names;
     let named = |(joint, name): (Result<Joint, String>, &String)| {
         joint.map_err(|problem| match problem.as_str() {
             MISSING => format!("joint {name:?} {problem}"),
             _ => format!("joint {name:?}: {problem}"),
         })
     };
-    match joints.zip(&names).map(named).collect::<Result<Vec<Joint>, String>>() {
+    match joints.zip(names).map(named).collect::<Result<Vec<Joint>, String>>() {
         Ok(joints) => frames.push(XrFrame { id, joints }),
         Err(problem) => skipped.add(&id, problem),
     }
@@ -234,7 +234,7 @@ fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
     let mut found: Vec<Option<Result<Joint, String>>> = vec![None; rig.joints.len()];
     if let Value::Map(entries) = joints {
         let names: Vec<Option<&str>> = entries.iter().map(|(name, _)| Some(name.as_str())).collect();
-        for ((_, joint), place) in entries.iter().zip(places(&rig, &names)) {
+        for ((_, joint), place) in entries.iter().zip(places(rig, &names)) {
             if let Some(slot) = place.and_then(|k| found.get_mut(k)) {
                 *slot = (*joint != Value::Nothing).then(|| placed_joint(joint, by_rows));
             }
@@ -247,7 +247,7 @@ fn placed_joints(joints: &Value) -> Vec<Result<Joint, String>> {
         let names: Vec<Option<usize>> = match joints {
             Value::List(items) => {
                 let name = |item| find(item, &["name", "jointName", "joint"]).and_then(Value::text);
-                places(&rig, &items.iter().map(name).collect::<Vec<_>>())
+                places(rig, &items.iter().map(name).collect::<Vec<_>>())
             }
             _ => vec![],
         };

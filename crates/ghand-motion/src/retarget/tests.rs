@@ -38,7 +38,8 @@ fn same(first: &RestSkeleton, second: &RestSkeleton, before: &Pose, after: &Pose
 fn a_round_trip_is_the_identity() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let rigs: Vec<RestSkeleton> = hands().iter().map(|model| RestSkeleton::of(model).unwrap()).collect();
-    let rigs: Vec<RestSkeleton> = rigs.into_iter().chain([Side::Right, Side::Left].map(RestSkeleton::webxr)).collect();
+    let rigs: Vec<RestSkeleton> =
+        rigs.into_iter().chain([Side::Right, Side::Left].map(|side| RestSkeleton::webxr(side).clone())).collect();
     for model in hands() {
         let first = RestSkeleton::of(&model).unwrap();
         for second in &rigs {

@@ -20,7 +20,7 @@ pub(super) fn webxr(side: Side) -> HandModel {
     let place = |joint: usize, point: DVec3| {
         turn * (chain.world[joint].linear * (point - rig.joints[joint]) + chain.world[joint].translation)
     };
-    let names = RestSkeleton::webxr(side);
+    let names = RestSkeleton::webxr(side).clone();
     let at = |role: JointRole| {
         let joint = rig.joint(role).unwrap();
         place(joint, rig.joints[joint])

@@ -267,3 +267,38 @@ fn misspelt_fields_of_own_files_are_named() {
         read(&json!({"fps": 60, "side": "right", "frames": [{"id": "a", "time": 0.0, "pose": pose}]}), right()).is_ok()
     );
 }
+
+#[test]
+fn options_that_a_file_has_no_use_for_are_told() {
+    let points = HandIk::new(&RestSkeleton::of(right()).unwrap()).landmarks(&named_pose("point", right()).unwrap());
+    let landmarks = json!({"side": "right", "fps": 30, "xyz": [points.map(|p| p.to_array())]});
+    let rotations = json!({"poses": [vec![0.1; 48]], "side": "right", "fps": 30});
+    let take = PoseOptions { take: Some("0".into()), ..Default::default() };
+    let flat = PoseOptions { flat_mean: true, ..Default::default() };
+    let mirrored = PoseOptions { mirrored: Some(true), ..Default::default() };
+    for (file, options, said) in [
+        (&landmarks, &take, Some("--take is not used")),
+        (&landmarks, &flat, Some("--flat-mean is not used")),
+        (&landmarks, &mirrored, Some("--mirrored is not used")),
+        (&rotations, &take, Some("--take is not used")),
+        (&rotations, &mirrored, Some("--mirrored is not used")),
+        (&rotations, &flat, None),
+    ] {
+        let found = read_with(file, right(), options).unwrap();
+        assert_eq!(
+            found.warnings.iter().find(|w| w.contains("is not used")).map(|w| w.contains(said.unwrap_or(""))),
+            said.map(|_| true),
+            "{:?}",
+            found.warnings
+        );
+    }
+}
+
+#[test]
+fn a_hand_at_rest_may_be_turned_by_any_angle() {
+    for angle in [3.5, 6.0] {
+        let mut pose = vec![0.0; 48];
+        pose[0] = angle;
+        assert!(read(&json!({"poses": [pose], "side": "right", "fps": 30}), right()).is_ok(), "{angle}");
+    }
+}

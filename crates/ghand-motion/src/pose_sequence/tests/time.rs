@@ -136,6 +136,9 @@ fn rates_come_from_the_user_the_times_or_the_file_and_a_missing_one_is_said() {
     let given = PoseOptions { file_fps: Some(25.0), ..Default::default() };
     let sequence = read_with(&json!(frames), right(), &given).unwrap();
     assert!(sequence.fps == 25.0 && !warned(&sequence, "--file-fps"), "{:?}", sequence.warnings);
+    // Below the side of the hand, too.
+    let below = read(&json!({"right": {"fps": 60, "frames": frames}}), right()).unwrap();
+    assert!(below.fps == 60.0 && !warned(&below, "--file-fps"), "{:?}", below.warnings);
     let stated = json!({"fps": 60, "frames": frames});
     assert!(!warned(&read(&stated, right()).unwrap(), "fps"));
     let over = read_with(&stated, right(), &given).unwrap();
@@ -160,6 +163,9 @@ fn frames_that_are_used_by_their_ids_are_not_filled() {
     assert_eq!(found.frames.iter().map(|frame| frame.id.as_str()).collect::<Vec<_>>(), ["0000", "0004", "0005"]);
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     assert_eq!(read(&gap, right()).unwrap().frames.len(), 6);
+    let uneven = json!([0.0, 0.1, 0.13, 0.7].map(|time| with(hand(0.1), json!({"time": time}))));
+    assert!(read_with(&uneven, right(), &by_id).unwrap().warnings.is_empty());
+    assert!(read(&uneven, right()).unwrap().warnings.iter().any(|w| w.contains("are interpolated")));
 }
 
 #[test]

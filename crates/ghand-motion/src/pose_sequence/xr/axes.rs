@@ -61,11 +61,11 @@ impl XrFrame {
 
     /// The frames of all joints; the problem of the first that has none.
     fn orientations(&self) -> Result<Vec<DMat3>, String> {
-        let names = RestSkeleton::webxr(Side::Right).joint_names;
+        let names = &RestSkeleton::webxr(Side::Right).joint_names;
         let turn = |(joint, name): (&Joint, &String)| {
             joint.orientation.clone().map_err(|problem| format!("joint {name:?}: {problem}"))
         };
-        self.joints.iter().zip(&names).map(turn).collect()
+        self.joints.iter().zip(names).map(turn).collect()
     }
 
     /// Whether the frames of the joints of a hand of this side have XR's axes, by the positions.
@@ -99,7 +99,7 @@ impl XrFrame {
             let above = parent.map_or(Some(DMat3::IDENTITY), |parent| turns.get(parent).copied())?;
             Some(axis_angle_from_rotation(&(above.transpose() * *turns.get(k)?)))
         };
-        let parents = RestSkeleton::webxr(side).parents;
+        let parents = &RestSkeleton::webxr(side).parents;
         let rotations: Option<Vec<DVec3>> = parents.iter().enumerate().map(rotation).collect();
         match (rotations, self.joints.first()) {
             (Some(rotations), Some(wrist)) => Ok(Pose { rotations, translation: wrist.position }),
