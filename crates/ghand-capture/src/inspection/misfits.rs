@@ -17,9 +17,11 @@ use crate::mask::covered_pixels;
 const WELL: f64 = 0.7;
 /// A camera or frame is unlike the others below this part of their median.
 const UNLIKE: f64 = 0.6;
-/// A cause is named if without it the template overlaps the masks at least this much, and this much more.
+/// A cause is named if without it the template overlaps the masks at least this much, this much more, and by nearly as much
+/// as those of the other cameras.
 const EXPLAINED: f64 = 0.5;
 const GAIN: f64 = 0.2;
+const NEARLY: f64 = 0.85;
 /// Images of a camera on which causes are tried.
 const MOST_VIEWS: usize = 5;
 /// A camera with more overlap than this is not late.
@@ -30,6 +32,8 @@ const MOST_LATE: i32 = 3;
 const LATE_GAIN: f64 = 0.025;
 const LATE_PART: f64 = 0.75;
 const LATE_VIEWS: usize = 4;
+/// Other cameras that it is compared with.
+const MOST_OTHERS: usize = 5;
 /// Rates of images that are tried, percent of the poses'.
 const RATES: [u32; 2] = [50, 200];
 /// Cameras or frames with fewer others have none to be compared with.
@@ -91,8 +95,9 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
             .into_iter()
             .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause)).collect()), cause))
             .max_by(|a, b| a.0.total_cmp(&b.0));
-        let explained = best.filter(|(fit, _)| *fit >= EXPLAINED && *fit >= overlap + GAIN);
         let rest = others(&[camera]);
+        let least = EXPLAINED.max(NEARLY * median(rest.clone())).max(overlap + GAIN);
+        let explained = best.filter(|(fit, _)| *fit >= least);
         match explained {
             Some((fit, cause)) => wrong.push(WrongCamera { camera, cause, overlap: [overlap, fit] }),
             None if rest.len() >= LEAST_OTHERS && overlap < UNLIKE * median(rest) => {
@@ -107,11 +112,24 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         .filter(|(camera, overlap)| **overlap < SURE && !is_known(camera))
         .map(|(camera, overlap)| (*camera, *overlap))
         .collect();
-    let paired: Vec<WrongCamera> = unsure
+    let found: Vec<(usize, f64, Pairing)> = unsure
         .par_iter()
-        .filter_map(|&(camera, overlap)| {
-            let (cause, fit) = wrong_pairing(capture, views, camera)?;
-            Some(WrongCamera { camera, cause, overlap: [overlap, fit] })
+        .filter_map(|&(camera, overlap)| Some((camera, overlap, Pairing::of(capture, views, camera)?)))
+        .collect();
+    // Where the pose of a frame is off, another one may fit all cameras better: a fault of few cameras is one that others lack.
+    let is_shared =
+        |cause: &Cause| 2 * found.iter().filter(|(.., other)| other.cause == *cause).count() > medians.len();
+    let paired: Vec<WrongCamera> = found
+        .iter()
+        .filter(|(camera, overlap, pairing)| {
+            let others: Vec<usize> = medians.keys().copied().filter(|other| other != camera).collect();
+            let is_own = || pairing.gain >= pairing.gain_of(capture, &others) + LATE_GAIN;
+            pairing.fit >= overlap + LATE_GAIN && (is_shared(&pairing.cause) || is_own())
+        })
+        .map(|(camera, overlap, Pairing { cause, fit, .. })| WrongCamera {
+            camera: *camera,
+            cause: cause.clone(),
+            overlap: [*overlap, *fit],
         })
         .collect();
     wrong.retain(|wrong| paired.iter().all(|other| other.camera != wrong.camera));
@@ -174,22 +192,48 @@ fn seen_by(capture: &Capture, views: &[&ViewFit], camera: usize, count: usize) -
     frames.iter().step_by(step).filter_map(|frame| Seen::of(capture, camera, *frame)).collect()
 }
 
-/// How a camera's images are paired with the wrong frames, and their overlap with the template of the right ones.
-fn wrong_pairing(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<(Cause, f64)> {
-    let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
-    let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
-    let late = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).map(Cause::Late);
-    let tried = late.chain(RATES.map(Cause::Rate)).filter_map(|cause| {
-        let other = seen.iter().zip(&as_is).filter(|(seen, _)| seen.paired(&cause) != Some(seen.frame));
-        let pairs: Vec<[f64; 2]> =
-            other.filter_map(|(seen, as_is)| Some([(*as_is)?, seen.fit(capture, camera, &cause)?])).collect();
-        let better = pairs.iter().filter(|[a, b]| *b > a + LATE_GAIN / 2.0).count();
-        let gain = median(pairs.iter().map(|[a, b]| b - a).collect());
-        let fit = median(pairs.iter().map(|[_, b]| *b).collect());
-        let is_better = better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
-        (pairs.len() >= LATE_VIEWS && is_better && fit >= EXPLAINED).then_some((cause, gain, fit))
-    });
-    tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cause, _, fit)| (cause, fit))
+/// How a camera's images are paired with the wrong frames.
+struct Pairing {
+    cause: Cause,
+    /// How much more the template of the right frames overlaps the masks, and how much it does: medians over frames.
+    gain: f64,
+    fit: f64,
+    frames: Vec<usize>,
+}
+
+impl Pairing {
+    fn of(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<Pairing> {
+        let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
+        let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
+        let late = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).map(Cause::Late);
+        let tried = late.chain(RATES.map(Cause::Rate)).filter_map(|cause| {
+            let other = seen.iter().zip(&as_is).filter(|(seen, _)| seen.paired(&cause) != Some(seen.frame));
+            let pairs: Vec<(usize, [f64; 2])> = other
+                .filter_map(|(seen, as_is)| Some((seen.frame, [(*as_is)?, seen.fit(capture, camera, &cause)?])))
+                .collect();
+            let better = pairs.iter().filter(|(_, [a, b])| *b > a + LATE_GAIN / 2.0).count();
+            let gain = median(pairs.iter().map(|(_, [a, b])| b - a).collect());
+            let fit = median(pairs.iter().map(|(_, [_, b])| *b).collect());
+            let is_better = better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
+            let frames = pairs.iter().map(|(frame, _)| *frame).collect();
+            (pairs.len() >= LATE_VIEWS && is_better && fit >= EXPLAINED).then_some(Pairing { cause, gain, fit, frames })
+        });
+        tried.max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// What the same would gain in other cameras: the median of some of them, in the same frames; 0 without any.
+    fn gain_of(&self, capture: &Capture, others: &[usize]) -> f64 {
+        let step = others.len().div_ceil(MOST_OTHERS).max(1);
+        let gain_in = |camera: &usize| {
+            let gains = self.frames.par_iter().filter_map(|frame| {
+                let seen = Seen::of(capture, *camera, *frame)?;
+                Some(seen.fit(capture, *camera, &self.cause)? - seen.fit(capture, *camera, &Cause::Unknown)?)
+            });
+            let gains: Vec<f64> = gains.collect();
+            (!gains.is_empty()).then(|| median(gains))
+        };
+        median(others.iter().step_by(step).filter_map(gain_in).collect())
+    }
 }
 
 /// The mask of an image and the template's vertices in its frame (world, metres).

@@ -21,6 +21,8 @@ const STRONGER: f64 = 1.2;
 const MOST: f64 = 0.75;
 /// Colours change across an outline this far from it, pixels.
 const ACROSS: usize = 2;
+/// Pixels by which masks are tried to be too narrow or too wide: outlines beside the edges meet more of them in any place.
+const WIDTHS: [isize; 6] = [-6, -4, -2, 2, 4, 6];
 
 /// What would make masks and images belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,6 +32,8 @@ enum Change {
     Mirrored,
     Flipped,
     Turned,
+    /// A mask that is so many pixels wider on each side.
+    Wider(isize),
 }
 
 /// Cameras whose masks are on stronger edges of their images if they are shifted in time, mirrored or turned.
@@ -52,7 +56,8 @@ pub(super) fn images_and_masks(capture: &Capture, views: &[&ViewFit]) -> Vec<Fin
         })
         .collect();
     let mut of_change: BTreeMap<Change, Vec<&str>> = BTreeMap::new();
-    for (camera, change) in found {
+    // Masks of another width still belong to their images.
+    for (camera, change) in found.into_iter().filter(|(_, change)| !matches!(change, Change::Wider(_))) {
         let name = capture.cameras.get(camera).map_or("", |camera| camera.id.as_str());
         of_change.entry(change).or_default().push(name);
     }
@@ -66,7 +71,7 @@ pub(super) fn images_and_masks(capture: &Capture, views: &[&ViewFit]) -> Vec<Fin
             }
             Change::Mirrored => "mirrored, left for right? Mirrored masks fit the images".into(),
             Change::Flipped => "mirrored, top for bottom? Masks upside down fit the images".into(),
-            Change::Turned => "turned by 180 degrees? Turned masks fit the images".into(),
+            Change::Turned | Change::Wider(_) => "turned by 180 degrees? Turned masks fit the images".into(),
         };
         let text = format!(
             "images and masks of {} of {all} cameras ({}) do not belong together; {what}",
@@ -89,7 +94,8 @@ fn has_mask_files(capture: &Capture) -> bool {
 /// The change after which the masks of a camera fit its images much better.
 fn change_of(capture: &Capture, camera: usize, frames: &[usize]) -> Option<Change> {
     let shifts = (-MOST_SHIFT..=MOST_SHIFT).filter(|shift| *shift != 0).map(Change::Shift);
-    let changes: Vec<Change> = shifts.chain([Change::Mirrored, Change::Flipped, Change::Turned]).collect();
+    let turns = [Change::Mirrored, Change::Flipped, Change::Turned];
+    let changes: Vec<Change> = shifts.chain(turns).chain(WIDTHS.map(Change::Wider)).collect();
     let mut gains: BTreeMap<Change, Vec<f64>> = BTreeMap::new();
     for &frame in frames {
         let Some(image) = Edges::of(capture, camera, frame) else { continue };
@@ -104,6 +110,7 @@ fn change_of(capture: &Capture, camera: usize, frames: &[usize]) -> Option<Chang
                 Change::Mirrored => Some(own.chunks(image.width).flat_map(|row| row.iter().rev().copied()).collect()),
                 Change::Flipped => Some(own.chunks(image.width).rev().flatten().copied().collect()),
                 Change::Turned => Some(own.iter().rev().copied().collect()),
+                Change::Wider(pixels) => Some(wider(&own, image.width, pixels)),
             };
             if let Some(mask) = mask {
                 gains.entry(change).or_default().push(image.along(&mask) / as_is.max(f64::MIN_POSITIVE));
@@ -169,6 +176,23 @@ fn small_mask(capture: &Capture, camera: usize, frame: usize, image: &Edges) -> 
     let full = [size.width as usize, size.height as usize];
     let part = reduced(full, [image.width, image.height], |i| f64::from(u8::from(mask[i])));
     Some(part.into_iter().map(|part| part >= 0.5).collect())
+}
+
+/// A mask with this many pixels more on each side; fewer if negative.
+fn wider(mask: &[bool], width: usize, pixels: isize) -> Vec<bool> {
+    let grows = pixels > 0;
+    let mut found: Vec<bool> = mask.iter().map(|inside| *inside == grows).collect();
+    for _ in 0..pixels.unsigned_abs() {
+        let before = found.clone();
+        let at = |i: Option<usize>| i.and_then(|i| before.get(i)).copied().unwrap_or(false);
+        for (i, inside) in found.iter_mut().enumerate() {
+            let (column, below) = (i % width.max(1), i + width);
+            let left = if column > 0 { i.checked_sub(1) } else { None };
+            let right = (column + 1 < width).then_some(i + 1);
+            *inside |= at(left) || at(right) || at(i.checked_sub(width)) || at(Some(below));
+        }
+    }
+    found.into_iter().map(|inside| inside == grows).collect()
 }
 
 fn small_size([width, height]: [usize; 2]) -> [usize; 2] {
