@@ -11,6 +11,7 @@ mod contour;
 mod distance_field;
 mod frame;
 mod mask_end;
+mod odd_cameras;
 mod priors;
 mod proportions;
 mod rejection;
@@ -40,6 +41,7 @@ use contour::Edges;
 use distance_field::DistanceField;
 use frame::{FrameEquations, Rig};
 pub(crate) use ghand_capture::mask::squared_distances;
+pub use odd_cameras::OddCamera;
 use priors::Priors;
 use proportions::{Proportions, Shaped};
 pub use rejection::Rejection;
@@ -97,6 +99,9 @@ pub struct Alignment {
     pub calibration: Option<Calibration>,
     /// The cameras that take their images clearly earlier or later than the others.
     pub time_offsets: Vec<TimeOffset>,
+    /// The cameras that do not show the hand that the others show.
+    #[serde(default)]
+    pub odd_cameras: Vec<OddCamera>,
     /// How well given poses and those that the alignment found fit the masks.
     pub fit: [MaskFit; 2],
     /// Frames, counted in the split, that keep their given poses because these overlap the masks better.
@@ -192,10 +197,14 @@ pub fn align(
     };
     let frames = split.frames.len();
     let given_fit = fit.fit_as_given(&as_given[..frames])?;
-    let time_offsets = fit.time_offsets(capture, &all, &images)?;
+    let seen_by = Capture { cameras: cameras.clone(), ..capture.clone() };
+    let odd_cameras = fit.odd_cameras(&seen_by, &all, &fields)?;
+    let mut time_offsets = fit.time_offsets(capture, &all, &images)?;
+    time_offsets.retain(|offset| odd_cameras.iter().all(|odd| odd.camera != offset.camera));
     let mut aligned = fit.finish(&images, frames, given_fit, start, refine)?;
     if aligned.rejection.is_none() {
         (aligned.calibration, aligned.time_offsets) = (calibration, time_offsets);
+        aligned.odd_cameras = odd_cameras;
     }
     Ok(aligned)
 }
@@ -475,6 +484,7 @@ impl<'a> Fit<'a> {
             rejected,
             calibration: None,
             time_offsets: vec![],
+            odd_cameras: vec![],
             fit,
             kept,
             prior_poses,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ghand_core::Pose;
 use serde::Serialize;
 
-use crate::alignment::{Alignment, Calibration, MaskFit, TextureRefinement, TimeOffset};
+use crate::alignment::{Alignment, Calibration, MaskFit, OddCamera, TextureRefinement, TimeOffset};
 use crate::metrics::{moving_joints, pose_error_degrees};
 use crate::pose_offsets::PoseOffsets;
 
@@ -24,6 +24,8 @@ pub struct AlignmentFigures {
     pub calibration: Option<CalibrationFigures>,
     /// Cameras that take their images earlier or later than the others.
     pub time_offsets: Vec<TimeOffset>,
+    /// Cameras that do not show the hand that the others show.
+    pub odd_cameras: Vec<OddCamera>,
     /// How given poses fit the masks.
     pub given: FitFigures,
     /// How the poses that the alignment found fit the masks.
@@ -105,6 +107,7 @@ impl AlignmentFigures {
             texture: alignment.texture.as_ref().map(TextureFigures::of),
             calibration: alignment.calibration.as_ref().map(CalibrationFigures::of),
             time_offsets: alignment.time_offsets.clone(),
+            odd_cameras: alignment.odd_cameras.clone(),
             given: FitFigures::of(alignment.fit[0]),
             found: FitFigures::of(alignment.fit[1]),
             pose_error_deg: truth.map(|truth| PoseErrors::new(alignment, given, truth)),

@@ -567,6 +567,9 @@ impl<'a> Trainer<'a> {
                 texture.kept.len()
             );
         }
+        for odd in &aligned.odd_cameras {
+            log::warn!("{odd}");
+        }
         for offset in &aligned.time_offsets {
             log::warn!("{offset}");
         }

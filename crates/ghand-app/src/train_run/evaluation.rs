@@ -161,6 +161,9 @@ fn print_alignment(figures: &AlignmentFigures) {
             calibration.left_out_given
         );
     }
+    for odd in &figures.odd_cameras {
+        say!("           {odd}");
+    }
     for offset in &figures.time_offsets {
         say!("           {offset}");
     }

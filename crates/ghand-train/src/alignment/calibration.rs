@@ -12,7 +12,7 @@ use super::camera_unknowns::{CameraChange, CameraUnknowns, NUMBERS, Part, change
 use super::distance_field::DistanceField;
 use super::frame::{FrameEquations, Rig};
 use super::proportions::Shaped;
-use super::{Fit, Images, joint_step};
+use super::{Fit, Images, joint_step, quantiles};
 
 /// Standard deviations of what a calibration is wrong by: rotation, radians; translation and focal length, as parts of the
 /// distance to the hand and of the length; principal point, as a part of the image's longer side; time, frames.
@@ -40,6 +40,9 @@ const FURTHER_STEPS: [f64; 4] = [5.0, 4.0, 3.0, 3.0];
 /// A refinement lowers what images left out lack in overlap by this part at least, and by so many standard errors.
 const LEAST_GAIN: f64 = 0.02;
 const STANDARD_ERRORS: f64 = 1.0;
+/// A camera is named if it is turned by this much, radians, and so many times as much as others.
+const MOVED: f64 = 1.0_f64.to_radians();
+const MOVED_MORE: f64 = 2.25;
 
 /// The images of a frame: the camera's number, and the field of the mask.
 pub(super) type FrameViews<'a> = Vec<(usize, &'a DistanceField)>;
@@ -51,6 +54,9 @@ pub struct Calibration {
     pub parts: Vec<Part>,
     /// How the cameras differ from what was given, by the camera's number.
     pub changes: Vec<CameraChange>,
+    /// The ids of cameras that are turned much more than the others.
+    #[serde(default)]
+    pub moved: Vec<String>,
     /// What the hand lacks in overlap with the masks of images left out, mean over these: as given, and refined.
     pub left_out: [f64; 2],
 }
@@ -65,9 +71,10 @@ impl Calibration {
         )
     }
 
-    /// The names of the parts that are refined.
+    /// The names of the parts that are refined, and of cameras that stand out.
     pub fn parts_text(&self) -> String {
-        self.parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ")
+        let parts = self.parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ");
+        if self.moved.is_empty() { parts } else { format!("{parts}, most of all of {}", self.moved.join(" and ")) }
     }
 
     /// The cameras as refined.
@@ -163,7 +170,8 @@ impl Fit<'_> {
             return Ok(None);
         }
         let Solution { changes, .. } = problem(None).solve(&parts, start(), &STEPS)?;
-        Ok(Some(Calibration { parts, changes, left_out: [mean(&as_given), mean(&best)] }))
+        let moved = moved(cameras, &changes, &used);
+        Ok(Some(Calibration { parts, changes, moved, left_out: [mean(&as_given), mean(&best)] }))
     }
 
     /// Refines the calibration once more from the present poses and shape on. `given` are the cameras as they came.
@@ -181,6 +189,17 @@ impl Fit<'_> {
         calibration.changes = problem.solve(&calibration.parts, start, &FURTHER_STEPS)?.changes;
         Ok(())
     }
+}
+
+/// The ids of the cameras that are turned much more than the others, if most are where they were.
+fn moved(cameras: &[Camera], changes: &[CameraChange], used: &[usize]) -> Vec<String> {
+    let turn = |camera: usize| changes[camera][..3].iter().map(|angle| angle * angle).sum::<f64>().sqrt();
+    let is_far = |camera: &usize| {
+        let others = used.iter().filter(|other| *other != camera).map(|other| turn(*other));
+        turn(*camera) > MOVED.max(MOVED_MORE * quantiles(others.collect())[0])
+    };
+    let far = used.iter().copied().filter(is_far);
+    far.map(|camera| cameras[camera].id.clone()).collect()
 }
 
 /// The frames from which cameras are calibrated, evenly over those with enough images.

@@ -18,8 +18,8 @@ use super::rejection::rejection;
 use super::side::is_other_hand;
 use super::texture::surface::{NearestDepth, SurfacePoint, surface_points};
 use super::{
-    AlignmentError, Calibration, DistanceField, Fit, MaskFit, Rejection, Shape, TimeOffset, calibration_views,
-    images_of_frames,
+    AlignmentError, Calibration, DistanceField, Fit, MaskFit, OddCamera, Rejection, Shape, TimeOffset,
+    calibration_views, images_of_frames,
 };
 
 /// Frames that are fitted: so many pairs of successive ones, which tell velocities, evenly over the split.
@@ -45,6 +45,8 @@ pub struct Review {
     pub fit: [MaskFit; 2],
     /// How the cameras' calibration is off, if it is.
     pub calibration: Option<Calibration>,
+    /// Cameras that do not show the hand that the others show; all else is said without them.
+    pub odd_cameras: Vec<OddCamera>,
     /// Cameras that take their images earlier or later than the others.
     pub time_offsets: Vec<TimeOffset>,
     /// Why training would use the given poses, if it would.
@@ -73,12 +75,13 @@ pub struct Review {
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
-pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, AlignmentError> {
+pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, AlignmentError> {
+    let capture = given_capture;
     // Images that cannot be read are told elsewhere.
-    let views = TrainViews::new(capture, &some_images(split), BORDER).ok();
+    let views = TrainViews::new(capture, &some_images(whole), BORDER).ok();
     let blurred = views.as_ref().and_then(|views| views.blurred().ok());
     let (looked_at, blurred) = views.zip(blurred).map_or((0, 0), |(views, blurred)| (views.len(), blurred));
-    let split = some_frames(split);
+    let split = some_frames(whole);
     let fields = DistanceField::of_views(capture, &split.views)?;
     let images = images_of_frames(&capture.cameras, &split, &fields);
     if images.iter().all(Vec::is_empty) {
@@ -100,6 +103,18 @@ pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, Alignm
         }
         None => (capture, images),
     };
+    let odd_cameras = fit.odd_cameras(capture, &split, &fields)?;
+    if !odd_cameras.is_empty() {
+        let is_odd = |view: &SplitView| odd_cameras.iter().any(|odd| odd.camera == capture.cameras[view.camera].id);
+        let mut others = whole.clone();
+        others.views.retain(|view| !is_odd(view));
+        others.cameras.retain(|camera| others.views.iter().any(|view| view.camera == *camera));
+        let merged = |mut found: Review| {
+            found.odd_cameras.splice(..0, odd_cameras);
+            found
+        };
+        return Ok(review(given_capture, &others)?.map(merged));
+    }
     let time_offsets = fit.time_offsets(capture, &split, &images)?;
     let template = fit.shaped()?.model;
     let own: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
@@ -124,6 +139,7 @@ pub fn review(capture: &Capture, split: &Split) -> Result<Option<Review>, Alignm
     Ok(Some(Review {
         frames: split.frames.len(),
         calibration,
+        odd_cameras,
         time_offsets,
         rejection: rejection(fits, &capture.template, &template, is_other),
         fit: fits,
@@ -154,6 +170,7 @@ impl Review {
                 calibration.parts_text()
             ));
         }
+        all.extend(self.odd_cameras.iter().map(ToString::to_string));
         all.extend(self.time_offsets.iter().map(ToString::to_string));
         let percent = 100.0 * (self.size - 1.0);
         if percent.abs() >= 2.0 {
@@ -366,6 +383,7 @@ mod tests {
             unseen: vec![],
             calibration: None,
             time_offsets: vec![],
+            odd_cameras: vec![],
         };
         assert_eq!(usual.sentences(), Vec::<String>::new());
         let all = Review {
@@ -376,13 +394,18 @@ mod tests {
             unseen: vec![("the palm".into(), 0.04)],
             fit: [fit([4.0, 20.0]), fit([0.9, 9.0])],
             time_offsets: vec![TimeOffset { camera: "left".into(), frames: -0.3 }],
-            calibration: Some(Calibration { parts: vec![Part::Extrinsics], changes: vec![], left_out: [0.3, 0.1] }),
+            calibration: Some(Calibration {
+                parts: vec![Part::Extrinsics],
+                changes: vec![],
+                moved: vec!["top".into()],
+                left_out: [0.3, 0.1],
+            }),
             ..usual
         };
         let text = all.sentences().join("\n");
         for part in [
             "left seem to be taken 0.3 frames earlier",
-            "position and direction",
+            "position and direction, most of all of top",
             "by 0.70, 0.90 once",
             "8 % smaller",
             "12 mm beside",
