@@ -117,8 +117,10 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         .filter_map(|&(camera, overlap)| Some((camera, overlap, Pairing::of(capture, views, camera)?)))
         .collect();
     // Where the pose of a frame is off, another one may fit all cameras better: a fault of few cameras is one that others lack.
-    let is_shared =
-        |cause: &Cause| 2 * found.iter().filter(|(.., other)| other.cause == *cause).count() > medians.len();
+    let is_shared = |cause: &Cause| {
+        let count = found.iter().filter(|(.., other)| other.cause == *cause).count();
+        count >= 2 && 3 * count >= medians.len()
+    };
     let paired: Vec<WrongCamera> = found
         .iter()
         .filter(|(camera, overlap, pairing)| {
