@@ -7,7 +7,7 @@
 use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::synthetic_scene::make_capture;
+use ghand_synthetic::make_capture::make_capture;
 use ghand_train::{TrainSettings, Trainer};
 
 fn main() -> anyhow::Result<()> {

@@ -74,7 +74,7 @@ hashes() {
 # The file with the hashes of a commit, made if it is not there.
 hashes_of() {
     local commit=$1 name tree=.
-    name=$(git rev-parse --short=12 "$([ "$commit" = . ] && echo HEAD || echo "$commit")^{commit}")
+    name=$(git rev-parse --verify --short=12 "${commit/#./HEAD}^{commit}") || exit 2
     local list="$target/same-bytes/$name-$(sha256sum "$0" | cut -c1-8).txt"
     if [ "$commit" != . ]; then
         if [ -f "$list" ]; then

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use clap::Args;
 use ghand_capture::Capture;
-use ghand_train::lpips::Lpips;
+use ghand_measure::lpips::Lpips;
 use serde::{Deserialize, Serialize};
 
 use crate::say;

@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::synthetic_scene::make_capture;
+use ghand_synthetic::make_capture::make_capture;
 
 use common::{assert_trained, listing, run_in, save_avatar};
 

@@ -11,7 +11,7 @@ use common::{assert_one_sentence, assert_trained, listing, run, small_capture, s
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::synthetic_scene::make_capture;
+use ghand_synthetic::make_capture::make_capture;
 use serde_json::Value;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");

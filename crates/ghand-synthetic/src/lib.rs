@@ -23,6 +23,7 @@ mod folds;
 mod forearm;
 mod light_visibility;
 mod lighting;
+pub mod make_capture;
 mod mask_errors;
 mod mirror;
 mod nails;

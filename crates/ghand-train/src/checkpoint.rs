@@ -10,13 +10,13 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use serde::{Deserialize, Serialize};
 
-use crate::alignment::Alignment;
-use crate::exposure::ExposureFit;
-use crate::light_fit::LightFit;
 use crate::light_training::LightState;
-use crate::protocol::PosedView;
 use crate::settings::TrainSettings;
 use crate::trainer::simplification::Simplification;
+use ghand_fit::alignment::Alignment;
+use ghand_fit::exposure::ExposureFit;
+use ghand_fit::light_fit::LightFit;
+use ghand_fit::protocol::PosedView;
 
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";

@@ -9,8 +9,8 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::error_bands::depths;
-use crate::metrics::quantize;
+use ghand_measure::error_bands::depths;
+use ghand_measure::metrics::quantize;
 use tones::{ToneSums, Tones};
 
 /// Bins of a colour channel, 8 grey levels wide.

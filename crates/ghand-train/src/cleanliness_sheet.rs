@@ -3,7 +3,7 @@
 use image::imageops::{FilterType, replace, resize};
 use image::{Rgb, RgbImage};
 
-use crate::draw_text::{LINE, write};
+use ghand_pictures::draw_text::{LINE, write};
 
 /// Largest width and height of a view, pixels.
 const CELL: u32 = 320;

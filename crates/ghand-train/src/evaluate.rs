@@ -10,17 +10,17 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 use serde::Serialize;
 
-use crate::alignment_figures::AlignmentFigures;
-use crate::error_bands::MeanBandErrors;
-use crate::exposure::ExposureFit;
-use crate::floor::{Floor, FloorError};
-use crate::hand_box::{HandBox, SIDE};
-use crate::light_fit::LightReport;
-use crate::lpips::{Backbone, Lpips, LpipsError};
-use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
-use crate::protocol::{PosedView, Protocol, given_views};
 use crate::settings::{Components, Model};
 use crate::trainer::simplification::Simplification;
+use ghand_fit::alignment_figures::AlignmentFigures;
+use ghand_fit::exposure::ExposureFit;
+use ghand_fit::floor::{Floor, FloorError};
+use ghand_fit::light_fit::LightReport;
+use ghand_fit::protocol::{PosedView, Protocol, given_views};
+use ghand_measure::error_bands::MeanBandErrors;
+use ghand_measure::hand_box::{HandBox, SIDE};
+use ghand_measure::lpips::{Backbone, Lpips, LpipsError};
+use ghand_measure::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]

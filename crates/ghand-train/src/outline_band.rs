@@ -1,6 +1,6 @@
 //! What a mask does not know: on which side of an outline the pixels next to it are.
 
-use crate::error_bands::depths;
+use ghand_measure::error_bands::depths;
 
 /// Masks are off by about this much, pixels.
 const WIDTH: f64 = 2.0;

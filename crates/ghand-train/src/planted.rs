@@ -8,7 +8,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 use image::{ImageError, RgbImage};
 
-use crate::metrics::quantize;
+use ghand_measure::metrics::quantize;
 
 /// Why an avatar could not be planted.
 #[derive(Debug, thiserror::Error)]

@@ -2,9 +2,9 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::draw_text::{LINE, letter_width, write};
 use crate::evaluate::EvaluatedView;
-use crate::hand_box::Square;
+use ghand_measure::hand_box::Square;
+use ghand_pictures::draw_text::{LINE, letter_width, write};
 
 /// Gap between columns, pixels.
 const GAP: u32 = 4;
@@ -90,7 +90,7 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::ImageSimilarity;
+    use ghand_measure::metrics::ImageSimilarity;
 
     fn view(size: [u32; 2], psnr: f64) -> EvaluatedView {
         let pixels = (size[0] * size[1]) as usize;

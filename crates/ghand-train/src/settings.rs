@@ -4,6 +4,8 @@ use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes, Offsets};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::{ResidualSupport, ResidualWeights};
+pub use ghand_fit::exposure::ExposureChoice;
+pub use ghand_fit::light_fit::{GlossChoice, LightChoice};
 use serde::{Deserialize, Serialize};
 
 use crate::setting_rules::{rule, unknown};
@@ -12,53 +14,12 @@ use crate::setting_rules::{rule, unknown};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Align {
-    /// Together with the template's proportions, from the masks' contours: [`crate::alignment`].
+    /// Together with the template's proportions, from the masks' contours: [`ghand_fit::alignment`].
     #[default]
     Contours,
     /// As in the paper: a first stage of training refines them with a simple avatar.
     Paper,
     /// Not at all.
-    None,
-}
-
-/// How light is taken apart from skin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum LightChoice {
-    /// As frames that the fit has not seen require: [`crate::light_fit`].
-    #[default]
-    Auto,
-    /// Light from directions, with shadows.
-    Transfer,
-    /// Spherical harmonics of the normal, without shadows.
-    Sh,
-    /// Not at all: colours are as the images show them.
-    None,
-}
-
-/// How cameras with other exposures are treated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ExposureChoice {
-    /// Corrected if cameras agree better with it in frames left out: [`crate::exposure`].
-    #[default]
-    Auto,
-    /// Each camera's images are corrected.
-    PerCamera,
-    /// All cameras are taken to be alike.
-    Same,
-}
-
-/// Whether the skin's gloss is modelled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum GlossChoice {
-    /// If it explains how the images of frames left out differ: [`crate::light_fit`].
-    #[default]
-    Auto,
-    /// Wherever light comes from directions.
-    Always,
-    /// Never.
     None,
 }
 

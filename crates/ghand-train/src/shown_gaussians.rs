@@ -15,9 +15,9 @@ use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
-use crate::floor::FloorError;
-use crate::texel_frames::evenly;
 use crate::train_error::TrainError;
+use ghand_fit::floor::FloorError;
+use ghand_fit::texel_frames::evenly;
 
 /// Less than this in each channel of each pixel is shown by no display.
 const LEAST_WEIGHT: f32 = 1.0 / 255.0;

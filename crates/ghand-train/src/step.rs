@@ -19,10 +19,11 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::NamedNumbers;
 use crate::light_training::{LightState, LightTraining};
-use crate::lpips::{Lpips, LpipsTerm};
+use crate::lpips_term::LpipsTerm;
 use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
-use crate::views::TrainView;
+use ghand_fit::views::TrainView;
+use ghand_measure::lpips::Lpips;
 
 /// Differences of neighbouring colours (display values) beyond this count linearly: nails and creases keep their edges.
 const COLOR_WIDTH: f32 = 0.03;

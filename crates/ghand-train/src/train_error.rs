@@ -4,11 +4,11 @@ use ghand_capture::CaptureError;
 use ghand_hand_model::HandModelError;
 use ghand_render::{AdapterChoice, DeviceError, RenderError};
 
-use crate::alignment::AlignmentError;
 use crate::checkpoint::CheckpointError;
 use crate::evaluate::EvaluateError;
-use crate::floor::FloorError;
 use crate::settings::SettingsError;
+use ghand_fit::alignment::AlignmentError;
+use ghand_fit::floor::FloorError;
 
 /// Why training failed.
 #[derive(Debug, thiserror::Error)]

@@ -21,21 +21,21 @@ use ghand_render::Gpu;
 use ghand_render::image_loss::ImageLoss;
 use glam::DVec3;
 
-use crate::alignment::{Alignment, AlignmentError, align};
 use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared, StageState};
 use crate::checkpoints::Checkpoints;
-use crate::exposure::{ExposureFit, fit_exposure};
-use crate::floor::{FloorError, texel_colors};
-use crate::light_fit::{LightFit, fit_light_to};
-use crate::lpips::Lpips;
 use crate::memory_check;
-use crate::needed_texels::needed_texels;
-use crate::protocol::{PosedView, mask_views};
 use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Model, Simplify, TrainSettings};
 use crate::shown_gaussians::shown_gaussians;
-use crate::texel_frames::TexelFrames;
 use crate::train_error::TrainError;
-use crate::views::TrainViews;
+use ghand_fit::alignment::{Alignment, AlignmentError, align};
+use ghand_fit::exposure::{ExposureFit, fit_exposure};
+use ghand_fit::floor::{FloorError, texel_colors};
+use ghand_fit::light_fit::{LightFit, fit_light_to};
+use ghand_fit::needed_texels::needed_texels;
+use ghand_fit::protocol::{PosedView, mask_views};
+use ghand_fit::texel_frames::TexelFrames;
+use ghand_fit::views::TrainViews;
+use ghand_measure::lpips::Lpips;
 use onlooker::Onlooker;
 use simplification::{Simplification, Trial};
 use stage::Stage;
@@ -625,7 +625,7 @@ impl<'a> Trainer<'a> {
     /// The initial avatar of a stage: the template's surface with mean texel colours.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
         let (capture, poses) = (&self.capture, &self.prepared.poses);
-        let samples = needed_texels(gpu, capture, &self.split, poses, settings)?;
+        let samples = needed_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
         let mut avatar = Avatar::untrained_at(
             &capture.template,
             &samples,

@@ -7,10 +7,10 @@ use clap::Args;
 use ghand_capture::Capture;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
+use ghand_fit::floor::Floor;
+use ghand_pictures::plot::IntervalPlot;
 use ghand_render::Gpu;
 use ghand_train::ablation::{ARMS, Arm, ArmFigures, ArmRun, ImageFigures, figures, table};
-use ghand_train::floor::Floor;
-use ghand_train::plot::IntervalPlot;
 use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 

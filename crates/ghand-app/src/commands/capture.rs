@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::Args;
 use ghand_core::Side;
+use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
-use ghand_train::synthetic_scene::make_capture;
 
 use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_size};

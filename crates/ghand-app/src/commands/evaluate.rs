@@ -9,11 +9,11 @@ use clap::{Args, ValueEnum};
 use ghand_avatar::Avatar;
 use ghand_capture::Capture;
 use ghand_core::Pose;
+use ghand_fit::alignment::single_frames::pose_knowledge;
+use ghand_fit::pose_offsets::PoseOffsets;
+use ghand_fit::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
 use ghand_train::Protocol;
-use ghand_train::alignment::single_frames::pose_knowledge;
 use ghand_train::evaluate::ImageMetrics;
-use ghand_train::pose_offsets::PoseOffsets;
-use ghand_train::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
 use ghand_train::report::report;
 use serde::Serialize;
 

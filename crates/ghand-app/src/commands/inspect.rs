@@ -15,9 +15,9 @@ use ghand_avatar::ply::SplatScene;
 use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
+use ghand_fit::alignment::review::review;
 use ghand_hand_model::read::file_and_side;
 use ghand_render::DeviceError;
-use ghand_train::alignment::review::review;
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;

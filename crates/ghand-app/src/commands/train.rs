@@ -7,11 +7,11 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_capture::Capture;
 use ghand_files::atomic_file::write_atomically;
-use ghand_train::alignment_picture::alignment_picture;
+use ghand_fit::alignment_picture::alignment_picture;
+use ghand_fit::light_fit::LightFit;
+use ghand_fit::protocol::given_views;
 use ghand_train::evaluate::Metrics;
-use ghand_train::light_fit::LightFit;
 use ghand_train::presets::Preset;
-use ghand_train::protocol::given_views;
 use ghand_train::report::report;
 use ghand_train::{Align, Checkpoints, Protocol, Simplify, TrainError, TrainSettings, Trainer};
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ghand_render::Gpu;
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::synthetic_scene::make_capture_unless;
+use ghand_synthetic::make_capture::make_capture_unless;
 
 use crate::cli::Stopped;
 use crate::say;

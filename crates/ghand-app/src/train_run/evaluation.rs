@@ -5,15 +5,15 @@ use std::collections::HashSet;
 use ghand_avatar::{Avatar, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
+use ghand_fit::alignment_figures::AlignmentFigures;
+use ghand_fit::exposure::ExposureFit;
+use ghand_fit::floor::Floor;
+use ghand_fit::light_fit::{LightFigures, LightReport};
+use ghand_fit::protocol::PosedView;
+use ghand_measure::lpips::Lpips;
+use ghand_measure::metrics::{moving_joints, pose_error_degrees};
 use ghand_render::Gpu;
-use ghand_train::alignment_figures::AlignmentFigures;
 use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics, TestViews};
-use ghand_train::exposure::ExposureFit;
-use ghand_train::floor::Floor;
-use ghand_train::light_fit::{LightFigures, LightReport};
-use ghand_train::lpips::Lpips;
-use ghand_train::metrics::{moving_joints, pose_error_degrees};
-use ghand_train::protocol::PosedView;
 use ghand_train::{Protocol, TrainSettings, Trained, evaluate_views};
 
 use crate::say;
@@ -291,7 +291,7 @@ pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_train::metrics::ImageSimilarity;
+    use ghand_measure::metrics::ImageSimilarity;
     use ghand_train::{Components, Evaluation, Model};
 
     use super::*;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use ghand_files::atomic_file::write_atomically;
-use ghand_train::plot::{LinePlot, Series};
+use ghand_pictures::plot::{LinePlot, Series};
 use ghand_train::{CurvePoint, Preview};
 use image::{Rgb, RgbImage};
 
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!((preview.width(), preview.height()), (12, 12));
         assert_eq!((preview.get_pixel(0, 0).0, preview.get_pixel(2, 9).0), ([255, 0, 0], [0, 255, 0]));
         let plot = image::open(folder.path().join(CURVES_PLOT)).unwrap();
-        assert_eq!(plot.height(), 2 * ghand_train::plot::SIZE[1]);
+        assert_eq!(plot.height(), 2 * ghand_pictures::plot::SIZE[1]);
         // A run without anything measured yet.
         write_live_files(folder.path(), &[], &[]).unwrap();
     }

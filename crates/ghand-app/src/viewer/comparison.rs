@@ -2,8 +2,8 @@
 
 use clap::ValueEnum;
 use egui::{Color32, ColorImage};
+use ghand_measure::metrics::quantize;
 use ghand_render::viridis::viridis;
-use ghand_train::metrics::quantize;
 
 /// What is shown of picture and truth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, ValueEnum)]

@@ -9,7 +9,7 @@ use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::synthetic_scene::make_capture;
+use ghand_synthetic::make_capture::make_capture;
 
 /// What a run of `train` leaves in its folder.
 pub const RESULTS: [&str; 10] = [

@@ -17,12 +17,12 @@ use super::stage::Stage;
 use super::{Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
-use crate::needed_texels::{largest_edges, needed_texels};
-use crate::outline::bent_outline;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
-use crate::texel_frames::evenly;
 use crate::train_error::TrainError;
-use crate::views::TrainViews;
+use ghand_fit::needed_texels::{largest_edges, needed_texels};
+use ghand_fit::texel_frames::evenly;
+use ghand_fit::views::TrainViews;
+use ghand_measure::outline::bent_outline;
 
 /// One frame in so many is left out, if there are enough.
 const HOLD_OUT: usize = 4;
@@ -58,7 +58,7 @@ pub struct Trial {
     pub gaussians: usize,
     /// Mean PSNR of the images left out, dB.
     pub psnr: f64,
-    /// [Loose coverage](crate::outline) with bent fingers, relative to the hand; `None` if the model has no named poses.
+    /// [Loose coverage](ghand_measure::outline) with bent fingers, relative to the hand; `None` if the model has no named poses.
     #[serde(default)]
     pub loose_share: Option<f64>,
     /// Median time of an iteration, milliseconds.
@@ -277,8 +277,9 @@ impl<'a> Trials<'a> {
         let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
-        let trainer = &self.trainer;
-        let gaussians = needed_texels(gpu, &trainer.capture, &trainer.split, &trainer.prepared.poses, &settings)?.len();
+        let TrainSettings { uv_resolution, merge_below, .. } = settings;
+        let Trainer { capture, split, prepared, .. } = &self.trainer;
+        let gaussians = needed_texels(gpu, capture, split, &prepared.poses, uv_resolution, merge_below)?.len();
         memory_check::check(gaussians, self.trainer.capture.template.joint_count(), &settings)?;
         let stage = Stage {
             number: 2,

@@ -14,13 +14,13 @@ use super::{Preview, Progress, Trainer};
 use crate::checkpoint::{Checkpoint, CurvePoint, Losses, SkippedSteps, StageState};
 use crate::checkpoints::Checkpoints;
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
-use crate::error_bands::squared_error;
-use crate::metrics::{moving_joints, psnr_of, quantize};
 use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
 use crate::step::{Learned, Rates, Step};
 use crate::train_error::TrainError;
-use crate::views::TrainView;
+use ghand_fit::views::TrainView;
+use ghand_measure::error_bands::squared_error;
+use ghand_measure::metrics::{moving_joints, psnr_of, quantize};
 
 /// Number of views on which the loss before and after a stage is compared.
 const REFERENCE_VIEWS: usize = 8;

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use crate::views::TrainViews;
+use ghand_fit::views::TrainViews;
 
 /// Number of steps whose views are decoded ahead, if not all fit into memory.
 const PREFETCHED: usize = 16;

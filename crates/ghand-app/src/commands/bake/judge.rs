@@ -4,11 +4,11 @@ use anyhow::bail;
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::Capture;
 use ghand_core::{Camera, Pose};
+use ghand_fit::protocol::given_views;
+use ghand_fit::views::TrainViews;
+use ghand_measure::metrics::quantize;
 use ghand_render::Gpu;
 use ghand_render::splat::{Purpose, band_rows};
-use ghand_train::metrics::quantize;
-use ghand_train::protocol::given_views;
-use ghand_train::views::TrainViews;
 use serde::Serialize;
 
 use super::pose_set::NamedPose;

@@ -2,10 +2,10 @@
 
 use ghand_avatar::{Avatar, Scene};
 use ghand_core::{HandModel, Pose};
+use ghand_measure::metrics::quantize;
+use ghand_pictures::plot::label;
 use ghand_render::Gpu;
 use ghand_render::splat::{Image, Purpose};
-use ghand_train::metrics::quantize;
-use ghand_train::plot::label;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 

@@ -7,9 +7,9 @@ use anyhow::Context;
 use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_core::{Pose, Side};
+use ghand_fit::views::TrainView;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_train::step::{Rates, Step};
-use ghand_train::views::TrainView;
 
 use super::{DEFAULT_SIZE, Times, resolution_for};
 use crate::cli::{AdapterArgs, parse_count, parse_size};

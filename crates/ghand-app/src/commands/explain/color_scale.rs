@@ -1,7 +1,7 @@
 //! Colours of numbers on a hand, and their legend.
 
+use ghand_pictures::plot::{label, label_width};
 use ghand_render::viridis::viridis;
-use ghand_train::plot::{label, label_width};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 

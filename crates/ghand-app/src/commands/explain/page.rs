@@ -1,6 +1,6 @@
 //! Lays pictures out with their titles, and figures under headings.
 
-use ghand_train::plot::label;
+use ghand_pictures::plot::label;
 use image::imageops::replace;
 use image::{Rgb, RgbImage};
 

@@ -3,8 +3,8 @@
 use ghand_avatar::Avatar;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::{Camera, Pose};
+use ghand_pictures::plot::{IntervalPlot, Panel, PanelPlot};
 use ghand_render::Gpu;
-use ghand_train::plot::{IntervalPlot, Panel, PanelPlot};
 use glam::DVec3;
 use image::RgbImage;
 

@@ -6,9 +6,9 @@ mod window;
 
 use ghand_capture::inspection::{ViewFit, posed_template, true_pose};
 use ghand_capture::{Capture, CaptureError};
+use ghand_pictures::draw_text::{LINE, letter_width, write};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshRenderer};
-use ghand_train::draw_text::{LINE, letter_width, write};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 

@@ -10,8 +10,8 @@ use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables};
 use ghand_core::Pose;
 use ghand_files::atomic_file::write_atomically;
+use ghand_pictures::plot::{LogPanel, LogPlot, Series};
 use ghand_render::Gpu;
-use ghand_train::plot::{LogPanel, LogPlot, Series};
 use glam::DVec3;
 use rand::RngExt;
 

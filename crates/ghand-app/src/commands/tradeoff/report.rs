@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use ghand_files::atomic_file::write_atomically;
+use ghand_pictures::plot::{Point, ScatterPlot};
 use ghand_render::Gpu;
-use ghand_train::plot::{Point, ScatterPlot};
 use serde::Serialize;
 
 use super::TradeoffArgs;

@@ -6,7 +6,7 @@ use egui::{
     Align2, Color32, ColorImage, Context, CursorIcon, FontId, Grid, Pos2, Rect, RichText, Sense, Shape, Stroke,
     TextureHandle, TextureOptions, Ui, WidgetInfo,
 };
-use ghand_train::metrics::{Psnr, psnr, quantize};
+use ghand_measure::metrics::{Psnr, psnr, quantize};
 
 use crate::viewer::app::Viewer;
 use crate::viewer::capture_panel::CapturePanel;

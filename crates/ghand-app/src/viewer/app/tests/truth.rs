@@ -6,11 +6,11 @@ use egui::accesskit::Role;
 use egui::{PointerButton, Pos2, Rect, pos2};
 use egui_kittest::kittest::NodeT;
 use ghand_core::Pose;
+use ghand_measure::metrics::quantize;
 use ghand_motion::pose_sequence::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_synthetic::SyntheticOptions;
-use ghand_train::metrics::quantize;
-use ghand_train::synthetic_scene::make_capture;
+use ghand_synthetic::make_capture::make_capture;
 use glam::DVec3;
 
 use super::*;

@@ -1,0 +1,169 @@
+//! Alignment of captures with known truth.
+
+use crate::common::{make, poses, small_options};
+use ghand_capture::Capture;
+use ghand_core::Pose;
+use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
+use ghand_fit::alignment::{AlignmentError, align};
+use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use glam::DVec3;
+
+fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
+    make(&small_options(identity))
+}
+
+#[test]
+fn contours_correct_poses_and_proportions_of_other_hands() {
+    for identity in [3, 11] {
+        let (capture, _folder) = small_capture(identity);
+        let split = capture.split("train").unwrap();
+        for view in &split.views {
+            let alpha = capture.load_view(view.camera, view.frame).unwrap().rgba;
+            let mask = capture.load_hand_mask(view.camera, view.frame).unwrap();
+            assert!(alpha.iter().map(|pixel| pixel[3] == 255).eq(mask), "the mask alone is another one");
+        }
+        let [given, truth] = poses(&capture, split);
+        let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
+        let moving = moving_joints(&given);
+        let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
+        let shift =
+            |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
+        println!(
+            "identity {identity}: {:.2} -> {:.2} degrees, {:.2} -> {:.2} mm, contours {:.2?} -> {:.2?} px",
+            error(&given),
+            error(&aligned.poses),
+            1e3 * shift(&given) / 8.0,
+            1e3 * shift(&aligned.poses) / 8.0,
+            aligned.fit[0].contours,
+            aligned.fit[1].contours
+        );
+        assert!(error(&aligned.poses) < 0.75 * error(&given), "{} of {}", error(&aligned.poses), error(&given));
+        assert!(shift(&aligned.poses) < 0.75 * shift(&given));
+        let [before, after] = aligned.fit;
+        assert!(after.contours[0] < 0.7 && after.contours[0] < 0.5 * before.contours[0], "{:?}", aligned.fit);
+        assert!(aligned.rejection.is_none() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
+        // The same bits with one thread.
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let again = one.install(|| align(&capture, split, None, &mut |_, _| true)).unwrap();
+        assert!(again.poses == aligned.poses && again.template == aligned.template);
+    }
+}
+
+#[test]
+fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
+    let (capture, _folder) = small_capture(3);
+    let [given, truth] = poses(&capture, capture.split("train").unwrap());
+    let split = capture.split("train").unwrap();
+    let template = align(&capture, split, None, &mut |_, _| true).unwrap().template;
+    let frame = |(frame, pose): (&usize, &Pose)| SingleFrame {
+        frame: *frame,
+        cameras: split.cameras.clone(),
+        pose: pose.clone(),
+    };
+    let frames: Vec<SingleFrame> = split.frames.iter().zip(&given).map(frame).collect();
+    let found = align_single_frames(&capture, &template, None, &frames).unwrap();
+    let shift =
+        |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
+    let moving = moving_joints(&given);
+    let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
+    println!("{:.2} -> {:.2} degrees", error(&given), error(&found));
+    println!("{:.2} -> {:.2} mm", 1e3 * shift(&given) / 8.0, 1e3 * shift(&found) / 8.0);
+    assert!(shift(&found) < 0.75 * shift(&given) && error(&found) < error(&given));
+    let alone = align_single_frames(&capture, &template, None, &frames[2..3]).unwrap();
+    assert!(alone[0] == found[2], "other frames have a part in it");
+}
+
+#[test]
+fn frames_without_masks_keep_their_poses_and_a_caller_may_stop() {
+    let (capture, folder) = small_capture(5);
+    let split = capture.split("train").unwrap();
+    // In one frame every mask is empty; in another one is full.
+    for camera in 0..6 {
+        let empty = capture.mask_file(split.cameras[camera], split.frames[2]).unwrap().unwrap();
+        image::GrayImage::new(128, 192).save(empty).unwrap();
+    }
+    let full = capture.mask_file(split.cameras[0], split.frames[4]).unwrap().unwrap();
+    image::GrayImage::from_pixel(128, 192, image::Luma([255])).save(full).unwrap();
+    let [given, truth] = poses(&capture, split);
+    let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
+    let moving = moving_joints(&given);
+    let error =
+        |poses: &[Pose], frame: usize| pose_error_degrees(&poses[frame..=frame], &truth[frame..=frame], &moving);
+    assert!(error(&aligned.poses, 2) < 1.3 * error(&given, 2), "{}", error(&aligned.poses, 2));
+    assert!(error(&aligned.poses, 4) < error(&given, 4));
+    let mut steps = 0;
+    let stopped = align(&capture, split, None, &mut |_, _| {
+        steps += 1;
+        steps < 3
+    });
+    assert!(matches!(stopped, Err(AlignmentError::Stopped)) && steps == 3);
+    drop(folder);
+}
+
+#[test]
+#[ignore = "takes a minute; CAPTURE names a capture with truth"]
+fn figures_of_a_capture() {
+    let path = std::env::var("CAPTURE").unwrap();
+    let capture = Capture::open(path.as_ref()).unwrap();
+    let split = capture.split("train").unwrap().clone();
+    let truth: Vec<Pose> = split.frames.iter().map(|f| capture.truth.as_ref().unwrap()[*f].clone().unwrap()).collect();
+    let given: Vec<Pose> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
+    let joints = truth[0].rotations.len();
+    let moving: Vec<usize> = (0..joints).filter(|k| given.iter().any(|p| p.rotations[*k] != DVec3::ZERO)).collect();
+    let figures = |poses: &[Pose]| {
+        let off = |k: usize| -> Vec<DVec3> {
+            let turn = |p: &Pose| rotation_from_axis_angle(p.rotations[k]);
+            poses.iter().zip(&truth).map(|(p, t)| axis_angle_from_rotation(&(turn(p) * turn(t).transpose()))).collect()
+        };
+        let (mut all, mut aligned) = (0.0, 0.0);
+        for k in &moving {
+            let off = off(*k);
+            let mean = off.iter().sum::<DVec3>() / off.len() as f64;
+            all += off.iter().map(|o| o.length()).sum::<f64>() / off.len() as f64;
+            aligned += off.iter().map(|o| (*o - mean).length()).sum::<f64>() / off.len() as f64;
+        }
+        let translation = poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
+        let count = moving.len() as f64;
+        format!(
+            "{:.2} degrees, {:.2} less the mean, {:.2} mm",
+            (all / count).to_degrees(),
+            (aligned / count).to_degrees(),
+            1e3 * translation / poses.len() as f64
+        )
+    };
+    println!("given: {}", figures(&given));
+    let start = std::time::Instant::now();
+    let aligned = align(&capture, &split, None, &mut |text, poses| {
+        println!("{:.1} s, {text}: {}", start.elapsed().as_secs_f64(), figures(poses));
+        true
+    })
+    .unwrap();
+    println!("{:?}, kept {:?}, {:.1} s", aligned.fit, aligned.kept, aligned.seconds);
+    if let Some(texture) = &aligned.texture {
+        println!("by contours alone: {}, with texture: {}", figures(&texture.contour_poses), figures(&aligned.poses));
+        println!(
+            "refined {} frames, kept {:?}, held out {:.5?}, variance factors {:.2?}",
+            texture.refined.len(),
+            texture.kept,
+            texture.held_out,
+            texture.variance_factors
+        );
+    }
+    println!("by given poses and spreads alone: {}", figures(&aligned.prior_poses));
+    // By joint: root mean square of the error over frames and axes, and what the alignment expects it to be.
+    for k in &moving {
+        let square = |(p, t): (&Pose, &Pose)| {
+            let turn =
+                rotation_from_axis_angle(p.rotations[*k]) * rotation_from_axis_angle(t.rotations[*k]).transpose();
+            axis_angle_from_rotation(&turn).length_squared() / 3.0
+        };
+        let mean = aligned.poses.iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64;
+        println!(
+            "{:34} {:5.2} degrees, expected {:5.2}",
+            capture.template.joint_names[*k],
+            mean.sqrt().to_degrees(),
+            aligned.uncertainty[*k].to_degrees()
+        );
+    }
+}

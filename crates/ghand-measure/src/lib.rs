@@ -1,0 +1,9 @@
+//! How well pictures agree with images: PSNR, SSIM, FLIP, LPIPS, and where on the hand errors are.
+
+pub mod error_bands;
+pub mod flip;
+pub mod hand_box;
+pub mod lpips;
+pub mod metrics;
+pub mod outline;
+pub mod ssim;

@@ -1,0 +1,176 @@
+//! LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look, from the features of a network that was
+//! trained to recognise objects. The weights come from a file of the user: `scripts/lpips_weights.py` makes it.
+//!
+//! Both pictures go through a backbone. At some of its layers the features of each pixel are made unit vectors over the
+//! channels; their squared differences, times a weight for each channel, are averaged over the pixels and summed over
+//! the layers.
+
+mod backbone;
+mod head;
+mod network;
+#[cfg(test)]
+mod tests;
+mod weights;
+
+use std::path::Path;
+
+pub use backbone::Backbone;
+pub use weights::LpipsFileError;
+
+use burn_tensor::Tensor;
+
+use head::Comparison;
+use network::{Network, values};
+use weights::Weights;
+
+/// Why two pictures could not be compared.
+#[derive(Debug, thiserror::Error)]
+pub enum LpipsError {
+    /// A picture has fewer or more pixels than its size says.
+    #[error("a picture of {width} x {height} pixels for LPIPS has {pixels} values")]
+    Size {
+        /// Width, pixels.
+        width: usize,
+        /// Height, pixels.
+        height: usize,
+        /// Number of pixels there are.
+        pixels: usize,
+    },
+    /// A picture is smaller than the backbone can process.
+    #[error(
+        "LPIPS needs at least {smallest} x {smallest} pixels with the backbone `{backbone}`, but the image has {width} x \
+         {height}; use larger images or omit --lpips"
+    )]
+    TooSmall {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Smallest side, pixels.
+        smallest: usize,
+        /// The backbone.
+        backbone: Backbone,
+    },
+    /// A tensor could not be read.
+    #[error("the LPIPS network failed: {0}")]
+    Tensor(String),
+}
+
+/// A backbone with its linear layers.
+#[derive(Debug)]
+pub struct Lpips {
+    backbone: Backbone,
+    network: Network,
+    /// A weight per channel of each compared layer.
+    linear: Vec<Vec<f32>>,
+}
+
+/// Two pictures of the same size, row-major, as display values in `[0, 1]`.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair<'a> {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// The picture.
+    pub picture: &'a [[f32; 3]],
+    /// What it is compared with.
+    pub truth: &'a [[f32; 3]],
+}
+
+impl Lpips {
+    /// Reads a safetensors file with the convolutions of one backbone under torchvision's names
+    /// (`features.0.weight`, `[outputs][inputs][kernel][kernel]`; `features.0.bias`; ...) and a linear layer for each
+    /// compared layer (`linear.0`, `[channels]`; ...), all F32. The metadata `lpips_backbone` names the backbone (`alex`,
+    /// `vgg` or `squeeze`); without it, the tensors tell.
+    ///
+    /// # Errors
+    /// [`LpipsFileError`] names the file, the tensor and what is wrong with it.
+    pub fn load(path: &Path) -> Result<Lpips, LpipsFileError> {
+        Weights::load(path).map(Lpips::new)
+    }
+
+    /// With random weights: distances have no meaning, but cost as much as others.
+    pub fn random(backbone: Backbone) -> Lpips {
+        Lpips::new(Weights::random(backbone))
+    }
+
+    fn new(weights: Weights) -> Lpips {
+        let backbone = weights.backbone;
+        Lpips { backbone, network: Network::new(backbone, &weights), linear: weights.linear }
+    }
+
+    /// The backbone.
+    pub fn backbone(&self) -> Backbone {
+        self.backbone
+    }
+
+    /// Whether images of this size are large enough.
+    ///
+    /// # Errors
+    /// [`LpipsError::TooSmall`] if they are not.
+    pub fn check_size(&self, [width, height]: [u32; 2]) -> Result<(), LpipsError> {
+        let smallest = self.backbone.smallest_side();
+        match (width.min(height) as usize) < smallest {
+            true => Err(LpipsError::TooSmall { width, height, smallest, backbone: self.backbone }),
+            false => Ok(()),
+        }
+    }
+
+    /// The distance of two pictures: 0 if they are equal.
+    ///
+    /// # Errors
+    /// [`LpipsError`] if the pictures are too small or not of their size.
+    pub fn distance(&self, &Pair { size, picture, truth }: &Pair) -> Result<f64, LpipsError> {
+        self.distances(size, [picture], truth).map(|[distance]| distance)
+    }
+
+    /// The distances of several pictures from one truth, which costs less than one after the other.
+    ///
+    /// # Errors
+    /// As [`Lpips::distance`].
+    pub fn distances<const N: usize>(
+        &self,
+        size: [u32; 2],
+        pictures: [&[[f32; 3]]; N],
+        truth: &[[f32; 3]],
+    ) -> Result<[f64; N], LpipsError> {
+        let truth: Vec<Vec<f32>> =
+            self.network.features(self.input(size, truth)?).into_iter().map(values).collect::<Result<_, _>>()?;
+        let mut distances = [0.0; N];
+        for (distance, picture) in distances.iter_mut().zip(pictures) {
+            let features = self.network.features(self.input(size, picture)?);
+            for ((features, truth), weights) in features.into_iter().zip(&truth).zip(&self.linear) {
+                *distance += Comparison { features: &values(features)?, truth, weights }.distance();
+            }
+        }
+        Ok(distances)
+    }
+
+    /// The distance of two pictures, and its gradient with respect to the display values of the first.
+    ///
+    /// # Errors
+    /// As [`Lpips::distance`].
+    pub fn distance_and_gradient(&self, pair: &Pair) -> Result<(f64, Vec<[f32; 3]>), LpipsError> {
+        let &Pair { size, picture, truth } = pair;
+        let truth = self.network.features(self.input(size, truth)?);
+        let picture = self.input(size, picture)?.autodiff().require_grad();
+        let taps = self.network.features(picture.clone());
+        let (mut sum, mut gradients) = (0.0, Vec::new());
+        for ((features, truth), weights) in taps.iter().zip(truth).zip(&self.linear) {
+            let (features, truth) = (values(features.clone().inner())?, values(truth)?);
+            let (distance, gradient) =
+                Comparison { features: &features, truth: &truth, weights }.distance_and_gradient();
+            sum += distance;
+            gradients.push(gradient);
+        }
+        Ok((sum, self.network.gradient(&picture, taps, gradients)?))
+    }
+
+    fn input(&self, size: [u32; 2], picture: &[[f32; 3]]) -> Result<Tensor<4>, LpipsError> {
+        self.check_size(size)?;
+        let [width, height] = size.map(|side| side as usize);
+        if picture.len() != width * height {
+            return Err(LpipsError::Size { width, height, pixels: picture.len() });
+        }
+        Ok(self.network.input([width, height], picture))
+    }
+}

@@ -1,0 +1,4 @@
+//! Plots, and letters in pictures.
+
+pub mod draw_text;
+pub mod plot;

@@ -1,0 +1,116 @@
+//! A hand that was seen only from its back, in light from one side: with the light that `auto` chooses no part is darker or
+//! more saturated than skin in the images, and a light that the images do not determine hardly darkens the palm.
+
+use crate::common::{make, small_options};
+use ghand_avatar::{Avatar, Scene};
+use ghand_capture::{Capture, Split};
+use ghand_core::rotation::rotation_from_axis_angle;
+use ghand_core::sphere::spiral_direction;
+use ghand_core::{Camera, Pose};
+use ghand_hand_model::hand_directions::hand_directions;
+use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_render::splat::Purpose;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::{LightSetup, SyntheticOptions};
+use ghand_train::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
+use ghand_train::{Align, LightChoice, TrainSettings, Trainer};
+use glam::{DVec2, DVec3};
+
+const VIEWS: usize = 24;
+/// Pixels around the hand, from 0.6 m away.
+const SIDE: u32 = 160;
+/// Least cosine between the direction that the back faces and that to a camera: within 53 degrees.
+const FROM_BEHIND: f64 = 0.6;
+
+/// The direction that the back of a hand faces in a pose, world axes.
+fn back(capture: &Capture, pose: &Pose) -> DVec3 {
+    rotation_from_axis_angle(pose.rotations[0]) * hand_directions(&capture.template).unwrap().back
+}
+
+/// The images of a capture that show the back of the hand.
+fn seen_from_the_back(capture: &Capture) -> Split {
+    capture.split("train").unwrap().filtered(|view| {
+        let pose = &capture.frames[view.frame].pose;
+        let towards = (capture.cameras[view.camera].center() - pose.translation).normalize();
+        back(capture, pose).dot(towards) > FROM_BEHIND
+    })
+}
+
+/// The parts of the hand that are darker and that are more saturated than the images' skin, in the library's poses with
+/// the hand where it was in a frame, from all around.
+fn parts_beyond(gpu: &Gpu, avatar: &Avatar, root: &Pose, known: &KnownColors) -> [f64; 2] {
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [SIDE; 2]).unwrap();
+    let mut sums = PictureSums::default();
+    for name in POSE_NAMES {
+        let mut pose = named_pose(name, &avatar.model).unwrap();
+        pose.rotations[0] = root.rotations[0];
+        pose.translation = root.translation;
+        scene.set_pose(gpu, 0, 0, &pose).unwrap();
+        let vertices = ghand_core::posing::pose_hand(&avatar.model, &[], &pose).unwrap().vertices;
+        let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        for k in 0..VIEWS {
+            let eye = middle + 0.6 * spiral_direction(k, VIEWS);
+            let camera = Camera::look_at(eye, middle, DVec3::NEG_Y, 1.0, SIDE, SIDE);
+            let camera = Camera { focal: DVec2::splat(2.0 * f64::from(SIDE)), ..camera };
+            let image = scene.render(gpu, 0, &camera, [0.0; 3]).unwrap();
+            sums.add(&HandPicture::of_rendering(&image.rgba, [SIDE; 2]), known);
+        }
+    }
+    let figures = sums.figures(&DetailEnergy::default());
+    [figures.darker_share.unwrap(), figures.more_saturated_share.unwrap()]
+}
+
+#[test]
+fn a_palm_that_no_image_showed_is_not_dark() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let options = SyntheticOptions {
+        light: LightSetup::Side,
+        views: 10,
+        train_frames: 12,
+        width: 160,
+        height: 240,
+        pose_noise_degrees: 0.0,
+        translation_noise: 0.0,
+        ..small_options(13)
+    };
+    let (mut capture, _folder) = make(&options);
+    let split = seen_from_the_back(&capture);
+    assert!(split.views.len() >= 20, "only {} images show the back", split.views.len());
+    let mut known = KnownColors::default();
+    for view in &split.views {
+        let image = capture.load_view(view.camera, view.frame).unwrap();
+        known.add(&HandPicture::of_image(&image.rgba, [image.width, image.height]));
+    }
+    let root = capture.frames[split.frames[0]].pose.clone();
+    capture.splits.insert("back".into(), split);
+    let train = |light| {
+        let settings = TrainSettings { iterations: 150, align: Align::None, light, ..Default::default() };
+        let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
+        println!("{:?}", trained.light.unwrap().report());
+        trained.avatar
+    };
+    let chosen = parts_beyond(&gpu, &train(LightChoice::Auto), &root, &known);
+    println!("light=auto: {chosen:?} are darker, more saturated");
+    // Directions are chosen here, the worst of twelve persons: 0.0002 are darker and 0.003 more saturated, of which 0.086
+    // were before the light's colours were drawn to each other.
+    assert!(chosen[0] < 0.005 && chosen[1] < 0.01, "{chosen:?}");
+
+    // Harmonics, which this capture does not determine (they explain frames left out worse than no light).
+    let avatar = train(LightChoice::Sh);
+    let light = &avatar.light.as_ref().unwrap().light;
+    let trust_at = |towards: DVec3| {
+        let pairs = light.directions().into_iter().zip(light.trust.as_ref().unwrap().values());
+        let nearest = pairs.max_by(|(a, _), (b, _)| a.dot(towards).total_cmp(&b.dot(towards)));
+        nearest.unwrap().1[0]
+    };
+    let [of_back, of_palm] = [1.0, -1.0].map(|sign| trust_at(sign * back(&capture, &root)));
+    assert!(of_back > 0.95 && of_palm < 0.8, "{of_back} {of_palm}");
+    let [darker, _] = parts_beyond(&gpu, &avatar, &root, &known);
+    let mut trusting = avatar.clone();
+    trusting.light.as_mut().unwrap().light.trust = None;
+    let [darker_trusting, _] = parts_beyond(&gpu, &trusting, &root, &known);
+    println!("light=sh: {darker} are darker; if the light is trusted everywhere: {darker_trusting}");
+    // Measured: 0.130, and 0.188 if the light is trusted everywhere: what looks dark at the rim of what is seen, and is trusted.
+    // Of other persons 0.015 to 0.045, and 0.16 to 0.27.
+    assert!(darker < 0.75 * darker_trusting && darker < 0.14, "{darker} of {darker_trusting}");
+}

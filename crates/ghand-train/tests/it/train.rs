@@ -1,0 +1,82 @@
+//! Whole training runs on a small synthetic capture.
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
+
+use ghand_capture::Capture;
+use ghand_fit::floor::Floor;
+use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::SyntheticOptions;
+use ghand_synthetic::make_capture::make_capture;
+use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
+
+fn gpu() -> Gpu {
+    Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn small_capture(gpu: &Gpu, folder: &std::path::Path) -> Capture {
+    let options = SyntheticOptions {
+        views: 6,
+        train_frames: 6,
+        test_frames: 2,
+        test_views: 2,
+        width: 128,
+        height: 192,
+        ..SyntheticOptions::default()
+    };
+    make_capture(gpu, &options, folder).unwrap();
+    Capture::open(folder).unwrap()
+}
+
+fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Trained {
+    Trainer::new(gpu, capture, "train", settings).unwrap().train(|_| ()).unwrap()
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = small_capture(&gpu, &folder.path().join("capture"));
+    let settings =
+        TrainSettings { iterations: 30, uv_resolution: 48, pose_uv_resolution: 32, ..TrainSettings::default() };
+    let bytes = |settings: &TrainSettings| {
+        let path = folder.path().join("avatar.ghand");
+        train(&gpu, &capture, settings).avatar.save(&path).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let first = bytes(&settings);
+    assert!(first == bytes(&settings), "two runs with one seed differ");
+    assert!(first != bytes(&TrainSettings { seed: 2, ..settings }), "the seed has no effect");
+}
+
+#[test]
+fn training_beats_the_floor_on_new_poses_and_views_and_improves_the_poses() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = small_capture(&gpu, &folder.path().join("capture"));
+    let settings = TrainSettings { iterations: 600, uv_resolution: 80, ..TrainSettings::default() };
+    let trained = train(&gpu, &capture, &settings);
+    let split = capture.split("train").unwrap();
+    let floor = Floor::new(&gpu, &capture, split, &trained.poses, 40).unwrap();
+    let mut seen = 0;
+    let evaluation = evaluate(&gpu, &trained.avatar, &capture, "test", &floor, |_| seen += 1).unwrap();
+    assert_eq!((evaluation.views, seen), (4, 4));
+    // Training takes a few seconds, about 500 steps for the avatar. The full demo gains several times as much.
+    let (gain, hand_gain) =
+        (evaluation.avatar.psnr - evaluation.floor.psnr, evaluation.avatar.psnr_hand - evaluation.floor.psnr_hand);
+    assert!(gain > 0.0 && hand_gain >= 1.0, "only {gain} dB, {hand_gain} dB on the hand, above the floor");
+    let truth: Vec<_> = split.frames.iter().map(|f| capture.truth.as_ref().unwrap()[*f].clone().unwrap()).collect();
+    let given: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
+    let counts = moving_joints(&given);
+    let (before, after) =
+        (pose_error_degrees(&given, &truth, &counts), pose_error_degrees(&trained.poses, &truth, &counts));
+    assert!(after < before, "poses went from {before} to {after} degrees");
+}
+
+#[test]
+fn an_unknown_split_is_one_clear_sentence() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = small_capture(&gpu, &folder.path().join("capture"));
+    let error = Trainer::new(&gpu, &capture, "nonsense", &TrainSettings::default()).err().unwrap().to_string();
+    assert!(error.contains("nonsense") && error.contains("train5") && !error.contains('\n'), "{error}");
+}
