@@ -9,8 +9,9 @@ of the `lpips` package, version 0.1. With `--backbone FILE` (torchvision's `.pth
 SqueezeNet 1.1) neither torch nor torchvision is needed, with `--linear FILE` the package `lpips` is not needed: only
 NumPy. Both kinds of weights have licences of their own; neither is part of this project.
 
-The file is a safetensors file, all F32: the convolutions under torchvision's names (`features.0.weight`, ...), the linear
-layers as `linear.0`, ..., and `lpips_backbone` and `lpips_version` in the metadata.
+The file is a safetensors file, all F32: the convolutions under torchvision's names (`features.0.weight`,
+`features.0.bias`, ...; `features.3.squeeze.weight`, ... of SqueezeNet), the channel weights of each compared layer as
+`linear.0`, ..., and optionally `lpips_backbone` and `lpips_version` (`0.1`) in the metadata.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the figures of docs/results.md again, one entry after the other, and prints them as a Markdown table. An entry
-# whose folder out/results/ENTRY already has figures is not made again.
+# Makes figures of docs/results.md and lab/2026-11-results.md again, one entry after the other, and prints them as a
+# Markdown table. An entry whose folder out/results/ENTRY already has figures is not made again.
 #
 #     scripts/results.sh              all entries whose captures are there
 #     scripts/results.sh ENTRY...     only these

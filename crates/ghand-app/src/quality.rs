@@ -66,7 +66,7 @@ impl Playback {
     /// The avatar as it was trained.
     pub const EXACT: Playback = Playback { kept: None, image_scale: 1.0 };
 
-    /// What a preset is on adapters that were not measured: measured on lavapipe, see docs/tradeoff.md.
+    /// What a preset is on adapters that were not measured: measured on lavapipe, see docs/playback.md.
     fn unmeasured(quality: Quality) -> Playback {
         match quality {
             Quality::Fast => Playback { kept: Some(1.0 / 16.0), image_scale: 0.75 },

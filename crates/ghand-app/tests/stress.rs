@@ -1,4 +1,4 @@
-//! `ghand stress`: extreme cases through the whole pipeline. A long run is in docs/numerics.md.
+//! `ghand stress`: extreme cases through the whole pipeline. The figures of a long run are in docs/numerics.md.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod common;
