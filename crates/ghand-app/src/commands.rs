@@ -1,8 +1,6 @@
 //! The commands, one per module.
 
-pub mod ablate;
 pub mod bake;
-pub mod bench;
 pub mod capture;
 pub mod evaluate;
 pub mod explain;
@@ -11,6 +9,4 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
-pub mod stress;
-pub mod tradeoff;
 pub mod train;

@@ -1,4 +1,4 @@
-//! Twin of a posed avatar in plain f64, with which tests and `ghand stress` compare the device: from tables and pose to
+//! Twin of a posed avatar in plain f64, with which tests and `ghand-lab stress` compare the device: from tables and pose to
 //! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks; light apart from skin is not in
 //! it.
 

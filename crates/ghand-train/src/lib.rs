@@ -1,18 +1,14 @@
 //! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
 //! beat), and the report.
 
-pub mod ablation;
 pub mod checkpoint;
 pub mod checkpoints;
-pub mod cleanliness;
-pub mod cleanliness_sheet;
 mod divergence;
 pub mod evaluate;
 pub mod light_training;
 mod lpips_term;
 mod memory_check;
 mod outline_band;
-pub mod planted;
 pub mod pose_prior;
 pub mod presets;
 pub mod report;

@@ -2,11 +2,9 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{
-    ablate, bake, bench, capture, evaluate, explain, export, inspect, pose, render, splat, stress, tradeoff,
-};
+use ghand_app::commands::{bake, capture, evaluate, explain, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -38,14 +36,28 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
-    /// Train avatars with and without parts of the method, and say what each brings
-    Ablate(ablate::AblateArgs),
-    /// Measure what speed costs in accuracy: an avatar as it is, baked, simplified, drawn smaller
-    Tradeoff(tradeoff::TradeoffArgs),
-    /// Draw extreme hands, poses and views, and compare the device with exact mathematics, from the pose to the picture and back
-    Stress(stress::StressArgs),
-    /// Time the stages of a frame
-    Bench(bench::BenchArgs),
+    #[command(hide = true)]
+    Ablate(Moved),
+    #[command(hide = true)]
+    Bench(Moved),
+    #[command(hide = true)]
+    Stress(Moved),
+    #[command(hide = true)]
+    Tradeoff(Moved),
+}
+
+/// A command that is one of `ghand-lab`.
+#[derive(Debug, Args)]
+struct Moved {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<String>,
+}
+
+impl Moved {
+    fn refused(&self, name: &str) -> anyhow::Result<()> {
+        let arguments: String = self.arguments.iter().map(|argument| format!(" {argument}")).collect();
+        anyhow::bail!("`ghand {name}` is a command of the laboratory: ghand-lab {name}{arguments}")
+    }
 }
 
 fn main() -> ExitCode {
@@ -59,9 +71,9 @@ fn main() -> ExitCode {
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
-        Command::Ablate(args) => ablate::run(args, &arguments.adapter),
-        Command::Tradeoff(args) => tradeoff::run(args, &arguments.adapter),
-        Command::Stress(args) => stress::run(args, &arguments.adapter),
-        Command::Bench(args) => bench::run(args, &arguments.adapter),
+        Command::Ablate(args) => args.refused("ablate"),
+        Command::Bench(args) => args.refused("bench"),
+        Command::Stress(args) => args.refused("stress"),
+        Command::Tradeoff(args) => args.refused("tradeoff"),
     })
 }

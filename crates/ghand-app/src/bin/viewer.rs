@@ -46,7 +46,7 @@ struct Arguments {
     reading: PoseReadingArgs,
     #[command(flatten)]
     light: LightArgs,
-    /// How an avatar is played: `exact`, or baked; on this adapter as `ghand tradeoff` has measured it
+    /// How an avatar is played: `exact`, or baked; on this adapter as `ghand-lab tradeoff` has measured it
     #[arg(long, value_enum, default_value_t)]
     quality: Quality,
     /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder

@@ -9,10 +9,10 @@ use ghand_core::sphere::spiral_direction;
 use ghand_core::{Camera, Pose};
 use ghand_hand_model::hand_directions::hand_directions;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_measure::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, SyntheticOptions};
-use ghand_train::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
 use ghand_train::{Align, LightChoice, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
 

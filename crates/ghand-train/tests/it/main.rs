@@ -12,6 +12,7 @@ mod light_where_nobody_looked;
 mod lpips;
 mod merged_texels;
 mod planted;
+mod planted_truth;
 mod resume;
 mod simplify;
 mod stopping;

@@ -1,6 +1,7 @@
 //! Captures whose truth is known down to each Gaussian: the parts of the method recover what they are for, and nothing
 //! that is not there.
 
+use crate::planted_truth::plant;
 use ghand_avatar::properties::PropertyTables;
 use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
@@ -11,7 +12,6 @@ use ghand_fit::floor::Floor;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::planted::plant;
 use ghand_train::settings::Components;
 use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trained, Trainer, evaluate};
 use rand::{RngExt, SeedableRng};

@@ -1,0 +1,38 @@
+//! The examples run and write the files that they announce.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+/// An example's program, built by cargo for the tests.
+fn example(name: &str) -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    test.parent().and_then(|deps| deps.parent()).unwrap().join("examples").join(name)
+}
+
+fn run(name: &str, writes: &str, says: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(example(name)).current_dir(folder.path()).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains(says), "{name}: {text}");
+    assert!(folder.path().join(writes).metadata().unwrap().len() > 1000, "{name}: {writes}");
+}
+
+#[test]
+fn a_pose_is_rendered() {
+    run("render_pose", "pose.png", "`point`");
+}
+
+#[test]
+fn a_custom_property_model_draws_a_wave() {
+    run("property_model", "wave.png", "Gaussians");
+}
+
+#[test]
+fn splats_are_fitted_to_a_picture() {
+    run("splat_a_scene", "splats.png", "after 100 steps");
+}
+
+#[test]
+fn a_small_avatar_is_trained() {
+    run("train_small", "small.ghand", "look at it");
+}

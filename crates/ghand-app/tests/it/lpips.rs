@@ -1,0 +1,115 @@
+//! `--lpips` of `train` and `ghand evaluate`, as a user runs them, with random weights.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::common::{assert_one_sentence, assert_trained, run, small_capture};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+const TRAIN: &str = env!("CARGO_BIN_EXE_train");
+const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+
+/// A file of SqueezeNet 1.1 with random weights, written without the library that reads it.
+fn save_weights(path: &Path) {
+    let mut convolutions = vec![("features.0".to_owned(), [64, 3, 3])];
+    let fires = [(3, 64, 16, 64), (4, 128, 16, 64), (6, 128, 32, 128), (7, 256, 32, 128)];
+    let more = [(9, 256, 48, 192), (10, 384, 48, 192), (11, 384, 64, 256), (12, 512, 64, 256)];
+    for (index, inputs, squeezed, expanded) in fires.into_iter().chain(more) {
+        convolutions.push((format!("features.{index}.squeeze"), [squeezed, inputs, 1]));
+        convolutions.push((format!("features.{index}.expand1x1"), [expanded, squeezed, 1]));
+        convolutions.push((format!("features.{index}.expand3x3"), [expanded, squeezed, 3]));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let (mut header, mut data) = (json!({"__metadata__": {"lpips_backbone": "squeeze"}}), Vec::<u8>::new());
+    let mut add = |name: String, shape: &[usize], least: f32, most: f32| {
+        let start = data.len();
+        (0..shape.iter().product()).for_each(|_| data.extend(rng.random_range(least..most).to_le_bytes()));
+        header[name] = json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]});
+    };
+    for (name, [outputs, inputs, kernel]) in convolutions {
+        let most = (6.0 / (inputs * kernel * kernel) as f32).sqrt();
+        add(format!("{name}.weight"), &[outputs, inputs, kernel, kernel], -most, most);
+        add(format!("{name}.bias"), &[outputs], -0.1, 0.1);
+    }
+    for (tap, channels) in [64, 128, 256, 384, 384, 512, 512].into_iter().enumerate() {
+        add(format!("linear.{tap}"), &[channels], 0.0, 1.0);
+    }
+    let header = header.to_string().into_bytes();
+    std::fs::write(path, [&(header.len() as u64).to_le_bytes()[..], &header, &data].concat()).unwrap();
+}
+
+fn train(folder: &Path, out: &str, more: &[&str]) -> Output {
+    let options = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
+    run(TRAIN, folder, &[&options[..], more].concat())
+}
+
+fn evaluate(folder: &Path, out: &str, more: &[&str]) -> Output {
+    run(GHAND, folder, &[&["evaluate", "run/avatar.ghand", "--capture", "capture", "--out", out], more].concat())
+}
+
+fn metrics(folder: &Path, out: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(folder.join(out).join("metrics.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn lpips_is_a_figure_with_its_file_and_one_line_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    small_capture(&path.join("capture"));
+    save_weights(&path.join("squeeze.safetensors"));
+
+    let [said, told] = assert_trained(&train(path, "run", &["--lpips", "squeeze.safetensors"]));
+    assert!(said.contains("LPIPS: backbone `squeeze`, from squeeze.safetensors\n"), "{said}{told}");
+    assert!(said.contains("LPIPS (squeeze)\n"), "{said}");
+    let with = metrics(path, "run");
+    assert_eq!(with["lpips_backbone"], "squeeze");
+    for value in [&with["lpips"], &with["floor"]["lpips"]] {
+        assert!(value.as_f64().is_some_and(|value| value > 0.0), "{with}");
+    }
+
+    let [said, told] = assert_trained(&train(path, "without", &[]));
+    let lines = |text: &str| text.lines().filter(|line| line.contains("LPIPS")).count();
+    assert_eq!(lines(&said) + lines(&told), 1, "{said}{told}");
+    assert!(said.contains("LPIPS: off; --lpips FILE turns it on\n"), "{said}");
+    let without = metrics(path, "without");
+    assert!(without.get("lpips").is_none() && without.get("lpips_backbone").is_none(), "{without}");
+    assert!(without["floor"].get("lpips").is_none(), "{without}");
+    let avatar = |out: &str| std::fs::read(path.join(out).join("avatar.ghand")).unwrap();
+    assert!(avatar("run") != avatar("without"), "LPIPS has no effect on training");
+
+    let output = evaluate(path, "again", &["--lpips", "squeeze.safetensors"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && output.stderr.is_empty() && said.contains("LPIPS (squeeze)\n"), "{said}");
+    let again = metrics(path, "again");
+    assert_eq!([&again["lpips"], &again["floor"]["lpips"]], [&with["lpips"], &with["floor"]["lpips"]]);
+    let output = evaluate(path, "none", &[]);
+    assert!(output.status.success() && output.stderr.is_empty());
+    assert_eq!(lines(&String::from_utf8_lossy(&output.stdout)), 1);
+    assert!(metrics(path, "none").get("lpips").is_none());
+}
+
+#[test]
+fn an_unusable_file_of_weights_is_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    small_capture(&path.join("capture"));
+    assert_trained(&train(path, "run", &[]));
+    save_weights(&path.join("squeeze.safetensors"));
+    let bytes = std::fs::read(path.join("squeeze.safetensors")).unwrap();
+    std::fs::write(path.join("short.safetensors"), &bytes[..bytes.len() / 2]).unwrap();
+    for (file, problem) in [
+        ("missing.safetensors", "cannot read the LPIPS weights"),
+        ("short.safetensors", "truncated"),
+        ("run/avatar.ghand", "nor the tensors of AlexNet, VGG16 or SqueezeNet 1.1"),
+        ("capture/capture.json", "is not a safetensors file"),
+        ("capture", "it is a folder"),
+    ] {
+        assert_one_sentence(&train(path, "out", &["--lpips", file]), &["--lpips", file, problem]);
+        assert_one_sentence(&evaluate(path, "out", &["--lpips", file]), &["--lpips", file, problem]);
+        assert!(!path.join("out").exists());
+    }
+    let library = ["--poses", "library", "--lpips", "squeeze.safetensors"];
+    assert_one_sentence(&evaluate(path, "out", &library), &["--poses", "--lpips"]);
+}

@@ -1,0 +1,49 @@
+//! The programs, from the outside.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
+
+mod common;
+#[allow(dead_code, reason = "those of the workspace's tests; not all are used here")]
+#[path = "../../../../tests/tests/data_sets/fixtures.rs"]
+mod fixtures;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../../../tests/tests/data_sets/hand_appearance_files.rs"]
+mod hand_appearance_files;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../../../tests/tests/data_sets/interhand_files.rs"]
+mod interhand_files;
+#[path = "../../../ghand-hand-model/tests/support/mod.rs"]
+mod support;
+
+mod adapter;
+mod attack;
+mod bake;
+mod capture;
+mod data_sets;
+#[cfg(target_os = "linux")]
+mod device_loss;
+#[cfg(unix)]
+mod ends;
+#[cfg(target_os = "linux")]
+mod environment;
+mod evaluate;
+mod examples;
+mod explain;
+mod hand_models;
+mod inspect;
+mod live;
+mod lpips;
+mod options;
+mod own_inputs;
+mod pictures;
+mod render;
+#[cfg(unix)]
+mod resume;
+mod splat;
+mod train;
+#[cfg(unix)]
+mod train_run;
+mod viewer;
+#[cfg(target_os = "linux")]
+mod viewer_soak;
+#[cfg(target_os = "linux")]
+mod viewer_window;

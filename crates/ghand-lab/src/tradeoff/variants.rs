@@ -1,0 +1,139 @@
+//! The variants of avatars that are compared.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use ghand_avatar::{Avatar, AvatarConfig, Bake, PropertyTables};
+use ghand_capture::Capture;
+use ghand_core::Pose;
+use ghand_render::Gpu;
+use ghand_render::deform::baked::Precision;
+use ghand_render::splat::CutOffs;
+
+use ghand_app::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use ghand_app::quality::{Playback, RANK};
+use ghand_app::say;
+
+/// An avatar in one of its forms.
+pub struct Variant {
+    /// A name for people.
+    pub name: String,
+    /// What differs from the exact avatar: a knob.
+    pub knob: &'static str,
+    /// The avatar.
+    pub avatar: Arc<Avatar>,
+    /// The picture is drawn at this part of its width and height, and enlarged.
+    pub image_scale: f64,
+    /// What the splatter neglects.
+    pub cut_offs: CutOffs,
+    /// Size of its file, bytes.
+    pub bytes: usize,
+    /// How the first avatar is played so; `None` if presets cannot say it.
+    pub playback: Option<Playback>,
+}
+
+/// The knobs, in the order of legends.
+pub const KNOBS: [&str; 6] = ["exact", "baked", "precision", "antialias", "cut-offs", "image scale"];
+
+/// Parts of the blocks that baked variants keep.
+const KEPT: [(usize, usize); 5] = [(1, 1), (1, 4), (1, 16), (1, 64), (0, 1)];
+/// Most components of a joint.
+const RANKS: [usize; 2] = [RANK, 2];
+/// Image scales below 1.
+const SCALES: [f64; 2] = [0.75, 0.5];
+/// Coarser cut-offs of the splatter: 255ths of alpha, and bits of depth.
+const ALPHAS: [u32; 3] = [2, 4, 8];
+const DEPTH_BITS: [u32; 2] = [20, 10];
+
+/// A short name for the avatar of a file, unique among `count`.
+pub fn short_name(path: &Path, count: usize) -> String {
+    let name =
+        |part: Option<&std::ffi::OsStr>| part.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    // Avatars of runs are all called avatar.ghand.
+    let stem = name(path.file_stem());
+    let folder = path.parent().map(|folder| name(folder.file_name())).filter(|folder| !folder.is_empty());
+    match folder {
+        _ if count == 1 => String::new(),
+        Some(folder) if stem == "avatar" => folder,
+        _ => stem,
+    }
+}
+
+/// All variants of the avatars; of those that are baked already only what does not bake them.
+///
+/// # Errors
+/// An error if the poses are too few or the device failed.
+pub fn variants(
+    gpu: &Gpu,
+    avatars: &[(String, Avatar)],
+    poses: &PoseSetArgs,
+    capture: &Capture,
+    split: &str,
+) -> anyhow::Result<Vec<Variant>> {
+    let mut all = vec![];
+    for (number, (file, avatar)) in avatars.iter().enumerate() {
+        let exact = Arc::new(avatar.clone());
+        let mut add_cut =
+            |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>, cut_offs: CutOffs| {
+                let name = if file.is_empty() { text } else { format!("{file}: {text}") };
+                let image_scale = playback.map_or(1.0, |playback| playback.image_scale);
+                let (bytes, playback) = (avatar.file_size()?, playback.filter(|_| number == 0));
+                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, cut_offs, playback });
+                anyhow::Ok(())
+            };
+        let unbaked = |image_scale: f64| Some(Playback { kept: None, image_scale });
+        add_cut("exact".into(), "exact", &exact, unbaked(1.0), CutOffs::default())?;
+        for alpha in ALPHAS {
+            let cut_offs = CutOffs { alpha, ..CutOffs::default() };
+            add_cut(format!("alpha from {alpha}/255"), "cut-offs", &exact, None, cut_offs)?;
+        }
+        for depth_bits in DEPTH_BITS {
+            let cut_offs = CutOffs { depth_bits, ..CutOffs::default() };
+            add_cut(format!("{depth_bits} bits of depth"), "cut-offs", &exact, None, cut_offs)?;
+        }
+        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>| {
+            add_cut(text, knob, avatar, playback, CutOffs::default())
+        };
+        let antialias = !avatar.config.antialias;
+        let config = AvatarConfig { antialias, ..avatar.config.clone() };
+        let other = Arc::new(Avatar { config, ..avatar.clone() });
+        add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, None)?;
+        for scale in SCALES {
+            add(format!("image x {scale}"), "image scale", &exact, unbaked(scale))?;
+        }
+        if matches!(avatar.tables, PropertyTables::Baked(_)) {
+            continue;
+        }
+        let set = PoseSet::gather(poses, avatar, Some((capture, split)))?;
+        let fitted: Vec<Pose> = set.fitted.into_iter().map(|named| named.pose).collect();
+        for rank in RANKS {
+            say!("baking {file} with {rank} components a joint over {} poses", fitted.len());
+            let bake = Bake::new(gpu, avatar, &fitted, rank, |_| ())?;
+            let make = |keep: usize, precision: Precision| Arc::new(bake.avatar(keep, precision));
+            if rank != RANKS[0] {
+                add(format!("baked, rank {rank}"), "baked", &make(bake.blocks(), Precision::U8), None)?;
+                continue;
+            }
+            for (part, of) in KEPT {
+                let text = match (part, of) {
+                    (1, 1) => "baked, all".to_owned(),
+                    (0, _) => "baked, mean only".into(),
+                    _ => format!("baked, {part}/{of}"),
+                };
+                let kept = part as f64 / of as f64;
+                let baked = make((kept * bake.blocks() as f64).round() as usize, Precision::U8);
+                let playback = |image_scale: f64| Some(Playback { kept: Some(kept), image_scale });
+                add(text, "baked", &baked, playback(1.0))?;
+                if (part, of) == (1, 16) {
+                    for scale in SCALES {
+                        add(format!("baked, {part}/{of}, image x {scale}"), "image scale", &baked, playback(scale))?;
+                    }
+                }
+            }
+            for (name, precision) in [("f16", Precision::F16), ("f32", Precision::F32)] {
+                add(format!("baked, all, {name}"), "precision", &make(bake.blocks(), precision), None)?;
+            }
+        }
+    }
+    Ok(all)
+}
