@@ -6,15 +6,10 @@
 //! that is to be trained and saved implements the other methods, too, and is a variant of `PropertyTables`.
 
 use anyhow::Context;
-use ghand_app::framing::turntable;
-use ghand_avatar::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};
-use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_core::Side;
-use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::named_poses::named_pose;
-use ghand_render::deform::{Deformation, DeformationBackward, Properties};
-use ghand_render::splat::Purpose;
-use ghand_render::{AdapterChoice, Gpu, RenderError};
+use ghand::avatar::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};
+use ghand::prelude::*;
+use ghand::render::RenderError;
+use ghand::render::deform::{Deformation, DeformationBackward, Properties};
 
 /// Stripes along the model's y axis that move with every frame.
 struct Wave {

@@ -7,13 +7,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use ghand_app::framing::turntable;
-use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_core::Side;
-use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::named_poses::named_pose;
-use ghand_render::splat::Purpose;
-use ghand_render::{AdapterChoice, Gpu};
+use ghand::prelude::*;
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);

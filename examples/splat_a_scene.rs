@@ -6,11 +6,10 @@
 //! Writes `splats.png`: the splats before, the picture, and the splats after.
 
 use anyhow::Context;
-use ghand_core::Camera;
-use ghand_render::image_loss::{ImageLoss, LossWeights};
-use ghand_render::optimizer::{Adam, AdamUniforms, Grouping};
-use ghand_render::splat::{Image, SplatOptions, Splatter, View};
-use ghand_render::{AdapterChoice, Gpu};
+use ghand::prelude::*;
+use ghand::render::image_loss::{ImageLoss, LossWeights};
+use ghand::render::optimizer::{Adam, AdamUniforms, Grouping};
+use ghand::render::splat::{Image, SplatOptions, Splatter, View};
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 

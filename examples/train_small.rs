@@ -4,11 +4,9 @@
 //!
 //! `train` does the same with checks, figures and files around it; this is the part in the middle.
 
-use ghand_capture::Capture;
-use ghand_render::{AdapterChoice, Gpu};
-use ghand_synthetic::SyntheticOptions;
-use ghand_synthetic::make_capture::make_capture;
-use ghand_train::{TrainSettings, Trainer};
+use ghand::prelude::*;
+use ghand::synthetic::SyntheticOptions;
+use ghand::synthetic::make_capture::make_capture;
 
 fn main() -> anyhow::Result<()> {
     let gpu = Gpu::new(&AdapterChoice::from_env())?;

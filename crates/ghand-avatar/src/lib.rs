@@ -4,6 +4,7 @@
 pub mod avatar;
 pub mod bake;
 pub mod file;
+pub mod framing;
 mod kept;
 pub mod light;
 pub mod local_thickness;
@@ -13,6 +14,7 @@ pub mod posed_avatar;
 pub mod properties;
 pub mod reference;
 pub mod scene;
+pub mod scene_framing;
 mod seen;
 pub mod template;
 

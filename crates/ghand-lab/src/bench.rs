@@ -20,10 +20,10 @@ use ghand_render::Gpu;
 use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 
 use ghand_app::cli::{AdapterArgs, parse_count, parse_size};
-use ghand_app::framing::turntable;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
 use ghand_app::viewer::scene::read_suspicious;
+use ghand_avatar::framing::turntable;
 
 /// Options of `ghand-lab bench`.
 #[derive(Debug, Args)]

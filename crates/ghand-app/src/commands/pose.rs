@@ -18,7 +18,6 @@ use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
-use crate::framing::portrait;
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
 use crate::own_inputs::{OwnInputs, camera_file};
@@ -26,6 +25,7 @@ use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 use crate::sight::BlankPictures;
+use ghand_avatar::framing::portrait;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

@@ -12,7 +12,6 @@ use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
-use crate::framing::{orbit, posed_vertices, turntable};
 use crate::light_args::LightArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
 pub use crate::pictures::write_png;
@@ -22,6 +21,7 @@ use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
 use crate::sight::BlankPictures;
+use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

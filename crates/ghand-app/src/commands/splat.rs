@@ -23,9 +23,9 @@ use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
-use crate::scene_framing::{UpAxis, scene_turntable};
 use crate::sight::BlankPictures;
 use crate::viewer::scene::read_suspicious;
+use ghand_avatar::scene_framing::{UpAxis, scene_turntable};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

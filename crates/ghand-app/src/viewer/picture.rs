@@ -425,8 +425,8 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::bare_hand::{BareHand, studio_light};
-    use crate::framing::turntable;
     use crate::viewer::hand::tests::untrained_avatar;
+    use ghand_avatar::framing::turntable;
 
     /// The texture's pixels as red, green, blue and alpha.
     pub(crate) fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {

@@ -13,13 +13,13 @@ use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
-use crate::framing::posed_vertices;
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::light_args::LightArgs;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::Drawing;
 use crate::viewer::hand::{Hand, Look};
 use crate::viewer::scene::read_scene;
+use ghand_avatar::framing::posed_vertices;
 
 /// What the viewer shows.
 pub enum Subject {

@@ -9,12 +9,12 @@ use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use ghand_core::{HandModel, Pose};
 use ghand_render::{Gpu, RenderError};
 
-use crate::framing::posed_vertices;
 use crate::pictures::{Background, Picture};
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::picture::PictureInputs;
 use crate::viewer::subject_copy::SubjectCopy;
+use ghand_avatar::framing::posed_vertices;
 
 /// Edge of a picture, pixels: twice its points, for displays of high resolution.
 const EDGE: u32 = 112;

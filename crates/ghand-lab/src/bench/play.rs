@@ -10,9 +10,9 @@ use ghand_render::splat::Purpose;
 
 use super::{DEFAULT_SIZE, MotionArgs, Times, WARM_UP};
 use ghand_app::cli::AdapterArgs;
-use ghand_app::framing::turntable;
 use ghand_app::light_args::LightArgs;
 use ghand_app::say;
+use ghand_avatar::framing::turntable;
 
 #[derive(Debug, Args)]
 pub(super) struct PlayArgs {

@@ -13,9 +13,9 @@ use ghand_train::step::{Rates, Step};
 
 use super::{DEFAULT_SIZE, Times, resolution_for};
 use ghand_app::cli::{AdapterArgs, parse_count, parse_size};
-use ghand_app::framing::turntable;
 use ghand_app::say;
 use ghand_app::train_run::settings_args::SettingsArgs;
+use ghand_avatar::framing::turntable;
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {

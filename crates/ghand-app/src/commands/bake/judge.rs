@@ -12,7 +12,7 @@ use ghand_render::splat::{Purpose, band_rows};
 use serde::Serialize;
 
 use super::pose_set::NamedPose;
-use crate::framing::turntable;
+use ghand_avatar::framing::turntable;
 
 /// Without images of a capture, the avatar is taken to differ from such images by this, dB: what trained avatars reach on
 /// images that they have not seen.

@@ -12,7 +12,7 @@ use image::{Rgb, RgbImage};
 use super::pose_set::NamedPose;
 use crate::commands::explain::color_scale::{ColorScale, Colors};
 use crate::commands::explain::hand_painter::{Dots, HandPainter, palm_and_back};
-use crate::framing::turntable;
+use ghand_avatar::framing::turntable;
 
 const SIZE: [u32; 2] = [334, 512];
 /// Height of the line of text above the pictures, and size of its letters, pixels.

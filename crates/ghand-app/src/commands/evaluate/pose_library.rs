@@ -18,12 +18,12 @@ use serde::Serialize;
 use super::{DEFAULT_SPLIT, EvaluateArgs, check_joints};
 use crate::cli::AdapterArgs;
 use crate::commands::render::write_png;
-use crate::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
 use crate::pose_choice::pose_by_name;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
 use crate::train_run::run_folder::{CLEANLINESS_FILE, CLEANLINESS_SHEET, RunFolder};
+use ghand_avatar::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
 
 /// Views of each pose, evenly around the hand.
 const VIEWS: usize = 24;

@@ -8,7 +8,7 @@ use glam::DVec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 
-use crate::framing::turntable;
+use ghand_avatar::framing::turntable;
 
 /// Samples per pixel along each axis.
 const SUPERSAMPLE: u32 = 2;

@@ -145,7 +145,7 @@ impl Viewer {
         if let Subject::Hand(hand) = &mut self.subject {
             hand.pause();
             hand.pose.clone_from(pose);
-            middle = crate::framing::middle(&hand.posed_vertices());
+            middle = ghand_avatar::framing::middle(&hand.posed_vertices());
         }
         self.camera.show_calibrated(camera, camera.camera_from_world(middle).z);
     }

@@ -1,4 +1,5 @@
 //! The examples run and write the files that they announce.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 use std::path::PathBuf;
 use std::process::Command;

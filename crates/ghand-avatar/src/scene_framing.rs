@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::str::FromStr;
 
-use ghand_avatar::ply::SplatScene;
+use crate::ply::SplatScene;
 use ghand_core::Camera;
 use ghand_render::splat::NEAR;
 use glam::{DQuat, DVec2, DVec3};
@@ -116,7 +116,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use ghand_avatar::{Avatar, AvatarConfig};
+    use crate::{Avatar, AvatarConfig};
     use ghand_hand_model::procedural::ProceduralHand;
 
     use super::*;
