@@ -1,0 +1,119 @@
+//! Pictures as they were when they were last looked at: `tests/golden/*.png`, made on a CPU adapter.
+//!
+//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test golden` makes them anew; look at them before you commit them.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+
+use ghand_avatar::framing::turntable;
+use ghand_avatar::{Avatar, AvatarConfig, Scene};
+use ghand_core::Side;
+use ghand_hand_model::builtin::builtin_hand;
+use ghand_hand_model::named_poses::named_pose;
+use ghand_render::splat::Purpose;
+use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::make_capture::make_capture;
+use ghand_synthetic::{LightSetup, SyntheticOptions};
+use image::{Rgb, RgbImage};
+
+/// Values of 8 bits that all adapters and drivers agree to within; the part of a picture's values that may be farther off; and
+/// how far any may be.
+const CLOSE: u8 = 2;
+const FARTHER: f64 = 0.002;
+const FARTHEST: u8 = 24;
+
+const SIZE: [u32; 2] = [128, 128];
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("golden")
+}
+
+/// What is wrong with a picture.
+fn difference(picture: &RgbImage, golden: &RgbImage) -> Option<String> {
+    if picture.dimensions() != golden.dimensions() {
+        return Some(format!("has {:?} pixels, not {:?}", picture.dimensions(), golden.dimensions()));
+    }
+    let differences: Vec<u8> = picture.as_raw().iter().zip(golden.as_raw()).map(|(a, b)| a.abs_diff(*b)).collect();
+    let far = differences.iter().filter(|difference| **difference > CLOSE).count();
+    let farthest = differences.iter().copied().max().unwrap_or(0);
+    let is_other = far as f64 > FARTHER * differences.len() as f64 || farthest > FARTHEST;
+    is_other
+        .then(|| format!("{far} of {} values differ by more than {CLOSE}, by {farthest} at most", differences.len()))
+}
+
+fn check(name: &str, picture: &RgbImage) {
+    let file = folder().join(format!("{name}.png"));
+    if std::env::var_os("GHAND_UPDATE_GOLDEN").is_some() {
+        picture.save(&file).unwrap();
+    }
+    let golden = image::open(&file).unwrap().into_rgb8();
+    if let Some(difference) = difference(picture, &golden) {
+        let made = std::env::temp_dir().join(format!("{name}.png"));
+        picture.save(&made).unwrap();
+        panic!("{name}: {difference}; compare {} with {}", made.display(), file.display());
+    }
+}
+
+/// The built-in hand with stripes of colour, so that what goes where is seen.
+fn striped(side: Side, config: AvatarConfig) -> Avatar {
+    let hand = builtin_hand(side).unwrap();
+    let mut avatar = Avatar::untrained(&hand, &config, [0.8, 0.6, 0.5], 0).unwrap();
+    let stripe = |i: usize| [0.0, 2.0, 4.0].map(|phase| 0.55 + 0.35 * (i as f64 * 0.02 + phase).sin());
+    avatar.tables.set_constant_colors(&(0..avatar.template.len()).map(stripe).collect::<Vec<_>>());
+    avatar
+}
+
+fn drawn(gpu: &Gpu, avatar: &Avatar, pose: &str, view: usize) -> RgbImage {
+    let pose = named_pose(pose, &avatar.model).unwrap();
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, SIZE).unwrap();
+    scene.set_pose(gpu, 0, 0, &pose).unwrap();
+    let cameras = turntable(&avatar.model, &[&pose], 4, SIZE);
+    let image = scene.render(gpu, 0, &cameras[0][view], [0.1, 0.2, 0.4]).unwrap();
+    RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| {
+        let pixel = image.rgba[(y * SIZE[0] + x) as usize];
+        Rgb([0, 1, 2].map(|c| (pixel[c].clamp(0.0, 1.0) * 255.0).round() as u8))
+    })
+}
+
+#[test]
+fn avatars_are_drawn_as_before() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let config = AvatarConfig { antialias: true, uv_resolution: 96, ..AvatarConfig::default() };
+    let right = striped(Side::Right, config.clone());
+    check("right-fist", &drawn(&gpu, &right, "fist", 0));
+    check("right-point-from-behind", &drawn(&gpu, &right, "point", 2));
+    check("left-spread", &drawn(&gpu, &striped(Side::Left, config), "spread", 0));
+    check("right-round-aliased", &drawn(&gpu, &striped(Side::Right, AvatarConfig::default()), "pinch", 1));
+}
+
+#[test]
+fn synthetic_captures_are_drawn_as_before() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let options = SyntheticOptions {
+        views: 1,
+        train_frames: 1,
+        test_frames: 0,
+        width: 96,
+        height: 144,
+        identity: 4,
+        light: LightSetup::Side,
+        ..SyntheticOptions::default()
+    };
+    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
+    let capture = ghand_capture::Capture::open(&folder.path().join("capture")).unwrap();
+    let image = image::open(capture.image_file(0, 0).unwrap()).unwrap().into_rgb8();
+    check("synthetic-side-light", &image);
+}
+
+#[test]
+fn another_picture_is_found() {
+    let golden = RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 90]));
+    assert_eq!(difference(&golden, &golden), None);
+    let brighter = RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8 + 3, y as u8, 90]));
+    let mut spot = golden.clone();
+    spot.put_pixel(5, 5, Rgb([255, 0, 0]));
+    for wrong in [brighter, spot, RgbImage::new(63, 64)] {
+        assert!(difference(&wrong, &golden).is_some());
+    }
+}
