@@ -1,10 +1,7 @@
 //! The image losses on the device against their f64 twin.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-mod common;
-
-use common::{gpu, rng};
+use crate::common::{gpu, rng};
 use ghand_render::Gpu;
 use ghand_render::buffers;
 use ghand_render::image_loss::{ImageLoss, LossWeights};

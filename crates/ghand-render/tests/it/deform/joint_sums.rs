@@ -3,8 +3,8 @@
 use ghand_render::buffers;
 use ghand_render::deform::{JointSums, weight_table};
 
-use crate::hand::assert_same;
-use crate::hand::{gpu, kinds, random, widen};
+use crate::deform::hand::assert_same;
+use crate::deform::hand::{gpu, kinds, random, widen};
 
 #[test]
 fn sums_of_products_equal_those_of_the_twin() {

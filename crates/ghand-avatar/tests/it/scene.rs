@@ -1,9 +1,6 @@
 //! Scenes of several avatars.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{COUNT, JOINTS, random, random_avatar};
+use crate::common::{COUNT, JOINTS, random, random_avatar};
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
 use ghand_core::Pose;
 use ghand_render::splat::Purpose;

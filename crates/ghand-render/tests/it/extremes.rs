@@ -1,10 +1,7 @@
 //! The splatter with extreme inputs, against its f64 twin.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use ghand_core::Camera;
 use ghand_render::Tier;
 use ghand_render::reference::project::{Color, Gaussian};

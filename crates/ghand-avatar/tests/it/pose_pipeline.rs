@@ -1,10 +1,7 @@
 //! The pose pipeline on the device, forward and backward, against the f64 mathematics of `ghand-core`.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-mod common;
-
-use common::{COUNT, JOINTS, random, random_avatar, tables_of};
+use crate::common::{COUNT, JOINTS, random, random_avatar, tables_of};
 use ghand_avatar::reference::{DirectTwin, PosedGaussians};
 use ghand_avatar::{Avatar, AvatarConfig, PropertyTables, Scene};
 use ghand_core::Pose;

@@ -1,10 +1,7 @@
 //! Pictures rendered in pieces equal those rendered at once.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::meshes::{compare, lights, lines, torus};
-use common::*;
+use crate::common::meshes::{compare, lights, lines, torus};
+use crate::common::*;
 use ghand_core::Camera;
 use ghand_render::mesh::{MeshImage, MeshRenderer};
 use ghand_render::splat::{Image, Purpose, SplatModel, SplatOptions, Splatter, View, band_rows};

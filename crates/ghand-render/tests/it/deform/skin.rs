@@ -4,7 +4,7 @@ use ghand_core::skeleton::Affine;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
 use glam::DVec3;
 
-use crate::hand::{COUNT, JOINTS, PLACE, Run, assert_same, planes};
+use crate::deform::hand::{COUNT, JOINTS, PLACE, Run, assert_same, planes};
 
 /// Skinning by the device's bones: the mean or translation is already subtracted from the residual ones, and
 /// subtracting it again changes nothing.

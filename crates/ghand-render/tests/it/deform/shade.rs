@@ -4,7 +4,7 @@ use ghand_core::light::{self, lit, lit_vjp};
 use ghand_render::deform::{CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, LitSurface};
 use ghand_render::{RenderError, buffers};
 
-use crate::hand::{COUNT, PLACE, gpu, norm, random, widen};
+use crate::deform::hand::{COUNT, PLACE, gpu, norm, random, widen};
 
 const VERTICES: usize = 50;
 

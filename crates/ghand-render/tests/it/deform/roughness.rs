@@ -4,7 +4,7 @@ use ghand_render::buffers;
 use ghand_render::reference::roughness::{add_roughness, roughness};
 use ghand_render::roughness::Roughness;
 
-use crate::hand::{assert_same, gpu, kinds, random, widen};
+use crate::deform::hand::{assert_same, gpu, kinds, random, widen};
 
 const COUNT: usize = 100;
 const ROWS: usize = 3;

@@ -5,7 +5,7 @@ use ghand_render::buffers;
 use ghand_render::deform::LocalWeights;
 use ghand_render::pipeline::compute_pass;
 
-use crate::hand::{assert_same, gpu, kinds, random, widen};
+use crate::deform::hand::{assert_same, gpu, kinds, random, widen};
 
 const COUNT: usize = 130;
 const JOINTS: usize = 5;

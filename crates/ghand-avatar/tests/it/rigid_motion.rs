@@ -1,12 +1,9 @@
 //! Rotating and translating the whole hand moves it rigidly.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
-
-mod common;
 
 use std::f64::consts::TAU;
 
-use common::{COUNT, JOINTS, random, random_avatar};
+use crate::common::{COUNT, JOINTS, random, random_avatar};
 use ghand_avatar::{AvatarConfig, Scene};
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;

@@ -1,7 +1,4 @@
 //! Baked avatars: the device against its twin, the fit against the avatar that was baked, files and limits.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
-
-mod common;
 
 use ghand_avatar::bake::FEWEST_POSES;
 use ghand_avatar::{Avatar, AvatarConfig, AvatarFileError, Bake, BakeError, GaussianShape, PropertyTables, Scene};
@@ -13,7 +10,7 @@ use ghand_render::{AdapterChoice, Gpu};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
-use common::{JOINTS, random, random_avatar};
+use crate::common::{JOINTS, random, random_avatar};
 
 const PRECISIONS: [Precision; 3] = [Precision::F32, Precision::F16, Precision::U8];
 

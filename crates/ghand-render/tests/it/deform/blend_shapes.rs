@@ -3,7 +3,7 @@
 use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
 use ghand_render::deform::CoefficientLayout;
 
-use crate::hand::{COUNT, Run, assert_same, planes};
+use crate::deform::hand::{COUNT, Run, assert_same, planes};
 
 #[test]
 fn offsets_and_points_equal_those_of_the_twin() {

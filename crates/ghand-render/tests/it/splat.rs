@@ -1,9 +1,6 @@
 //! The splatter on the device against its f64 twin.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use ghand_core::Camera;
 use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::surface::sample_surface;

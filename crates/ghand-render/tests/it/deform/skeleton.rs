@@ -5,7 +5,7 @@ use ghand_core::skeleton::{pose_skeleton, pose_skeleton_vjp, rotations_vjp};
 use ghand_core::skinning::ResidualWeights;
 use glam::DVec3;
 
-use crate::hand::{PARENTS, Run, assert_near, assert_same, norm};
+use crate::deform::hand::{PARENTS, Run, assert_near, assert_same, norm};
 
 #[test]
 fn the_chain_equals_that_of_its_twin() {
@@ -40,7 +40,7 @@ fn gradients_of_joints_and_pose_equal_those_of_their_twins() {
 
 /// Gradients of the residual chain, from the device's moments.
 fn residual_gradients(run: &Run) -> ghand_core::skeleton::ChainGradients {
-    let d_bones = crate::residual_skeleton::d_residual_bones(run);
+    let d_bones = crate::deform::residual_skeleton::d_residual_bones(run);
     let chain = run.exact_residual_chain();
     pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones, &[])
 }
@@ -48,8 +48,8 @@ fn residual_gradients(run: &Run) -> ghand_core::skeleton::ChainGradients {
 /// The two kinds of residual weights are different maps.
 #[test]
 fn kinds_of_residual_weights_differ() {
-    let gpu = crate::hand::gpu();
-    let kinds = crate::hand::kinds();
+    let gpu = crate::deform::hand::gpu();
+    let kinds = crate::deform::hand::kinds();
     let of = |weights| {
         let kind = kinds.iter().find(|k| k.weights == weights && k.angle > 1.0).unwrap();
         Run::new(&gpu, *kind).table

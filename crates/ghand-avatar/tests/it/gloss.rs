@@ -1,5 +1,4 @@
 //! Avatars with gloss, and with flat Gaussians, in a scene.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use ghand_avatar::light::Gloss;
 use ghand_avatar::{Avatar, AvatarConfig, AvatarLight, GaussianShape, Light, Scene};

@@ -1,12 +1,9 @@
 //! Devices that are lost, run out of memory, or reject a shader.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
-
-mod common;
 
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use common::*;
+use crate::common::*;
 use ghand_core::mesh::Texture;
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};

@@ -5,7 +5,7 @@ use ghand_core::skeleton::{Affine, pose_skeleton_vjp};
 use ghand_core::skinning::ResidualWeights;
 use glam::DVec3;
 
-use crate::hand::{JOINTS, PARENTS, Run, assert_near, assert_same, norm};
+use crate::deform::hand::{JOINTS, PARENTS, Run, assert_near, assert_same, norm};
 
 /// The residual bones as input of skinning: without their mean, or without the root's translation.
 fn effective(run: &Run, bones: &[Affine]) -> Vec<Affine> {

@@ -3,7 +3,7 @@
 use ghand_render::penalty::Penalty;
 use ghand_render::{buffers, reference};
 
-use crate::hand::{assert_same, gpu, kinds, random, widen};
+use crate::deform::hand::{assert_same, gpu, kinds, random, widen};
 
 #[test]
 fn a_penalty_is_added_only_to_the_first_gradients() {

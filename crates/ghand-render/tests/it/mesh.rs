@@ -1,9 +1,7 @@
 //! The mesh rasteriser's faces on the device against their twin; lines are in `wireframe.rs`.
 
-mod common;
-
-use common::gpu;
-use common::meshes::{Model, at_pixel, camera, camera_inside, compare, covered, faces, lights, lines, torus};
+use crate::common::gpu;
+use crate::common::meshes::{Model, at_pixel, camera, camera_inside, compare, covered, faces, lights, lines, torus};
 use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use ghand_render::mesh::weights::{joint_heat, joint_mix};
@@ -104,14 +102,14 @@ fn pixel_centres_are_where_the_camera_projects_them() {
 
 #[test]
 fn a_mesh_is_in_front_of_or_behind_splats_by_the_splatters_depth() {
-    let (gpu, camera) = (gpu(), common::camera(64, 48));
+    let (gpu, camera) = (gpu(), crate::common::camera(64, 48));
     let model = SplatModel::default();
     // One opaque ball, some pixels wide, in the middle of the picture at 0.8 m.
     let ball = Gaussian::round(at_pixel(&camera, 32.0, 24.0, 0.8), 0.03, 1.0, DVec3::new(0.9, 0.8, 0.1));
-    let table = common::table(&[ball], &model);
-    let splats = common::render_table(&gpu, model, &table, &camera, 1.0, &vec![[0.0; 4]; 64 * 48]);
+    let table = crate::common::table(&[ball], &model);
+    let splats = crate::common::render_table(&gpu, model, &table, &camera, 1.0, &vec![[0.0; 4]; 64 * 48]);
     let image = Image { width: 64, height: 48, rgba: splats.image };
-    let layer = SplatLayer { image: &image, depths: &splats.depths, background: common::BACKGROUND };
+    let layer = SplatLayer { image: &image, depths: &splats.depths, background: crate::common::BACKGROUND };
     let renderer = MeshRenderer::new(&gpu).unwrap();
     let middle = 24 * 64 + 32;
     for (depth, mesh_is_seen) in [(0.7, true), (0.9, false)] {

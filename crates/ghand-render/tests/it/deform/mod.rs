@@ -1,5 +1,4 @@
 //! Each stage of the deformation on the device against its f64 twin, which gets the device's inputs of that stage.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 mod blend_shapes;

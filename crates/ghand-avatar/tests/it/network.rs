@@ -1,5 +1,4 @@
 //! Avatars of networks on the device.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_avatar::properties::network::Normalization;

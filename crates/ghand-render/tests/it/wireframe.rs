@@ -1,13 +1,9 @@
 //! The mesh rasteriser's lines: compared with their twin, and tests of their properties.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
-
-mod common;
-
 use std::sync::LazyLock;
 
-use common::gpu;
-use common::meshes::{Model, at_pixel, camera, camera_inside, compare, covered, lights, lines, torus};
+use crate::common::gpu;
+use crate::common::meshes::{Model, at_pixel, camera, camera_inside, compare, covered, lights, lines, torus};
 use ghand_core::Camera;
 use ghand_render::mesh::{MeshImage, MeshRenderer, MeshStyle, Shading, Wireframe};
 use ghand_render::reference::mesh::render;

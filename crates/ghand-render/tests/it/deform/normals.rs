@@ -2,8 +2,8 @@
 
 use ghand_core::skinning::skin_normals;
 
-use crate::hand::{Run, assert_same};
-use crate::skin::skinning;
+use crate::deform::hand::{Run, assert_same};
+use crate::deform::skin::skinning;
 
 #[test]
 fn posed_normals_are_those_of_the_twin() {

@@ -1,9 +1,6 @@
 //! What the splatter neglects if it is told to.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::splat::{CutOffs, SplatModel};
 use glam::DVec3;

@@ -1,5 +1,4 @@
 //! Avatar files of networks: read as written, and damaged ones rejected in one sentence.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,0 +1,12 @@
+//! Avatars on the device: models, light, scenes, files.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
+
+mod common;
+
+mod baked;
+mod gloss;
+mod network;
+mod network_file;
+mod pose_pipeline;
+mod rigid_motion;
+mod scene;

@@ -1,0 +1,15 @@
+//! Every stage on the device against its twin.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
+
+mod common;
+
+mod bands;
+mod cut_offs;
+mod deform;
+mod device_loss;
+mod extremes;
+mod image_loss;
+mod mesh;
+mod optimizer;
+mod splat;
+mod wireframe;
