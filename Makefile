@@ -28,7 +28,7 @@ test: setup ## Run all tests
 	mkdir -p "$$(dirname "$$GHAND_SKIPPED_TESTS")"; \
 	: >"$$GHAND_SKIPPED_TESTS"; \
 	status=0; \
-	cargo test --workspace || status=$$?; \
+	cargo test --workspace --features networks || status=$$?; \
 	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
 	exit $$status
 
@@ -37,4 +37,5 @@ viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 
 check: ## Formatting and lints
 	@cargo fmt --all --check
+	@cargo clippy --workspace --all-targets -- -D warnings
 	@cargo clippy --workspace --all-targets --features gpu-networks -- -D warnings

@@ -86,7 +86,9 @@ hashes_of() {
     else
         list="$work/working-tree.txt"
     fi
-    (cd "$tree" && cargo build --quiet --workspace --bins) >&2
+    local features=()
+    grep -q '^networks = ' "$tree/crates/ghand-app/Cargo.toml" && features=(--features networks)
+    (cd "$tree" && cargo build --quiet --workspace --bins "${features[@]}") >&2
     mkdir -p "$work/bin-$name" "$work/out-$name" "$(dirname "$list")"
     cp "$target/debug/train" "$target/debug/ghand" "$work/bin-$name/"
     [ "$tree" = . ] || git worktree remove --force "$tree"

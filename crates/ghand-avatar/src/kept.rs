@@ -48,6 +48,7 @@ mod tests {
 
     use super::*;
     use crate::light::Light;
+    #[cfg(feature = "networks")]
     use crate::properties::network::NetworkSizes;
     use crate::template::{AvatarConfig, GaussianShape};
 
@@ -90,6 +91,7 @@ mod tests {
         assert_eq!(light.barycentric, left.iter().map(|p| whole.barycentric[*p]).collect::<Vec<_>>());
     }
 
+    #[cfg(feature = "networks")]
     #[test]
     fn networks_keep_all_their_gaussians() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();

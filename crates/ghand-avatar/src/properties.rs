@@ -10,6 +10,10 @@
 
 pub mod baked;
 pub mod direct;
+#[cfg(feature = "networks")]
+pub mod network;
+#[cfg(not(feature = "networks"))]
+#[path = "properties/no_network.rs"]
 pub mod network;
 
 use ghand_core::HandModel;
@@ -20,7 +24,7 @@ use glam::DVec3;
 use crate::template::{AvatarConfig, Template};
 use baked::{BakedModel, BakedTables};
 use direct::{DirectModel, DirectTables};
-use network::{NetworkModel, NetworkTables};
+use network::NetworkTables;
 
 /// The learned tables of a property model.
 #[derive(Debug, Clone, PartialEq)]
@@ -271,9 +275,7 @@ impl PropertyTables {
     ) -> Result<Box<dyn PropertyModel>, RenderError> {
         Ok(match self {
             PropertyTables::Direct(tables) => Box::new(DirectModel::new(gpu, template, config, tables, deformation)),
-            PropertyTables::Network(tables) => {
-                Box::new(NetworkModel::new(gpu, model, template, config, tables, deformation)?)
-            }
+            PropertyTables::Network(tables) => network::on_device(gpu, model, template, config, tables, deformation)?,
             PropertyTables::Baked(tables) => Box::new(BakedModel::new(tables)),
         })
     }

@@ -2,12 +2,15 @@
 //! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks; light apart from skin is not in
 //! it.
 
+#[cfg(feature = "networks")]
 pub(crate) mod network;
 
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
-use ghand_core::skinning::{ResidualSupport, Skinning, skin_normals};
+#[cfg(feature = "networks")]
+use ghand_core::skinning::ResidualSupport;
+use ghand_core::skinning::{Skinning, skin_normals};
 use ghand_hand_model::HandModelError;
 use ghand_render::deform::CoefficientLayout;
 use ghand_render::deform::baked::BakedTables;
@@ -18,7 +21,9 @@ use glam::{DQuat, DVec3, DVec4};
 use crate::avatar::Avatar;
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
-use crate::properties::network::{NetworkTables, PositionMap, gaussian_uvs};
+use crate::properties::network::NetworkTables;
+#[cfg(feature = "networks")]
+use crate::properties::network::{PositionMap, gaussian_uvs};
 use crate::template::{AvatarConfig, GaussianShape};
 
 /// Posed Gaussians, N of each part.
@@ -108,6 +113,16 @@ pub fn pose_baked(avatar: &Avatar, tables: &BakedTables, pose: &Pose) -> PosedGa
 ///
 /// # Errors
 /// [`HandModelError`] if the hand model has no usable UV atlas.
+#[cfg(not(feature = "networks"))]
+pub fn pose_network(_: &Avatar, tables: &NetworkTables, _: &Pose) -> Result<PosedGaussians, HandModelError> {
+    tables.never()
+}
+
+/// A network avatar's Gaussians in a pose.
+///
+/// # Errors
+/// [`HandModelError`] if the hand model has no usable UV atlas.
+#[cfg(feature = "networks")]
 pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Result<PosedGaussians, HandModelError> {
     let Avatar { template, config, model, .. } = avatar;
     let count = template.len();

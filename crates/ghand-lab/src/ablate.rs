@@ -123,6 +123,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.settings.are_only_printed(&settings) {
         return Ok(());
     }
+    arms.iter().try_for_each(|arm| arm.settings(&settings).check_build())?;
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     refuse_capture_folder("--out", &args.out, path)?;
     let _claim = Claim::folder(&args.out)?;

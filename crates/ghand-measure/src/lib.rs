@@ -5,6 +5,10 @@ pub mod cleanliness_sheet;
 pub mod error_bands;
 pub mod flip;
 pub mod hand_box;
+#[cfg(feature = "networks")]
+pub mod lpips;
+#[cfg(not(feature = "networks"))]
+#[path = "no_lpips.rs"]
 pub mod lpips;
 pub mod metrics;
 pub mod outline;

@@ -337,6 +337,19 @@ impl TrainSettings {
         }
     }
 
+    /// Whether this program was built with what the settings need.
+    ///
+    /// # Errors
+    /// [`SettingsError`] names the setting, and the feature that the program lacks.
+    pub fn check_build(&self) -> Result<(), SettingsError> {
+        if self.model == Model::Network && cfg!(not(feature = "networks")) {
+            let problem = "network is not in this program; build it with networks, for example `cargo run \
+                           --features networks --bin train`, or set model=direct";
+            return Err(SettingsError { setting: "model".into(), problem: problem.into() });
+        }
+        Ok(())
+    }
+
     /// Checks ranges.
     ///
     /// # Errors

@@ -204,6 +204,7 @@ impl<'a> Trainer<'a> {
         settings: &TrainSettings,
     ) -> Result<Trainer<'a>, TrainError> {
         settings.check()?;
+        settings.check_build()?;
         let split: Split = capture.split(split_name)?.clone();
         let empty = [
             ("cameras", split.cameras.is_empty()),

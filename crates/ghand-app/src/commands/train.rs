@@ -235,6 +235,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.settings.are_only_printed(&args.settings()?) {
         return Ok(());
     }
+    args.settings()?.check_build()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     if let (Some(out), Some(capture), false) = (&args.out, &args.capture.capture, args.force) {

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar};
-use ghand_avatar::{Avatar, AvatarConfig, NetworkSizes, PropertyTables};
+#[cfg(feature = "networks")]
+use ghand_avatar::NetworkSizes;
+use ghand_avatar::{Avatar, AvatarConfig, PropertyTables};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_hand_model::procedural::ProceduralHand;
@@ -128,6 +130,7 @@ fn an_avatar_without_residual_terms_says_so_and_has_no_such_pictures() {
     assert!(names.iter().all(|name| !name.contains("residual") && !name.contains("skinning")), "{names:?}");
 }
 
+#[cfg(feature = "networks")]
 #[test]
 fn networks_with_three_numbers_per_coefficient_and_poses_of_a_motion_are_explained() {
     let folder = tempfile::tempdir().unwrap();

@@ -30,6 +30,7 @@ mod explain;
 mod hand_models;
 mod inspect;
 mod live;
+#[cfg(feature = "networks")]
 mod lpips;
 mod options;
 mod own_inputs;

@@ -8,5 +8,7 @@ mod unseen;
 
 pub use device::{DirectModel, ResponseUniforms};
 pub use response_limits::RESPONSE_MARGIN;
+pub(super) use tables::bytes_per_gaussian;
+#[cfg(feature = "networks")]
+pub(super) use tables::set_color_logits;
 pub use tables::{DirectTables, no_limits, table_lengths};
-pub(super) use tables::{bytes_per_gaussian, set_color_logits};

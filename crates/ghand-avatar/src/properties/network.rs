@@ -33,3 +33,22 @@ pub(crate) use position_map::{PositionMap, gaussian_uvs};
 pub use sizes::{Activation, NetworkSizes, Normalization};
 pub use tables::NetworkTables;
 pub(super) use tables::bytes_per_gaussian;
+
+use ghand_core::HandModel;
+use ghand_render::deform::Deformation;
+use ghand_render::{Gpu, RenderError};
+
+use super::PropertyModel;
+use crate::template::{AvatarConfig, Template};
+
+/// Puts the networks on the device.
+pub(super) fn on_device(
+    gpu: &Gpu,
+    model: &HandModel,
+    template: &Template,
+    config: &AvatarConfig,
+    tables: &NetworkTables,
+    deformation: &Deformation,
+) -> Result<Box<dyn PropertyModel>, RenderError> {
+    Ok(Box::new(NetworkModel::new(gpu, model, template, config, tables, deformation)?))
+}

@@ -5,7 +5,9 @@ mod common;
 
 mod baked;
 mod gloss;
+#[cfg(feature = "networks")]
 mod network;
+#[cfg(feature = "networks")]
 mod network_file;
 mod pose_pipeline;
 mod rigid_motion;

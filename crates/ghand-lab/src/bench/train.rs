@@ -65,6 +65,7 @@ pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()>
     if args.settings.are_only_printed(&settings) {
         return Ok(());
     }
+    settings.check_build()?;
     let gpu = adapter.open()?;
     let avatar = Avatar::untrained(&model, &settings.avatar(), [0.8, 0.6, 0.5], settings.seed)?;
     let poses = [Pose::rest(model.joint_count())];

@@ -490,6 +490,7 @@ mod tests {
         assert!(wrong > BOUNDS[0], "nothing is compared: {wrong}");
     }
 
+    #[cfg(feature = "networks")]
     #[test]
     fn a_hand_of_networks_is_compared_with_its_twin() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));

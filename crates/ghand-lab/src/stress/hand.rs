@@ -228,7 +228,7 @@ impl Hand {
             other => other,
         };
         let mut model = Model::Direct;
-        if matches!(kind, HandKind::Human | HandKind::Lit) && of_light.chance(0.4) {
+        if matches!(kind, HandKind::Human | HandKind::Lit) && of_light.chance(0.4) && cfg!(feature = "networks") {
             avatar = network(&mut of_light, &avatar)?;
             model = Model::Network;
         }

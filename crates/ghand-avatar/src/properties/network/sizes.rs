@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::unet::LEVELS;
+/// Number of times that the side of the map is halved.
+pub(super) const LEVELS: usize = 5;
 
 /// How the encoders normalise their channels, each over the texels of its map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,6 +83,9 @@ impl NetworkSizes {
     /// # Errors
     /// One sentence about the first size out of range.
     pub fn check(&self) -> Result<(), String> {
+        if cfg!(not(feature = "networks")) {
+            return Err("this program was built without networks; build it with `--features networks`".into());
+        }
         let step = 1 << LEVELS;
         if self.map_side == 0 || self.map_side > 256 || !self.map_side.is_multiple_of(step) {
             return Err(format!("map_side is {}; it must be a multiple of {step} up to 256", self.map_side));

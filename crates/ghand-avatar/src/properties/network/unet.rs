@@ -4,9 +4,8 @@ use burn_tensor::{Tensor, activation};
 
 use super::layers::{Conv, ConvTransposed, Norm, Pass};
 use super::parameters::{ParameterList, Part};
+use super::sizes::LEVELS;
 
-/// Number of times that the side of the map is halved.
-pub(super) const LEVELS: usize = 5;
 /// Slope of the activation on the way down, for negative values.
 pub(super) const LEAK: f64 = 0.2;
 
