@@ -1,5 +1,5 @@
 //! The networks on the host: what they cost whenever a hand moves, and in a training step with one view.
-//! `cargo bench --workspace --profile dev --bench network`
+//! `cargo bench --workspace --features networks --profile dev --bench network`
 #![allow(
     clippy::unwrap_used,
     missing_docs,

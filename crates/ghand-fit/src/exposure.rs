@@ -13,7 +13,7 @@ use crate::texel_frames::{TexelFrames, TexelImage};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExposureChoice {
-    /// Corrected if cameras agree better with it in frames left out: [`ghand_fit::exposure`].
+    /// Corrected if cameras agree better with it in frames left out: [`crate::exposure`].
     #[default]
     Auto,
     /// Each camera's images are corrected.

@@ -36,7 +36,7 @@ pub use gloss::GlossFit;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightChoice {
-    /// As frames that the fit has not seen require: [`ghand_fit::light_fit`].
+    /// As frames that the fit has not seen require: [`crate::light_fit`].
     #[default]
     Auto,
     /// Light from directions, with shadows.
@@ -51,7 +51,7 @@ pub enum LightChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GlossChoice {
-    /// If it explains how the images of frames left out differ: [`ghand_fit::light_fit`].
+    /// If it explains how the images of frames left out differ: [`crate::light_fit`].
     #[default]
     Auto,
     /// Wherever light comes from directions.

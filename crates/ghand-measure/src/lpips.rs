@@ -8,6 +8,7 @@
 mod backbone;
 mod head;
 mod network;
+mod pair;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -15,6 +16,7 @@ mod weights;
 use std::path::Path;
 
 pub use backbone::Backbone;
+pub use pair::{LpipsError, Pair};
 pub use weights::LpipsFileError;
 
 use burn_tensor::Tensor;
@@ -23,39 +25,6 @@ use head::Comparison;
 use network::{Network, values};
 use weights::Weights;
 
-/// Why two pictures could not be compared.
-#[derive(Debug, thiserror::Error)]
-pub enum LpipsError {
-    /// A picture has fewer or more pixels than its size says.
-    #[error("a picture of {width} x {height} pixels for LPIPS has {pixels} values")]
-    Size {
-        /// Width, pixels.
-        width: usize,
-        /// Height, pixels.
-        height: usize,
-        /// Number of pixels there are.
-        pixels: usize,
-    },
-    /// A picture is smaller than the backbone can process.
-    #[error(
-        "LPIPS needs at least {smallest} x {smallest} pixels with the backbone `{backbone}`, but the image has {width} x \
-         {height}; use larger images or omit --lpips"
-    )]
-    TooSmall {
-        /// Width, pixels.
-        width: u32,
-        /// Height, pixels.
-        height: u32,
-        /// Smallest side, pixels.
-        smallest: usize,
-        /// The backbone.
-        backbone: Backbone,
-    },
-    /// A tensor could not be read.
-    #[error("the LPIPS network failed: {0}")]
-    Tensor(String),
-}
-
 /// A backbone with its linear layers.
 #[derive(Debug)]
 pub struct Lpips {
@@ -63,17 +32,6 @@ pub struct Lpips {
     network: Network,
     /// A weight per channel of each compared layer.
     linear: Vec<Vec<f32>>,
-}
-
-/// Two pictures of the same size, row-major, as display values in `[0, 1]`.
-#[derive(Debug, Clone, Copy)]
-pub struct Pair<'a> {
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// The picture.
-    pub picture: &'a [[f32; 3]],
-    /// What it is compared with.
-    pub truth: &'a [[f32; 3]],
 }
 
 impl Lpips {
