@@ -6,10 +6,10 @@
 //! that is to be trained and saved implements the other methods, too, and is a variant of `PropertyTables`.
 
 use anyhow::Context;
+use ghand::avatar::deform::{Deformation, DeformationBackward, Properties};
 use ghand::avatar::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};
 use ghand::prelude::*;
 use ghand::render::RenderError;
-use ghand::render::deform::{Deformation, DeformationBackward, Properties};
 
 /// Stripes along the model's y axis that move with every frame.
 struct Wave {

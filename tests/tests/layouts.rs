@@ -4,11 +4,11 @@
 
 use std::collections::BTreeMap;
 
-use ghand_avatar::properties::direct::ResponseUniforms;
-use ghand_render::deform::baked::BakedUniforms;
-use ghand_render::deform::{
+use ghand_avatar::deform::baked::{BakedUniforms, GROUP, SMALLEST_SCALE};
+use ghand_avatar::deform::{
     BLOCK, CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms,
 };
+use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
@@ -241,9 +241,10 @@ fn constants_that_shaders_and_host_code_share_are_equal() {
         ("joint_sums", "STRANDS", JointSums::STRANDS as u32),
         ("skin", "BLOCK", BLOCK as u32),
     ];
+    let baked = [("baked", "GROUP", GROUP as f64), ("baked", "SMALLEST_SCALE", SMALLEST_SCALE)];
     let sources = sources();
     let whole = shared_constants().into_iter().chain(deform).map(|(stage, name, host)| (stage, name, f64::from(host)));
-    for (stage, name, host) in whole.chain(reference::shared_constants()) {
+    for (stage, name, host) in whole.chain(reference::shared_constants()).chain(baked) {
         let (.., source) = sources.iter().find(|(known, ..)| *known == stage).unwrap();
         // WGSL's numbers are f32.
         let same = |value: f64| value == host || value as f32 == host as f32;

@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use clap::ValueEnum;
 use etcetera::{BaseStrategy, choose_base_strategy};
+use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake, PropertyTables};
 use ghand_core::Pose;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use ghand_render::Gpu;
-use ghand_render::deform::baked::Precision;
 use serde::{Deserialize, Serialize};
 
 use crate::commands::bake::pose_set::{PoseSet, PoseSetArgs};

@@ -1,5 +1,5 @@
 //! Bakes an avatar for playing: what its property model computes over a set of poses is fitted by least squares as means
-//! and few local components, see [`ghand_render::deform::baked`].
+//! and few local components, see [`crate::deform::baked`].
 //!
 //! 1. [`order`] puts the Gaussians into groups that the same few joints move.
 //! 2. [`exact`] has the avatar compute each pose, and takes plain skinning off: what remains of a Gaussian is where it lies
@@ -15,9 +15,9 @@ mod order;
 mod pack;
 mod sums;
 
+use crate::deform::baked::{BakedTables, Precision, VALUES};
 use ghand_core::Pose;
 use ghand_core::skeleton::pose_skeleton;
-use ghand_render::deform::baked::{BakedTables, Precision, VALUES};
 use ghand_render::{Gpu, RenderError};
 
 use crate::avatar::Avatar;

@@ -3,6 +3,7 @@
 
 pub mod avatar;
 pub mod bake;
+pub mod deform;
 pub mod file;
 pub mod framing;
 mod kept;

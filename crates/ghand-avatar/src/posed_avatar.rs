@@ -1,11 +1,11 @@
 //! An avatar on the device, which writes its posed Gaussians to its part of a splatter's table.
 
+use crate::deform::{
+    BakedTemplate, DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride,
+};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{InvalidHandModel, Pose};
-use ghand_render::deform::{
-    BakedTemplate, DeformTemplate, Deformation, DeformationBackward, LitSurface, TablePlace, pose_stride,
-};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 

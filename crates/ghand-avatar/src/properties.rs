@@ -6,7 +6,7 @@
 //! the kind of model. A new model needs a folder here with its tables, device part and tensors, a variant and its match
 //! arms in this file, and a tag in `file.rs`.
 //!
-//! [`Properties`]: ghand_render::deform::Properties
+//! [`Properties`]: crate::deform::Properties
 
 pub mod baked;
 pub mod direct;
@@ -16,8 +16,8 @@ pub mod network;
 #[path = "properties/no_network.rs"]
 pub mod network;
 
+use crate::deform::{Deformation, DeformationBackward};
 use ghand_core::HandModel;
-use ghand_render::deform::{Deformation, DeformationBackward};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 

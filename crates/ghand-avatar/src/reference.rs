@@ -2,9 +2,12 @@
 //! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks; light apart from skin is not in
 //! it.
 
+pub mod baked;
 #[cfg(feature = "networks")]
 pub(crate) mod network;
 
+use crate::deform::CoefficientLayout;
+use crate::deform::baked::BakedTables;
 use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
@@ -12,8 +15,6 @@ use ghand_core::pose_response::{PoseResponse, pose_features, response_features_v
 use ghand_core::skinning::ResidualSupport;
 use ghand_core::skinning::{Skinning, skin_normals};
 use ghand_hand_model::HandModelError;
-use ghand_render::deform::CoefficientLayout;
-use ghand_render::deform::baked::BakedTables;
 use ghand_render::reference::project::{Color, Gaussian};
 use ghand_render::splat::FLATNESS;
 use glam::{DQuat, DVec3, DVec4};

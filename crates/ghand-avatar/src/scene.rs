@@ -5,8 +5,8 @@
 //! ([`Splatter::complete_for`]). If not, the buffers have grown, and the frame is encoded again. [`Scene::run_frame`]
 //! does this and waits; a window submits the commands and checks later.
 
+use crate::deform::TablePlace;
 use ghand_core::{Camera, Pose};
-use ghand_render::deform::TablePlace;
 use ghand_render::splat::{
     Counters, CutOffs, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View,
 };

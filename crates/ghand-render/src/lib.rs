@@ -1,11 +1,10 @@
-//! Differentiable Gaussian splatting, the avatar's deformation, image losses and mesh rasterising on any wgpu device.
+//! Differentiable Gaussian splatting, image losses and mesh rasterising on any wgpu device.
 //!
 //! Every stage is a WGSL file in `shaders/`, a host part of the same name here, and a plain-Rust twin in
 //! [`reference`], or in `ghand-core` if the stage is part of the method itself.
 
 pub mod bindings;
 pub mod buffers;
-pub mod deform;
 pub mod device;
 pub mod image_loss;
 pub mod mesh;

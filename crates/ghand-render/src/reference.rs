@@ -1,7 +1,6 @@
 //! CPU twins of the GPU stages, in plain f64, against which tests compare the shaders.
 
 pub mod adam;
-pub mod baked;
 pub mod bin;
 pub mod image_loss;
 pub mod mesh;
@@ -13,10 +12,8 @@ pub mod sort;
 pub mod spherical_harmonics;
 mod wireframe;
 
-use crate::deform::baked::{GROUP, SMALLEST_SCALE};
-
 /// Numbers that the shaders and their twins both have: stage, name in the WGSL, value here. A test compares them.
-pub fn shared_constants() -> [(&'static str, &'static str, f64); 11] {
+pub fn shared_constants() -> [(&'static str, &'static str, f64); 9] {
     [
         ("project", "BLUR", project::BLUR),
         ("project", "ALPHA_MIN", project::ALPHA_MIN),
@@ -27,7 +24,5 @@ pub fn shared_constants() -> [(&'static str, &'static str, f64); 11] {
         ("image_loss", "C2", image_loss::C2),
         ("image_loss", "ROW_STRIP", f64::from(crate::image_loss::ROW_STRIP)),
         ("image_loss", "COLUMN_STRIP", f64::from(crate::image_loss::COLUMN_STRIP)),
-        ("baked", "GROUP", GROUP as f64),
-        ("baked", "SMALLEST_SCALE", SMALLEST_SCALE),
     ]
 }

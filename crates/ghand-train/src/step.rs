@@ -4,11 +4,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use ghand_avatar::deform::{DeformationBackward, pose_stride};
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::properties::state_part;
 use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_core::Camera;
-use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::penalty::Penalty;

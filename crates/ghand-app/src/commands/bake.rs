@@ -9,11 +9,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake};
 use ghand_core::Pose;
 use ghand_files::atomic_file::{check_writable, write_atomically};
 use ghand_render::Gpu;
-use ghand_render::deform::baked::Precision;
 use indicatif::ProgressBar;
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! The components of each joint: the combinations of its regressors that change the hand most.
 
+use crate::deform::baked::{Component, VALUES};
 use ghand_core::skeleton::Chain;
-use ghand_render::deform::baked::{Component, VALUES};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

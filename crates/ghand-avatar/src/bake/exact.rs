@@ -1,8 +1,8 @@
 //! What the avatar that is baked computes in a pose, with plain skinning taken off.
 
+use crate::deform::baked::VALUES;
 use ghand_core::Pose;
 use ghand_core::skeleton::{Affine, Chain};
-use ghand_render::deform::baked::VALUES;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::{DMat3, DVec3};

@@ -1,6 +1,6 @@
 //! The order of a baked hand's Gaussians, and the joints of their groups.
 
-use ghand_render::deform::baked::GROUP;
+use crate::deform::baked::GROUP;
 
 use crate::template::Template;
 

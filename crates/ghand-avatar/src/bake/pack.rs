@@ -1,6 +1,6 @@
 //! Chooses blocks, fits the groups with them, and stores the result.
 
-use ghand_render::deform::baked::{BakedTables, Entry, GROUP, Group, Precision, VALUES};
+use crate::deform::baked::{BakedTables, Entry, GROUP, Group, Precision, VALUES};
 use half::f16;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

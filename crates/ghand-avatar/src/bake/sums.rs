@@ -1,8 +1,8 @@
 //! The normal equations of each group.
 
+use crate::deform::baked::{GROUP, VALUES};
 use ghand_core::pose_response::rotation_features;
 use ghand_core::skeleton::Chain;
-use ghand_render::deform::baked::{GROUP, VALUES};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 

@@ -34,8 +34,8 @@ pub use sizes::{Activation, NetworkSizes, Normalization};
 pub use tables::NetworkTables;
 pub(super) use tables::bytes_per_gaussian;
 
+use crate::deform::Deformation;
 use ghand_core::HandModel;
-use ghand_render::deform::Deformation;
 use ghand_render::{Gpu, RenderError};
 
 use super::PropertyModel;

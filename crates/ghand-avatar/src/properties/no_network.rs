@@ -5,8 +5,8 @@ mod sizes;
 
 use std::convert::Infallible;
 
+use crate::deform::{Deformation, PropertySizes};
 use ghand_core::HandModel;
-use ghand_render::deform::{Deformation, PropertySizes};
 use ghand_render::{Gpu, RenderError};
 
 use super::{PropertyModel, PropertyStart};

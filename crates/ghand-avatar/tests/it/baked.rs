@@ -1,10 +1,10 @@
 //! Baked avatars: the device against its twin, the fit against the avatar that was baked, files and limits.
 
 use ghand_avatar::bake::FEWEST_POSES;
+use ghand_avatar::deform::baked::{BakedTables, GROUP, Precision};
 use ghand_avatar::{Avatar, AvatarConfig, AvatarFileError, Bake, BakeError, GaussianShape, PropertyTables, Scene};
 use ghand_core::Pose;
 use ghand_hand_model::procedural::ProceduralHand;
-use ghand_render::deform::baked::{BakedTables, GROUP, Precision};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use glam::DVec3;

@@ -4,6 +4,7 @@
 mod common;
 
 mod baked;
+mod deform;
 mod gloss;
 #[cfg(feature = "networks")]
 mod network;

@@ -1,13 +1,13 @@
 //! Avatars of networks on the device.
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
+use ghand_avatar::deform::{DeformationBackward, Properties};
 use ghand_avatar::properties::network::Normalization;
 use ghand_avatar::reference::{PosedGaussians, pose_network};
 use ghand_avatar::{Avatar, AvatarConfig, NetworkSizes, PropertyRates, PropertyTables, Scene};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::procedural::ProceduralHand;
-use ghand_render::deform::{DeformationBackward, Properties};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::DVec3;

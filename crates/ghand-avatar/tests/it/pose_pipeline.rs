@@ -2,6 +2,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use crate::common::{COUNT, JOINTS, random, random_avatar, tables_of};
+use ghand_avatar::deform::CoefficientLayout;
 use ghand_avatar::reference::{DirectTwin, PosedGaussians};
 use ghand_avatar::{Avatar, AvatarConfig, PropertyTables, Scene};
 use ghand_core::Pose;
@@ -9,7 +10,6 @@ use ghand_core::pose_response::pose_features;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_hand_model::procedural::ProceduralHand;
-use ghand_render::deform::CoefficientLayout;
 use ghand_render::penalty::Penalty;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};

@@ -1,12 +1,12 @@
 //! One case: a pose and a view of a hand, on the device and in f64.
 
 use anyhow::Context;
+use ghand_avatar::deform::DeformationBackward;
 use ghand_avatar::properties::network::Normalization;
 use ghand_avatar::reference::{DirectTwin, PosedGaussians, pose_baked, pose_network, rows};
 use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables, Scene};
 use ghand_core::{Camera, Pose};
-use ghand_render::deform::DeformationBackward;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::reference::rasterize::{CutOffs, Scene as SplatTwin};
 use ghand_render::splat::{NEAR, Purpose, SplatModel};

@@ -1,5 +1,6 @@
 //! Hands with something extreme about each.
 
+use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::properties::direct::{DirectTables, no_limits, table_lengths};
 use ghand_avatar::properties::network::{Activation, Normalization};
 use ghand_avatar::{Avatar, AvatarConfig, Bake, GaussianShape, NetworkSizes, PropertyTables, Provenance, Template};
@@ -10,7 +11,6 @@ use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_render::Gpu;
-use ghand_render::deform::baked::Precision;
 use glam::DVec3;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, AvatarConfig, Bake, PropertyTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_render::Gpu;
-use ghand_render::deform::baked::Precision;
 use ghand_render::splat::CutOffs;
 
 use ghand_app::commands::bake::pose_set::{PoseSet, PoseSetArgs};

@@ -5,11 +5,12 @@ mod common;
 
 mod bands;
 mod cut_offs;
-mod deform;
 mod device_loss;
 mod extremes;
 mod image_loss;
 mod mesh;
 mod optimizer;
+mod penalty;
+mod roughness;
 mod splat;
 mod wireframe;

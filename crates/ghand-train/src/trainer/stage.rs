@@ -2,10 +2,10 @@
 
 use std::sync::atomic::Ordering;
 
+use ghand_avatar::deform::pose_stride;
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, Provenance, Template};
 use ghand_core::Pose;
-use ghand_render::deform::pose_stride;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 

@@ -1,9 +1,9 @@
 //! The smallest baked avatar within a loss, or the best within a size.
 
 use anyhow::bail;
+use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake, PropertyTables};
 use ghand_render::Gpu;
-use ghand_render::deform::baked::Precision;
 
 use super::judge::{Judge, Loss};
 use crate::say;

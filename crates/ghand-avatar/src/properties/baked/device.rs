@@ -1,7 +1,7 @@
 //! The `baked` model on the device, where the deformation does all of its work.
 
-use ghand_render::deform::baked::BakedTables;
-use ghand_render::deform::{Deformation, DeformationBackward};
+use crate::deform::baked::BakedTables;
+use crate::deform::{Deformation, DeformationBackward};
 use ghand_render::{Gpu, RenderError};
 
 use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};

@@ -1,6 +1,6 @@
 //! What the rest of an avatar needs of the template, from baked tables.
 
-use ghand_render::deform::baked::BakedTables;
+use crate::deform::baked::BakedTables;
 
 use crate::properties::PropertyTables;
 

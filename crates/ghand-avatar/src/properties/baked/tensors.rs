@@ -1,7 +1,7 @@
 //! The `baked` model's tensors in an avatar file.
 
+use crate::deform::baked::{BakedTables, Precision};
 use bytemuck::{cast_slice, cast_vec};
-use ghand_render::deform::baked::{BakedTables, Precision};
 use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 

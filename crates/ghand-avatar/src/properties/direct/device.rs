@@ -1,8 +1,8 @@
 //! The `direct` model on the device, host part of `pose_response.wgsl`.
 
+use crate::deform::{Deformation, DeformationBackward, JointSums, LocalWeights, invocations_of_four};
 use bytemuck::{Pod, Zeroable};
 use ghand_core::skinning::ResidualSupport;
-use ghand_render::deform::{Deformation, DeformationBackward, JointSums, LocalWeights, invocations_of_four};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};

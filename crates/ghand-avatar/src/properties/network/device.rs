@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
+use crate::deform::{Deformation, DeformationBackward, Properties};
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::HandModel;
 use ghand_core::skinning::ResidualSupport;
-use ghand_render::deform::{Deformation, DeformationBackward, Properties};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 

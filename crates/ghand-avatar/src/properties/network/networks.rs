@@ -1,7 +1,7 @@
 //! The networks of an avatar: encoders, feature tensor and decoders, and the properties from their outputs.
 
+use crate::deform::PropertySizes;
 use burn_tensor::{Tensor, activation};
-use ghand_render::deform::PropertySizes;
 
 use super::layers::{Conv, Mlp, Pass};
 use super::parameters::{ParameterList, Part, Slot, Start};

@@ -1,6 +1,6 @@
 //! The learned parameters of a `network` avatar, and what the networks add to.
 
-use ghand_render::deform::PropertySizes;
+use crate::deform::PropertySizes;
 use rand::SeedableRng;
 
 use super::networks::{Networks, OFFSET_GAIN};

@@ -1,6 +1,6 @@
 //! The `network` model's tensors in an avatar file.
 
-use ghand_render::deform::PropertySizes;
+use crate::deform::PropertySizes;
 use safetensors::tensor::Dtype;
 
 use super::networks::Networks;

@@ -3,9 +3,9 @@
 #[cfg(feature = "gpu-networks")]
 mod gpu;
 
+use crate::deform::PropertySizes;
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::blend_shapes::CoefficientLayout;
-use ghand_render::deform::PropertySizes;
 use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -39,6 +39,31 @@ pub fn camera(width: u32, height: u32) -> Camera {
     Camera { focal: look.focal * DVec2::new(1.0, 1.2), principal: look.principal + DVec2::new(3.3, -2.7), ..look }
 }
 
+/// `count` numbers in -size..size.
+pub fn random(seed: u64, count: usize, size: f32) -> Vec<f32> {
+    let mut rng = rng(seed);
+    (0..count).map(|_| rng.random_range(-size..size)).collect()
+}
+
+pub fn widen(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|v| f64::from(*v)).collect()
+}
+
+/// Fails unless the device's numbers equal those of their twin, and unless a single wrong one would be detected. Both
+/// round to f32 once or twice.
+pub fn assert_same(name: &str, device: &[f64], twin: &[f64]) {
+    assert_eq!(device.len(), twin.len(), "{name}");
+    let norm = twin.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let same = |twin: &[f64]| {
+        let squared: f64 = device.iter().zip(twin).map(|(a, b)| (a - b) * (a - b)).sum();
+        squared.sqrt() <= 1e-6 * norm
+    };
+    assert!(same(twin), "{name}");
+    let mut wrong = twin.to_vec();
+    wrong[twin.len() / 2] += 1e-4 * norm;
+    assert!(!same(&wrong), "{name} is not compared");
+}
+
 pub fn vector(rng: &mut rand_chacha::ChaCha8Rng) -> DVec3 {
     DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
 }

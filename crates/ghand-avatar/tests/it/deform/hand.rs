@@ -2,14 +2,14 @@
 
 use std::sync::LazyLock;
 
+use ghand_avatar::deform::{
+    CHAIN_STRIDE, CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, Properties, ROW_MOMENT,
+    TablePlace,
+};
 use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skeleton::{Affine, Chain, pose_skeleton};
 use ghand_core::skinning::ResidualWeights;
-use ghand_render::deform::{
-    CHAIN_STRIDE, CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, Properties, ROW_MOMENT,
-    TablePlace,
-};
 use ghand_render::splat::Shape;
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use glam::{DMat3, DVec3};

@@ -1,7 +1,7 @@
 //! `blend_shapes.wgsl` against `ghand_core::blend_shapes`, with both layouts of the coefficients.
 
+use ghand_avatar::deform::CoefficientLayout;
 use ghand_core::blend_shapes::{blend_shapes, blend_shapes_vjp};
-use ghand_render::deform::CoefficientLayout;
 
 use crate::deform::hand::{COUNT, Run, assert_same, planes};
 

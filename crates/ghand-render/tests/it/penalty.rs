@@ -3,7 +3,7 @@
 use ghand_render::penalty::Penalty;
 use ghand_render::{buffers, reference};
 
-use crate::deform::hand::{assert_same, gpu, kinds, random, widen};
+use crate::common::{assert_same, gpu, random, widen};
 
 #[test]
 fn a_penalty_is_added_only_to_the_first_gradients() {
@@ -22,6 +22,6 @@ fn a_penalty_is_added_only_to_the_first_gradients() {
     let got = run(&penalty);
     let mut twin = widen(&gradients);
     reference::penalty::add_penalty(&widen(&values[..100]), &mut twin[..100], f64::from(0.7f32));
-    assert_same(kinds()[0], "penalty", &widen(&got)[..], &twin);
+    assert_same("penalty", &widen(&got)[..], &twin);
     assert_eq!(got[100..], gradients[100..]);
 }

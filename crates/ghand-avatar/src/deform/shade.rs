@@ -1,8 +1,8 @@
 //! Host part of `shade.wgsl`: lights the colours of a hand.
 
 use super::{BackwardBuffers, ForwardBuffers, LitSurface};
-use crate::pipeline::{Bound, Module};
-use crate::{Gpu, RenderError, buffers};
+use ghand_render::pipeline::{Bound, Module};
+use ghand_render::{Gpu, RenderError, buffers};
 
 /// From unlit colours to those in the splatter's table.
 pub struct Shade {

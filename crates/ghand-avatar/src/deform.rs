@@ -25,11 +25,11 @@ pub use local_weights::{LocalWeights, LocalWeightsUniforms};
 pub use properties::{Properties, PropertySizes};
 pub use weight_table::{BLOCK, invocations_of_four, weight_table};
 
-use crate::pipeline::compute_pass;
-use crate::splat::{Shape, SplatModel};
-use crate::{Gpu, RenderError, buffers};
 use baked::{Baked, BakedTables};
 use blend_shapes::{BlendShapes, BlendShapesBackward};
+use ghand_render::pipeline::compute_pass;
+use ghand_render::splat::{Shape, SplatModel};
+use ghand_render::{Gpu, RenderError, buffers};
 use normals::Normals;
 use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
 use shade::{Shade, ShadeBackward};

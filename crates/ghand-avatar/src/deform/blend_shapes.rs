@@ -1,8 +1,8 @@
 //! Host part of `blend_shapes.wgsl`: Hand Gaussian Blend Shapes (paper eq. 7 and 8).
 
 use super::{BackwardBuffers, ForwardBuffers};
-use crate::Gpu;
-use crate::pipeline::{Bound, Module};
+use ghand_render::Gpu;
+use ghand_render::pipeline::{Bound, Module};
 
 /// From bases and coefficients to offsets.
 pub struct BlendShapes {
@@ -10,7 +10,7 @@ pub struct BlendShapes {
     count: u32,
 }
 
-fn stage(gpu: &Gpu, b: &ForwardBuffers, entry: &'static str) -> crate::pipeline::Stage {
+fn stage(gpu: &Gpu, b: &ForwardBuffers, entry: &'static str) -> ghand_render::pipeline::Stage {
     let rows = b.properties.sizes.coefficients.rows();
     Module::new(gpu, "blend_shapes").stage(gpu, entry, &[("COEFFICIENT_ROWS", rows as f64)])
 }

@@ -1,8 +1,8 @@
 //! `local_weights.wgsl` against `ghand_core::skinning::make_local`.
 
+use ghand_avatar::deform::LocalWeights;
 use ghand_core::skinning::make_local;
 use ghand_render::buffers;
-use ghand_render::deform::LocalWeights;
 use ghand_render::pipeline::compute_pass;
 
 use crate::deform::hand::{assert_same, gpu, kinds, random, widen};

@@ -2,7 +2,7 @@
 
 use ghand_core::blend_shapes::CoefficientLayout;
 
-use crate::{Gpu, buffers};
+use ghand_render::{Gpu, buffers};
 
 /// Sizes of the properties of one hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

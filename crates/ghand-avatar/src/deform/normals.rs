@@ -1,8 +1,8 @@
 //! Host part of `normals.wgsl`: normals of the skinned surface, for shading.
 
 use super::{ForwardBuffers, invocations_of_four};
-use crate::pipeline::{Bound, Module};
-use crate::{Gpu, buffers};
+use ghand_render::pipeline::{Bound, Module};
+use ghand_render::{Gpu, buffers};
 
 /// Rest normals and bones to posed normals.
 pub struct Normals {

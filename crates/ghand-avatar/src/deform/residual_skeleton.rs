@@ -3,8 +3,8 @@
 
 use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, invocations_of_four};
-use crate::Gpu;
-use crate::pipeline::{Bound, Module};
+use ghand_render::Gpu;
+use ghand_render::pipeline::{Bound, Module};
 
 /// From offsets to residual joints and their chain.
 pub struct ResidualSkeleton {

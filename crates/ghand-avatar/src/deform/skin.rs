@@ -1,8 +1,8 @@
 //! Host part of `skin.wgsl` and `skin_backward.wgsl`: corrected linear blend skinning (paper eq. 10 and 11).
 
 use super::{BackwardBuffers, ForwardBuffers, invocations_of_four};
-use crate::Gpu;
-use crate::pipeline::{Bound, Module};
+use ghand_render::Gpu;
+use ghand_render::pipeline::{Bound, Module};
 
 /// From points and bones to posed means in the splatter's table.
 pub struct Skin {

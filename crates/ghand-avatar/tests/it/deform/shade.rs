@@ -1,7 +1,7 @@
 //! `shade.wgsl` against `ghand_core::light::lit` and `lit_vjp`.
 
+use ghand_avatar::deform::{CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, LitSurface};
 use ghand_core::light::{self, lit, lit_vjp};
-use ghand_render::deform::{CoefficientLayout, DeformTemplate, Deformation, DeformationBackward, LitSurface};
 use ghand_render::{RenderError, buffers};
 
 use crate::deform::hand::{COUNT, PLACE, gpu, norm, random, widen};

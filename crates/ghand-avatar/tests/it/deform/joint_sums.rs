@@ -1,7 +1,7 @@
 //! `joint_sums.wgsl` against plain sums.
 
+use ghand_avatar::deform::{JointSums, weight_table};
 use ghand_render::buffers;
-use ghand_render::deform::{JointSums, weight_table};
 
 use crate::deform::hand::assert_same;
 use crate::deform::hand::{gpu, kinds, random, widen};

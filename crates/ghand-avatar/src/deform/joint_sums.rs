@@ -3,8 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pipeline::{Bound, Module};
-use crate::{Gpu, buffers};
+use ghand_render::pipeline::{Bound, Module};
+use ghand_render::{Gpu, buffers};
 
 /// See `shaders/joint_sums.wgsl`.
 #[repr(C)]

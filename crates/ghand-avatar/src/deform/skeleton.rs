@@ -3,8 +3,8 @@
 
 use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
-use crate::Gpu;
-use crate::pipeline::{Bound, Module};
+use ghand_render::Gpu;
+use ghand_render::pipeline::{Bound, Module};
 
 /// From pose to joint chain.
 pub struct Skeleton {

@@ -8,9 +8,9 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{ForwardBuffers, TablePlace};
-use crate::pipeline::{Bound, Module};
-use crate::splat::{Shape, SplatModel};
-use crate::{Gpu, buffers};
+use ghand_render::pipeline::{Bound, Module};
+use ghand_render::splat::{Shape, SplatModel};
+use ghand_render::{Gpu, buffers};
 
 /// Gaussians of a group.
 pub const GROUP: usize = 64;
