@@ -1,11 +1,13 @@
 //! Composes the WGSL of every stage: each file in `shaders/` and `shaders/fast/` with what it imports from
-//! `shaders/shared/` (WESL imports). An import that does not exist fails the build and names file and line.
+//! `shaders/shared/` (WESL imports), and lists its entry points with their bindings. An import that does not exist, and
+//! WGSL that is invalid, fails the build and names file and line.
 
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+use naga::valid::{Capabilities, ValidationFlags, Validator};
 use wesl::{ManglerKind, ModulePath, Wesl};
 
 fn main() {
@@ -17,7 +19,10 @@ fn main() {
 
 fn write_sources() -> Result<(), Box<dyn Error>> {
     // When it runs, not when it was compiled: checkouts can share a build folder.
-    let shaders = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("../../shaders");
+    let package = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?);
+    // In the package, a folder; in the checkout, a link to the folder at the top, or where there are no links, a file.
+    let linked = package.join("shaders");
+    let shaders = if linked.is_dir() { linked } else { package.join("../../shaders") };
     println!("cargo::rerun-if-changed={}", shaders.display());
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut table = String::from("&[\n");
@@ -26,8 +31,10 @@ fn write_sources() -> Result<(), Box<dyn Error>> {
             let name = format!("{prefix}{stage}");
             let composed = compose(&shaders, &name, !folder.is_empty())?;
             let file = out.join(format!("{}.wgsl", name.replace('/', "_")));
+            let entries = entries(&composed).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
             fs::write(&file, composed)?;
-            writeln!(table, "    ({name:?}, include_str!({:?})),", file.display().to_string())?;
+            let path = file.display().to_string();
+            writeln!(table, "    Shader {{ name: {name:?}, source: include_str!({path:?}), entries: &[{entries}] }},")?;
         }
     }
     table.push(']');
@@ -55,4 +62,20 @@ fn compose(shaders: &Path, name: &str, fast: bool) -> Result<String, Box<dyn Err
     let path: ModulePath = format!("package::{}", name.replace('/', "::")).parse()?;
     let composed = compiler.compile(&path).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
     Ok(composed.to_string())
+}
+
+/// The entry points of a composed source, as Rust.
+fn entries(source: &str) -> Result<String, Box<dyn Error>> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let mut validator = Validator::new(ValidationFlags::empty(), Capabilities::all());
+    let info = validator.validate(&module).map_err(|e| e.emit_to_string(source))?;
+    let mut entries = String::new();
+    for (index, entry) in module.entry_points.iter().enumerate() {
+        let uses = info.get_entry_point(index);
+        let used = module.global_variables.iter().filter(|(handle, _)| !uses[*handle].is_empty());
+        let bindings: Vec<_> = used.filter_map(|(_, v)| Some((v.name.clone()?, v.binding?.binding))).collect();
+        let (name, workgroup) = (&entry.name, entry.workgroup_size);
+        write!(entries, "Entry {{ name: {name:?}, workgroup: {workgroup:?}, bindings: &{bindings:?} }}, ")?;
+    }
+    Ok(entries)
 }

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use ghand_render::{Tier, shader_sources};
+use ghand_render::Tier;
+use ghand_render::shader_sources::SHADERS;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// Every composed WGSL source, with its name and tier.
 pub fn sources() -> Vec<(&'static str, Tier, &'static str)> {
-    shader_sources::all().collect()
+    SHADERS.iter().map(|shader| (shader.name, shader.tier(), shader.source)).collect()
 }
 
 /// Parses a source and validates it against the features of a tier.

@@ -1,7 +1,8 @@
 //! Compute pipelines from WGSL, with buffers bound by their names in the shader.
 
+use crate::Gpu;
 use crate::bindings::Bindings;
-use crate::{Gpu, shader_sources};
+use crate::shader_sources::Shader;
 
 /// The buffers of a stage, by name in the WGSL.
 pub type Buffers<'a> = [(&'a str, &'a wgpu::Buffer)];
@@ -12,6 +13,8 @@ pub struct Stage {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     bindings: Bindings,
+    /// Invocations of a workgroup, at least 1.
+    workgroup: u32,
 }
 
 /// A [`Stage`] with its buffers.
@@ -24,31 +27,28 @@ pub struct Bound {
     workgroup: u32,
 }
 
-/// A compiled WGSL source from which stages are made.
+/// A shader from which stages are made.
 #[derive(Debug)]
 pub struct Module {
     module: wgpu::ShaderModule,
-    source: String,
+    shader: &'static Shader,
 }
 
 impl Module {
-    /// Compiles the shader of this name: see [`shader_sources::source`]. Compile errors, and stages that the device
-    /// rejects, are reported by the [`Gpu::scoped`] around this call, else by [`Gpu::check`].
+    /// Compiles the shader of this name. Stages that the device rejects are reported by the [`Gpu::scoped`] around this
+    /// call, else by [`Gpu::check`].
     ///
     /// # Panics
     /// Panics if no shader has this name.
     pub fn new(gpu: &Gpu, name: &str) -> Module {
-        Module::from_source(gpu, name, shader_sources::source(name))
-    }
-
-    /// As [`Module::new`], for the caller's own source.
-    pub fn from_source(gpu: &Gpu, name: &str, source: &str) -> Module {
-        let descriptor =
-            wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        Module { module: gpu.device.create_shader_module(descriptor), source: source.to_owned() }
+        let shader = Shader::named(name);
+        Module { module: shader.module(&gpu.device), shader }
     }
 
     /// The stage of an entry point. `constants` are the source's `override` values.
+    ///
+    /// # Panics
+    /// Panics if the shader has no entry point of this name, which is a bug in the program.
     pub fn stage(&self, gpu: &Gpu, entry: &'static str, constants: &[(&str, f64)]) -> Stage {
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
@@ -61,7 +61,8 @@ impl Module {
             },
             cache: None,
         });
-        Stage { label: entry, pipeline, bindings: Bindings::in_source(&self.source, &[entry]) }
+        let workgroup = self.shader.entry(entry).workgroup.iter().product::<u32>().max(1);
+        Stage { label: entry, pipeline, bindings: Bindings::new(self.shader.name, &[entry]), workgroup }
     }
 }
 
@@ -75,17 +76,12 @@ impl Stage {
         let resources: Vec<_> = buffers.iter().map(|(name, buffer)| (*name, buffer.as_entire_binding())).collect();
         let layout = self.pipeline.get_bind_group_layout(0);
         let group = self.bindings.group(&gpu.device, self.label, &layout, &resources);
-        Bound { label: self.label, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup() }
-    }
-
-    /// Invocations of a workgroup, at least 1.
-    fn workgroup(&self) -> u32 {
-        self.bindings.workgroup_size().iter().product::<u32>().max(1)
+        Bound { label: self.label, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup }
     }
 
     /// Workgroups that `invocations` fill.
     pub fn groups(&self, invocations: u32) -> u32 {
-        invocations.div_ceil(self.workgroup())
+        invocations.div_ceil(self.workgroup)
     }
 }
 

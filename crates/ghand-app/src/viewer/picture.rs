@@ -7,9 +7,10 @@ use std::time::Instant;
 use ghand_avatar::Light;
 use ghand_core::{Camera, Pose};
 use ghand_render::bindings::Bindings;
+use ghand_render::shader_sources::Shader;
 use ghand_render::splat::Counters;
 use ghand_render::timing::FrameClock;
-use ghand_render::{Gpu, RenderError, shader_sources};
+use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::commands::explain::pose_properties::PoseProperties;
@@ -387,10 +388,7 @@ fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
 }
 
 fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("picture"),
-        source: wgpu::ShaderSource::Wgsl(shader_sources::source("picture").into()),
-    });
+    let module = Shader::named("picture").module(&gpu.device);
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("picture"),
         layout: None,

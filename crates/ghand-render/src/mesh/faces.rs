@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 
 use super::{Context, MAX_LIGHTS, MeshInstance, NEAR_PLANE, Shading, Surface, Targets, color_target};
 use crate::bindings::Bindings;
-use crate::shader_sources;
+use crate::shader_sources::Shader;
 
 /// Vertex in the layout of `mesh.wgsl`.
 #[repr(C)]
@@ -54,10 +54,7 @@ pub(super) struct Faces {
 
 impl Faces {
     pub fn new(device: &wgpu::Device) -> Faces {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("mesh"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::source("mesh").into()),
-        });
+        let module = Shader::named("mesh").module(device);
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32];
         let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use super::{Context, MeshError, MeshImage, MeshStyle, NEAR_PLANE, Targets};
 use crate::bindings::Bindings;
-use crate::{RenderError, buffers, shader_sources};
+use crate::shader_sources::Shader;
+use crate::{RenderError, buffers};
 
 /// `ResolveUniforms` of `mesh_resolve.wgsl`.
 #[repr(C)]
@@ -58,10 +59,7 @@ pub(super) struct Resolve {
 
 impl Resolve {
     pub fn new(device: &wgpu::Device) -> Resolve {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("mesh resolve"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::source("mesh_resolve").into()),
-        });
+        let module = Shader::named("mesh_resolve").module(device);
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("mesh resolve"),
             layout: None,

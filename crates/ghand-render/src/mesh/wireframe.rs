@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::edges::Segment;
 use super::{Context, NEAR_PLANE, Targets, color_target};
 use crate::bindings::Bindings;
-use crate::shader_sources;
+use crate::shader_sources::Shader;
 
 /// A line in the layout of `wireframe.wgsl`.
 #[repr(C)]
@@ -50,10 +50,7 @@ pub(super) struct Lines {
 
 impl Lines {
     pub fn new(device: &wgpu::Device) -> Lines {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("wireframe"),
-            source: wgpu::ShaderSource::Wgsl(shader_sources::source("wireframe").into()),
-        });
+        let module = Shader::named("wireframe").module(device);
         let attributes = wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3];
         let pipeline = |entry_point, targets: &[Option<wgpu::ColorTargetState>], depth_stencil| {
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

@@ -8,7 +8,6 @@ use ghand_core::mesh::Texture;
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use ghand_render::optimizer::{Adam, Grouping};
-use ghand_render::pipeline::Module;
 use ghand_render::splat::{Counters, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{AdapterChoice, Gpu, RenderError, Tier, buffers};
 use glam::{DVec2, DVec3};
@@ -275,8 +274,19 @@ fn a_frame_that_cannot_grow_leaves_the_splatter_unchanged() {
 fn a_shader_that_does_not_compile_is_an_error_of_the_call_that_made_it() {
     let gpu = gpu();
     let make = |source: &str, entry: &'static str| {
-        gpu.scoped("a stage under test", || Module::from_source(&gpu, "tested", source).stage(&gpu, entry, &[]))
-            .map(drop)
+        gpu.scoped("a stage under test", || {
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: None,
+                layout: None,
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        })
+        .map(drop)
     };
     let good = "@compute @workgroup_size(1) fn run() {}";
     assert_eq!(make(good, "run"), Ok(()));
