@@ -1,5 +1,5 @@
-//! Composes the WGSL of every stage: each file in `shaders/` and `shaders/fast/` with what it imports from
-//! `shaders/shared/` (WESL imports), and lists its entry points with their bindings. An import that does not exist, and
+//! Composes the WGSL of every stage: each file in `shaders/` and `shaders/subgroups/` with what it imports from
+//! `shaders/shared/` (WESL imports). A file in `shaders/` with `@if(subgroups)` is composed twice. Lists the entry points with their bindings. An import that does not exist, and
 //! WGSL that is invalid, fails the build and names file and line.
 
 use std::error::Error;
@@ -26,16 +26,24 @@ fn write_sources() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={}", shaders.display());
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut table = String::from("&[\n");
-    for (folder, prefix) in [("", ""), ("fast", "fast/")] {
-        for stage in stages(&shaders.join(folder))? {
-            let name = format!("{prefix}{stage}");
-            let composed = compose(&shaders, &name, !folder.is_empty())?;
-            let file = out.join(format!("{}.wgsl", name.replace('/', "_")));
-            let entries = entries(&composed).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
-            fs::write(&file, composed)?;
-            let path = file.display().to_string();
-            writeln!(table, "    Shader {{ name: {name:?}, source: include_str!({path:?}), entries: &[{entries}] }},")?;
+    let mut composed = Vec::new();
+    for stage in stages(&shaders)? {
+        let text = fs::read_to_string(shaders.join(&stage).with_extension("wgsl"))?;
+        if text.contains("@if(subgroups)") {
+            composed.push((format!("subgroups/{stage}"), compose(&shaders, &stage, true)?));
         }
+        composed.push((stage.clone(), compose(&shaders, &stage, false)?));
+    }
+    for stage in stages(&shaders.join("subgroups"))? {
+        let stage = format!("subgroups/{stage}");
+        composed.push((stage.clone(), compose(&shaders, &stage, true)?));
+    }
+    for (name, source) in composed {
+        let file = out.join(format!("{}.wgsl", name.replace('/', "_")));
+        let entries = entries(&source).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
+        fs::write(&file, source)?;
+        let path = file.display().to_string();
+        writeln!(table, "    Shader {{ name: {name:?}, source: include_str!({path:?}), entries: &[{entries}] }},")?;
     }
     table.push(']');
     fs::write(out.join("shaders.rs"), table)?;
@@ -55,10 +63,10 @@ fn stages(folder: &Path) -> Result<Vec<String>, Box<dyn Error>> {
     Ok(names)
 }
 
-fn compose(shaders: &Path, name: &str, fast: bool) -> Result<String, Box<dyn Error>> {
+fn compose(shaders: &Path, name: &str, subgroups: bool) -> Result<String, Box<dyn Error>> {
     let mut compiler = Wesl::new(shaders);
     // Names are unique in the project and not mangled: host code finds buffers and structs by them.
-    compiler.set_mangler(ManglerKind::None).set_feature("fast", fast);
+    compiler.set_mangler(ManglerKind::None).set_feature("subgroups", subgroups);
     let path: ModulePath = format!("package::{}", name.replace('/', "::")).parse()?;
     let composed = compiler.compile(&path).map_err(|error| format!("shaders/{name}.wgsl: {error}"))?;
     Ok(composed.to_string())

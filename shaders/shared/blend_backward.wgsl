@@ -1,4 +1,4 @@
-// Shared by the rasterize_backward stages of both tiers: removes the entries of a tile back to front, one row of four
+// Shared by both rasterize_backward stages: removes the entries of a tile back to front, one row of four
 // pixels at a time.
 
 import package::shared::camera::{ALPHA_MAX, ALPHA_MIN, view};
@@ -17,10 +17,10 @@ import package::shared::splat::Splat;
 // Whether the gradient of the opacity is requested.
 override SLOT_OPACITY: bool = false;
 
-// Rows that an invocation owns, on the fast tier and on the other.
-@if(fast)
+// Rows that an invocation owns.
+@if(subgroups)
 const ROWS: u32 = 2u;
-@if(!fast)
+@if(!subgroups)
 const ROWS: u32 = 4u;
 
 // State of four pixels side by side, after the entries behind.

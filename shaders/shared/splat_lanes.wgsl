@@ -1,4 +1,4 @@
-// Splats that the lanes of a subgroup have loaded for each other, on the fast tier.
+// Splats that the lanes of a subgroup have loaded for each other.
 
 import package::shared::splat::Splat;
 

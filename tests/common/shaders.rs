@@ -2,30 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use ghand_render::Tier;
 use ghand_render::shader_sources::SHADERS;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// Every composed WGSL source, with its name and tier.
-pub fn sources() -> Vec<(&'static str, Tier, &'static str)> {
-    SHADERS.iter().map(|shader| (shader.name, shader.tier(), shader.source)).collect()
+/// Every composed WGSL source, with its name and whether it needs subgroups.
+pub fn sources() -> Vec<(&'static str, bool, &'static str)> {
+    SHADERS.iter().map(|shader| (shader.name, shader.needs_subgroups(), shader.source)).collect()
 }
 
-/// Parses a source and validates it against the features of a tier.
+/// Parses a source and validates it against the features of every WebGPU device, or with subgroups.
 ///
 /// # Errors
 /// The compiler's message with the location in the source, and file and line of the enclosing declaration.
-pub fn validate(tier: Tier, source: &str) -> Result<naga::Module, String> {
+pub fn validate(subgroups: bool, source: &str) -> Result<naga::Module, String> {
     let at =
         |message: String, location: Option<naga::SourceLocation>| match location.and_then(|l| declared_at(source, l)) {
             Some(place) => format!("{place}: {message}"),
             None => message,
         };
     let module = naga::front::wgsl::parse_str(source).map_err(|e| at(e.emit_to_string(source), e.location(source)))?;
-    let capabilities = match tier {
-        Tier::Baseline => Capabilities::empty(),
-        Tier::Fast => Capabilities::SUBGROUP,
-    };
+    let capabilities = if subgroups { Capabilities::SUBGROUP } else { Capabilities::empty() };
     let mut validator = Validator::new(ValidationFlags::all(), capabilities);
     validator.validate(&module).map_err(|e| at(e.emit_to_string(source), e.location(source)))?;
     Ok(module)

@@ -5,13 +5,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use ghand_render::Tier;
+use ghand_render::shader_sources::{SHADERS, Shader};
 use ghand_tests::shaders::{files, shader_folder, sources, validate, wgsl_files};
 
 #[test]
-fn every_source_is_valid_on_every_device_of_its_tier() {
-    for (name, tier, source) in sources() {
-        if let Err(message) = validate(tier, source) {
+fn every_source_is_valid_on_every_device_that_runs_it() {
+    for (name, subgroups, source) in sources() {
+        if let Err(message) = validate(subgroups, source) {
             panic!("{name}: {message}");
         }
     }
@@ -19,7 +19,7 @@ fn every_source_is_valid_on_every_device_of_its_tier() {
 
 #[test]
 fn a_source_that_does_not_parse_is_rejected() {
-    assert!(validate(Tier::Fast, "fn broken( {").is_err());
+    assert!(validate(true, "fn broken( {").is_err());
 }
 
 #[test]
@@ -27,40 +27,38 @@ fn a_source_that_parses_but_is_invalid_is_rejected() {
     // A uniform buffer cannot contain a runtime-sized array: only validation detects it.
     let source = "@group(0) @binding(0) var<uniform> a: array<f32>;";
     assert!(naga::front::wgsl::parse_str(source).is_ok());
-    assert!(validate(Tier::Fast, source).is_err());
+    assert!(validate(true, source).is_err());
 }
 
 #[test]
-fn subgroup_operations_are_rejected_on_the_baseline_tier() {
+fn subgroup_operations_are_rejected_where_there_are_none() {
     let source = "@compute @workgroup_size(8) fn f() { let a = subgroupAdd(1u); }";
-    assert!(validate(Tier::Baseline, source).is_err() && validate(Tier::Fast, source).is_ok());
+    assert!(validate(false, source).is_err() && validate(true, source).is_ok());
 }
 
 #[test]
-fn names_and_entry_points_are_unique_in_their_tier() {
+fn names_and_entry_points_are_unique_apart_from_variants() {
     let (mut names, mut entries) = (BTreeSet::new(), BTreeSet::new());
-    for (name, tier, source) in sources() {
+    for (name, subgroups, source) in sources() {
         assert!(names.insert(name), "two sources are called {name}");
-        for entry in validate(tier, source).unwrap().entry_points {
-            let is_new = entries.insert((tier, entry.name.clone()));
+        for entry in validate(subgroups, source).unwrap().entry_points {
+            let is_new = entries.insert((subgroups, name.ends_with("_by_blocks"), entry.name.clone()));
             assert!(is_new, "{name}: another source has the entry point {}", entry.name);
         }
     }
 }
 
 #[test]
-fn stages_of_the_fast_tier_have_the_entry_points_of_those_they_replace() {
-    // A stage may have a variant for subgroups of one size.
-    let plain = |name: String| name.trim_end_matches("_by_subgroup").to_owned();
-    let entries = |wanted: Tier| -> BTreeSet<String> {
-        let of_tier = sources().into_iter().filter(|(_, tier, _)| *tier == wanted);
-        of_tier
-            .flat_map(|(_, tier, source)| validate(tier, source).unwrap().entry_points)
-            .map(|e| plain(e.name))
-            .collect()
-    };
-    let (baseline, fast) = (entries(Tier::Baseline), entries(Tier::Fast));
-    assert!(fast.len() >= 7 && fast.is_subset(&baseline), "{fast:?}");
+fn stages_with_subgroups_have_the_entry_points_of_those_they_replace() {
+    for shader in SHADERS.iter().filter(|shader| shader.needs_subgroups()) {
+        let Some(replaced) = SHADERS.iter().find(|other| shader.name.ends_with(&format!("/{}", other.name))) else {
+            assert_eq!(shader.name, "subgroups/subgroup_size");
+            continue;
+        };
+        let names = |shader: &Shader| shader.entries.iter().map(|entry| entry.name).collect::<Vec<_>>();
+        assert_eq!(names(shader), names(replaced), "{}", shader.name);
+    }
+    assert!(SHADERS.iter().filter(|shader| shader.needs_subgroups()).count() >= 5);
 }
 
 #[test]
@@ -87,10 +85,10 @@ fn unused_files(folder: &Path, shaders: &str, host: &str) -> Vec<String> {
 
 #[test]
 fn an_error_names_the_file_and_line_of_its_function() {
-    let (_, tier, source) = sources().into_iter().find(|(name, ..)| *name == "project").unwrap();
+    let (_, subgroups, source) = sources().into_iter().find(|(name, ..)| *name == "project").unwrap();
     let broken = source.replacen("let xx = q.x * d.x;", "let xx = q.x * d.xyzz;", 1);
     assert_ne!(broken, source, "the line to break does not exist");
-    let message = validate(tier, &broken).unwrap_err();
+    let message = validate(subgroups, &broken).unwrap_err();
     let file = std::fs::read_to_string(shader_folder().join("shared/gaussian.wgsl")).unwrap();
     let line = file.lines().position(|line| line.starts_with("fn axes_of")).unwrap() + 1;
     assert!(message.starts_with(&format!("shaders/shared/gaussian.wgsl:{line}, fn axes_of: ")), "{message}");

@@ -1,6 +1,8 @@
 //! Creating, filling and reading storage buffers.
 
-use std::sync::mpsc;
+use std::future::poll_fn;
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::task::{Poll, Waker};
 use std::time::Duration;
 
 use bytemuck::Pod;
@@ -73,10 +75,61 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
 /// # Errors
 /// As [`read`].
 pub fn read_from<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, first: usize, count: usize) -> Result<Vec<T>, RenderError> {
+    let Some(staging) = staging::<T>(gpu, buffer, first, count)? else { return Ok(Vec::new()) };
+    map(gpu, &staging)?;
+    contents(&staging, count)
+}
+
+/// As [`read`], without blocking the thread, as browsers demand. Elsewhere the device must be polled until it is done, by
+/// [`Gpu::poll`] or by later submissions.
+///
+/// # Errors
+/// As [`read`].
+pub async fn read_async<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, RenderError> {
+    let Some(staging) = staging::<T>(gpu, buffer, 0, count)? else { return Ok(Vec::new()) };
+    let answer = Arc::new(Mutex::new(Answer::default()));
+    let from_device = answer.clone();
+    staging.map_async(wgpu::MapMode::Read, .., move |result| {
+        let mut answer = from_device.lock().unwrap_or_else(PoisonError::into_inner);
+        answer.result = Some(result);
+        answer.waker.take().into_iter().for_each(Waker::wake);
+    });
+    let mapped = poll_fn(move |context| {
+        let mut answer = answer.lock().unwrap_or_else(PoisonError::into_inner);
+        match answer.result.take() {
+            Some(result) => Poll::Ready(result),
+            None => {
+                answer.waker = Some(context.waker().clone());
+                Poll::Pending
+            }
+        }
+    });
+    mapped.await.map_err(|e| unreadable(&e))?;
+    contents(&staging, count)
+}
+
+/// What the device says about a mapping, and who waits for it.
+#[derive(Default)]
+struct Answer {
+    result: Option<Result<(), wgpu::BufferAsyncError>>,
+    waker: Option<Waker>,
+}
+
+fn unreadable(reason: &dyn std::fmt::Display) -> RenderError {
+    RenderError::Device(format!("a buffer could not be read: {reason}"))
+}
+
+/// Submits the copy of values to a buffer that can be mapped. `None` for no values.
+fn staging<T: Pod>(
+    gpu: &Gpu,
+    buffer: &wgpu::Buffer,
+    first: usize,
+    count: usize,
+) -> Result<Option<wgpu::Buffer>, RenderError> {
     let offset = (first * size_of::<T>()) as u64;
     let size = (count * size_of::<T>()) as u64;
     if size == 0 {
-        return Ok(Vec::new());
+        return Ok(None);
     }
     let make = || {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -91,11 +144,15 @@ pub fn read_from<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, first: usize, count: 
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, size.next_multiple_of(4));
     gpu.queue.submit([encoder.finish()]);
-    map(gpu, &staging)?;
-    let fail = |e: &dyn std::fmt::Display| RenderError::Device(format!("a buffer could not be read: {e}"));
-    let view = staging.get_mapped_range(..).map_err(|e| fail(&e))?;
+    Ok(Some(staging))
+}
+
+/// The values in a mapped buffer.
+fn contents<T: Pod>(staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>, RenderError> {
+    let view = staging.get_mapped_range(..).map_err(|e| unreadable(&e))?;
     let mut values = vec![T::zeroed(); count];
-    bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..size as usize]);
+    let size = count * size_of::<T>();
+    bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..size]);
     Ok(values)
 }
 
@@ -104,6 +161,9 @@ pub fn read_from<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, first: usize, count: 
 /// # Errors
 /// [`RenderError`] if the device failed or was lost, or does not respond.
 pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
+    if cfg!(target_arch = "wasm32") {
+        return Err(unreadable(&"a browser does not let a program wait; use the function whose name ends in `_async`"));
+    }
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
         // The receiver outlives the wait below; if it is gone, nobody needs the result.
@@ -115,12 +175,12 @@ pub(crate) fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
         // after a loss some callbacks are never called.
         match receiver.recv_timeout(ANSWER_PAUSE) {
             Ok(result) => {
-                return result.map_err(|e| RenderError::Device(format!("a buffer could not be read: {e}")));
+                return result.map_err(|e| unreadable(&e));
             }
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => break,
         }
     }
     gpu.check()?;
-    Err(RenderError::Device("a buffer could not be read: the device does not respond".into()))
+    Err(unreadable(&"the device does not respond"))
 }

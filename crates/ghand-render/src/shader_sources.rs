@@ -1,13 +1,11 @@
 //! The complete WGSL of every stage with its entry points, composed by `build.rs` from the files in `shaders/` and their
 //! imports.
 
-use crate::Tier;
-
 /// A stage's source.
 #[derive(Debug)]
 pub struct Shader {
-    /// Named after its file: `skin` is `shaders/skin.wgsl`, `fast/sort` is `shaders/fast/sort.wgsl` and runs on the fast
-    /// tier instead of `sort`.
+    /// Named after its file: `skin` is `shaders/skin.wgsl`; `subgroups/NAME` runs instead of `NAME` on tiers with
+    /// subgroups.
     pub name: &'static str,
     /// The complete WGSL.
     pub source: &'static str,
@@ -39,9 +37,9 @@ impl Shader {
         found.unwrap_or_else(|| panic!("there is no shaders/{name}.wgsl"))
     }
 
-    /// The tier for which it is.
-    pub fn tier(&self) -> Tier {
-        if self.name.starts_with("fast/") { Tier::Fast } else { Tier::Baseline }
+    /// Whether it needs subgroups.
+    pub fn needs_subgroups(&self) -> bool {
+        self.name.starts_with("subgroups/")
     }
 
     /// The entry point of this name.

@@ -1,33 +1,47 @@
-//! Two tiers of device features; every stage runs on both.
+//! Tiers: the named combinations of kernels. What a device can do, and whether it is a processor, choose one.
 
 use crate::DeviceError;
 
-/// A set of device features that the stages use.
+/// A combination of kernels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Tier {
-    /// The features of every WebGPU device.
-    Baseline,
-    /// Subgroups of eight invocations or more, and 32 KiB of workgroup memory.
-    Fast,
+    /// For software rasterisers with the features of every WebGPU device: sorts by strands, one invocation each.
+    Cpu,
+    /// As [`Tier::Cpu`], but eight invocations of a subgroup share what they load to rasterise.
+    CpuSubgroups,
+    /// For graphics processors with the features of every WebGPU device: sorts by blocks, one workgroup each.
+    Gpu,
+    /// As [`Tier::Gpu`], but subgroups share what they load to rasterise, and add up the counts of the sort.
+    GpuSubgroups,
 }
 
 impl Tier {
-    /// Environment variable that selects the tier: `baseline` or `fast`.
+    /// All tiers.
+    pub const ALL: [Tier; 4] = [Tier::Cpu, Tier::CpuSubgroups, Tier::Gpu, Tier::GpuSubgroups];
+
+    /// Environment variable that selects the tier by its name.
     pub const VARIABLE: &'static str = "GHAND_TIER";
 
-    /// Workgroup memory of the fast tier, bytes: a block of pairs in `fast/sort.wgsl`.
+    /// Workgroup memory with subgroups, bytes: a block of pairs in `sort_by_blocks.wgsl`.
     const WORKGROUP_BYTES: u32 = 32_768;
 
-    /// Minimum subgroup size on the fast tier: in the rasteriser, eight invocations share what they load.
-    const SUBGROUP_SIZE: u32 = 8;
+    /// Minimum subgroup size: in the rasteriser, eight invocations share what they load.
+    pub(crate) const SUBGROUP_SIZE: u32 = 8;
 
-    /// Reads `baseline` or `fast`, ignoring case.
-    pub fn parse(text: &str) -> Option<Tier> {
-        match text.trim().to_lowercase().as_str() {
-            "baseline" => Some(Tier::Baseline),
-            "fast" => Some(Tier::Fast),
-            _ => None,
+    /// The tier's name: `cpu`, `cpu-subgroups`, `gpu` or `gpu-subgroups`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Tier::Cpu => "cpu",
+            Tier::CpuSubgroups => "cpu-subgroups",
+            Tier::Gpu => "gpu",
+            Tier::GpuSubgroups => "gpu-subgroups",
         }
+    }
+
+    /// Reads a tier's name, ignoring case.
+    pub fn parse(text: &str) -> Option<Tier> {
+        let name = text.trim().to_lowercase();
+        Tier::ALL.into_iter().find(|tier| tier.name() == name)
     }
 
     /// The tier in [`Tier::VARIABLE`], if it is set.
@@ -41,47 +55,45 @@ impl Tier {
         }
     }
 
+    /// The tier for a device of this kind, with or without subgroups.
+    pub(crate) fn of(is_cpu: bool, subgroups: bool) -> Tier {
+        match (is_cpu, subgroups) {
+            (true, false) => Tier::Cpu,
+            (true, true) => Tier::CpuSubgroups,
+            (false, false) => Tier::Gpu,
+            (false, true) => Tier::GpuSubgroups,
+        }
+    }
+
+    /// Whether it uses subgroups.
+    pub fn has_subgroups(self) -> bool {
+        matches!(self, Tier::CpuSubgroups | Tier::GpuSubgroups)
+    }
+
+    /// Whether it sorts by strands.
+    pub(crate) fn has_strands(self) -> bool {
+        matches!(self, Tier::Cpu | Tier::CpuSubgroups)
+    }
+
     /// Selects the value for this tier.
-    pub(crate) fn choose<T>(self, baseline: T, fast: T) -> T {
-        match self {
-            Tier::Baseline => baseline,
-            Tier::Fast => fast,
-        }
+    pub(crate) fn choose<T>(self, portable: T, subgroups: T) -> T {
+        if self.has_subgroups() { subgroups } else { portable }
     }
 
-    /// The tier's name, as in [`Tier::parse`].
-    pub fn name(self) -> &'static str {
-        match self {
-            Tier::Baseline => "baseline",
-            Tier::Fast => "fast",
-        }
+    /// Whether features and limits suffice for subgroups. Their size is another matter.
+    pub(crate) fn subgroups_fit(features: wgpu::Features, limits: &wgpu::Limits) -> bool {
+        features.contains(wgpu::Features::SUBGROUP)
+            && limits.max_compute_workgroup_storage_size >= Self::WORKGROUP_BYTES
     }
 
-    /// Whether the adapter has what the tier needs.
-    pub fn is_offered_by(self, adapter: &wgpu::Adapter) -> bool {
-        match self {
-            Tier::Baseline => true,
-            Tier::Fast => {
-                adapter.features().contains(wgpu::Features::SUBGROUP)
-                    && adapter.get_info().subgroup_min_size >= Self::SUBGROUP_SIZE
-                    && adapter.limits().max_compute_workgroup_storage_size >= Self::WORKGROUP_BYTES
-            }
-        }
-    }
-
-    /// The best tier that an adapter supports.
-    pub fn best_for(adapter: &wgpu::Adapter) -> Tier {
-        if Tier::Fast.is_offered_by(adapter) { Tier::Fast } else { Tier::Baseline }
-    }
-
-    /// The device to request from an adapter. Both tiers request timestamps if offered, and the adapter's largest
+    /// The device to request from an adapter, with or without subgroups: timestamps if offered, and the adapter's largest
     /// buffers and images; no stage depends on these.
-    pub(crate) fn descriptor(self, adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+    pub(crate) fn descriptor(adapter: &wgpu::Adapter, subgroups: bool) -> wgpu::DeviceDescriptor<'static> {
         let offered = adapter.limits();
         let default = wgpu::Limits::default();
-        let (features, workgroup_bytes) = match self {
-            Tier::Baseline => (wgpu::Features::empty(), default.max_compute_workgroup_storage_size),
-            Tier::Fast => (wgpu::Features::SUBGROUP, Self::WORKGROUP_BYTES),
+        let (features, workgroup_bytes) = match subgroups {
+            false => (wgpu::Features::empty(), default.max_compute_workgroup_storage_size),
+            true => (wgpu::Features::SUBGROUP, Self::WORKGROUP_BYTES),
         };
         let limits = wgpu::Limits {
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
@@ -130,9 +142,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tiers_are_read_from_text() {
-        assert_eq!(Tier::parse(" FAST "), Some(Tier::Fast));
-        assert_eq!(Tier::parse(Tier::Baseline.name()), Some(Tier::Baseline));
-        assert_eq!(Tier::parse("quick"), None);
+    fn tiers_are_read_from_their_names() {
+        Tier::ALL.iter().for_each(|tier| assert_eq!(Tier::parse(tier.name()), Some(*tier)));
+        assert_eq!(Tier::parse(" GPU-Subgroups "), Some(Tier::GpuSubgroups));
+        assert_eq!(Tier::parse("fast"), None);
     }
 }

@@ -65,15 +65,15 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
 }
 
 /// The adapters of an instance, the best first.
-fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+async fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
     adapters.sort_by_key(|a| rank(a.get_info().device_type));
     adapters
 }
 
 /// The best adapter that fits a choice.
-pub(super) fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Result<wgpu::Adapter, DeviceError> {
-    let adapters = adapters(instance);
+pub(super) async fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Result<wgpu::Adapter, DeviceError> {
+    let adapters = adapters(instance).await;
     // An adapter can be listed once per driver.
     let mut found: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     found.dedup();
@@ -82,12 +82,13 @@ pub(super) fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Resul
 }
 
 /// The adapter that was opened before, if it is available.
-pub(super) fn find_again(instance: &wgpu::Instance, before: &wgpu::AdapterInfo) -> Option<wgpu::Adapter> {
+#[cfg(not(target_arch = "wasm32"))]
+pub(super) async fn find_again(instance: &wgpu::Instance, before: &wgpu::AdapterInfo) -> Option<wgpu::Adapter> {
     // The driver's version is not compared: a driver update is one way to lose a device.
     let identity = |i: &wgpu::AdapterInfo| {
         (i.name.clone(), i.vendor, i.device, i.device_type, i.backend, i.device_pci_bus_id.clone())
     };
-    adapters(instance).into_iter().find(|a| identity(&a.get_info()) == identity(before))
+    adapters(instance).await.into_iter().find(|a| identity(&a.get_info()) == identity(before))
 }
 
 #[cfg(test)]

@@ -7,9 +7,6 @@
 use std::error::Error;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use wgpu::wgc::binding_model::CreateBindGroupError;
-use wgpu::wgc::resource::CreateBufferError;
-
 use crate::device::{AdapterChoice, memory_limit};
 use crate::{Gpu, Tier};
 
@@ -49,7 +46,7 @@ pub enum DeviceError {
         reason: String,
     },
     /// The adapter lacks what a tier needs.
-    #[error("the graphics adapter {adapter} lacks what the tier `{tier}` needs; use {}=baseline", Tier::VARIABLE)]
+    #[error("the graphics adapter {adapter} lacks what the tier `{tier}` needs; use {}=gpu, or cpu", Tier::VARIABLE)]
     NoTier {
         /// The adapter.
         adapter: String,
@@ -57,10 +54,22 @@ pub enum DeviceError {
         tier: &'static str,
     },
     /// [`Tier::VARIABLE`] is not the name of a tier.
-    #[error("{}={text} is not a tier; use `baseline` or `fast`", Tier::VARIABLE)]
+    #[error("{}={text} is not a tier; use `cpu`, `cpu-subgroups`, `gpu` or `gpu-subgroups`", Tier::VARIABLE)]
     UnknownTier {
         /// Its value.
         text: String,
+    },
+    /// The caller's device allows less than every WebGPU device.
+    #[error(
+        "the device allows {limit} of {allowed}, and {needed} is needed; request it with `wgpu::Limits::default()`"
+    )]
+    SmallLimits {
+        /// The limit.
+        limit: &'static str,
+        /// What is needed.
+        needed: u64,
+        /// What the device allows.
+        allowed: u64,
     },
     /// The adapter of a lost device did not come back.
     #[error(
@@ -204,9 +213,15 @@ impl Gpu {
     fn look(&self, wait: bool) -> Result<(), RenderError> {
         // Before the check for errors: the first error can be a sign of a loss that only this call detects.
         if !self.is_lost() {
-            // Not `Device::poll`, which panics if the driver reports a lost device. This is equivalent, since an
-            // instance has one device here, and the driver's reports are recorded.
-            self.instance.poll_all(wait);
+            match &self.instance {
+                // Not `Device::poll`, which panics if the driver reports a lost device. This is equivalent, since an
+                // instance has one device here, and the driver's reports are recorded.
+                Some(instance) => drop(instance.poll_all(wait)),
+                None => {
+                    let kind = if wait { wgpu::PollType::wait_indefinitely() } else { wgpu::PollType::Poll };
+                    self.device.poll(kind).map_err(|e| RenderError::Device(e.to_string()))?;
+                }
+            }
         }
         self.check()
     }
@@ -220,6 +235,11 @@ impl Gpu {
     /// [`RenderError::OutOfMemory`] if there is too little memory, [`RenderError::Device`] if the device rejects it for
     /// another reason (a shader that does not compile), [`RenderError::Lost`] if the device is lost.
     pub fn scoped<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, RenderError> {
+        if cfg!(target_arch = "wasm32") {
+            // A browser reports errors later: to the device's callback, whose reports `check` has.
+            let made = make();
+            return self.check().map(|()| made);
+        }
         // On a lost device, calls have no effect and report no error.
         self.poll()?;
         let scopes = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory]
@@ -239,21 +259,35 @@ impl Gpu {
 /// The error of a call that made `what`.
 fn refusal(what: &str, error: &wgpu::Error) -> RenderError {
     let what = what.to_owned();
-    let too_large = causes(error).find_map(|cause| {
-        let (bytes, most) = match (cause.downcast_ref(), cause.downcast_ref()) {
-            (Some(CreateBufferError::MaxBufferSize { requested, maximum }), _) => (requested, maximum),
-            (_, Some(CreateBindGroupError::BufferRangeTooLarge { given, limit, .. })) => (given, limit),
-            _ => return None,
-        };
-        Some(format!("a buffer of {bytes} bytes, but it takes at most {most}"))
-    });
-    match (too_large, error) {
+    match (exceeded_size(error), error) {
         (Some(why), _) => RenderError::OutOfMemory { what, why },
         (None, wgpu::Error::OutOfMemory { .. }) => RenderError::OutOfMemory { what, why: "its memory is full".into() },
         (None, error) => RenderError::Device(format!("it rejects {what}: {}", one_line(&error.to_string()))),
     }
 }
 
+/// The size of a buffer, and the largest that the device allows, if that is the cause.
+#[cfg(not(target_arch = "wasm32"))]
+fn exceeded_size(error: &wgpu::Error) -> Option<String> {
+    use wgpu::wgc::binding_model::CreateBindGroupError;
+    use wgpu::wgc::resource::CreateBufferError;
+    causes(error).find_map(|cause| {
+        let (bytes, most) = match (cause.downcast_ref(), cause.downcast_ref()) {
+            (Some(CreateBufferError::MaxBufferSize { requested, maximum }), _) => (requested, maximum),
+            (_, Some(CreateBindGroupError::BufferRangeTooLarge { given, limit, .. })) => (given, limit),
+            _ => return None,
+        };
+        Some(format!("a buffer of {bytes} bytes, but it takes at most {most}"))
+    })
+}
+
+/// Browsers give only a text.
+#[cfg(target_arch = "wasm32")]
+fn exceeded_size(_: &wgpu::Error) -> Option<String> {
+    None
+}
+
+#[cfg(not(target_arch = "wasm32"))]
 fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
     std::iter::successors(Some(error), |e| (*e).source())
 }

@@ -23,8 +23,8 @@ impl Gpu {
     pub fn reopen(&self) -> Result<Gpu, DeviceError> {
         with_pauses(&PAUSES_MS.map(Duration::from_millis), || {
             let instance = instance();
-            match adapter::find_again(&instance, &self.info) {
-                Some(adapter) => Gpu::open(instance, adapter, Some(self.tier)),
+            match pollster::block_on(adapter::find_again(&instance, &self.info)) {
+                Some(adapter) => pollster::block_on(Gpu::open(instance, adapter, Some(self.tier))),
                 None => Err(DeviceError::Gone { adapter: self.info.name.clone() }),
             }
         })

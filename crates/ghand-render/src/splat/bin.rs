@@ -44,7 +44,7 @@ struct StrandPipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
-        Pipelines::of_kind(gpu, gpu.is_cpu())
+        Pipelines::of_kind(gpu, gpu.tier.has_strands())
     }
 
     /// Pipelines that count by strands where that needs few enough counters, or always sort. A software rasteriser has

@@ -11,10 +11,7 @@ pub const CAMERA_STRANDS: usize = 64;
 /// Cells of an intersection's gradients: one per 4x4 pixels of the tile, or one in all where the invocations of a tile add
 /// up their gradients.
 pub fn gradient_cells(tier: Tier) -> u32 {
-    match tier {
-        Tier::Baseline => 4,
-        Tier::Fast => 1,
-    }
+    tier.choose(4, 1)
 }
 
 /// The buffers passed between the stages of a frame. Sizes: N Gaussians, `capacity` intersections, the tiles and pixels

@@ -7,26 +7,15 @@ use crate::{Gpu, Tier};
 
 /// Invocations per tile forward, each for 2x2 pixels, as in the stages' shaders.
 const INVOCATIONS_PER_TILE: u32 = 16;
-/// Invocations per tile backward: `CELLS` of `rasterize_backward.wgsl`, `LANES` of the fast tier's.
-pub(super) const fn backward_invocations(tier: Tier) -> u32 {
-    match tier {
-        Tier::Baseline => 4,
-        Tier::Fast => 8,
-    }
+/// Invocations per tile backward: `CELLS` of `rasterize_backward.wgsl`, `LANES` of the one with subgroups.
+pub(super) fn backward_invocations(tier: Tier) -> u32 {
+    tier.choose(4, 8)
 }
 
 /// Maximum number of entries of a tile in the backward pass on Mesa's software rasteriser, which ends shader loops
 /// after 65,535 iterations of one or eight entries each.
 fn software_entries(tier: Tier) -> u32 {
-    match tier {
-        Tier::Baseline => 65_535,
-        Tier::Fast => 8 * 65_535,
-    }
-}
-
-/// Whether each subgroup has as many invocations as a tile.
-fn subgroups_are_tiles(gpu: &Gpu) -> bool {
-    [gpu.info.subgroup_min_size, gpu.info.subgroup_max_size] == [INVOCATIONS_PER_TILE; 2]
+    tier.choose(1, 8) * 65_535
 }
 
 pub struct Pipelines {
@@ -37,9 +26,7 @@ pub struct Pipelines {
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
         let SplatOptions { model, purpose, depth, largest_weights, cut_offs } = options;
-        let forward = Module::new(gpu, gpu.tier.choose("rasterize", "fast/rasterize"));
-        let entry =
-            if gpu.tier == Tier::Fast && subgroups_are_tiles(gpu) { "rasterize_by_subgroup" } else { "rasterize" };
+        let forward = Module::new(gpu, gpu.tier.choose("rasterize", "subgroups/rasterize"));
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
         let constants = [
@@ -49,9 +36,9 @@ impl Pipelines {
             cut_offs.alpha_min(),
         ];
         Pipelines {
-            rasterize: forward.stage(gpu, entry, &constants),
+            rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
-                let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "fast/rasterize_backward"));
+                let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "subgroups/rasterize_backward"));
                 let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), cut_offs.alpha_min()];
                 module.stage(gpu, "rasterize_backward", &constants)
             }),

@@ -1,5 +1,5 @@
-//! Host part of `sort.wgsl` and `scan.wgsl`, and of `fast/sort.wgsl` and `fast/scan.wgsl` on the fast tier: a stable
-//! radix sort whose length only the GPU knows.
+//! Host part of `sort.wgsl` and `scan.wgsl`, and of `sort_by_blocks.wgsl` and `scan_by_blocks.wgsl` on tiers for graphics
+//! processors: a stable radix sort whose length only the GPU knows.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,10 +9,10 @@ use crate::{Gpu, Tier, buffers};
 
 /// Number of strands of a prefix sum, as in `scan.wgsl`.
 const SCAN_STRANDS: u32 = 1024;
-/// Number of values in a block of a prefix sum, as in `fast/scan.wgsl`.
+/// Number of values in a block of a prefix sum, as in `scan_by_blocks.wgsl`.
 const SCAN_BLOCK: u32 = 2048;
-/// Number of pairs in a block of the sort, as in `fast/sort.wgsl`.
-const SORT_BLOCK: u64 = 2048;
+/// Number of pairs in a block of the sort, as in `sort_by_blocks.wgsl` without and with subgroups.
+const SORT_BLOCKS: [u32; 2] = [1024, 2048];
 /// Maximum number of pairs in a strand: half of the iterations that software rasterisers allow in a loop.
 const MOST_PAIRS: u64 = 32_768;
 
@@ -51,8 +51,13 @@ pub struct SortUniforms {
 }
 
 /// Constants shared with the shaders: stage, name, value.
-pub const SHARED_CONSTANTS: [(&str, &str, u32); 3] =
-    [("scan", "STRANDS", SCAN_STRANDS), ("fast/scan", "BLOCK", SCAN_BLOCK), ("fast/sort", "BLOCK", SORT_BLOCK as u32)];
+pub const SHARED_CONSTANTS: [(&str, &str, u32); 5] = [
+    ("scan", "STRANDS", SCAN_STRANDS),
+    ("scan_by_blocks", "BLOCK", SCAN_BLOCK),
+    ("subgroups/scan_by_blocks", "BLOCK", SCAN_BLOCK),
+    ("sort_by_blocks", "BLOCK", SORT_BLOCKS[0]),
+    ("subgroups/sort_by_blocks", "BLOCK", SORT_BLOCKS[1]),
+];
 
 /// The only word of a buffer for a total that nobody needs.
 pub const FIRST_WORD: CounterIndex = CounterIndex(0);
@@ -63,50 +68,44 @@ pub struct Pipelines {
     scan_sums: Stage,
     scan_strands: Stage,
     scan_apply: Stage,
-    by_blocks: bool,
-    is_cpu: bool,
+    /// Pairs in a block of the sort, unless it is by strands.
+    block: Option<u32>,
 }
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
         // A software rasteriser runs a workgroup's invocations in turn: barriers cost more than they save.
-        Pipelines::of_kind(gpu, gpu.tier == Tier::Fast && !gpu.is_cpu())
-    }
-
-    /// Pipelines that work by blocks, which need the fast tier, or by strands.
-    fn of_kind(gpu: &Gpu, by_blocks: bool) -> Pipelines {
-        let (sort, scan) = if by_blocks { ("fast/sort", "fast/scan") } else { ("sort", "scan") };
+        let (sort, scan) = match gpu.tier {
+            Tier::Cpu | Tier::CpuSubgroups => ("sort", "scan"),
+            Tier::Gpu => ("sort_by_blocks", "scan_by_blocks"),
+            Tier::GpuSubgroups => ("subgroups/sort_by_blocks", "subgroups/scan_by_blocks"),
+        };
         let (sort, scan) = (Module::new(gpu, sort), Module::new(gpu, scan));
+        let [portable, subgroups] = SORT_BLOCKS;
         Pipelines {
             sort_count: sort.stage(gpu, "sort_count", &[]),
             sort_scatter: sort.stage(gpu, "sort_scatter", &[]),
             scan_sums: scan.stage(gpu, "scan_sums", &[]),
             scan_strands: scan.stage(gpu, "scan_strands", &[]),
             scan_apply: scan.stage(gpu, "scan_apply", &[]),
-            by_blocks,
-            is_cpu: gpu.is_cpu(),
+            block: (!gpu.tier.has_strands()).then(|| gpu.tier.choose(portable, subgroups)),
         }
     }
 
     /// Maximum number of bits in a digit.
     fn digit_bits(&self) -> u32 {
-        // By blocks, the number of digits in `fast/sort.wgsl`. On a software rasteriser counting digits is cheap
+        // By blocks, the number of digits in `sort_by_blocks.wgsl`. On a software rasteriser counting digits is cheap
         // compared with moving pairs, so few passes are best.
-        match (self.by_blocks, self.is_cpu) {
-            (true, _) => 4,
-            (false, false) => 8,
-            (false, true) => 13,
-        }
+        if self.block.is_some() { 4 } else { 13 }
     }
 
     /// Number of separately sorted pieces into which `pairs` pairs are divided.
     pub(super) fn pieces(&self, pairs: u64) -> u32 {
         let enough_for_all_cores = || std::thread::available_parallelism().map_or(8, |n| n.get() as u64) * 16;
-        let pieces = match (self.by_blocks, self.is_cpu) {
-            (true, _) => pairs.div_ceil(SORT_BLOCK).max(1),
+        let pieces = match self.block {
+            Some(block) => pairs.div_ceil(block.into()).max(1),
             // A strand needs one loop iteration per pair.
-            (false, true) => pairs.div_ceil(MOST_PAIRS).max(enough_for_all_cores().clamp(32, 128)),
-            (false, false) => pairs.div_ceil(MOST_PAIRS).max(4096),
+            None => pairs.div_ceil(MOST_PAIRS).max(enough_for_all_cores().clamp(32, 128)),
         };
         u32::try_from(pieces).unwrap_or(u32::MAX)
     }
@@ -122,9 +121,9 @@ impl Pipelines {
         total: CounterIndex,
     ) -> Scan {
         let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index: total.0, padding: [0; 2] });
-        let (pieces, groups) = match self.by_blocks {
-            false => (SCAN_STRANDS, self.scan_sums.groups(SCAN_STRANDS)),
-            true => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
+        let (pieces, groups) = match self.block {
+            None => (SCAN_STRANDS, self.scan_sums.groups(SCAN_STRANDS)),
+            Some(_) => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
         };
         let sums = buffers::zeroed(gpu, "strand sums", pieces as usize);
         let piece = [("scan", &uniforms), ("values", values), ("strand_sums", &sums)];
@@ -231,9 +230,9 @@ impl Stages {
                 }
             })
             .collect();
-        let groups = match pipelines.by_blocks {
-            false => pipelines.sort_count.groups(pieces),
-            true => pieces,
+        let groups = match pipelines.block {
+            None => pipelines.sort_count.groups(pieces),
+            Some(_) => pieces,
         };
         Stages { passes, groups }
     }
@@ -259,22 +258,20 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::{AdapterChoice, reference};
+    use crate::{AdapterChoice, DeviceError, reference};
 
-    /// All kinds of pipelines that the adapter supports.
+    /// The pipelines of all tiers that the adapter supports.
     fn kinds() -> Vec<(Gpu, Pipelines)> {
-        let open = |tier| Gpu::with_tier(&AdapterChoice::from_env(), tier);
-        let baseline = open(Tier::Baseline).unwrap_or_else(|e| panic!("{e}"));
-        let strands = Pipelines::of_kind(&baseline, false);
-        let mut kinds = vec![(baseline, strands)];
-        match open(Tier::Fast) {
-            Ok(gpu) => {
-                let blocks = Pipelines::of_kind(&gpu, true);
-                kinds.push((gpu, blocks));
+        let open = |tier: Tier| match Gpu::with_tier(&AdapterChoice::from_env(), tier) {
+            Ok(gpu) => Some(gpu),
+            Err(e @ DeviceError::NoTier { .. }) => {
+                println!("skipped: {e}");
+                None
             }
-            Err(e) => println!("skipped: sorting by blocks: {e}"),
-        }
-        kinds
+            Err(e) => panic!("{e}"),
+        };
+        let gpus = Tier::ALL.into_iter().filter_map(open);
+        gpus.map(|gpu| (gpu.clone(), Pipelines::new(&gpu))).collect()
     }
 
     fn sorted(
@@ -313,11 +310,11 @@ mod tests {
                 let pairs: Vec<(u32, u32)> = (0..count).map(|i| (rng.random_range(0..1 << bits), i)).collect();
                 let expected = reference::sort::sort(&pairs, bits);
                 let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits, true);
-                assert!(got == expected, "{count} pairs, {bits} bits, by blocks: {}", pipelines.by_blocks);
+                assert!(got == expected, "{count} pairs, {bits} bits, {}", gpu.tier.name());
                 let pairs: Vec<(u32, u32)> = pairs.iter().map(|&(key, i)| (key, 3 * i + 1)).collect();
                 let expected = reference::sort::sort(&pairs, bits);
                 let got = sorted(&gpu, &pipelines, &pairs, pairs.len() + 3000, bits, false);
-                assert!(got == expected, "{count} pairs with values, {bits} bits, by blocks: {}", pipelines.by_blocks);
+                assert!(got == expected, "{count} pairs with values, {bits} bits, {}", gpu.tier.name());
                 if count == 2048 {
                     let unsorted = sorted(&gpu, &pipelines, &pairs, pairs.len(), bits - 5, false);
                     assert!(unsorted != expected, "the order is not compared");
@@ -341,11 +338,7 @@ mod tests {
                 let got: Vec<u32> = buffers::read(&gpu, &buffer, count as usize).unwrap();
                 let total = buffers::read::<u32>(&gpu, &totals, 3).unwrap()[2];
                 let expected = reference::sort::exclusive_scan(&values);
-                assert!(
-                    (&got, total) == (&expected.0, expected.1),
-                    "{count} values, by blocks: {}",
-                    pipelines.by_blocks
-                );
+                assert!((&got, total) == (&expected.0, expected.1), "{count} values, {}", gpu.tier.name());
             }
         }
     }

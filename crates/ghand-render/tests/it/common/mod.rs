@@ -19,14 +19,15 @@ pub fn gpu() -> Gpu {
 
 /// A device of each supported tier.
 pub fn devices() -> Vec<Gpu> {
-    let open = |tier| Gpu::with_tier(&AdapterChoice::from_env(), tier);
-    let mut devices = vec![open(Tier::Baseline).unwrap_or_else(|e| panic!("{e}"))];
-    match open(Tier::Fast) {
-        Ok(gpu) => devices.push(gpu),
-        Err(e @ DeviceError::NoTier { .. }) => println!("skipped: {e}"),
+    let open = |tier: Tier| match Gpu::with_tier(&AdapterChoice::from_env(), tier) {
+        Ok(gpu) => Some(gpu),
+        Err(e @ DeviceError::NoTier { .. }) => {
+            println!("skipped: {e}");
+            None
+        }
         Err(e) => panic!("{e}"),
-    }
-    devices
+    };
+    Tier::ALL.into_iter().filter_map(open).collect()
 }
 
 pub fn rng(seed: u64) -> rand_chacha::ChaCha8Rng {

@@ -1,7 +1,10 @@
 // One pass of a stable radix sort of (key, value) pairs, for devices that run thousands of invocations at once. The
 // array is divided into blocks of consecutive pairs, one workgroup each: a block counts its digits, the counts
 // (digit-major) are scanned, and the block then orders its pairs in workgroup memory and writes them out, neighbours
-// together. The order of a stable sort is unique: the result is that of `sort.wgsl`, bit for bit.
+// together. The order of a stable sort is unique: the result is that of `sort.wgsl`, bit for bit. With subgroups, these
+// add up the counts of their invocations; without, workgroup memory does, of which every device has room for less.
+
+import package::shared::block::{Block, thread_of};
 
 struct SortUniforms {
     // The digit is (key >> shift) & mask; the mask has at most four bits.
@@ -18,12 +21,14 @@ struct SortUniforms {
     padding_3: u32,
 }
 
-const THREADS: u32 = 256u;
+@if(subgroups) const THREADS: u32 = 256u;
+@if(!subgroups) const THREADS: u32 = 128u;
 const PAIRS: u32 = 8u;
 const BLOCK: u32 = THREADS * PAIRS;
 const DIGITS: u32 = 16u;
 // Subgroups have four invocations or more.
-const MOST_SUBGROUPS: u32 = THREADS / 4u;
+@if(subgroups) const PARTS: u32 = THREADS / 4u;
+@if(!subgroups) const PARTS: u32 = THREADS;
 
 @group(0) @binding(0) var<uniform> sort: SortUniforms;
 @group(0) @binding(1) var<storage, read> counters: array<u32>;
@@ -47,7 +52,8 @@ struct Counts {
     high: vec4<u32>,
 }
 
-var<workgroup> subgroup_totals: array<Counts, MOST_SUBGROUPS>;
+// Totals of the subgroups; without them, running sums of the invocations.
+var<workgroup> parts: array<Counts, PARTS>;
 var<workgroup> digit_starts: array<u32, DIGITS>;
 var<workgroup> block_keys: array<u32, BLOCK>;
 var<workgroup> block_values: array<u32, BLOCK>;
@@ -80,16 +86,55 @@ fn block_range(block: u32) -> vec2<u32> {
     return vec2(start, min(BLOCK, count - start));
 }
 
-@compute @workgroup_size(256)
-fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-              @builtin(subgroup_id) subgroup: u32, @builtin(num_subgroups) subgroups: u32,
-              @builtin(subgroup_size) lanes: u32, @builtin(subgroup_invocation_id) lane: u32) {
-    let block = group.x + group.y * groups.x;
+struct BeforeAndAll {
+    before: Counts,
+    all: Counts,
+}
+
+// The sum of `mine` over the invocations before this one, and over all. Every invocation must call it, once.
+@if(subgroups)
+fn scan_counts(mine: Counts, it: Block) -> BeforeAndAll {
+    var before = Counts(subgroupExclusiveAdd(mine.low), subgroupExclusiveAdd(mine.high));
+    let total = Counts(subgroupAdd(mine.low), subgroupAdd(mine.high));
+    if it.lane == 0u {
+        parts[it.subgroup] = total;
+    }
+    workgroupBarrier();
+    var all = Counts();
+    for (var s = 0u; s < it.subgroups; s++) {
+        if s == it.subgroup {
+            before = sum(before, all);
+        }
+        all = sum(all, parts[s]);
+    }
+    return BeforeAndAll(before, all);
+}
+
+@if(!subgroups)
+fn scan_counts(mine: Counts, it: Block) -> BeforeAndAll {
+    let thread = it.index;
+    var running = mine;
+    for (var step = 1u; step < THREADS; step *= 2u) {
+        parts[thread] = running;
+        workgroupBarrier();
+        if thread >= step {
+            running = sum(running, parts[thread - step]);
+        }
+        workgroupBarrier();
+    }
+    parts[thread] = running;
+    workgroupBarrier();
+    return BeforeAndAll(Counts(running.low - mine.low, running.high - mine.high), parts[THREADS - 1u]);
+}
+
+@compute @workgroup_size(THREADS)
+fn sort_count(it: Block) {
+    let block = it.group.x + it.group.y * it.groups.x;
     if block >= sort.strands {
         return;
     }
     let range = block_range(block);
-    let thread = subgroup * lanes + lane;
+    let thread = thread_of(it);
     var mine = Counts();
     for (var k = 0u; k < PAIRS; k++) {
         // The order does not matter here: neighbouring invocations read neighbouring pairs.
@@ -98,30 +143,20 @@ fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
             mine = sum(mine, once(digit_of(keys_in[range.x + i])));
         }
     }
-    let total = Counts(subgroupAdd(mine.low), subgroupAdd(mine.high));
-    if lane == 0u {
-        subgroup_totals[subgroup] = total;
-    }
-    workgroupBarrier();
+    let counts = scan_counts(mine, it).all;
     if thread <= sort.mask {
-        var occurrences = 0u;
-        for (var s = 0u; s < subgroups; s++) {
-            occurrences += count_of(subgroup_totals[s], thread);
-        }
-        digit_counts[thread * sort.strands + block] = occurrences;
+        digit_counts[thread * sort.strands + block] = count_of(counts, thread);
     }
 }
 
-@compute @workgroup_size(256)
-fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                @builtin(subgroup_id) subgroup: u32, @builtin(num_subgroups) subgroups: u32,
-                @builtin(subgroup_size) lanes: u32, @builtin(subgroup_invocation_id) lane: u32) {
-    let block = group.x + group.y * groups.x;
+@compute @workgroup_size(THREADS)
+fn sort_scatter(it: Block) {
+    let block = it.group.x + it.group.y * it.groups.x;
     if block >= sort.strands {
         return;
     }
     let range = block_range(block);
-    let thread = subgroup * lanes + lane;
+    let thread = thread_of(it);
     // Each invocation has consecutive pairs, so that invocations and pairs are in the same order.
     var keys: array<u32, PAIRS>;
     var ranks: array<u32, PAIRS>;
@@ -135,21 +170,11 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
             mine = sum(mine, once(digit));
         }
     }
-    var before = Counts(subgroupExclusiveAdd(mine.low), subgroupExclusiveAdd(mine.high));
-    let total = Counts(subgroupAdd(mine.low), subgroupAdd(mine.high));
-    if lane == 0u {
-        subgroup_totals[subgroup] = total;
-    }
-    workgroupBarrier();
-    for (var s = 0u; s < subgroup; s++) {
-        before = sum(before, subgroup_totals[s]);
-    }
+    let counts = scan_counts(mine, it);
     if thread < DIGITS {
         var start = 0u;
-        for (var s = 0u; s < subgroups; s++) {
-            for (var digit = 0u; digit < thread; digit++) {
-                start += count_of(subgroup_totals[s], digit);
-            }
+        for (var digit = 0u; digit < thread; digit++) {
+            start += count_of(counts.all, digit);
         }
         digit_starts[thread] = start;
     }
@@ -158,7 +183,7 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let i = thread * PAIRS + k;
         if i < range.y {
             let digit = digit_of(keys[k]);
-            let rank = digit_starts[digit] + count_of(before, digit) + ranks[k];
+            let rank = digit_starts[digit] + count_of(counts.before, digit) + ranks[k];
             block_keys[rank] = keys[k];
             block_values[rank] = value_of(range.x + i);
         }

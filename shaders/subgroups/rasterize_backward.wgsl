@@ -1,4 +1,4 @@
-// As rasterize_backward.wgsl, for the fast tier: eight neighbours of a subgroup share a tile, each with 4x2 of its
+// As rasterize_backward.wgsl, for subgroups of eight or more: eight neighbours of a subgroup share a tile, each with 4x2 of its
 // pixels. Each loads one of eight entries, and they add up the entries' gradients with shuffles, so that a slot has one
 // place, which the lane that has loaded the entry writes at once.
 
