@@ -13,9 +13,10 @@ use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
 use ghand_render::penalty::PenaltyUniforms;
+use ghand_render::reference;
 use ghand_render::roughness::RoughnessUniforms;
 use ghand_render::splat::{Counters, ScanUniforms, SortUniforms, Splat, StrandUniforms, View, shared_constants};
-use ghand_render::{Tier, reference};
+use ghand_render::texture_pass::Place;
 use ghand_tests::shaders::{sources, validate};
 use naga::{AddressSpace, Module, TypeInner};
 
@@ -82,6 +83,7 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(ScanUniforms { length, total_index, padding }),
         host_layout!(SortUniforms { shift, mask, strands, counter, numbered, padding_1, padding_2, padding_3 }),
         host_layout!(StrandUniforms { strands, padding_1, padding_2, padding_3 }),
+        host_layout!(Place { origin, size, background, depth_from_z, padding }),
         host_layout!(LossUniforms {
             size,
             l1_weight,
@@ -222,7 +224,7 @@ fn every_struct_in_a_buffer_has_the_same_layout_on_the_host() {
 
 /// The value of a constant of a source, or what an override is unless it is set, if it exists and is a number.
 fn constant(source: &str, name: &str) -> Option<f64> {
-    let module = validate(Tier::Fast, source).unwrap();
+    let module = validate(true, source).unwrap();
     let constant = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).map(|(_, c)| c.init);
     let default = || module.overrides.iter().find(|(_, o)| o.name.as_deref() == Some(name)).and_then(|(_, o)| o.init);
     match module.global_expressions[constant.or_else(default)?] {
@@ -263,7 +265,7 @@ const PAIR: &str = "struct Pair { first: u32, second: vec2<f32> }
     @group(0) @binding(0) var<uniform> pair: Pair;";
 
 fn layout_of(source: &str) -> Layout {
-    buffer_layouts(&validate(Tier::Baseline, source).unwrap_or_else(|e| panic!("{e}"))).remove(0)
+    buffer_layouts(&validate(false, source).unwrap_or_else(|e| panic!("{e}"))).remove(0)
 }
 
 #[test]

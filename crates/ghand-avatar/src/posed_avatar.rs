@@ -7,7 +7,7 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{InvalidHandModel, Pose};
 use ghand_render::{Gpu, RenderError};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
 use crate::light::lit_hand::LitHand;
@@ -22,6 +22,10 @@ pub struct PosedAvatar {
     /// The property model, which fills the properties.
     pub model: Box<dyn PropertyModel>,
     lit: Option<LitHand>,
+    /// Rest position of the root joint, metres.
+    root: DVec3,
+    /// Rotation about the origin and shift of the whole avatar.
+    placement: Option<(DMat3, DVec3)>,
     joint_count: usize,
     frames: usize,
     /// The frame whose pose later submissions use.
@@ -79,7 +83,9 @@ impl PosedAvatar {
         let (template, config) = (&avatar.template, &avatar.config);
         let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
         let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
-        Ok(PosedAvatar { deformation, model, lit, joint_count: template.joint_count(), frames, frame: 0 })
+        let root = template.joints.first().copied().unwrap_or_default();
+        let joint_count = template.joint_count();
+        Ok(PosedAvatar { deformation, model, lit, root, placement: None, joint_count, frames, frame: 0 })
     }
 
     /// Puts the avatar into another light, for poses set later; nothing changes if light is part of its colours.
@@ -87,6 +93,11 @@ impl PosedAvatar {
         if let Some(lit) = &mut self.lit {
             lit.set_light(light);
         }
+    }
+
+    /// Moves the whole avatar, in poses set later: see [`crate::Scene::set_placement`].
+    pub fn set_placement(&mut self, rotation: DMat3, translation: DVec3) {
+        self.placement = Some((rotation, translation));
     }
 
     /// Lets the light be learned, from poses that are set later: see [`PosedAvatar::light_gradient`].
@@ -140,6 +151,8 @@ impl PosedAvatar {
         if frame >= self.frames {
             return Err(RenderError::Invalid(format!("frame {frame}, but there are only {} poses", self.frames)));
         }
+        let placed = self.placement.map(|(rotation, shift)| pose.moved(&rotation, shift, self.root));
+        let pose = placed.as_ref().unwrap_or(pose);
         let vectors = pose.rotations.iter().chain(std::iter::once(&pose.translation));
         let values: Vec<f32> = vectors.flat_map(|v| v.as_vec3().to_array()).collect();
         let offset = frame * pose_stride(self.joint_count) * size_of::<f32>();

@@ -7,11 +7,9 @@
 
 use crate::deform::TablePlace;
 use ghand_core::{Camera, Pose};
-use ghand_render::splat::{
-    Counters, CutOffs, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View,
-};
+use ghand_render::splat::{Counters, FrameStage, Image, Purpose, Shape, SplatModel, SplatOptions, Splatter, View};
 use ghand_render::{Gpu, RenderError, buffers};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
 use crate::ply::SplatScene;
@@ -88,47 +86,22 @@ impl Scene {
         frames: usize,
         max_size: [u32; 2],
     ) -> Result<Scene, RenderError> {
-        Scene::with_cut_offs(gpu, avatars, purpose, frames, max_size, CutOffs::default())
+        Scene::with_options(gpu, avatars, frames, max_size, SplatOptions { purpose, ..SplatOptions::default() })
     }
 
-    /// As [`Scene::new`], neglecting more or less.
+    /// As [`Scene::new`], with a splatter of these options: with depths, other thresholds, the largest weights. Their kind
+    /// of Gaussians is replaced by that of the avatars.
     ///
     /// # Errors
     /// As [`Scene::new`].
-    pub fn with_cut_offs(
-        gpu: &Gpu,
-        avatars: &[&Avatar],
-        purpose: Purpose,
-        frames: usize,
-        max_size: [u32; 2],
-        cut_offs: CutOffs,
-    ) -> Result<Scene, RenderError> {
-        let options = SplatOptions { model: splat_model(avatars)?, purpose, cut_offs, ..SplatOptions::default() };
-        Scene::with_options(gpu, avatars, frames, max_size, options)
-    }
-
-    /// As [`Scene::new`], for images with the largest weight of each Gaussian ([`Splatter::largest_weights`]).
-    ///
-    /// # Errors
-    /// As [`Scene::new`].
-    pub fn with_largest_weights(
-        gpu: &Gpu,
-        avatars: &[&Avatar],
-        frames: usize,
-        max_size: [u32; 2],
-    ) -> Result<Scene, RenderError> {
-        let images = SplatOptions { model: splat_model(avatars)?, purpose: Purpose::Images, ..SplatOptions::default() };
-        let options = SplatOptions { largest_weights: true, ..images };
-        Scene::with_options(gpu, avatars, frames, max_size, options)
-    }
-
-    fn with_options(
+    pub fn with_options(
         gpu: &Gpu,
         avatars: &[&Avatar],
         frames: usize,
         max_size: [u32; 2],
         options: SplatOptions,
     ) -> Result<Scene, RenderError> {
+        let options = SplatOptions { model: splat_model(avatars)?, ..options };
         let columns = avatars.iter().map(|a| a.template.len()).sum();
         let shape = options.model.shape;
         let splatter = Splatter::new(gpu, options, columns, max_size)?;
@@ -198,6 +171,19 @@ impl Scene {
         posed.set_pose(gpu, frame, pose)
     }
 
+    /// Moves an avatar as a whole, in poses that are set later: turned about the origin, then shifted (metres). Its light
+    /// stays where it is.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if the avatar does not exist.
+    pub fn set_placement(&mut self, avatar: usize, rotation: DMat3, translation: DVec3) -> Result<(), RenderError> {
+        let count = self.avatars.len();
+        let placed = self.avatars.get_mut(avatar);
+        let missing = || RenderError::Invalid(format!("place of avatar {avatar}, but the scene has {count} avatars"));
+        placed.ok_or_else(missing)?.set_placement(rotation, translation);
+        Ok(())
+    }
+
     /// Sets the frame whose poses later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
         self.avatars.iter_mut().for_each(|avatar| avatar.set_frame(gpu, frame));
@@ -220,6 +206,16 @@ impl Scene {
         encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
         self.splatter.forward(encoder);
         Ok(())
+    }
+
+    /// As [`Scene::encode`], for a program that draws frame after frame and never waits: see
+    /// [`Splatter::forward_growing`].
+    ///
+    /// # Errors
+    /// [`RenderError`] if a property model fails, or the view needs more memory than the device has.
+    pub fn encode_growing(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Result<bool, RenderError> {
+        encode_poses(&mut self.avatars, gpu, encoder, self.eye)?;
+        self.splatter.forward_growing(gpu, encoder)
     }
 
     /// As [`Scene::encode`], with the commands of `posed` behind the posing, and a pass for each stage of the drawing, which
@@ -273,6 +269,22 @@ impl Scene {
         self.set_frame(gpu, frame);
         self.run_frame(gpu, |_, _| {})?;
         self.splatter.read_image(gpu)
+    }
+
+    /// As [`Scene::render`], without blocking the thread: see [`Splatter::render_async`].
+    ///
+    /// # Errors
+    /// As [`Scene::render`].
+    pub async fn render_async(
+        &mut self,
+        gpu: &Gpu,
+        frame: usize,
+        camera: &Camera,
+        background: [f32; 3],
+    ) -> Result<Image, RenderError> {
+        self.set_view(gpu, camera, background)?;
+        self.pose_only(gpu, frame, self.eye)?;
+        self.splatter.render_async(gpu).await
     }
 
     /// As [`Scene::render`], for a picture of any height, in bands no larger than `max_size`: see

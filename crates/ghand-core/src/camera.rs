@@ -1,6 +1,6 @@
 //! Pinhole cameras with OpenCV's axes.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
 /// A calibrated pinhole camera without distortion.
 ///
@@ -62,6 +62,25 @@ impl Camera {
         }
     }
 
+    /// The camera of a graphics program: `camera_from_world` with OpenGL's axes (x right, y up, z backward), and a
+    /// perspective projection, off-centre or not, to a clip space whose y points up and whose w is the distance along the
+    /// axis. Depth ranges, reversed or not, make no difference.
+    pub fn from_view_and_projection(camera_from_world: &DMat4, projection: &DMat4, width: u32, height: u32) -> Camera {
+        // OpenCV's y and z axes point the other way.
+        let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+        let half = DVec2::new(f64::from(width), f64::from(height)) * 0.5;
+        let [x, y, z, _] = projection.to_cols_array_2d();
+        Camera {
+            id: "view".into(),
+            width,
+            height,
+            focal: DVec2::new(x[0], y[1]) * half,
+            principal: half * DVec2::new(1.0 - z[0], 1.0 + z[1]),
+            rotation: flip * DMat3::from_mat4(*camera_from_world),
+            translation: flip * camera_from_world.w_axis.truncate(),
+        }
+    }
+
     /// A camera at `eye` that looks at `target`, `up` pointing up in the image, with the vertical field of view
     /// `fov_y` (radians). `up` must not be parallel to the line of sight.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov_y: f64, width: u32, height: u32) -> Camera {
@@ -95,6 +114,27 @@ mod tests {
         assert!(above.y < 24.0 && (above.x - 32.0).abs() < 1e-9);
         assert!((c.rotation.determinant() - 1.0).abs() < 1e-12);
         assert!((c.center() - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_graphics_programs_camera_projects_as_its_matrices() {
+        let view =
+            glam::dcamera::rh::view::look_at_mat4(DVec3::new(0.3, -0.2, 0.9), DVec3::new(0.05, 0.0, 0.1), DVec3::Y);
+        // Off-centre, as for an eye of a headset.
+        let projection = DMat4::from_cols_array_2d(&[
+            [1.4, 0.0, 0.0, 0.0],
+            [0.0, 2.0, 0.0, 0.0],
+            [0.3, -0.2, -1.01, -1.0],
+            [0.0, 0.0, -0.1, 0.0],
+        ]);
+        let camera = Camera::from_view_and_projection(&view, &projection, 200, 120);
+        for point in [DVec3::ZERO, DVec3::new(0.1, 0.2, -0.3), DVec3::new(-0.2, 0.05, 0.2)] {
+            let clip = projection * view * point.extend(1.0);
+            let pixel = DVec2::new((1.0 + clip.x / clip.w) * 100.0, (1.0 - clip.y / clip.w) * 60.0);
+            let (projected, depth) = camera.project(point);
+            assert!((projected - pixel).length() < 1e-9 && (depth - clip.w).abs() < 1e-12, "{projected} {pixel}");
+        }
+        assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! A pose: one rotation per joint and a global translation.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
+
+use crate::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 
 /// Largest angle of a joint's rotation that [`Pose::check_range`] accepts, radians: 16 whole turns. Optimised or
 /// integrated rotation vectors may accumulate a few turns; larger ones are in degrees, or not rotations at all.
@@ -25,6 +27,19 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// The pose of the hand moved as a whole: turned by `rotation` about the origin, then shifted by `translation`,
+    /// metres. `root` is the rest position of the root joint, metres.
+    #[must_use]
+    pub fn moved(&self, rotation: &DMat3, translation: DVec3, root: DVec3) -> Pose {
+        let mut moved = self.clone();
+        if let Some(first) = moved.rotations.first_mut() {
+            *first = axis_angle_from_rotation(&(*rotation * rotation_from_axis_angle(*first)));
+        }
+        // The root joint is where the rotation of the root leaves it.
+        moved.translation = *rotation * (root + self.translation) + translation - root;
+        moved
+    }
+
     /// The pose of the other hand that is the mirror image in x.
     #[must_use]
     pub fn mirrored(&self) -> Pose {

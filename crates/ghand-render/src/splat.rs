@@ -9,6 +9,7 @@ mod bin;
 mod counters;
 mod frame;
 mod frame_buffers;
+mod growth;
 mod model;
 mod project;
 mod rasterize;
@@ -26,6 +27,7 @@ pub use bin::StrandUniforms;
 pub use counters::Counters;
 use frame::{Frame, Pipelines};
 use frame_buffers::FrameBuffers;
+use growth::Growth;
 pub use model::{Color, FLATNESS, Opacity, Shape, SplatModel, Stored};
 pub use sort::{ScanUniforms, SortUniforms};
 
@@ -160,8 +162,8 @@ pub fn shared_constants() -> Vec<(&'static str, &'static str, u32)> {
         ("project", "TILE_SIZE", TILE_SIZE),
         ("project", "DEPTH_KEY_MAX", (1 << frame::DEPTH_BITS) - 1),
         ("camera_gradient", "STRANDS", frame_buffers::CAMERA_STRANDS as u32),
-        ("rasterize_backward", "CELLS", rasterize::backward_invocations(Tier::Baseline)),
-        ("fast/rasterize_backward", "LANES", rasterize::backward_invocations(Tier::Fast)),
+        ("rasterize_backward", "CELLS", rasterize::backward_invocations(Tier::Gpu)),
+        ("subgroups/rasterize_backward", "LANES", rasterize::backward_invocations(Tier::GpuSubgroups)),
     ];
     [&sort::SHARED_CONSTANTS[..], &others].concat()
 }
@@ -282,6 +284,7 @@ pub struct Splatter {
     capacity: u32,
     current: View,
     options: SplatOptions,
+    growth: Option<Growth>,
 }
 
 /// Description of a splatter in errors.
@@ -341,7 +344,7 @@ impl Splatter {
         let capacity = (4 * count as u32).max(1024);
         let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
         let frame = Frame::new(gpu, &pipelines, &buffers, options.cut_offs.depth_bits());
-        Splatter { pipelines, shared, frame, count, max_size, capacity, current, options }
+        Splatter { pipelines, shared, frame, count, max_size, capacity, current, options, growth: None }
     }
 
     /// The options of the splatter.
@@ -575,6 +578,33 @@ impl Splatter {
             Ok(())
         })?;
         self.read_image(gpu)
+    }
+
+    /// As [`Splatter::render`], without blocking the thread: for browsers. Elsewhere [`Gpu::poll`] must be called until
+    /// it is done.
+    ///
+    /// # Errors
+    /// As [`Splatter::render`].
+    pub async fn render_async(&mut self, gpu: &Gpu) -> Result<Image, RenderError> {
+        loop {
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            self.forward(&mut encoder);
+            gpu.queue.submit([encoder.finish()]);
+            let counters = buffers::read_async(gpu, &self.shared.counters, 1).await?.first().copied();
+            if self.complete_for(gpu, &counters.unwrap_or_default())? {
+                return self.read_image_async(gpu).await;
+            }
+        }
+    }
+
+    /// As [`Splatter::read_image`], without blocking the thread; see [`Splatter::render_async`].
+    ///
+    /// # Errors
+    /// As [`Splatter::read_image`].
+    pub async fn read_image_async(&self, gpu: &Gpu) -> Result<Image, RenderError> {
+        let [width, height] = self.current.size;
+        let rgba = buffers::read_async(gpu, &self.shared.image, width as usize * height as usize).await?;
+        Ok(Image { width, height, rgba })
     }
 
     /// Reads the last frame's image; waits for it.

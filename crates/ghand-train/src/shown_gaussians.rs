@@ -12,6 +12,7 @@ use ghand_core::light::directions;
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
+use ghand_render::splat::{Purpose, SplatOptions};
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
@@ -44,9 +45,10 @@ pub(crate) fn shown_gaussians(
     size: [u32; 2],
 ) -> Result<Vec<bool>, TrainError> {
     let size = size.map(|edge| edge.max(SIDE));
+    let options = SplatOptions { purpose: Purpose::Images, largest_weights: true, ..SplatOptions::default() };
     let mut looker = Looker {
         gpu,
-        scene: Scene::with_largest_weights(gpu, &[avatar], 1, size)?,
+        scene: Scene::with_options(gpu, &[avatar], 1, size, options)?,
         shown: vec![false; avatar.template.len()],
     };
     let model = &avatar.model;

@@ -24,6 +24,11 @@ fn a_pose_is_rendered() {
 }
 
 #[test]
+fn an_avatar_is_drawn_into_the_pass_of_another_program() {
+    run("draw_into_a_pass", "pass.png", "Gaussians and a board");
+}
+
+#[test]
 fn a_custom_property_model_draws_a_wave() {
     run("property_model", "wave.png", "Gaussians");
 }

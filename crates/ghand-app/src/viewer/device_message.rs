@@ -33,7 +33,10 @@ pub fn tell(error: &DeviceError) {
     let lacks_driver = match error {
         DeviceError::NoAdapter { found, .. } => found.is_empty(),
         DeviceError::NoDevice { .. } | DeviceError::Gone { .. } => true,
-        DeviceError::MemoryLimit { .. } | DeviceError::NoTier { .. } | DeviceError::UnknownTier { .. } => false,
+        DeviceError::MemoryLimit { .. }
+        | DeviceError::NoTier { .. }
+        | DeviceError::SmallLimits { .. }
+        | DeviceError::UnknownTier { .. } => false,
     };
     if !lacks_driver {
         return;

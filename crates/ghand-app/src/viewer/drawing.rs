@@ -59,14 +59,12 @@ pub struct MeshDrawing {
 
 /// An image on the device.
 pub struct Layer {
-    /// Its pixels, row-major `vec4<f32>`.
+    /// Its pixels, row-major `vec4<f32>`, premultiplied.
     pub image: wgpu::Buffer,
     /// Its left column and top row in the picture.
     pub origin: [u32; 2],
     /// Its columns and rows.
     pub size: [u32; 2],
-    /// Whether the pixels are premultiplied, without a background.
-    pub is_premultiplied: bool,
 }
 
 impl Drawing {
@@ -96,7 +94,7 @@ impl Drawing {
         match self {
             Drawing::Gaussians(scene) => {
                 set_inputs(scene, gpu, inputs)?;
-                scene.set_view(gpu, &inputs.camera, inputs.background)?;
+                scene.set_view(gpu, &inputs.camera, [0.0; 3])?;
                 if *colors == GaussianColors::Own {
                     scene.encode_timed(gpu, encoder, posed, timestamps)?;
                 } else {
@@ -107,7 +105,7 @@ impl Drawing {
                     scene.splatter().forward_timed(encoder, timestamps);
                 }
                 let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
-                Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height], is_premultiplied: false })
+                Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height] })
             }
             Drawing::Mesh(mesh) => {
                 // The processor poses a mesh, and drawing it is one stage.
@@ -294,7 +292,7 @@ impl MeshDrawing {
         let (origin, size) = part_with(instance.positions, &inputs.camera);
         let camera = inputs.camera.cropped(origin[0] as i32, origin[1] as i32, size[0], size[1]);
         let image = self.renderer.encode(encoder, &instance, &camera, &style).map_err(render_error)?;
-        Ok(Layer { image, origin, size, is_premultiplied: true })
+        Ok(Layer { image, origin, size })
     }
 }
 

@@ -6,15 +6,14 @@ use std::time::Instant;
 
 use ghand_avatar::Light;
 use ghand_core::{Camera, Pose};
-use ghand_render::bindings::Bindings;
-use ghand_render::shader_sources::Shader;
 use ghand_render::splat::Counters;
+use ghand_render::texture_pass::{self, TexturePass};
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use crate::commands::explain::pose_properties::PoseProperties;
-use crate::viewer::drawing::{Drawing, GaussianColors, Layer};
+use crate::viewer::drawing::{Drawing, GaussianColors};
 use crate::viewer::frame_times::{FrameTimes, STAGES, StageTimes};
 use crate::viewer::subject::Subject;
 
@@ -112,11 +111,7 @@ struct Target {
 pub struct Picture {
     drawing: Drawing,
     colors: GaussianColors,
-    pipeline: wgpu::RenderPipeline,
-    bindings: Bindings,
-    /// `place` and `background` of `picture.wgsl`.
-    place: wgpu::Buffer,
-    background: wgpu::Buffer,
+    pass: TexturePass,
     read_back: wgpu::Buffer,
     clock: Option<FrameClock>,
     target: Option<Target>,
@@ -135,31 +130,23 @@ impl Picture {
     /// [`RenderError`] if the device cannot hold it.
     pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<Picture, RenderError> {
         let drawing = subject.on_device(gpu, max_size)?;
-        gpu.scoped("the viewer's picture", || Picture::make(gpu, drawing))
+        let pass =
+            TexturePass::new(gpu, texture_pass::Target { replace: true, ..texture_pass::Target::color(FORMAT) })?;
+        gpu.scoped("the viewer's picture", || Picture::make(gpu, drawing, pass))
     }
 
-    fn make(gpu: &Gpu, drawing: Drawing) -> Picture {
-        let pipeline = pipeline(gpu);
-        let buffer = |label, size, usage| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let [place, background] = ["picture place", "picture background"].map(|label| buffer(label, 16, uniform));
-        let read_back =
-            buffer("picture read back", READ_BACK_BYTES, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+    fn make(gpu: &Gpu, drawing: Drawing, pass: TexturePass) -> Picture {
+        let read_back = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture read back"),
+            size: READ_BACK_BYTES,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
         let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
         Picture {
             drawing,
             colors: GaussianColors::Own,
-            pipeline,
-            bindings: Bindings::new("picture", &["cover", "picture"]),
-            place,
-            background,
+            pass,
             read_back,
             clock: FrameClock::new(gpu, STAGES.len() as u32),
             target,
@@ -246,7 +233,8 @@ impl Picture {
             clock.start(&mut encoder);
         }
         let layer = self.drawing.encode(gpu, &mut encoder, shot, &self.colors, self.clock.as_ref())?;
-        let group = self.bind(gpu, &layer, shot);
+        let image = self.pass.image_layer(gpu, &layer.image, &layer.image);
+        self.pass.set_place(gpu, &image, layer.origin, layer.size, shot.background);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("picture"),
@@ -262,9 +250,7 @@ impl Picture {
                 timestamp_writes: self.clock.as_ref().map(FrameClock::end),
                 ..Default::default()
             });
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..3, 0..1);
+            self.pass.draw(&mut pass, &image);
         }
         if let Some(counters) = self.drawing.counters() {
             encoder.copy_buffer_to_buffer(counters, 0, &self.read_back, 0, COUNTER_BYTES);
@@ -315,22 +301,6 @@ impl Picture {
     /// As [`Picture::render`].
     pub fn read(&mut self, gpu: &Gpu, shot: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
         self.drawing.read(gpu, shot)
-    }
-
-    /// Binds an image of the size and background of `shot`.
-    fn bind(&self, gpu: &Gpu, layer: &Layer, shot: &PictureInputs) -> wgpu::BindGroup {
-        let [r, g, b] = shot.background;
-        let ([left, top], [columns, rows]) = (layer.origin, layer.size);
-        let is_layer = if layer.is_premultiplied { 1.0f32 } else { 0.0 };
-        gpu.queue.write_buffer(&self.place, 0, bytemuck::cast_slice(&[left, top, columns, rows]));
-        gpu.queue.write_buffer(&self.background, 0, bytemuck::cast_slice(&[r, g, b, is_layer]));
-        let resources = [
-            ("image", layer.image.as_entire_binding()),
-            ("place", self.place.as_entire_binding()),
-            ("background", self.background.as_entire_binding()),
-        ];
-        let layout = self.pipeline.get_bind_group_layout(0);
-        self.bindings.group(&gpu.device, "picture", &layout, &resources)
     }
 
     /// Checks, without waiting, whether the last picture is done and whether it is complete.
@@ -385,31 +355,6 @@ fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
         view_formats: &[],
     });
     Target { view: texture.create_view(&wgpu::TextureViewDescriptor::default()), texture }
-}
-
-fn pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
-    let module = Shader::named("picture").module(&gpu.device);
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("picture"),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("cover"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("picture"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }
 
 #[cfg(test)]

@@ -131,8 +131,9 @@ fn title(viewer: &Viewer) -> String {
 fn run(viewer: &mut Viewer) -> anyhow::Result<()> {
     let gpu = viewer.gpu().clone();
     gpu.poll()?;
+    let instance = gpu.instance.clone().ok_or_else(|| anyhow!("a window needs a device that this program opened"))?;
     let setup = WgpuSetupExisting {
-        instance: gpu.instance.clone(),
+        instance,
         adapter: gpu.adapter.clone(),
         device: gpu.device.clone(),
         queue: gpu.queue.clone(),

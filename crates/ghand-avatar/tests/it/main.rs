@@ -6,6 +6,7 @@ mod common;
 mod baked;
 mod deform;
 mod gloss;
+mod host_pass;
 #[cfg(feature = "networks")]
 mod network;
 #[cfg(feature = "networks")]

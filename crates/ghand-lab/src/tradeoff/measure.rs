@@ -9,7 +9,7 @@ use ghand_fit::protocol::given_views;
 use ghand_fit::views::TrainViews;
 use ghand_measure::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 use ghand_render::Gpu;
-use ghand_render::splat::{Image, Purpose};
+use ghand_render::splat::{Image, Purpose, SplatOptions};
 use image::imageops::{FilterType, resize};
 use image::{Rgb, Rgb32FImage};
 use serde::Serialize;
@@ -99,8 +99,8 @@ pub fn measure(
     let mut measured: Vec<Measured> = vec![];
     for variant in variants {
         let before = allocated(gpu);
-        let mut scene =
-            Scene::with_cut_offs(gpu, &[variant.avatar.as_ref()], Purpose::Images, 1, size, variant.cut_offs)?;
+        let options = SplatOptions { purpose: Purpose::Images, cut_offs: variant.cut_offs, ..SplatOptions::default() };
+        let mut scene = Scene::with_options(gpu, &[variant.avatar.as_ref()], 1, size, options)?;
         let mut all: Vec<ImageSimilarity> = vec![];
         for truth in &truths {
             scene.set_pose(gpu, 0, 0, &truth.pose)?;

@@ -126,8 +126,12 @@ mod on_gpu {
         if let Some((_, device)) = known.iter().find(|(number, _)| *number == gpu.number) {
             return Ok(device.clone());
         }
+        let Some(instance) = gpu.instance.clone() else {
+            let why = "networks run on a device of another program only on the processor; set GHAND_NETWORKS=host";
+            return Err(RenderError::Invalid(why.into()));
+        };
         let setup = WgpuSetup {
-            instance: gpu.instance.clone(),
+            instance,
             adapter: gpu.adapter.clone(),
             device: gpu.device.clone(),
             queue: gpu.queue.clone(),
