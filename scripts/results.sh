@@ -37,7 +37,7 @@ ENTRIES
         from=$([ $capture = demo ] && echo - || echo $capture)
         settings="--set iterations=300 --poses truth --set antialias=off"
         [ $capture = demo ] || settings="$settings --set uv_resolution=192"
-        plain="--set gaussians=round --set color_roughness=0 --set unseen=keep --set rate_light=0"
+        plain="--set gaussians=round --set color_roughness=0 --set unseen=keep"
         while read -r rung options; do
             echo "ladder-$rung-$capture $from $settings $options"
         done <<RUNGS
@@ -45,9 +45,8 @@ none $plain --set light=none
 sh $plain --set light=sh
 transfer $plain --set light=transfer --set gloss=none
 gloss $plain --set light=transfer --set gloss=always
-surface --set unseen=keep --set light=transfer --set gloss=always --set rate_light=0
-unseen --set light=transfer --set gloss=always --set rate_light=0
-trained --set light=transfer --set gloss=always
+surface --set unseen=keep --set light=transfer --set gloss=always
+unseen --set light=transfer --set gloss=always
 RUNGS
     done
 )

@@ -13,7 +13,7 @@ mod observations;
 use std::time::Instant;
 
 use ghand_avatar::light::{Gloss, Parts, Trust};
-use ghand_avatar::{AvatarLight, Light, LightKind};
+use ghand_avatar::{Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::directions;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
@@ -142,14 +142,6 @@ pub struct GlossReport {
 }
 
 impl LightFit {
-    /// Replaces the light by what training made of it.
-    pub fn set_trained(&mut self, trained: &AvatarLight) {
-        self.light = Some(trained.light.clone());
-        if let Some((fit, gloss)) = self.gloss.as_mut().zip(trained.gloss.as_ref()) {
-            fit.gloss = gloss.clone();
-        }
-    }
-
     /// The fit as it is reported.
     pub fn report(&self) -> LightReport {
         LightReport {

@@ -79,7 +79,6 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
             ("rate_color", s.rate_color),
             ("rate_components", s.rate_components),
             ("rate_response", s.rate_response),
-            ("rate_light", s.rate_light),
             ("rate_networks", s.rate_networks),
             ("rate_feature_tensor", s.rate_feature_tensor),
             ("rate_joints", s.rate_joints),

@@ -5,7 +5,6 @@ pub mod checkpoint;
 pub mod checkpoints;
 mod divergence;
 pub mod evaluate;
-pub mod light_training;
 mod lpips_term;
 mod memory_check;
 mod outline_band;

@@ -60,7 +60,7 @@ impl TrainSettings {
                 toml::Value::String(text) => text,
                 other => other.to_string(),
             };
-            settings.set(&format!("{key}={text}"))?;
+            settings.set_from_file(&key, &text)?;
         }
         *self = settings;
         Ok(())
@@ -103,6 +103,18 @@ mod tests {
         let mut read = TrainSettings::default();
         read.set_all(&text).unwrap();
         assert_eq!(read, settings);
+    }
+
+    #[test]
+    fn settings_of_version_0_1_are_read_and_removed_ones_must_have_their_defaults() {
+        let text = include_str!("../tests/data/settings-0.1.toml");
+        let mut settings = TrainSettings { seed: 5, ..TrainSettings::default() };
+        settings.set_all(text).unwrap();
+        assert_eq!(settings, TrainSettings::default());
+        let run: TrainSettings = TrainSettings::of_run(text.parse::<toml::Table>().unwrap()).unwrap();
+        assert_eq!(run, TrainSettings::default());
+        let other = text.replace("rate_light = 0.01", "rate_light = 0.0");
+        assert!(settings.set_all(&other).unwrap_err().to_string().contains("`rate_light`: was removed in 0.2"));
     }
 
     #[test]

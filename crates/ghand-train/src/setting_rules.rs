@@ -63,6 +63,22 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
     })
 }
 
+/// Settings that were removed in 0.2: name, the default that they had, and why they went.
+const REMOVED: [(&str, &str, &str); 1] =
+    [("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture")];
+
+/// The message for a `key` that was a setting once.
+pub(crate) fn removed(key: &str) -> Option<String> {
+    let (.., reason) = REMOVED.iter().find(|(name, ..)| *name == key)?;
+    Some(format!("was removed in 0.2: {reason}; leave it out"))
+}
+
+/// Whether a file of an earlier version gives a setting that was removed the default that it had.
+pub(crate) fn is_removed_default(key: &str, text: &str) -> bool {
+    let is_default = |default: &str| text == default || text.parse::<f64>().is_ok_and(|v| default.parse() == Ok(v));
+    REMOVED.iter().any(|(name, default, _)| *name == key && is_default(default))
+}
+
 impl Rule {
     /// Reads a value; `None` if it has the wrong type or is out of range.
     pub fn parse(self, text: &str) -> Option<Value> {

@@ -6,9 +6,10 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::{ResidualSupport, ResidualWeights};
 pub use ghand_fit::exposure::ExposureChoice;
 pub use ghand_fit::light_fit::{GlossChoice, LightChoice};
+use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize};
 
-use crate::setting_rules::{rule, unknown};
+use crate::setting_rules::{is_removed_default, removed, rule, unknown};
 
 /// How poses are refined before the avatar is trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -202,8 +203,6 @@ pub struct TrainSettings {
     pub rate_components: f64,
     /// Rate of the pose response.
     pub rate_response: f64,
-    /// Rate of the light's radiances and of the gloss, as logarithms; 0 keeps the light that was found first.
-    pub rate_light: f64,
     /// How many times its usual norm the gradient of the networks may have; a longer one is shortened. 0 allows any.
     pub gradient_clip: f64,
     /// Rate of the networks' weights.
@@ -268,7 +267,6 @@ impl Default for TrainSettings {
             rate_color: 2e-2,
             rate_components: 5e-3,
             rate_response: 5e-3,
-            rate_light: 1e-2,
             gradient_clip: 10.0,
             rate_networks: 3e-3,
             rate_feature_tensor: 1e-2,
@@ -313,7 +311,7 @@ impl TrainSettings {
         let mut fields = serde_json::to_value(&*self).map_err(|e| fail(key, e.to_string()))?;
         let names: Vec<String> = fields.as_object().map(|o| o.keys().cloned().collect()).unwrap_or_default();
         let Some((rule, slot)) = rule(key).zip(fields.get_mut(key)) else {
-            return Err(fail(key, unknown(key, &names)));
+            return Err(fail(key, removed(key).unwrap_or_else(|| unknown(key, &names))));
         };
         *slot = rule.parse(text).ok_or_else(|| {
             let given = if text.is_empty() { "no value was given; it".into() } else { format!("`{text}`") };
@@ -321,6 +319,28 @@ impl TrainSettings {
         })?;
         *self = serde_json::from_value(fields).map_err(|e| fail(key, e.to_string()))?;
         Ok(())
+    }
+
+    /// Applies a setting from a file, which may come from an earlier version: a setting that was removed may have the default
+    /// that it had.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub(crate) fn set_from_file(&mut self, key: &str, text: &str) -> Result<(), SettingsError> {
+        if is_removed_default(key, text) { Ok(()) } else { self.set(&format!("{key}={text}")) }
+    }
+
+    /// Reads the settings of a run that an earlier version may have begun; `#[serde(deserialize_with)]` takes it.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub fn of_run<'de, D: Deserializer<'de>>(fields: D) -> Result<TrainSettings, D::Error> {
+        let mut settings = TrainSettings::default();
+        for (key, value) in serde_json::Map::deserialize(fields)? {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            settings.set_from_file(&key, &text).map_err(D::Error::custom)?;
+        }
+        Ok(settings)
     }
 
     /// The rates of residual weights, of the regressor and of shape bases: a part that the avatar does not have stays as it
@@ -445,7 +465,6 @@ impl TrainSettings {
             color_roughness: 0.0,
             offset_roughness: 0.0,
             rate_response: 0.0,
-            rate_light: 0.0,
             ..self.clone()
         }
     }
@@ -535,6 +554,11 @@ mod tests {
             assert!(message.contains(wanted), "{bad}: {message}");
             assert!(!message.contains("u64") && !message.contains("expected"), "{message}");
         }
+        assert_eq!(
+            refusal("rate_light=0"),
+            "setting `rate_light`: was removed in 0.2: training the light on brought less than 0.1 dB on every capture; \
+             leave it out"
+        );
         let far = refusal("nonsense=1");
         assert!(!far.contains("did you mean") && far.contains("iterations, ") && far.contains("rate_pose"), "{far}");
     }

@@ -1,12 +1,12 @@
 //! One training step on the device: pose, splat, loss, the backward pass and the update. Of most
-//! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
+//! steps only counters are read back; a model on the host reads gradients, too.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::properties::state_part;
-use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
+use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_core::Camera;
 use ghand_render::deform::{DeformationBackward, pose_stride};
 use ghand_render::image_loss::{ImageLoss, LossWeights};
@@ -18,7 +18,6 @@ use ghand_render::splat::{Image, Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::NamedNumbers;
-use crate::light_training::{LightState, LightTraining};
 use crate::lpips_term::LpipsTerm;
 use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
@@ -29,9 +28,6 @@ use ghand_measure::lpips::Lpips;
 const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
-
-/// Steps between two of the light, whose gradient is read back and computed on the host.
-const LIGHT_EVERY: u64 = 4;
 
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
@@ -44,7 +40,6 @@ pub struct Step {
     offset_roughness: Roughness,
     poses: AdamTable,
     joints: AdamTable,
-    light: Option<LightTraining>,
     lpips: Option<LpipsTerm>,
     count: usize,
     joint_count: usize,
@@ -145,24 +140,10 @@ impl Step {
             offset_roughness,
             poses,
             joints,
-            light: None,
             lpips: None,
             count,
             joint_count,
         })
-    }
-
-    /// Lets the avatar's light be learned, if it has one with directions. Poses must be set after it.
-    ///
-    /// # Errors
-    /// Never: a step always has an avatar.
-    pub fn learn_light(&mut self) -> Result<(), RenderError> {
-        let posed = first(self.scene.avatars_mut())?;
-        self.light = posed.light().and_then(LightTraining::new);
-        if self.light.is_some() {
-            posed.learn_light();
-        }
-        Ok(())
     }
 
     /// Adds LPIPS to the loss, with the weight of the settings.
@@ -216,35 +197,14 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<(Vec<NamedNumbers>, Option<LightState>), RenderError> {
+    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<NamedNumbers>, RenderError> {
         let avatar = self.avatar()?;
         let mut numbers = avatar.model.training_state(gpu)?;
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
         let named = |(name, values)| NamedNumbers { name, values };
-        Ok((numbers.into_iter().map(named).collect(), self.light.as_ref().map(LightTraining::state)))
-    }
-
-    /// Goes on from a state: [`Step::state`] of a step for the same avatar. Afterwards `poses` must be set, then
-    /// [`Step::set_numbers`].
-    ///
-    /// # Errors
-    /// [`RenderError::Invalid`] if it is the state of another light.
-    pub fn set_light_state(&mut self, state: Option<&LightState>) -> Result<(), RenderError> {
-        let posed = first(self.scene.avatars_mut())?;
-        let fits = match (&mut self.light, state) {
-            (Some(light), Some(state)) => {
-                let fits = light.set_state(state);
-                if light.steps() > 0 {
-                    posed.set_learned_light(light.light(), light.strengths());
-                }
-                fits
-            }
-            (None, None) => true,
-            _ => false,
-        };
-        if fits { Ok(()) } else { Err(RenderError::Invalid("the state is that of another light".into())) }
+        Ok(numbers.into_iter().map(named).collect())
     }
 
     /// Goes on from the numbers of [`Step::state`].
@@ -297,8 +257,8 @@ impl Step {
     }
 
     /// The part of a step before the updates, for one view. More views of the same frame can be added before
-    /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints, the
-    /// pose and the light are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
+    /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints and
+    /// the pose are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
     /// gradients are discarded, and there is no update.
     ///
     /// # Errors
@@ -367,34 +327,8 @@ impl Step {
             return Ok(Learned::Skipped);
         }
         self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
-        if rates.step.is_multiple_of(LIGHT_EVERY) {
-            self.update_light(gpu, view, settings.rate_light * rates.tables)?;
-        }
         gpu.queue.submit([encoder.finish()]);
         Ok(Learned::Yes)
-    }
-
-    /// Updates the light from a complete frame.
-    fn update_light(&mut self, gpu: &Gpu, view: &TrainView, rate: f64) -> Result<(), RenderError> {
-        let (splatter, avatars) = self.scene.splatter_and_avatars_mut();
-        let (Some(light), posed) = (&mut self.light, first(avatars)?) else { return Ok(()) };
-        let (columns, row) = (splatter.count(), splatter.options().model.color_row());
-        let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
-        let colors: Vec<f32> = buffers::read(gpu, &posed.deformation.properties().color, 3 * columns)?;
-        let d_lit: Vec<f32> = buffers::read_from(gpu, splatter.d_gaussians(), row * columns, 3 * columns)?;
-        if let Some(gradient) = posed.light_gradient(view.camera.center(), &wide(&colors), &wide(&d_lit))? {
-            light.step(&gradient, rate);
-            posed.set_learned_light(light.light(), light.strengths());
-        }
-        Ok(())
-    }
-
-    /// The light at present; `None` if it is part of the colours.
-    ///
-    /// # Errors
-    /// Never: a step always has an avatar.
-    pub fn light(&self) -> Result<Option<&AvatarLight>, RenderError> {
-        Ok(self.avatar()?.light())
     }
 
     /// A picture of the avatar in the pose of a frame.

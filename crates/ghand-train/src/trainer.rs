@@ -453,12 +453,8 @@ impl<'a> Trainer<'a> {
             }
         }
         let seconds = self.seconds();
-        let Prepared { poses, held_out, alignment, mut light, exposure, skipped_steps, simplification, .. } =
-            self.prepared;
+        let Prepared { poses, held_out, alignment, light, exposure, skipped_steps, simplification, .. } = self.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;
-        if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
-            fit.set_trained(trained);
-        }
         let curve = self.curve.into_inner();
         let previews = done.previews;
         Ok(Trained {

@@ -106,11 +106,11 @@ impl Trainer<'_> {
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut told_to_stop = false;
         let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
-            let (numbers, light) = step.state(gpu, self.prepared.poses.len())?;
+            let numbers = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
             let (number, losses) = (stage.number, losses.clone());
             let iteration = done;
-            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers, light })
+            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers })
         };
         while done < stage.iterations {
             let fraction = self.fraction(stage, done, began);
@@ -220,8 +220,7 @@ impl Trainer<'_> {
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        let light = step.light()?.cloned();
-        let avatar = Avatar { tables, seen, light, provenance, ..avatar };
+        let avatar = Avatar { tables, seen, provenance, ..avatar };
         let skipped_steps = skipped.total;
         Ok(StageResult {
             avatar,
@@ -244,7 +243,6 @@ impl Trainer<'_> {
         let mut avatar = Avatar {
             template: Template { joints, ..start.template.clone() },
             tables: step.tables(gpu)?,
-            light: step.light()?.cloned(),
             provenance: Provenance { iterations, ..start.provenance.clone() },
             ..start.clone()
         };
@@ -272,11 +270,7 @@ impl Trainer<'_> {
         // Behind the frames that are trained on.
         let others: &[Pose] = watched.map_or(&[], |watched| &watched.poses);
         let mut step = Step::new(gpu, avatar, poses.len() + others.len(), largest, &mobility)?;
-        if stage.settings.rate_light > 0.0 {
-            step.learn_light()?;
-        }
         self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
-        before.map_or(Ok(()), |state| step.set_light_state(state.light.as_ref()))?;
         for (frame, pose) in poses.iter().chain(others).enumerate() {
             step.set_pose(gpu, frame, pose)?;
         }
