@@ -82,17 +82,7 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(ScanUniforms { length, total_index, padding }),
         host_layout!(SortUniforms { shift, mask, strands, counter, numbered, padding_1, padding_2, padding_3 }),
         host_layout!(StrandUniforms { strands, padding_1, padding_2, padding_3 }),
-        host_layout!(LossUniforms {
-            size,
-            l1_weight,
-            ssim_weight,
-            inverse_count,
-            squared_weight,
-            masked,
-            coverage_weight,
-            summands,
-            padding,
-        }),
+        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, squared_weight, masked, summands }),
         host_layout!(PoseUniforms {
             gaussian_count,
             joint_count,

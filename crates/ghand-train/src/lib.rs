@@ -7,7 +7,6 @@ mod divergence;
 pub mod evaluate;
 mod lpips_term;
 mod memory_check;
-mod outline_band;
 pub mod pose_prior;
 pub mod presets;
 pub mod report;

@@ -175,8 +175,6 @@ pub struct TrainSettings {
     pub ssim_weight: f64,
     /// Weight of LPIPS, if there is a file of its weights ([`crate::Trainer::with_lpips`]).
     pub lpips_weight: f64,
-    /// Weight of the mean penalty between coverage and mask in stage 2, away from the masks' outlines.
-    pub coverage_weight: f64,
     /// Weight of the mean squared offset (metres^2).
     pub offset_weight: f64,
     /// Weight of the mean squared scale (metres^2) in stage 1; 0 in stage 2.
@@ -253,7 +251,6 @@ impl Default for TrainSettings {
             l1_weight: 0.8,
             ssim_weight: 0.2,
             lpips_weight: 0.2,
-            coverage_weight: 0.0,
             offset_weight: 10.0,
             scale_weight: 1.0,
             color_roughness: 0.1,
@@ -461,7 +458,6 @@ impl TrainSettings {
             gaussians: GaussianShape::Round,
             start_inset: POSE_STAGE_INSET,
             antialias: Antialias::Off,
-            coverage_weight: 0.0,
             color_roughness: 0.0,
             offset_roughness: 0.0,
             rate_response: 0.0,

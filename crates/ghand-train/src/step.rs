@@ -19,7 +19,6 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::NamedNumbers;
 use crate::lpips_term::LpipsTerm;
-use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
 use ghand_fit::views::TrainView;
 use ghand_measure::lpips::Lpips;
@@ -398,14 +397,9 @@ impl Step {
         settings: &TrainSettings,
         scale_weight: f64,
     ) -> Result<(), RenderError> {
-        let weights = LossWeights {
-            l1: settings.l1_weight as f32,
-            ssim: settings.ssim_weight as f32,
-            coverage: settings.coverage_weight as f32,
-            ..Default::default()
-        };
-        let banded = (settings.coverage_weight > 0.0).then(|| with_unknown_outline(&view.pixels, view.size));
-        self.loss.set_target(gpu, view.size, banded.as_ref().unwrap_or(&view.pixels), weights, value_count)?;
+        let weights =
+            LossWeights { l1: settings.l1_weight as f32, ssim: settings.ssim_weight as f32, ..Default::default() };
+        self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
         self.offset_penalty.set_weight(gpu, per_gaussian(settings.offset_weight));
