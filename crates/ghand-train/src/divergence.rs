@@ -69,8 +69,6 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
             ("start_inset", s.start_inset),
             ("l1_weight", s.l1_weight),
             ("ssim_weight", s.ssim_weight),
-            ("offset_weight", s.offset_weight),
-            ("scale_weight", s.scale_weight),
             ("color_roughness", s.color_roughness),
             ("rate_shape_basis", s.rate_shape_basis),
             ("rate_residual_weights", s.rate_residual_weights),

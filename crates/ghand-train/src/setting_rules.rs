@@ -56,18 +56,19 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "antialias" => Rule::Word(&["on", "off"]),
         "max_seconds" | "start_inset" | "l1_weight" | "ssim_weight" | "lpips_weight" | "merge_below"
-        | "offset_weight" | "scale_weight" | "color_roughness" | "offset_roughness" | "gradient_clip" => {
-            Rule::Number(0.0, LARGEST)
-        }
+        | "color_roughness" | "gradient_clip" => Rule::Number(0.0, LARGEST),
         name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })
 }
 
 /// Settings that were removed in 0.2: name, the default that they had, and why they went.
-const REMOVED: [(&str, &str, &str); 2] = [
+const REMOVED: [(&str, &str, &str); 5] = [
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),
+    ("offset_roughness", "300.0", "it is always 300, which suits all captures that were measured"),
+    ("offset_weight", "10.0", "it is always 10, as in the paper"),
+    ("scale_weight", "1.0", "it is always 1 in stage 1, as in the paper"),
 ];
 
 /// The message for a `key` that was a setting once.

@@ -175,14 +175,8 @@ pub struct TrainSettings {
     pub ssim_weight: f64,
     /// Weight of LPIPS, if there is a file of its weights ([`crate::Trainer::with_lpips`]).
     pub lpips_weight: f64,
-    /// Weight of the mean squared offset (metres^2).
-    pub offset_weight: f64,
-    /// Weight of the mean squared scale (metres^2) in stage 1; 0 in stage 2.
-    pub scale_weight: f64,
     /// Weight of the roughness of the unlit colours: differences between neighbours.
     pub color_roughness: f64,
-    /// Weight of the roughness of the offsets (metres).
-    pub offset_roughness: f64,
     /// Pixels kept around the mask when a view is cropped to the hand.
     pub crop_margin: u32,
     /// All rates decay exponentially to this fraction of their initial value.
@@ -251,10 +245,7 @@ impl Default for TrainSettings {
             l1_weight: 0.8,
             ssim_weight: 0.2,
             lpips_weight: 0.2,
-            offset_weight: 10.0,
-            scale_weight: 1.0,
             color_roughness: 0.1,
-            offset_roughness: 300.0,
             crop_margin: 16,
             final_rate: 0.05,
             rate_shape_basis: 1e-4,
@@ -459,7 +450,6 @@ impl TrainSettings {
             start_inset: POSE_STAGE_INSET,
             antialias: Antialias::Off,
             color_roughness: 0.0,
-            offset_roughness: 0.0,
             rate_response: 0.0,
             ..self.clone()
         }

@@ -394,7 +394,6 @@ impl<'a> Trainer<'a> {
                 done: 0,
                 refine_poses: true,
                 reduction: self.settings.pose_image_reduction.max(self.reduction()),
-                scale_weight: self.settings.scale_weight,
                 previews: 0,
             };
             let first = gpu
@@ -432,7 +431,6 @@ impl<'a> Trainer<'a> {
             done: pose_iterations,
             refine_poses: false,
             reduction: self.reduction(),
-            scale_weight: 0.0,
             previews: PREVIEWS,
         };
         let done =

@@ -288,7 +288,6 @@ impl<'a> Trials<'a> {
             done: 0,
             refine_poses: false,
             reduction: self.trainer.reduction(),
-            scale_weight: 0.0,
             previews: 0,
             settings: settings.clone(),
         };

@@ -41,7 +41,6 @@ pub(super) struct Stage {
     pub refine_poses: bool,
     /// The images are this many times smaller than the capture's.
     pub reduction: u32,
-    pub scale_weight: f64,
     /// How often the watched images are taken, evenly over the stage, and at its end once more.
     pub previews: u32,
 }
@@ -141,13 +140,7 @@ impl Trainer<'_> {
             }
             let (indices, pose_step) = order.take();
             let decay = settings.final_rate.powf(fraction);
-            let rates = Rates {
-                step: done + 1,
-                tables: decay,
-                pose: if stage.refine_poses { decay } else { 0.0 },
-                pose_step,
-                scale_weight: stage.scale_weight,
-            };
+            let rates = Rates { step: done + 1, tables: decay, refine_poses: stage.refine_poses, pose_step };
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;

@@ -112,7 +112,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
-        let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 0.0 };
+        let rates = Rates { step: 1, tables: 1.0, refine_poses: true, pose_step: 1 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
         assert_eq!(run(&gpu).unwrap(), Learned::Yes);
         let floor = Floor::new(&gpu, &capture, split, &poses, 4).unwrap();

@@ -107,7 +107,7 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
                 let mut number = 0;
                 for values in losses {
                     number += u64::from(values.is_normal());
-                    let rates = Rates { step: number, tables: 1.0, pose: 1.0, pose_step: number, scale_weight: 1.0 };
+                    let rates = Rates { step: number, tables: 1.0, refine_poses: true, pose_step: number };
                     let view = views.get(0, 1).unwrap();
                     let learned = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
                     assert_eq!(learned == Learned::Yes, values.is_normal(), "{values}");
@@ -168,7 +168,7 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
                 if look {
                     losses.push(step.measure(gpu, &views.get(9, 1).unwrap(), [0.0; 3], &settings()).unwrap());
                 }
-                let rates = Rates { step: k + 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+                let rates = Rates { step: k + 1, tables: 1.0, refine_poses: true, pose_step: 1 };
                 let view = views.get(k as usize, 1).unwrap();
                 let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
                 assert_eq!(learned, Learned::Yes);
@@ -203,7 +203,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
                 step.measure(gpu, &view, [0.0; 3], &settings()).unwrap();
                 assert!(step.scene().splatter().capacity() > at_first);
             }
-            let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+            let rates = Rates { step: 1, tables: 1.0, refine_poses: true, pose_step: 1 };
             let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
             assert_eq!(learned, Learned::Yes);
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
