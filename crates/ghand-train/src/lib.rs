@@ -22,7 +22,7 @@ pub use checkpoints::Checkpoints;
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use ghand_fit::protocol::Protocol;
 pub use settings::{
-    Align, Components, ExposureChoice, FrameGain, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
+    Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;

@@ -38,7 +38,6 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "gaussians" => Rule::Word(&["round", "flat"]),
         "gloss" => Rule::Word(&["auto", "always", "none"]),
         "exposure" => Rule::Word(&["auto", "per_camera", "same"]),
-        "frame_gain" => Rule::Word(&["same", "per_frame"]),
         "unseen" => Rule::Word(&["fill", "keep"]),
         "pose_stage" => Rule::BelowOne,
         "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
@@ -63,12 +62,13 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
 }
 
 /// Settings that were removed in 0.2: name, the default that they had, and why they went.
-const REMOVED: [(&str, &str, &str); 5] = [
+const REMOVED: [(&str, &str, &str); 6] = [
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),
     ("offset_roughness", "300.0", "it is always 300, which suits all captures that were measured"),
     ("offset_weight", "10.0", "it is always 10, as in the paper"),
     ("scale_weight", "1.0", "it is always 1 in stage 1, as in the paper"),
+    ("frame_gain", "same", "no measurement shows that it pays"),
 ];
 
 /// The message for a `key` that was a setting once.

@@ -35,17 +35,6 @@ pub enum Unseen {
     Keep,
 }
 
-/// How frames that are brighter or darker than light and pose explain are treated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FrameGain {
-    /// As they are.
-    #[default]
-    Same,
-    /// Each frame's images are made as bright as the others'.
-    PerFrame,
-}
-
 /// Whether the projection is antialiased: a Gaussian smaller than a pixel becomes fainter instead of larger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -132,8 +121,6 @@ pub struct TrainSettings {
     pub gloss: GlossChoice,
     /// How cameras with other exposures are treated.
     pub exposure: ExposureChoice,
-    /// How light that changes between frames is treated.
-    pub frame_gain: FrameGain,
     /// What Gaussians get that training hardly saw.
     pub unseen: Unseen,
     /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
@@ -223,7 +210,6 @@ impl Default for TrainSettings {
             light: LightChoice::default(),
             gloss: GlossChoice::default(),
             exposure: ExposureChoice::default(),
-            frame_gain: FrameGain::default(),
             unseen: Unseen::default(),
             pose_stage: 0.62,
             pose_prior_rounds: 3,

@@ -24,7 +24,7 @@ use glam::DVec3;
 use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared, StageState};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Model, Simplify, TrainSettings};
+use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
 use crate::shown_gaussians::shown_gaussians;
 use crate::train_error::TrainError;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
@@ -479,8 +479,8 @@ impl<'a> Trainer<'a> {
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
     fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
-        let TrainSettings { light, gloss, exposure, frame_gain, .. } = self.settings;
-        if (light, exposure, frame_gain) == (LightChoice::None, ExposureChoice::Same, FrameGain::Same) {
+        let TrainSettings { light, gloss, exposure, .. } = self.settings;
+        if (light, exposure) == (LightChoice::None, ExposureChoice::Same) {
             return Ok(());
         }
         let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
@@ -504,26 +504,18 @@ impl<'a> Trainer<'a> {
             }
             self.prepared.exposure = Some(fit);
         }
-        if light != LightChoice::None || frame_gain != FrameGain::Same {
-            let template = self.capture.template.clone();
-            let mut fit =
-                fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
+        if light != LightChoice::None {
+            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)
+                .map_err(FloorError::from)?;
             let differ = fit.frames_differ();
-            if frame_gain == FrameGain::PerFrame {
-                let even = seen.even_frames(&fit.frame_factors);
-                seen.correct(&even);
-                correction.frames = even.frames;
-                let again =
-                    fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
-                fit = LightFit { frame_factors: fit.frame_factors, ..again };
-            } else if differ > UNSTEADY {
+            if differ > UNSTEADY {
                 log::warn!(
-                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains: if \
-                     the light changed, use --set frame_gain=per_frame",
+                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains; \
+                     keep light and exposure fixed while a hand is filmed",
                     1e2 * differ
                 );
             }
-            self.prepared.light = (light != LightChoice::None).then_some(fit);
+            self.prepared.light = Some(fit);
         }
         if !correction.is_empty() {
             self.prepared.correction.clone_from(&correction);
