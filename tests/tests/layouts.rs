@@ -6,9 +6,7 @@ use std::collections::BTreeMap;
 
 use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::deform::baked::BakedUniforms;
-use ghand_render::deform::{
-    BLOCK, CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms,
-};
+use ghand_render::deform::{BLOCK, CHAIN_STRIDE, JointSums, PoseUniforms, ROW_MOMENT, SumUniforms};
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
 use ghand_render::optimizer::AdamUniforms;
@@ -57,7 +55,6 @@ fn field_size<S, F>(_: fn(&S) -> &F) -> usize {
 
 fn host_layouts() -> Vec<Layout> {
     vec![
-        host_layout!(LocalWeightsUniforms { count, joints, padding_a, padding_b }),
         host_layout!(View {
             row_x,
             row_y,

@@ -3,7 +3,7 @@
 use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes, Offsets};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::{ResidualSupport, ResidualWeights};
+use ghand_core::skinning::ResidualWeights;
 pub use ghand_fit::exposure::ExposureChoice;
 pub use ghand_fit::light_fit::{GlossChoice, LightChoice};
 use serde::de::{Deserializer, Error};
@@ -150,8 +150,6 @@ pub struct TrainSettings {
     pub coefficients: CoefficientLayout,
     /// How the residual skinning weights are interpreted.
     pub residual_weights: ResidualWeights,
-    /// Which joints a Gaussian's residual weights are for.
-    pub residual_support: ResidualSupport,
     /// Position of the residual skeleton.
     pub residual_skeleton: ResidualSkeleton,
     /// Whether the projection is antialiased.
@@ -225,7 +223,6 @@ impl Default for TrainSettings {
             start_inset: 1.0,
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
-            residual_support: ResidualSupport::default(),
             residual_skeleton: ResidualSkeleton::default(),
             antialias: Antialias::default(),
             l1_weight: 0.8,
@@ -407,7 +404,6 @@ impl TrainSettings {
             color_components: self.color_components,
             residual_weights,
             residual_skeleton,
-            residual_support: self.residual_support,
             offsets,
             gaussians: self.gaussians,
             antialias: self.antialias == Antialias::On,

@@ -4,7 +4,7 @@
 //! bootstrapped over the split's poses: other poses are what an avatar is for.
 
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::{ResidualSupport, ResidualWeights};
+use ghand_core::skinning::ResidualWeights;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -103,21 +103,13 @@ pub const ARMS: [Arm; 10] = [
 impl Arm {
     /// The settings of this arm: those of `base` but for what the arm is about.
     pub fn settings(&self, base: &TrainSettings) -> TrainSettings {
-        let (residual_weights, residual_skeleton, residual_support) = match self.corrected {
-            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored, base.residual_support),
-            false => (ResidualWeights::Paper, ResidualSkeleton::Paper, ResidualSupport::All),
+        let (residual_weights, residual_skeleton) = match self.corrected {
+            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored),
+            false => (ResidualWeights::Paper, ResidualSkeleton::Paper),
         };
         let images_per_step = if self.model == Model::Network { base.images_per_step } else { 1 };
         let Arm { model, components, .. } = *self;
-        TrainSettings {
-            model,
-            components,
-            residual_weights,
-            residual_skeleton,
-            residual_support,
-            images_per_step,
-            ..base.clone()
-        }
+        TrainSettings { model, components, residual_weights, residual_skeleton, images_per_step, ..base.clone() }
     }
 }
 

@@ -7,7 +7,6 @@ use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
-use ghand_core::skinning::ResidualSupport;
 use ghand_fit::floor::Floor;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
@@ -50,9 +49,6 @@ fn settings(components: Components) -> TrainSettings {
         exposure: ExposureChoice::Same,
         color_roughness: 0.0,
         rate_joints: 0.0,
-        // Weights of the joints that move a Gaussian can learn quickly: what they move is small.
-        residual_support: ResidualSupport::Local,
-        rate_residual_weights: 3e-3,
         components,
         ..TrainSettings::default()
     }
