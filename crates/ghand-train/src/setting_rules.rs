@@ -29,7 +29,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
     Some(match name {
         "iterations" => Rule::Whole(1, MOST_ITERATIONS),
         "model" => Rule::Word(&["direct", "network"]),
-        "components" => Rule::Word(&["baseline", "hgbs", "full", "weights"]),
+        "components" => Rule::Word(&["baseline", "hgbs", "full"]),
         "simplify" => Rule::Word(&["off", "auto"]),
         "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),

@@ -80,8 +80,6 @@ pub enum Components {
     Hgbs,
     /// Blend shapes, and skinning corrected by the residual skeleton with its residual weights.
     Full,
-    /// Blend shapes, and skinning weights that are learned, without a residual skeleton: what a control of `full` needs.
-    Weights,
 }
 
 /// Sizes of the networks, with `model=network`.
@@ -324,7 +322,6 @@ impl TrainSettings {
             Components::Baseline => [0.0, 0.0, 0.0],
             Components::Hgbs => [0.0, 0.0, bases],
             Components::Full => [weights, regressor, bases],
-            Components::Weights => [weights, 0.0, bases],
         }
     }
 
@@ -389,21 +386,15 @@ impl TrainSettings {
             Offsets::Free => Offsets::free_layout(self.model == Model::Network),
             Offsets::Bases => (self.shape_bases, self.coefficients),
         };
-        // Residual weights on the template's own skeleton are weights.
-        let (residual_weights, residual_skeleton) = match self.components {
-            Components::Weights => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored),
-            _ => (self.residual_weights, self.residual_skeleton),
-        };
-        let plain_skinning =
-            self.model == Model::Direct && matches!(self.components, Components::Baseline | Components::Hgbs);
+        let plain_skinning = self.model == Model::Direct && self.components != Components::Full;
         AvatarConfig {
             plain_skinning,
             uv_resolution: self.uv_resolution,
             shape_bases,
             coefficients,
             color_components: self.color_components,
-            residual_weights,
-            residual_skeleton,
+            residual_weights: self.residual_weights,
+            residual_skeleton: self.residual_skeleton,
             offsets,
             gaussians: self.gaussians,
             antialias: self.antialias == Antialias::On,

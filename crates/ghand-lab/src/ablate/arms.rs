@@ -39,7 +39,7 @@ const fn arm(
 }
 
 /// All arms.
-pub const ARMS: [Arm; 10] = [
+pub const ARMS: [Arm; 8] = [
     arm(
         "network-baseline",
         "an offset for each Gaussian from the pose",
@@ -63,13 +63,6 @@ pub const ARMS: [Arm; 10] = [
         Some("network-hgbs"),
     ),
     arm(
-        "network-weights",
-        "control: learned skinning weights",
-        Model::Network,
-        (Components::Weights, true),
-        Some("network-hgbs"),
-    ),
-    arm(
         "direct-baseline",
         "an offset for each Gaussian from the pose",
         Model::Direct,
@@ -89,13 +82,6 @@ pub const ARMS: [Arm; 10] = [
         "+ residual skeleton, anchored, zero sum",
         Model::Direct,
         (Components::Full, true),
-        Some("direct-hgbs"),
-    ),
-    arm(
-        "direct-weights",
-        "control: learned skinning weights",
-        Model::Direct,
-        (Components::Weights, true),
         Some("direct-hgbs"),
     ),
 ];

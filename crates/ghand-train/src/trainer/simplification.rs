@@ -170,7 +170,7 @@ impl Trainer<'_> {
         let TrainSettings { model, merge_below, components, color_components, shape_bases, uv_resolution, .. } =
             self.settings;
         let mut parts = vec![];
-        if matches!(components, Components::Full | Components::Weights) {
+        if components == Components::Full {
             parts.push(("components", vec!["hgbs".to_owned()]));
         }
         if color_components > 0 {
