@@ -42,7 +42,6 @@ ENTRIES
             echo "ladder-$rung-$capture $from $settings $options"
         done <<RUNGS
 none $plain --set light=none
-sh $plain --set light=sh
 transfer $plain --set light=transfer --set gloss=none
 gloss $plain --set light=transfer --set gloss=always
 surface --set unseen=keep --set light=transfer --set gloss=always

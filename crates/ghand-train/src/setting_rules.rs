@@ -34,7 +34,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "none"]),
-        "light" => Rule::Word(&["auto", "transfer", "sh", "none"]),
+        "light" => Rule::Word(&["auto", "transfer", "none"]),
         "gaussians" => Rule::Word(&["round", "flat"]),
         "gloss" => Rule::Word(&["auto", "always", "none"]),
         "exposure" => Rule::Word(&["auto", "per_camera", "same"]),
