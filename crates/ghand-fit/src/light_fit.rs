@@ -42,7 +42,7 @@ pub enum LightChoice {
     /// Light from directions, with shadows.
     Transfer,
     /// Not at all: colours are as the images show them.
-    None,
+    Off,
 }
 
 /// Whether the skin's gloss is modelled.
@@ -55,7 +55,7 @@ pub enum GlossChoice {
     /// Wherever light comes from directions.
     Always,
     /// Never.
-    None,
+    Off,
 }
 
 /// Every this many frames, one is held out.
@@ -239,7 +239,7 @@ pub fn fit_light_to(
         transfer: error(Unknowns::Directions, &transfer),
     };
     let unknowns = match choice {
-        LightChoice::None => Unknowns::Constant,
+        LightChoice::Off => Unknowns::Constant,
         LightChoice::Transfer => directions_needed(&figures).0,
         LightChoice::Auto => needed(&figures),
     };
@@ -255,7 +255,7 @@ pub fn fit_light_to(
     };
     let mut fits = all(&columns, unknowns);
     let mut gloss: Option<GlossFit> = None;
-    if gloss_choice != GlossChoice::None && is_lit {
+    if gloss_choice != GlossChoice::Off && is_lit {
         for _ in 0..GLOSS_ROUNDS {
             let Some(light) = light(&columns, &fits) else { break };
             let first = gloss.as_ref().map(|found| found.gloss.roughness);

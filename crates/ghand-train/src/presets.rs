@@ -84,6 +84,7 @@ impl TrainSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Align, ExposureChoice, GlossChoice, LightChoice, Unseen};
 
     #[test]
     fn presets_are_valid_and_the_default_one_is_the_default() {
@@ -113,6 +114,17 @@ mod tests {
         assert_eq!(settings, TrainSettings::default());
         let run: TrainSettings = TrainSettings::of_run(text.parse::<toml::Table>().unwrap()).unwrap();
         assert_eq!(run, TrainSettings::default());
+        for (former, is_off) in [
+            ("align = \"none\"", TrainSettings { align: Align::Off, ..TrainSettings::default() }),
+            ("light = \"none\"", TrainSettings { light: LightChoice::Off, ..TrainSettings::default() }),
+            ("gloss = \"none\"", TrainSettings { gloss: GlossChoice::Off, ..TrainSettings::default() }),
+            ("exposure = \"same\"", TrainSettings { exposure: ExposureChoice::Off, ..TrainSettings::default() }),
+            ("unseen = \"keep\"", TrainSettings { unseen: Unseen::Off, ..TrainSettings::default() }),
+        ] {
+            let mut settings = TrainSettings::default();
+            settings.set_all(former).unwrap();
+            assert_eq!(settings, is_off);
+        }
         let other = text.replace("rate_light = 0.01", "rate_light = 0.0");
         assert!(settings.set_all(&other).unwrap_err().to_string().contains("`rate_light`: was removed in 0.2"));
     }

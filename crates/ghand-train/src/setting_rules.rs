@@ -33,12 +33,12 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "simplify" => Rule::Word(&["off", "auto"]),
         "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
-        "align" => Rule::Word(&["contours", "paper", "none"]),
-        "light" => Rule::Word(&["auto", "transfer", "none"]),
+        "align" => Rule::Word(&["contours", "paper", "off"]),
+        "light" => Rule::Word(&["auto", "transfer", "off"]),
         "gaussians" => Rule::Word(&["round", "flat"]),
-        "gloss" => Rule::Word(&["auto", "always", "none"]),
-        "exposure" => Rule::Word(&["auto", "per_camera", "same"]),
-        "unseen" => Rule::Word(&["fill", "keep"]),
+        "gloss" => Rule::Word(&["auto", "always", "off"]),
+        "exposure" => Rule::Word(&["auto", "per_camera", "off"]),
+        "unseen" => Rule::Word(&["fill", "off"]),
         "pose_stage" => Rule::BelowOne,
         "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
         "pose_uv_resolution" | "uv_resolution" => Rule::Whole(8, 2048),
@@ -81,6 +81,15 @@ pub(crate) fn removed(key: &str) -> Option<String> {
 pub(crate) fn is_removed_default(key: &str, text: &str) -> bool {
     let is_default = |default: &str| text == default || text.parse::<f64>().is_ok_and(|v| default.parse() == Ok(v));
     REMOVED.iter().any(|(name, default, _)| *name == key && is_default(default))
+}
+
+/// What was `off` before 0.2.
+const FORMER_OFF: [(&str, &str); 5] =
+    [("align", "none"), ("light", "none"), ("gloss", "none"), ("exposure", "same"), ("unseen", "keep")];
+
+/// Whether a setting's value in a file of an earlier version means `off`.
+pub(crate) fn is_former_off(key: &str, text: &str) -> bool {
+    FORMER_OFF.contains(&(key, text))
 }
 
 impl Rule {

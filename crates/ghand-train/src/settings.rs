@@ -9,7 +9,7 @@ pub use ghand_fit::light_fit::{GlossChoice, LightChoice};
 use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize};
 
-use crate::setting_rules::{is_removed_default, removed, rule, unknown};
+use crate::setting_rules::{is_former_off, is_removed_default, removed, rule, unknown};
 
 /// How poses are refined before the avatar is trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -21,7 +21,7 @@ pub enum Align {
     /// As in the paper: a first stage of training refines them with a simple avatar.
     Paper,
     /// Not at all.
-    None,
+    Off,
 }
 
 /// What Gaussians get that training hardly saw.
@@ -32,7 +32,7 @@ pub enum Unseen {
     #[default]
     Fill,
     /// What they have learned.
-    Keep,
+    Off,
 }
 
 /// Whether the projection is antialiased: a Gaussian smaller than a pixel becomes fainter instead of larger.
@@ -291,12 +291,15 @@ impl TrainSettings {
     }
 
     /// Applies a setting from a file, which may come from an earlier version: a setting that was removed may have the default
-    /// that it had.
+    /// that it had, and `off` its former word.
     ///
     /// # Errors
     /// As [`set`](Self::set).
     pub(crate) fn set_from_file(&mut self, key: &str, text: &str) -> Result<(), SettingsError> {
-        if is_removed_default(key, text) { Ok(()) } else { self.set(&format!("{key}={text}")) }
+        if is_removed_default(key, text) {
+            return Ok(());
+        }
+        self.set(&format!("{key}={}", if is_former_off(key, text) { "off" } else { text }))
     }
 
     /// Reads the settings of a run that an earlier version may have begun; `#[serde(deserialize_with)]` takes it.
@@ -503,6 +506,7 @@ mod tests {
             ("rate_color=fast", "must be a number"),
             ("residual_weights=papers", "must be `paper` or `zero_sum`"),
             ("residual_skeleton=1", "must be `paper` or `anchored`"),
+            ("align=none", "`none` must be `contours` or `paper` or `off`"),
             ("antialias=true", "must be `on` or `off`, as in antialias=on"),
             ("residual_skeleton=1", "as in residual_skeleton=anchored"),
             ("uv_resolutoin=64", "did you mean `uv_resolution`?"),

@@ -90,9 +90,9 @@ pub struct Trained {
     pub alignment: Option<Alignment>,
     /// Training images that are so blurred that they were taken less than half as often as others.
     pub blurred: usize,
-    /// How the light was found, unless `light=none`.
+    /// How the light was found, unless `light=off`.
     pub light: Option<LightFit>,
-    /// What was found of the cameras' exposures, unless `exposure=same`.
+    /// What was found of the cameras' exposures, unless `exposure=off`.
     pub exposure: Option<ExposureFit>,
     /// The settings with what `simplify=auto` changed.
     pub settings: TrainSettings,
@@ -480,7 +480,7 @@ impl<'a> Trainer<'a> {
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
     fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
         let TrainSettings { light, gloss, exposure, .. } = self.settings;
-        if (light, exposure) == (LightChoice::None, ExposureChoice::Same) {
+        if (light, exposure) == (LightChoice::Off, ExposureChoice::Off) {
             return Ok(());
         }
         let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
@@ -496,7 +496,7 @@ impl<'a> Trainer<'a> {
             }
         }
         let mut correction = ColorCorrection::default();
-        if exposure != ExposureChoice::Same {
+        if exposure != ExposureChoice::Off {
             let fit = fit_exposure(&seen, exposure);
             if fit.corrected {
                 correction.cameras.clone_from(&fit.maps);
@@ -504,7 +504,7 @@ impl<'a> Trainer<'a> {
             }
             self.prepared.exposure = Some(fit);
         }
-        if light != LightChoice::None {
+        if light != LightChoice::Off {
             let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)
                 .map_err(FloorError::from)?;
             let differ = fit.frames_differ();

@@ -186,7 +186,7 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     // With this many Gaussians an iteration takes longer than both signals.
-    let slow = ["--out", "run", "--set", ENDLESS, "--set", "align=none", "--set", "uv_resolution=640"];
+    let slow = ["--out", "run", "--set", ENDLESS, "--set", "align=off", "--set", "uv_resolution=640"];
     let mut child = start(folder.path(), &slow, "stage 2");
     send("-INT", &child);
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(|line| line.unwrap());
@@ -226,7 +226,7 @@ fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     small_capture(&folder.path().join("capture"));
     for (setting, fault) in [("rate_response=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
         let name = setting.split('=').next().unwrap();
-        let more = ["--out", "run", "--set", "iterations=60", "--set", "align=none", "--set", setting];
+        let more = ["--out", "run", "--set", "iterations=60", "--set", "align=off", "--set", setting];
         assert_one_sentence(&train(folder.path(), &more), &["training failed in stage 2", fault, name]);
         assert!(!folder.path().join("run").exists(), "{setting}");
     }

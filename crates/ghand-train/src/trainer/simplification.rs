@@ -274,7 +274,7 @@ impl<'a> Trials<'a> {
         changes: &[String],
         ended: &mut dyn FnMut(&Trial),
     ) -> Result<bool, TrainError> {
-        let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
+        let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Off, ..set.clone() };
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
         let TrainSettings { uv_resolution, merge_below, .. } = settings;

@@ -83,7 +83,7 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     }
     let root = capture.frames[split.frames[0]].pose.clone();
     capture.splits.insert("back".into(), split);
-    let settings = TrainSettings { iterations: 150, align: Align::None, ..Default::default() };
+    let settings = TrainSettings { iterations: 150, align: Align::Off, ..Default::default() };
     let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
     println!("{:?}", trained.light.unwrap().report());
     let avatar = trained.avatar;
