@@ -80,8 +80,6 @@ pub(crate) fn remedy(settings: &TrainSettings) -> String {
             ("rate_networks", s.rate_networks),
             ("rate_feature_tensor", s.rate_feature_tensor),
             ("rate_joints", s.rate_joints),
-            ("rate_pose", s.rate_pose),
-            ("rate_translation", s.rate_translation),
         ]
     };
     let raised = numbers(settings).into_iter().zip(numbers(&TrainSettings::default()));
@@ -154,7 +152,7 @@ mod tests {
 
     #[test]
     fn the_setting_furthest_above_its_default_is_named() {
-        let settings = TrainSettings { rate_pose: 0.03, rate_response: 1e38, rate_color: 1e-9, ..Default::default() };
+        let settings = TrainSettings { rate_joints: 3e-4, rate_response: 1e38, rate_color: 1e-9, ..Default::default() };
         let text = remedy(&settings);
         assert!(text.contains("`rate_response` is too high: it is 1e38, its default is 0.005"), "{text}");
         assert!(!remedy(&TrainSettings::default()).contains("too high"));

@@ -9,8 +9,6 @@ pub(crate) enum Rule {
     Whole(u64, u64),
     /// Numbers between two bounds, both included.
     Number(f64, f64),
-    /// Numbers from 0 to below 1.
-    BelowOne,
     /// Numbers above 0, up to 1.
     AboveZero,
     /// One of these words.
@@ -39,10 +37,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "gloss" => Rule::Word(&["auto", "always", "off"]),
         "exposure" => Rule::Word(&["auto", "per_camera", "off"]),
         "unseen" => Rule::Word(&["fill", "off"]),
-        "pose_stage" => Rule::BelowOne,
-        "pose_prior_rounds" => Rule::Whole(0, MOST_ITERATIONS),
-        "pose_uv_resolution" | "uv_resolution" => Rule::Whole(8, 2048),
-        "pose_image_reduction" => Rule::Whole(1, 16),
+        "uv_resolution" => Rule::Whole(8, 2048),
         "seed" => Rule::Whole(0, u64::MAX),
         "shape_bases" => Rule::Whole(1, 32),
         "color_components" => Rule::Whole(0, 32),
@@ -61,7 +56,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
 }
 
 /// Settings that were removed in 0.2: name, the default that they had, and why they went.
-const REMOVED: [(&str, &str, &str); 7] = [
+const REMOVED: [(&str, &str, &str); 13] = [
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),
     ("offset_roughness", "300.0", "it is always 300, which suits all captures that were measured"),
@@ -69,6 +64,20 @@ const REMOVED: [(&str, &str, &str); 7] = [
     ("scale_weight", "1.0", "it is always 1 in stage 1, as in the paper"),
     ("frame_gain", "same", "no measurement shows that it pays"),
     ("residual_support", "all", "weights of the joints nearby alone had 32.00 dB, those of all 32.09"),
+    ("pose_stage", "0.62", "stage 1 has a third of the iterations with model=network, as in the paper, else 0.62"),
+    (
+        "pose_prior_rounds",
+        "3",
+        "stage 1 draws the poses towards their prior three times, with model=network never, as in the paper",
+    ),
+    ("pose_uv_resolution", "96", "stage 1 has the uv_resolution of the run, without model=network at most 96"),
+    (
+        "pose_image_reduction",
+        "2",
+        "stage 1 has images of half the size, with model=network of the whole, as in the paper",
+    ),
+    ("rate_pose", "0.01", "it is always 0.01, and 0.005 with model=network, as in the paper"),
+    ("rate_translation", "0.001", "it is always 0.001"),
 ];
 
 /// The message for a `key` that was a setting once.
@@ -97,7 +106,7 @@ impl Rule {
     pub fn parse(self, text: &str) -> Option<Value> {
         let value = match self {
             Rule::Whole(..) => Value::from(whole(text)?),
-            Rule::Number(..) | Rule::BelowOne | Rule::AboveZero => Value::from(text.parse::<f64>().ok()?),
+            Rule::Number(..) | Rule::AboveZero => Value::from(text.parse::<f64>().ok()?),
             Rule::Word(_) => Value::from(text),
         };
         self.allows(&value).then_some(value)
@@ -108,7 +117,6 @@ impl Rule {
         match self {
             Rule::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
             Rule::Number(least, most) => value.as_f64().is_some_and(|v| (least..=most).contains(&v)),
-            Rule::BelowOne => value.as_f64().is_some_and(|v| (0.0..1.0).contains(&v)),
             Rule::AboveZero => value.as_f64().is_some_and(|v| v > 0.0 && v <= 1.0),
             Rule::Word(words) => value.as_str().is_some_and(|v| words.contains(&v)),
         }
@@ -120,7 +128,6 @@ impl Rule {
             Rule::Whole(least, u64::MAX) => format!("a whole number, at least {least}"),
             Rule::Whole(least, most) => format!("a whole number, from {least} to {most}"),
             Rule::Number(least, most) => format!("a number, from {least} to {most:e}"),
-            Rule::BelowOne => "a number, at least 0 and below 1".into(),
             Rule::AboveZero => "a number, above 0 and at most 1".into(),
             Rule::Word(words) => words.iter().map(|w| format!("`{w}`")).collect::<Vec<_>>().join(" or "),
         };

@@ -121,14 +121,6 @@ pub struct TrainSettings {
     pub exposure: ExposureChoice,
     /// What Gaussians get that training hardly saw.
     pub unseen: Unseen,
-    /// Fraction of the iterations in stage 1, which refines the poses with `align=paper`.
-    pub pose_stage: f64,
-    /// How often the poses are pulled towards a prior fitted to them: evenly over stage 1, first at its start.
-    pub pose_prior_rounds: u64,
-    /// Resolution of the UV raster in stage 1.
-    pub pose_uv_resolution: u32,
-    /// How many times smaller the images of stage 1 are.
-    pub pose_image_reduction: u32,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Resolution of the UV raster whose texels are the Gaussians.
@@ -186,10 +178,6 @@ pub struct TrainSettings {
     pub rate_feature_tensor: f64,
     /// Rate of the rest joints, metres; 0 keeps the template's skeleton, as in the paper.
     pub rate_joints: f64,
-    /// Rate of the joint rotations in stage 1, radians.
-    pub rate_pose: f64,
-    /// Rate of the translation in stage 1, metres.
-    pub rate_translation: f64,
 }
 
 impl Default for TrainSettings {
@@ -207,10 +195,6 @@ impl Default for TrainSettings {
             gloss: GlossChoice::default(),
             exposure: ExposureChoice::default(),
             unseen: Unseen::default(),
-            pose_stage: 0.62,
-            pose_prior_rounds: 3,
-            pose_uv_resolution: 96,
-            pose_image_reduction: 2,
             seed: 1,
             uv_resolution: 160,
             merge_below: 0.0,
@@ -240,10 +224,32 @@ impl Default for TrainSettings {
             rate_networks: 3e-3,
             rate_feature_tensor: 1e-2,
             rate_joints: 1e-4,
-            rate_pose: 1e-2,
-            rate_translation: 1e-3,
         }
     }
+}
+
+/// How `align=paper` refines poses in stage 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PoseStage {
+    /// Part of the iterations that belongs to it.
+    pub part: f64,
+    /// How often the poses are pulled towards a prior fitted to them: evenly over the stage, first at its start.
+    pub prior_rounds: u64,
+    /// Most of the UV raster's resolution.
+    pub most_uv_resolution: u32,
+    /// How many times smaller its images are.
+    pub image_reduction: u32,
+    /// Rate of the joint rotations, radians.
+    pub rate: f64,
+}
+
+impl PoseStage {
+    /// The paper's: 41,600 of 124,800 iterations at full resolution.
+    const OF_NETWORKS: PoseStage =
+        PoseStage { part: 1.0 / 3.0, prior_rounds: 0, most_uv_resolution: u32::MAX, image_reduction: 1, rate: 5e-3 };
+    /// For runs of minutes: quicker iterations, more of them, faster, with a prior against what few images leave open.
+    const OF_TABLES: PoseStage =
+        PoseStage { part: 0.62, prior_rounds: 3, most_uv_resolution: 96, image_reduction: 2, rate: 1e-2 };
 }
 
 /// `start_inset` of stage 1.
@@ -408,6 +414,11 @@ impl TrainSettings {
         }
     }
 
+    /// The form of stage 1.
+    pub(crate) fn pose_stage(&self) -> PoseStage {
+        if self.model == Model::Network { PoseStage::OF_NETWORKS } else { PoseStage::OF_TABLES }
+    }
+
     /// The settings of stage 1: one constant basis, constant colours, and no residual weights or skeleton, so that only
     /// the poses can explain the differences between frames.
     pub fn pose_stage_settings(&self) -> TrainSettings {
@@ -416,7 +427,7 @@ impl TrainSettings {
             components: Components::Hgbs,
             simplify: Simplify::Off,
             images_per_step: 1,
-            uv_resolution: self.pose_uv_resolution,
+            uv_resolution: self.pose_stage().most_uv_resolution.min(self.uv_resolution),
             merge_below: 0.0,
             shape_bases: 1,
             coefficients: CoefficientLayout::PerBasis,
@@ -436,7 +447,7 @@ impl TrainSettings {
         if self.align != Align::Paper {
             return 0;
         }
-        let rounded = (self.iterations as f64 * self.pose_stage).round() as u64;
+        let rounded = (self.iterations as f64 * self.pose_stage().part).round() as u64;
         rounded.min(self.iterations.saturating_sub(1))
     }
 }
@@ -458,14 +469,13 @@ mod tests {
         let mut s = TrainSettings::default();
         s.set("iterations=7").unwrap();
         s.set("residual_weights = paper").unwrap();
-        s.set("rate_pose=1e-4").unwrap();
-        s.set("rate_joints=0").unwrap();
+        s.set("rate_joints=2e-4").unwrap();
         s.set("residual_skeleton=anchored").unwrap();
         s.set("residual_skeleton=paper").unwrap();
         s.set("residual_weights=zero_sum").unwrap();
         s.set("residual_weights=paper").unwrap();
-        assert_eq!((s.iterations, s.residual_weights, s.rate_pose), (7, ResidualWeights::Paper, 1e-4));
-        for bad in ["iterations=-1", "nonsense=1", "iterations", "uv_resolution=1", "rate_pose=NaN", "pose_stage=2"] {
+        assert_eq!((s.iterations, s.residual_weights, s.rate_joints), (7, ResidualWeights::Paper, 2e-4));
+        for bad in ["iterations=-1", "nonsense=1", "iterations", "uv_resolution=1", "rate_joints=NaN"] {
             let name = bad.split('=').next().unwrap();
             assert!(refusal(bad).contains(&format!("`{name}`")), "{bad}");
         }
@@ -497,7 +507,6 @@ mod tests {
             ("seed=-1", "must be a whole number, at least 0, as in seed=1"),
             ("seed=1e300", "must be a whole number, at least 0"),
             ("shape_bases=0", "must be a whole number, from 1 to 32"),
-            ("pose_stage=1", "must be a number, at least 0 and below 1, as in pose_stage=0.62"),
             ("final_rate=0", "must be a number, above 0 and at most 1"),
             // Beyond the range of the device's f32.
             ("rate_color=1e39", "must be a number, from 0 to 1e38, as in rate_color=0.02"),
@@ -511,7 +520,7 @@ mod tests {
             ("residual_skeleton=1", "as in residual_skeleton=anchored"),
             ("uv_resolutoin=64", "did you mean `uv_resolution`?"),
             ("Iterations=3", "did you mean `iterations`?"),
-            ("rate-pose=3", "did you mean `rate_pose`?"),
+            ("rate-joints=3", "did you mean `rate_joints`?"),
         ] {
             let message = refusal(bad);
             assert!(message.contains(wanted), "{bad}: {message}");
@@ -523,7 +532,7 @@ mod tests {
              leave it out"
         );
         let far = refusal("nonsense=1");
-        assert!(!far.contains("did you mean") && far.contains("iterations, ") && far.contains("rate_pose"), "{far}");
+        assert!(!far.contains("did you mean") && far.contains("iterations, ") && far.contains("rate_joints"), "{far}");
     }
 
     #[test]
@@ -536,8 +545,8 @@ mod tests {
             s.set(&format!("{key}={text}")).unwrap();
             assert_eq!(s, TrainSettings::default(), "{key}");
         }
-        let bad = TrainSettings { rate_pose: f64::NAN, ..Default::default() };
-        assert!(bad.check().unwrap_err().to_string().contains("`rate_pose`"));
+        let bad = TrainSettings { rate_joints: f64::NAN, ..Default::default() };
+        assert!(bad.check().unwrap_err().to_string().contains("`rate_joints`"));
         let bad = TrainSettings { color_components: 33, ..Default::default() };
         assert!(bad.check().unwrap_err().to_string().contains("`33` must be a whole number, from 0 to 32"));
         let bad = TrainSettings { l1_weight: 0.0, ssim_weight: 0.0, ..TrainSettings::default() };
@@ -546,8 +555,10 @@ mod tests {
 
     #[test]
     fn stage_2_always_has_an_iteration() {
-        for (iterations, pose_stage, expected) in [(1, 0.62, 0), (2, 0.99, 1), (100, 0.62, 62), (5, 0.0, 0)] {
-            let settings = TrainSettings { iterations, pose_stage, align: Align::Paper, ..Default::default() };
+        let cases =
+            [(1, Model::Direct, 0), (2, Model::Direct, 1), (100, Model::Direct, 62), (124_800, Model::Network, 41_600)];
+        for (iterations, model, expected) in cases {
+            let settings = TrainSettings { iterations, model, align: Align::Paper, ..Default::default() };
             assert_eq!(settings.pose_iterations(), expected);
             assert_eq!(TrainSettings { align: Align::Contours, ..settings }.pose_iterations(), 0);
         }

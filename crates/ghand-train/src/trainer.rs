@@ -390,10 +390,10 @@ impl<'a> Trainer<'a> {
                 number: 1,
                 settings: self.settings.pose_stage_settings(),
                 iterations: pose_iterations,
-                part_of_time: self.settings.pose_stage,
+                part_of_time: self.settings.pose_stage().part,
                 done: 0,
                 refine_poses: true,
-                reduction: self.settings.pose_image_reduction.max(self.reduction()),
+                reduction: self.settings.pose_stage().image_reduction.max(self.reduction()),
                 previews: 0,
             };
             let first = gpu

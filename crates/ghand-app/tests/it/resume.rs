@@ -19,7 +19,7 @@ fn kills() -> usize {
 
 /// Options of a run that takes some seconds.
 fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&["--capture", "capture", "--set", "uv_resolution=40", "--set", "pose_uv_resolution=32"], more].concat()
+    [&["--capture", "capture", "--set", "uv_resolution=40"], more].concat()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -74,7 +74,7 @@ fn a_run_killed_at_any_moment_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let direct = ["--set", "iterations=120", "--set", "light=transfer", "--set", "gloss=always"];
-    let paper = ["--set", "align=paper", "--set", "pose_stage=0.5", "--set", "light=off"];
+    let paper = ["--set", "align=paper", "--set", "light=off"];
     let network = [&paper[..], &["--set", "model=network", "--set", "iterations=24"]].concat();
     let both = [&paper[..], &["--set", "iterations=120"]].concat();
     let mut rng = ChaCha8Rng::seed_from_u64(16);

@@ -13,7 +13,7 @@ const ENDLESS: &str = "iterations=1000000";
 
 /// Options of a run that takes about a second.
 fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&["--capture", "capture", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32"], more].concat()
+    [&["--capture", "capture", "--set", "uv_resolution=32"], more].concat()
 }
 
 fn train(folder: &Path, more: &[&str]) -> Output {
@@ -59,7 +59,7 @@ fn runs_without_a_named_folder_keep_earlier_ones_and_share_the_demo_capture() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("out/demo-capture"));
     let demo = |more: &[&str]| {
-        let options = ["--set", "uv_resolution=32", "--set", "pose_uv_resolution=32", "--set", "iterations=20"];
+        let options = ["--set", "uv_resolution=32", "--set", "iterations=20"];
         let output = run(TRAIN, folder.path(), &[&options[..], more].concat());
         let said = text(&output.stdout);
         assert!(said.contains("avatar: ") && !said.contains("making a synthetic capture"), "{said}");
@@ -129,7 +129,7 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().unwrap();
         small_capture(&folder.path().join("capture"));
-        let options = ["--out", "run", "--set", ENDLESS, "--set", "align=paper", "--set", "pose_stage=2e-5"];
+        let options = ["--out", "run", "--set", ENDLESS, "--set", "align=off"];
         let child = start(folder.path(), &options, "stage 2");
         send(signal, &child);
         let output = child.wait_with_output().unwrap();

@@ -73,6 +73,7 @@ impl Trainer<'_> {
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
+        let pose_stage = self.settings.pose_stage();
         let before = self.state.borrow().clone().filter(|state| state.number == stage.number);
         let avatar = self.start(gpu, settings)?;
         let mut step = self.step(gpu, stage, &avatar, before.as_ref())?;
@@ -130,7 +131,7 @@ impl Trainer<'_> {
                 break;
             }
             self.show_onlooker(gpu, &step, &avatar, stage.done + done)?;
-            let rounds = settings.pose_prior_rounds;
+            let rounds = pose_stage.prior_rounds;
             if stage.refine_poses && is_prior_round(done, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
                 shrink(&mut poses);
@@ -140,7 +141,8 @@ impl Trainer<'_> {
             }
             let (indices, pose_step) = order.take();
             let decay = settings.final_rate.powf(fraction);
-            let rates = Rates { step: done + 1, tables: decay, refine_poses: stage.refine_poses, pose_step };
+            let pose = stage.refine_poses.then_some(pose_stage.rate);
+            let rates = Rates { step: done + 1, tables: decay, pose, pose_step };
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;

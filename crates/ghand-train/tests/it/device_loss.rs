@@ -51,14 +51,7 @@ fn small_capture(gpu: &Gpu, folder: &Path) -> Capture {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings {
-        iterations: 20,
-        align: Align::Paper,
-        pose_stage: 0.5,
-        uv_resolution: 40,
-        pose_uv_resolution: 32,
-        ..Default::default()
-    }
+    TrainSettings { iterations: 20, align: Align::Paper, uv_resolution: 40, ..Default::default() }
 }
 
 /// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it reported.
@@ -112,7 +105,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
-        let rates = Rates { step: 1, tables: 1.0, refine_poses: true, pose_step: 1 };
+        let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
         assert_eq!(run(&gpu).unwrap(), Learned::Yes);
         let floor = Floor::new(&gpu, &capture, split, &poses, 4).unwrap();
