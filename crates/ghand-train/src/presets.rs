@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn settings_survive_as_toml() {
-        let settings = TrainSettings { seed: u64::MAX, rate_regressor: 3e-38, ..PRESETS[2].settings().unwrap() };
+        let settings = TrainSettings { seed: u64::MAX, rate_joints: 3e-38, ..PRESETS[2].settings().unwrap() };
         let text = settings.to_toml();
         assert!(text.starts_with("iterations = 124800\n"), "{text}");
         let mut read = TrainSettings::default();
@@ -114,6 +114,13 @@ mod tests {
         assert_eq!(settings, TrainSettings::default());
         let run: TrainSettings = TrainSettings::of_run(text.parse::<toml::Table>().unwrap()).unwrap();
         assert_eq!(run, TrainSettings::default());
+        for line in text.lines() {
+            let name = line.split(' ').next().unwrap();
+            let set = TrainSettings::default().set(&line.replace('"', ""));
+            let fields = serde_json::to_value(TrainSettings::default()).unwrap();
+            let message = set.err().map(|error| error.to_string()).unwrap_or_default();
+            assert_eq!(fields.get(name).is_none(), message.contains("was removed in 0.2: "), "{line}: {message}");
+        }
         for (former, is_off) in [
             ("align = \"none\"", TrainSettings { align: Align::Off, ..TrainSettings::default() }),
             ("light = \"none\"", TrainSettings { light: LightChoice::Off, ..TrainSettings::default() }),
@@ -138,7 +145,7 @@ mod tests {
             ("iterations = true", "must be a whole number"),
             ("[iterations]\nx = 1", "must be a whole number"),
             ("iterations 5", "is not TOML"),
-            ("rate_color = nan", "must be a number"),
+            ("rate_joints = nan", "must be a number"),
         ] {
             let mut settings = TrainSettings::default();
             let message = settings.set_all(text).unwrap_err().to_string();

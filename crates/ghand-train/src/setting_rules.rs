@@ -41,22 +41,19 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "seed" => Rule::Whole(0, u64::MAX),
         "shape_bases" => Rule::Whole(1, 32),
         "color_components" => Rule::Whole(0, 32),
-        // The size of the largest image.
-        "crop_margin" => Rule::Whole(0, 16_384),
         "final_rate" => Rule::AboveZero,
         "coefficients" => Rule::Word(&["per_basis", "per_component"]),
         "residual_weights" => Rule::Word(&["paper", "zero_sum"]),
         "residual_skeleton" => Rule::Word(&["paper", "anchored"]),
         "antialias" => Rule::Word(&["on", "off"]),
-        "max_seconds" | "start_inset" | "l1_weight" | "ssim_weight" | "lpips_weight" | "merge_below"
-        | "color_roughness" | "gradient_clip" => Rule::Number(0.0, LARGEST),
+        "max_seconds" | "lpips_weight" | "merge_below" | "color_roughness" => Rule::Number(0.0, LARGEST),
         name if name.starts_with("rate_") => Rule::Number(0.0, LARGEST),
         _ => return None,
     })
 }
 
 /// Settings that were removed in 0.2: name, the default that they had, and why they went.
-const REMOVED: [(&str, &str, &str); 13] = [
+const REMOVED: [(&str, &str, &str); 23] = [
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),
     ("offset_roughness", "300.0", "it is always 300, which suits all captures that were measured"),
@@ -78,6 +75,16 @@ const REMOVED: [(&str, &str, &str); 13] = [
     ),
     ("rate_pose", "0.01", "it is always 0.01, and 0.005 with model=network, as in the paper"),
     ("rate_translation", "0.001", "it is always 0.001"),
+    ("start_inset", "1.0", "it is always 1, which suits flat Gaussians"),
+    ("crop_margin", "16", "it is always 16"),
+    ("l1_weight", "0.8", "it is always 0.8, as in the paper"),
+    ("ssim_weight", "0.2", "it is always 0.2, as in the paper"),
+    ("rate_regressor", "1e-6", "it is always 1e-6"),
+    ("rate_scale", "0.01", "it is always 0.01"),
+    ("rate_color", "0.02", "it is always 0.02"),
+    ("rate_components", "0.005", "it is always 0.005"),
+    ("rate_response", "0.005", "it is always 0.005"),
+    ("gradient_clip", "10.0", "it is always 10"),
 ];
 
 /// The message for a `key` that was a setting once.

@@ -134,8 +134,6 @@ pub struct TrainSettings {
     pub color_components: usize,
     /// Shape of the Gaussians.
     pub gaussians: GaussianShape,
-    /// Initial depth of the Gaussians below the template's surface, in their standard deviations.
-    pub start_inset: f64,
     /// Layout of the blend coefficients: one per basis, or one per component of each basis, as in the paper.
     pub coefficients: CoefficientLayout,
     /// How the residual skinning weights are interpreted.
@@ -144,34 +142,16 @@ pub struct TrainSettings {
     pub residual_skeleton: ResidualSkeleton,
     /// Whether the projection is antialiased.
     pub antialias: Antialias,
-    /// Weight of the mean absolute colour difference.
-    pub l1_weight: f64,
-    /// Weight of 1 - SSIM.
-    pub ssim_weight: f64,
     /// Weight of LPIPS, if there is a file of its weights ([`crate::Trainer::with_lpips`]).
     pub lpips_weight: f64,
     /// Weight of the roughness of the unlit colours: differences between neighbours.
     pub color_roughness: f64,
-    /// Pixels kept around the mask when a view is cropped to the hand.
-    pub crop_margin: u32,
     /// All rates decay exponentially to this fraction of their initial value.
     pub final_rate: f64,
     /// Rate of the shape bases, metres.
     pub rate_shape_basis: f64,
     /// Rate of the residual skinning weights.
     pub rate_residual_weights: f64,
-    /// Rate of the skeleton regressor.
-    pub rate_regressor: f64,
-    /// Rate of the scale logits.
-    pub rate_scale: f64,
-    /// Rate of the base colour logits.
-    pub rate_color: f64,
-    /// Rate of the colour components.
-    pub rate_components: f64,
-    /// Rate of the pose response.
-    pub rate_response: f64,
-    /// How many times its usual norm the gradient of the networks may have; a longer one is shortened. 0 allows any.
-    pub gradient_clip: f64,
     /// Rate of the networks' weights.
     pub rate_networks: f64,
     /// Rate of the networks' feature tensor.
@@ -201,32 +181,24 @@ impl Default for TrainSettings {
             shape_bases: 8,
             color_components: 4,
             gaussians: GaussianShape::Flat,
-            // Starting slightly too thin is better than slightly too thick: nothing outside the hand must be unlearned.
-            start_inset: 1.0,
             coefficients: CoefficientLayout::default(),
             residual_weights: ResidualWeights::default(),
             residual_skeleton: ResidualSkeleton::default(),
             antialias: Antialias::default(),
-            l1_weight: 0.8,
-            ssim_weight: 0.2,
             lpips_weight: 0.2,
             color_roughness: 0.1,
-            crop_margin: 16,
             final_rate: 0.05,
             rate_shape_basis: 1e-4,
             rate_residual_weights: 5e-5,
-            rate_regressor: 1e-6,
-            rate_scale: 1e-2,
-            rate_color: 2e-2,
-            rate_components: 5e-3,
-            rate_response: 5e-3,
-            gradient_clip: 10.0,
             rate_networks: 3e-3,
             rate_feature_tensor: 1e-2,
             rate_joints: 1e-4,
         }
     }
 }
+
+/// Rate of the skeleton regressor: a fiftieth of that of the residual weights, as each of its weights moves a whole joint.
+const RATE_REGRESSOR: f64 = 1e-6;
 
 /// How `align=paper` refines poses in stage 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -251,9 +223,6 @@ impl PoseStage {
     const OF_TABLES: PoseStage =
         PoseStage { part: 0.62, prior_rounds: 3, most_uv_resolution: 96, image_reduction: 2, rate: 1e-2 };
 }
-
-/// `start_inset` of stage 1.
-const POSE_STAGE_INSET: f64 = 3.0;
 
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -324,7 +293,7 @@ impl TrainSettings {
     /// The rates of residual weights, of the regressor and of shape bases: a part that the avatar does not have stays as it
     /// starts.
     pub fn component_rates(&self) -> [f64; 3] {
-        let [weights, regressor, bases] = [self.rate_residual_weights, self.rate_regressor, self.rate_shape_basis];
+        let [weights, regressor, bases] = [self.rate_residual_weights, RATE_REGRESSOR, self.rate_shape_basis];
         match self.components {
             // The bases of free tables are the offsets of each Gaussian.
             Components::Baseline if self.model == Model::Direct => [0.0, 0.0, bases],
@@ -367,9 +336,6 @@ impl TrainSettings {
                 "images_per_step",
                 "must be 1 unless model=network: other models gain nothing by more".into(),
             ));
-        }
-        if self.l1_weight == 0.0 && self.ssim_weight == 0.0 {
-            return Err(fail("l1_weight", "must not be 0 beside ssim_weight=0: nothing would tell colours".into()));
         }
         if self.merge_below > 0.0 && self.model == Model::Network {
             return Err(fail("merge_below", "must be 0 with model=network, whose Gaussians are all texels".into()));
@@ -434,10 +400,8 @@ impl TrainSettings {
             color_components: 0,
             // The normals of flat ones have no gradient; round ones stand out from the surface.
             gaussians: GaussianShape::Round,
-            start_inset: POSE_STAGE_INSET,
             antialias: Antialias::Off,
             color_roughness: 0.0,
-            rate_response: 0.0,
             ..self.clone()
         }
     }
@@ -509,10 +473,10 @@ mod tests {
             ("shape_bases=0", "must be a whole number, from 1 to 32"),
             ("final_rate=0", "must be a number, above 0 and at most 1"),
             // Beyond the range of the device's f32.
-            ("rate_color=1e39", "must be a number, from 0 to 1e38, as in rate_color=0.02"),
-            ("rate_color=-1", "must be a number, from 0 to 1e38"),
-            ("rate_color=inf", "must be a number"),
-            ("rate_color=fast", "must be a number"),
+            ("rate_joints=1e39", "must be a number, from 0 to 1e38, as in rate_joints=0.0001"),
+            ("rate_joints=-1", "must be a number, from 0 to 1e38"),
+            ("rate_joints=inf", "must be a number"),
+            ("rate_joints=fast", "must be a number"),
             ("residual_weights=papers", "must be `paper` or `zero_sum`"),
             ("residual_skeleton=1", "must be `paper` or `anchored`"),
             ("align=none", "`none` must be `contours` or `paper` or `off`"),
@@ -549,8 +513,6 @@ mod tests {
         assert!(bad.check().unwrap_err().to_string().contains("`rate_joints`"));
         let bad = TrainSettings { color_components: 33, ..Default::default() };
         assert!(bad.check().unwrap_err().to_string().contains("`33` must be a whole number, from 0 to 32"));
-        let bad = TrainSettings { l1_weight: 0.0, ssim_weight: 0.0, ..TrainSettings::default() };
-        assert!(bad.check().unwrap_err().to_string().contains("beside ssim_weight=0"));
     }
 
     #[test]

@@ -28,6 +28,9 @@ const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
 
+/// Weights of the mean absolute colour difference and of 1 - SSIM: the paper's.
+const L1_WEIGHT: f64 = 0.8;
+const SSIM_WEIGHT: f64 = 0.2;
 /// Weight of the mean squared offset (square metres), and in stage 1 of the mean squared scale (square metres): the paper's.
 const OFFSET_WEIGHT: f64 = 10.0;
 const SCALE_WEIGHT: f64 = 1.0;
@@ -35,6 +38,12 @@ const SCALE_WEIGHT: f64 = 1.0;
 /// `desk` 0.178 % instead of 0.098 % of coverage is loose. 1000 costs 0.1 dB.
 const OFFSET_ROUGHNESS: f64 = 300.0;
 
+/// Rates of logits, of which sizes and base colours need some units in some hundred iterations.
+const RATE_SCALE: f64 = 1e-2;
+const RATE_COLOR: f64 = 2e-2;
+/// Rates of what changes with the pose: slower, as single poses say less.
+const RATE_COMPONENTS: f64 = 5e-3;
+const RATE_RESPONSE: f64 = 5e-3;
 /// Rate of the translation where poses are refined, metres: a step at the fingertips of a hand of 0.1 m that turns by 0.01.
 const RATE_TRANSLATION: f64 = 1e-3;
 
@@ -61,8 +70,8 @@ pub struct Rates {
     pub step: u64,
     /// Factor on all rates.
     pub tables: f64,
-    /// Rate of the joint rotations (radians) where poses are refined, as in stage 1: then scales have a weight, and offsets
-    /// need not be smooth.
+    /// Rate of the joint rotations (radians) where poses are refined, as in stage 1: then scales have a weight, offsets need
+    /// not be smooth, and the pose response stays.
     pub pose: Option<f64>,
     /// Number of updates of this frame's pose, this one included.
     pub pose_step: u64,
@@ -87,13 +96,13 @@ impl Rates {
             shape_basis: shape_basis * self.tables,
             residual_weights: residual_weights * self.tables,
             regressor: regressor * self.tables,
-            scale: settings.rate_scale * self.tables,
-            color: settings.rate_color * self.tables,
-            color_components: settings.rate_components * self.tables,
-            response: settings.rate_response * self.tables,
+            scale: RATE_SCALE * self.tables,
+            color: RATE_COLOR * self.tables,
+            color_components: RATE_COMPONENTS * self.tables,
+            // What changes with the pose must be the pose where that is refined.
+            response: if self.pose.is_some() { 0.0 } else { RATE_RESPONSE * self.tables },
             networks: settings.rate_networks * self.tables,
             feature_tensor: settings.rate_feature_tensor * self.tables,
-            gradient_clip: settings.gradient_clip,
         }
     }
 }
@@ -393,7 +402,7 @@ impl Step {
             Some(lpips) => lpips.distance(gpu, self.scene.splatter(), view)?,
             None => 0.0,
         };
-        Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim + settings.lpips_weight * lpips)
+        Ok(L1_WEIGHT * l1 + SSIM_WEIGHT * ssim + settings.lpips_weight * lpips)
     }
 
     /// Sets the view for the next frame.
@@ -406,8 +415,7 @@ impl Step {
         settings: &TrainSettings,
         refine_poses: bool,
     ) -> Result<(), RenderError> {
-        let weights =
-            LossWeights { l1: settings.l1_weight as f32, ssim: settings.ssim_weight as f32, ..Default::default() };
+        let weights = LossWeights { l1: L1_WEIGHT as f32, ssim: SSIM_WEIGHT as f32, ..Default::default() };
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;

@@ -184,6 +184,9 @@ const WATCHED_VIEWS: usize = 4;
 /// How often they are taken while the avatar is trained.
 const PREVIEWS: u32 = 10;
 
+/// Pixels kept around the mask when an image is cropped to the hand: the window of SSIM (5) and blurred edges fit in.
+const CROP_MARGIN: u32 = 16;
+
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
@@ -221,7 +224,7 @@ impl<'a> Trainer<'a> {
         memory_check::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
-            views: TrainViews::new(capture, &split, settings.crop_margin)?,
+            views: TrainViews::new(capture, &split, CROP_MARGIN)?,
             training_set: training_set(capture, &split),
             prepared: Prepared {
                 poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
@@ -275,7 +278,7 @@ impl<'a> Trainer<'a> {
             return Ok(self);
         }
         let split = Split { views: chosen, ..split.clone() };
-        let views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+        let views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
         let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
         let mut watched = Watched { split: split_name.into(), shown: split.views, views, poses };
         if let Some(held_out) = &self.prepared.held_out {
@@ -334,7 +337,7 @@ impl<'a> Trainer<'a> {
         }
         if !prepared.correction.is_empty() {
             self.capture.color_correction = prepared.correction.clone();
-            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         }
         if let Some(exposure) = prepared.exposure.as_mut().filter(|fit| fit.corrected) {
             exposure.maps.clone_from(&prepared.correction.cameras);
@@ -520,7 +523,7 @@ impl<'a> Trainer<'a> {
         if !correction.is_empty() {
             self.prepared.correction.clone_from(&correction);
             self.capture.color_correction = correction;
-            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         }
         Ok(())
     }
@@ -594,10 +597,10 @@ impl<'a> Trainer<'a> {
             poses.push(view.pose.clone());
         }
         self.capture.align_masks(template, &frames, &poses);
-        self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         if let Some(watched) = &mut self.watched {
             let split = Split { views: watched.shown.clone(), ..self.capture.split(&watched.split)?.clone() };
-            watched.views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+            watched.views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
         }
         Ok(())
     }
@@ -609,18 +612,12 @@ impl<'a> Trainer<'a> {
         poses.map(|(_, pose)| pose.clone()).collect()
     }
 
-    /// The initial avatar of a stage: the template's surface with mean texel colours.
-    fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
+    /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
+    fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
         let (capture, poses) = (&self.capture, &self.prepared.poses);
         let samples = needed_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
-        let mut avatar = Avatar::untrained_at(
-            &capture.template,
-            &samples,
-            &settings.avatar(),
-            [0.5; 3],
-            settings.start_inset,
-            settings.seed,
-        )?;
+        let mut avatar =
+            Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
             avatar.light = Some(AvatarLight::new(light, gloss, &samples));

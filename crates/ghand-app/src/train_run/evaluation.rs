@@ -330,7 +330,7 @@ mod tests {
             );
             assert!(text.contains("ghand inspect") && !text.contains("settings") && !text.contains('\n'), "{text}");
         }
-        let other = TrainSettings { rate_color: 1.0, ..settings };
+        let other = TrainSettings { rate_joints: 1.0, ..settings };
         let text = failure(&metrics(9.7, 20.0, 99_999), &other).unwrap();
         assert!(text.contains("settings that do not suit") && !text.contains("too few iterations"), "{text}");
     }

@@ -224,7 +224,7 @@ fn an_avatar_that_does_not_beat_its_floor_is_a_failure_and_is_kept() {
 fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    for (setting, fault) in [("rate_response=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
+    for (setting, fault) in [("rate_joints=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
         let name = setting.split('=').next().unwrap();
         let more = ["--out", "run", "--set", "iterations=60", "--set", "align=off", "--set", setting];
         assert_one_sentence(&train(folder.path(), &more), &["training failed in stage 2", fault, name]);
@@ -234,8 +234,8 @@ fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     let good = train(folder.path(), &["--out", "run", "--set", "iterations=4"]);
     assert!(text(&good.stdout).contains("avatar: "));
     let avatar = std::fs::read(folder.path().join("run/avatar.ghand")).unwrap();
-    let more = ["--out", "run", "--force", "--set", "iterations=60", "--set", "rate_response=1e38"];
-    assert_one_sentence(&train(folder.path(), &more), &["rate_response"]);
+    let more = ["--out", "run", "--force", "--set", "iterations=60", "--set", "rate_joints=1e38"];
+    assert_one_sentence(&train(folder.path(), &more), &["rate_joints"]);
     assert!(std::fs::read(folder.path().join("run/avatar.ghand")).unwrap() == avatar);
     assert_eq!(listing(&folder.path().join("run")), RESULTS);
 }

@@ -14,7 +14,7 @@ use ghand_render::Gpu;
 use serde::{Deserialize, Serialize};
 
 use super::stage::Stage;
-use super::{Trainer, Watched};
+use super::{CROP_MARGIN, Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
@@ -234,8 +234,7 @@ impl<'a> Trials<'a> {
             run.split.views.iter().partition(|view| left_out.contains(&view.position));
         let judged = evenly(&judged, JUDGED_IMAGES, 0);
         let poses: Vec<Pose> = judged.iter().map(|view| run.prepared.poses[view.position].clone()).collect();
-        let margin = run.settings.crop_margin;
-        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, margin);
+        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, CROP_MARGIN);
         let split = Split { views: trained.clone(), ..run.split.clone() };
         let trainer = Trainer {
             gpu: run.gpu,

@@ -100,7 +100,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let capture = small_capture(&gpu, &folder.path().join("capture"));
         let (trained, _) = train(&capture, None);
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(&capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(&capture, split, 16).unwrap();
         let (view, size) = (&views.get(0, 1).unwrap(), [64, 96]);
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();

@@ -17,6 +17,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const RESOLUTION: u32 = 64;
+/// Where Gaussians start in training, so that the truth is the start but for what is planted.
+const INSET: f64 = 1.0;
 
 /// A capture of an avatar that starts as the template's plain surface with a colour for each Gaussian, and that `change`
 /// makes the truth.
@@ -43,7 +45,6 @@ fn settings(components: Components) -> TrainSettings {
         iterations: 500,
         uv_resolution: RESOLUTION,
         color_components: 0,
-        start_inset: 0.0,
         align: Align::Off,
         light: LightChoice::Off,
         exposure: ExposureChoice::Off,
@@ -75,7 +76,7 @@ fn planted(change: impl FnOnce(&mut Avatar)) -> Planted {
     for (frame, pose) in capture.frames.iter_mut().zip(truth) {
         frame.pose = pose.unwrap();
     }
-    let mut avatar = Avatar::untrained_inset(&capture.template, &config(), [0.5; 3], 0.0, 1).unwrap();
+    let mut avatar = Avatar::untrained_inset(&capture.template, &config(), [0.5; 3], INSET, 1).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let colors: Vec<[f64; 3]> =
         (0..avatar.template.len()).map(|_| [0.75, 0.55, 0.45].map(|mean| mean + rng.random_range(-0.2..0.2))).collect();

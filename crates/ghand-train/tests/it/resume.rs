@@ -93,8 +93,8 @@ fn a_checkpoint_of_another_run_is_refused_with_what_differs() {
             let checkpoint = Checkpoints::latest(folder.path()).unwrap().unwrap();
             Trainer::new(gpu, capture, "train", settings).unwrap().resume(checkpoint).err().unwrap().to_string()
         };
-        let message = refusal(capture, &TrainSettings { rate_color: 0.5, ..none.clone() });
-        assert!(message.contains("`rate_color` was 0.02") && message.contains("is 0.5 now"), "{message}");
+        let message = refusal(capture, &TrainSettings { rate_joints: 0.5, ..none.clone() });
+        assert!(message.contains("`rate_joints` was 0.0001") && message.contains("is 0.5 now"), "{message}");
         let mut moved = capture.clone();
         moved.frames[0].pose.translation.x += 1e-9;
         let message = refusal(&moved, &none);

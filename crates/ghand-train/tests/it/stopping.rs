@@ -68,10 +68,10 @@ fn a_stop_in_stage_2_returns_the_avatar_and_a_stop_before_returns_none() {
 fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
     with_capture(|gpu, capture| {
         // The run ends long before its last iteration.
-        let endless = TrainSettings { iterations: 100_000, align: Align::Off, rate_response: 1e38, ..settings() };
+        let endless = TrainSettings { iterations: 100_000, align: Align::Off, rate_joints: 1e38, ..settings() };
         let error = train(gpu, capture, &endless).unwrap_err();
         assert!(matches!(error, TrainError::Diverged { iteration: 25, .. }), "{error}");
-        for (setting, stage) in [("rate_response", 2), ("rate_scale", 1), ("rate_joints", 1)] {
+        for (setting, stage) in [("rate_shape_basis", 2), ("rate_joints", 1)] {
             let mut settings = settings();
             settings.set(&format!("{setting}=1e38")).unwrap();
             let error = train(gpu, capture, &settings).err().unwrap_or_else(|| panic!("{setting}"));
@@ -87,7 +87,7 @@ fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
 fn a_step_whose_gradients_are_not_finite_changes_nothing() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         for model in [Model::Direct, Model::Network].into_iter().filter(is_built) {
             let settings = TrainSettings { model, ..settings() };
             let avatar = Avatar::untrained(&capture.template, &settings.avatar(), [0.8, 0.6, 0.5], 1).unwrap();
@@ -149,7 +149,7 @@ fn runs_of_a_few_iterations_do_not_count_as_failed() {
 fn measuring_the_loss_does_not_change_what_is_learned() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         let config = settings().avatar();
         let avatar = Avatar::untrained(&capture.template, &config, [0.8, 0.6, 0.5], 1).unwrap();
         let joints = avatar.template.joint_count();
@@ -181,7 +181,7 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
 fn a_frame_that_must_grow_is_learned_from_once() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         let mut avatar = Avatar::untrained(&capture.template, &settings().avatar(), [0.8, 0.6, 0.5], 1).unwrap();
         // Gaussians of the largest possible size cover more tiles than the initial capacity.
         let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };

@@ -190,7 +190,7 @@ impl Case {
             "seed",
             "shape_bases",
             "color_components",
-            "rate_response",
+            "rate_shape_basis",
             "rate_joints",
             "residual_weights",
             "residual_skeleton",

@@ -298,7 +298,7 @@ impl PropertyModel for NetworkModel {
         training.propagate();
         self.seconds[1] += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let Some(factor) = training.clip.factor(&training.parameter_gradients, rates.gradient_clip)? else {
+        let Some(factor) = training.clip.factor(&training.parameter_gradients)? else {
             self.discard_gradients();
             return Ok(false);
         };
