@@ -22,12 +22,12 @@ blender="--set uv_resolution=192 --set iterations=1500"
 entries=$(
     cat <<ENTRIES
 demo - --set iterations=660
-blender-a-given blender-a $blender --set align=none
+blender-a-given blender-a $blender --set align=off
 blender-a-paper blender-a $blender --set align=paper
 blender-a-aligned blender-a $blender
 blender-a-true blender-a $blender --poses truth
 blender-a-train5 blender-a $blender --split train5
-blender-d-given blender-d $blender --set align=none
+blender-d-given blender-d $blender --set align=off
 blender-d-paper blender-d $blender --set align=paper
 blender-d-aligned blender-d $blender
 blender-d-true blender-d $blender --poses truth
@@ -37,17 +37,15 @@ ENTRIES
         from=$([ $capture = demo ] && echo - || echo $capture)
         settings="--set iterations=300 --poses truth --set antialias=off"
         [ $capture = demo ] || settings="$settings --set uv_resolution=192"
-        plain="--set gaussians=round --set color_roughness=0 --set unseen=keep --set rate_light=0"
+        plain="--set gaussians=round --set color_roughness=0 --set unseen=off"
         while read -r rung options; do
             echo "ladder-$rung-$capture $from $settings $options"
         done <<RUNGS
-none $plain --set light=none
-sh $plain --set light=sh
-transfer $plain --set light=transfer --set gloss=none
+none $plain --set light=off
+transfer $plain --set light=transfer --set gloss=off
 gloss $plain --set light=transfer --set gloss=always
-surface --set unseen=keep --set light=transfer --set gloss=always --set rate_light=0
-unseen --set light=transfer --set gloss=always --set rate_light=0
-trained --set light=transfer --set gloss=always
+surface --set unseen=off --set light=transfer --set gloss=always
+unseen --set light=transfer --set gloss=always
 RUNGS
     done
 )

@@ -47,7 +47,7 @@ const COMPONENT_WORDS: u32 = 14u;
 // Rows of the mean: position, standard deviation, colour, normal.
 const MEAN_ROWS: u32 = 10u;
 const ROW_SCALE: u32 = 3u;
-// As `ghand_render::deform::baked::SMALLEST_SCALE`.
+// As `ghand_avatar::deform::baked::SMALLEST_SCALE`.
 const SMALLEST_SCALE: f32 = 1e-6;
 
 @group(0) @binding(1) var<uniform> baked: BakedUniforms;

@@ -1,5 +1,4 @@
-// L1, SSIM and squared error between a rendered image and an 8-bit target, and a penalty between coverage and mask:
-// value and gradient.
+// L1, SSIM and squared error between a rendered image and an 8-bit target: value and gradient.
 //
 // SSIM uses an 11x11 Gaussian window (sigma 1.5) as one-dimensional passes; both pictures are zero outside the image. An
 // invocation walks along a strip of a row or column and carries the ten last inputs with it, so that each is loaded once,
@@ -19,18 +18,13 @@ struct LossUniforms {
     squared_weight: f32,
     // Whether each pixel is weighted by its mask (SSIM: by the mask at the centre of its window).
     masked: u32,
-    // Weight of the mean penalty on coverage, over the pixels.
-    coverage_weight: f32,
     // Number of `values`.
     summands: u32,
-    padding: u32,
 }
 
 const RADIUS: i32 = 5;
 const C1: f32 = 0.0001;
 const C2: f32 = 0.0009;
-// Up to here an error of the coverage counts by its square, beyond linearly.
-const COVERAGE_WIDTH: f32 = 0.1;
 // Outputs of an invocation: with the inputs around them a multiple of four.
 const ROW_STRIP: i32 = 54;
 const COLUMN_STRIP: i32 = 84;
@@ -44,8 +38,7 @@ const COLUMN_STRIP: i32 = 84;
 @group(0) @binding(3) var<storage, read_write> rows: array<mat3x4<f32>>;
 // The same way: the gradients to the blurred x, x^2 + y^2 and x y, blurred along columns.
 @group(0) @binding(4) var<storage, read_write> columns: array<mat3x4<f32>>;
-// Sums of |x - y|, SSIM and (x - y)^2 over the channels of some pixels, times their masks; and of their penalties on
-// coverage.
+// Sums of |x - y|, SSIM and (x - y)^2 over the channels of some pixels, times their masks, and 0.
 @group(0) @binding(5) var<storage, read_write> values: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> d_image: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> strand_sums: array<vec4<f32>>;
@@ -59,32 +52,18 @@ fn weight_of(mask: f32) -> f32 {
     return select(1.0, mask, loss.masked != 0u);
 }
 
-// Coverage less mask. A mask that is neither 0 nor 1 says nothing.
-fn coverage_error(coverage: f32, mask: f32) -> f32 {
-    return select(0.0, coverage - mask, mask == 0.0 || mask == 1.0);
-}
-
-fn coverage_penalty(error: f32) -> f32 {
-    let size = abs(error);
-    return select(size - 0.5 * COVERAGE_WIDTH, 0.5 * size * size / COVERAGE_WIDTH, size < COVERAGE_WIDTH);
-}
-
-// What the loss without SSIM adds to dL/d(colour, coverage) of a pixel: x is rendered, y the target.
+// What the loss without SSIM adds to dL/d(colour) of a pixel, and 0 for its coverage: x is rendered, y the target.
 fn plain_gradient(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
     let d_l1 = loss.l1_weight * loss.inverse_count * weight_of(y.w);
     let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * weight_of(y.w);
-    // The mean is over pixels, which have three values each.
-    let d_coverage =
-        3.0 * loss.coverage_weight * loss.inverse_count * clamp(coverage_error(x.w, y.w) / COVERAGE_WIDTH, -1.0, 1.0);
-    return vec4(d_l1 * sign(x.xyz - y.xyz) + d_squared * (x.xyz - y.xyz), d_coverage);
+    return vec4(d_l1 * sign(x.xyz - y.xyz) + d_squared * (x.xyz - y.xyz), 0.0);
 }
 
 // The values of a pixel, but for its SSIM.
 fn values_of(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
     let error = abs(x.xyz - y.xyz);
     let weight = weight_of(y.w);
-    let penalty = coverage_penalty(coverage_error(x.w, y.w));
-    return vec4(weight * (error.x + error.y + error.z), 0.0, weight * dot(error, error), penalty);
+    return vec4(weight * (error.x + error.y + error.z), 0.0, weight * dot(error, error), 0.0);
 }
 
 // The last ten inputs of a strip, the oldest first: for each pixel one column for each colour.

@@ -2,7 +2,7 @@
 // eight, one of the next, and so on, so that neighbours touch neighbouring words. Points beyond the last are computed as the
 // last and not stored.
 
-// Points of a block. Host twin: `ghand_render::deform::BLOCK`.
+// Points of a block. Host twin: `ghand_avatar::deform::BLOCK`.
 const BLOCK: u32 = 32u;
 const LANES: u32 = BLOCK / 4u;
 

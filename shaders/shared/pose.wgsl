@@ -1,4 +1,4 @@
-// Sizes and switches of the pose pipeline. Host twin: `ghand_render::deform::PoseUniforms`.
+// Sizes and switches of the pose pipeline. Host twin: `ghand_avatar::deform::PoseUniforms`.
 struct PoseUniforms {
     gaussian_count: u32,
     joint_count: u32,

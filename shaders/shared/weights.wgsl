@@ -4,7 +4,7 @@ import package::shared::four::BLOCK;
 import package::shared::pose::pose;
 
 // [joints][N], then for each block of points where the list of its joints begins, and where the last one ends, then the
-// lists. Host part: `ghand_render::deform::weight_table`.
+// lists. Host part: `ghand_avatar::deform::weight_table`.
 @group(0) @binding(21) var<storage, read> weights: array<f32>;
 
 fn weight_row(k: u32, p: vec4<u32>) -> vec4<f32> {

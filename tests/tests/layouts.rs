@@ -5,9 +5,7 @@
 use std::collections::BTreeMap;
 
 use ghand_avatar::deform::baked::{BakedUniforms, GROUP, SMALLEST_SCALE};
-use ghand_avatar::deform::{
-    BLOCK, CHAIN_STRIDE, JointSums, LocalWeightsUniforms, PoseUniforms, ROW_MOMENT, SumUniforms,
-};
+use ghand_avatar::deform::{BLOCK, CHAIN_STRIDE, JointSums, PoseUniforms, ROW_MOMENT, SumUniforms};
 use ghand_avatar::properties::direct::ResponseUniforms;
 use ghand_render::image_loss::LossUniforms;
 use ghand_render::mesh::{MeshUniforms, ResolveUniforms, WireframeUniforms};
@@ -58,7 +56,6 @@ fn field_size<S, F>(_: fn(&S) -> &F) -> usize {
 
 fn host_layouts() -> Vec<Layout> {
     vec![
-        host_layout!(LocalWeightsUniforms { count, joints, padding_a, padding_b }),
         host_layout!(View {
             row_x,
             row_y,
@@ -84,17 +81,7 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(SortUniforms { shift, mask, strands, counter, numbered, padding_1, padding_2, padding_3 }),
         host_layout!(StrandUniforms { strands, padding_1, padding_2, padding_3 }),
         host_layout!(Place { origin, size, background, depth_from_z, padding }),
-        host_layout!(LossUniforms {
-            size,
-            l1_weight,
-            ssim_weight,
-            inverse_count,
-            squared_weight,
-            masked,
-            coverage_weight,
-            summands,
-            padding,
-        }),
+        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, squared_weight, masked, summands }),
         host_layout!(PoseUniforms {
             gaussian_count,
             joint_count,

@@ -44,7 +44,6 @@ fn rates(step: u64) -> PropertyRates {
         response: 1.0,
         networks: 1e-3,
         feature_tensor: 1e-3,
-        gradient_clip: 10.0,
     }
 }
 

@@ -8,7 +8,6 @@
 pub mod baked;
 mod blend_shapes;
 mod joint_sums;
-mod local_weights;
 mod normals;
 mod properties;
 mod residual_skeleton;
@@ -21,7 +20,6 @@ use bytemuck::{Pod, Zeroable};
 
 pub use ghand_core::blend_shapes::CoefficientLayout;
 pub use joint_sums::{JointSums, SumUniforms};
-pub use local_weights::{LocalWeights, LocalWeightsUniforms};
 pub use properties::{Properties, PropertySizes};
 pub use weight_table::{BLOCK, invocations_of_four, weight_table};
 

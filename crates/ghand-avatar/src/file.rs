@@ -310,8 +310,8 @@ impl<'a> Reader<'a> {
         let block = block
             .ok_or_else(|| invalid("metadata", "has no `ghand` block: a safetensors file, but not an avatar".into()))?;
         // The version comes first: an unknown version may have other fields.
-        let version: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
-        match version.get("version").and_then(serde_json::Value::as_u64) {
+        let fields: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
+        match fields.get("version").and_then(serde_json::Value::as_u64) {
             Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(PLAIN_VERSION)).contains(&v) => {}
             Some(v) if v < u64::from(UNLIT_VERSION) => {
                 let problem = format!("is {v}, this program reads version {PLAIN_VERSION}; train the avatar again");
@@ -324,6 +324,10 @@ impl<'a> Reader<'a> {
                     format!("is {found}, this program reads version {PLAIN_VERSION}; use the ghand that wrote it"),
                 ));
             }
+        }
+        if fields.pointer("/config/residual_support").is_some() {
+            let problem = "was removed in 0.2; train the avatar again, or use ghand 0.1";
+            return Err(invalid("residual_support", problem.into()));
         }
         let metadata: Metadata = serde_json::from_str(block).map_err(|e| invalid("metadata", plain_json_error(&e)))?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;

@@ -12,9 +12,7 @@ pub(crate) mod lit_hand;
 mod trust;
 pub mod visibility;
 
-use ghand_core::light::{
-    DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade, shade_derivative,
-};
+use ghand_core::light::{DIRECTION_COUNT, HARMONIC_COUNT, cosine_transfer, directions, harmonics, shade};
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
@@ -23,7 +21,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use gloss::Gloss;
-pub use lit_hand::LightGradient;
 pub use trust::Trust;
 
 /// Vertices whose shades are summed at once.
@@ -188,26 +185,6 @@ impl Light {
             }
         });
         shades
-    }
-
-    /// The gradient of the coefficients from that of the vertices' shades, one RGB each, in the light's `parts`.
-    pub fn shades_vjp(&self, parts: &Parts, d_shades: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let irradiance = |v: usize, channel: usize| -> f64 {
-            let columns = parts.columns.iter().zip(&self.coefficients).filter(|(column, _)| !column.is_empty());
-            columns.map(|(column, c)| f64::from(column[v]) * f64::from(c[channel])).sum()
-        };
-        let d_irradiance: Vec<[f64; 3]> = d_shades
-            .par_iter()
-            .enumerate()
-            .map(|(v, d)| [0, 1, 2].map(|c| if d[c] == 0.0 { 0.0 } else { d[c] * shade_derivative(irradiance(v, c)) }))
-            .collect();
-        let sum = |column: &Vec<f32>| {
-            column.iter().zip(&d_irradiance).fold([0.0; 3], |mut sum, (part, d)| {
-                sum.iter_mut().zip(d).for_each(|(sum, d)| *sum += f64::from(*part) * d);
-                sum
-            })
-        };
-        parts.columns.par_iter().map(sum).collect()
     }
 }
 

@@ -10,8 +10,8 @@ use ghand_render::{Gpu, RenderError};
 use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
+use crate::light::Light;
 use crate::light::lit_hand::LitHand;
-use crate::light::{AvatarLight, Light, LightGradient};
 use crate::properties::baked::not_trained;
 use crate::properties::{PropertyModel, PropertyTables};
 
@@ -100,36 +100,6 @@ impl PosedAvatar {
         self.placement = Some((rotation, translation));
     }
 
-    /// Lets the light be learned, from poses that are set later: see [`PosedAvatar::light_gradient`].
-    pub fn learn_light(&mut self) {
-        self.lit.iter_mut().for_each(LitHand::learn);
-    }
-
-    /// The light and the gloss of the skin, if light is apart from the colours.
-    pub fn light(&self) -> Option<&AvatarLight> {
-        self.lit.as_ref().map(LitHand::lit)
-    }
-
-    /// Replaces light and strengths of the gloss in all frames.
-    pub fn set_learned_light(&mut self, light: &Light, strengths: &[[f32; 3]]) {
-        self.lit.iter_mut().for_each(|lit| lit.set_learned(light, strengths));
-    }
-
-    /// The gradient of the light from that of the lit colours of the present frame, as an eye (metres, world axes) sees
-    /// it; unlit colours, both `[3][N]`. `None` if light is part of the colours or the frame has no pose yet.
-    ///
-    /// # Errors
-    /// [`RenderError::Invalid`] if the frame's pose does not fit the hand.
-    pub fn light_gradient(
-        &mut self,
-        eye: DVec3,
-        colors: &[f64],
-        d_lit: &[f64],
-    ) -> Result<Option<LightGradient>, RenderError> {
-        let gradient = self.lit.as_mut().map(|lit| lit.gradient(self.frame, eye, colors, d_lit));
-        Ok(gradient.transpose().map_err(invalid)?.flatten())
-    }
-
     /// Sets the frame whose pose later submissions use.
     pub fn set_frame(&mut self, gpu: &Gpu, frame: usize) {
         self.frame = frame;
@@ -176,9 +146,8 @@ impl PosedAvatar {
         eye: Option<DVec3>,
     ) -> Result<(), RenderError> {
         if let Some(lit) = &mut self.lit {
-            let missing = lit.missing(self.frame, eye.unwrap_or(DVec3::NAN)).map_err(invalid)?;
-            missing.shades.map_or(Ok(()), |shades| self.deformation.set_shades(gpu, self.frame, &shades))?;
-            missing.gloss.map_or(Ok(()), |gloss| self.deformation.set_gloss(gpu, &gloss))?;
+            let gloss = lit.missing_gloss(self.frame, eye.unwrap_or(DVec3::NAN)).map_err(invalid)?;
+            gloss.map_or(Ok(()), |gloss| self.deformation.set_gloss(gpu, &gloss))?;
         }
         self.deformation.encode_skeleton(encoder);
         self.model.forward(gpu, encoder, &self.deformation)?;

@@ -60,9 +60,6 @@ pub struct PropertyRates {
     pub networks: f64,
     /// Of the networks' feature tensor.
     pub feature_tensor: f64,
-    /// How many times the usual norm of its gradient the networks' gradient may have; a longer one is shortened. 0 allows
-    /// any. Tables need no limit: Adam moves a number by no more than 3.2 times its rate, whatever its gradient.
-    pub gradient_clip: f64,
 }
 
 /// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters

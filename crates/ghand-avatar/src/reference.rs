@@ -12,7 +12,6 @@ use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
 #[cfg(feature = "networks")]
-use ghand_core::skinning::ResidualSupport;
 use ghand_core::skinning::{Skinning, skin_normals};
 use ghand_hand_model::HandModelError;
 use ghand_render::reference::project::{Color, Gaussian};
@@ -129,7 +128,6 @@ pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Res
     let count = template.len();
     let map = PositionMap::new(model, tables.sizes.map_side)?;
     let named = tables.parameter_names().into_iter().zip(&tables.parameters);
-    let is_local = config.residual_support == ResidualSupport::Local;
     let twin = network::Twin {
         sizes: tables.sizes.clone(),
         parameters: named.map(|(name, values)| (name, widen(values))).collect(),
@@ -139,7 +137,6 @@ pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Res
         base_shape_basis: widen(&tables.base_shape_basis),
         base_logits: widen(&tables.base_logits),
         max_scale: template.max_scale().into(),
-        support: is_local.then(|| template.weights.iter().map(|w| if *w > 0.0 { 1.0 } else { 0.0 }).collect()),
         coefficient_rows: config.coefficient_rows(),
     };
     let [shape_basis, residual_weights, channels, regressor, scales, colors] = twin.outputs();

@@ -2,7 +2,7 @@
 
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::{ResidualSupport, ResidualWeights};
+use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use glam::DVec3;
@@ -74,9 +74,6 @@ pub struct AvatarConfig {
     /// `direct` avatars.
     #[serde(skip_serializing_if = "is_default")]
     pub plain_skinning: bool,
-    /// Which joints a Gaussian's residual weights are for.
-    #[serde(skip_serializing_if = "is_default")]
-    pub residual_support: ResidualSupport,
     /// What gives the Gaussians their offsets.
     #[serde(skip_serializing_if = "is_default")]
     pub offsets: Offsets,
@@ -97,7 +94,6 @@ impl Default for AvatarConfig {
             gaussians: GaussianShape::default(),
             antialias: false,
             plain_skinning: false,
-            residual_support: ResidualSupport::default(),
             offsets: Offsets::default(),
             network: None,
         }

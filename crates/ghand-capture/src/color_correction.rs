@@ -1,4 +1,4 @@
-//! What makes the colours of a capture's images those of one camera in one light.
+//! What makes the colours of a capture's images those of one camera.
 
 use std::collections::BTreeMap;
 
@@ -20,30 +20,27 @@ pub fn mapped(map: &ColorMap, color: [f64; 3]) -> [f64; 3] {
 pub struct ColorCorrection {
     /// The map of a camera, by its index: exposure and white balance.
     pub cameras: BTreeMap<usize, ColorMap>,
-    /// The factor of a frame, by its index: light that changes.
-    pub frames: BTreeMap<usize, f64>,
 }
 
 impl ColorCorrection {
     /// Whether nothing is corrected.
     pub fn is_empty(&self) -> bool {
-        self.cameras.is_empty() && self.frames.is_empty()
+        self.cameras.is_empty()
     }
 
-    /// A display value 0..1 of an image of a camera and a frame, corrected; it may be outside 0..1.
-    pub fn corrected(&self, camera: usize, frame: usize, color: [f64; 3]) -> [f64; 3] {
-        let factor = self.frames.get(&frame).copied().unwrap_or(1.0);
-        mapped(self.cameras.get(&camera).unwrap_or(&IDENTITY), color).map(|value| value * factor)
+    /// A display value 0..1 of an image of a camera, corrected; it may be outside 0..1.
+    pub fn corrected(&self, camera: usize, color: [f64; 3]) -> [f64; 3] {
+        mapped(self.cameras.get(&camera).unwrap_or(&IDENTITY), color)
     }
 
     /// Corrects the colours of an image, except pixels of exactly the colour `behind`: nothing was photographed there.
-    pub(crate) fn apply(&self, camera: usize, frame: usize, behind: [u8; 3], rgba: &mut [[u8; 4]]) {
-        if !self.cameras.contains_key(&camera) && !self.frames.contains_key(&frame) {
+    pub(crate) fn apply(&self, camera: usize, behind: [u8; 3], rgba: &mut [[u8; 4]]) {
+        if !self.cameras.contains_key(&camera) {
             return;
         }
         for pixel in rgba.iter_mut().filter(|pixel| pixel[..3] != behind) {
             let color = [0, 1, 2].map(|c| f64::from(pixel[c]) / 255.0);
-            let corrected = self.corrected(camera, frame, color);
+            let corrected = self.corrected(camera, color);
             for (slot, value) in pixel.iter_mut().zip(corrected) {
                 *slot = (255.0 * value).round().clamp(0.0, 255.0) as u8;
             }
@@ -56,19 +53,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_the_images_of_a_corrected_camera_or_frame_change_and_no_background() {
+    fn only_the_images_of_a_corrected_camera_change_and_no_background() {
         let mut swap = IDENTITY;
         swap.swap(0, 2);
-        let correction = ColorCorrection { cameras: [(1, swap)].into(), frames: [(4, 2.0)].into() };
+        let correction = ColorCorrection { cameras: [(1, swap)].into() };
         let image = [[10, 20, 30, 255], [7, 7, 7, 0], [200, 0, 0, 255]];
-        let corrected = |camera, frame| {
+        let corrected = |camera| {
             let mut pixels = image;
-            correction.apply(camera, frame, [7; 3], &mut pixels);
+            correction.apply(camera, [7; 3], &mut pixels);
             pixels
         };
-        assert_eq!(corrected(0, 0), image);
-        assert_eq!(corrected(1, 0), [[30, 20, 10, 255], [7, 7, 7, 0], [0, 0, 200, 255]]);
-        assert_eq!(corrected(0, 4), [[20, 40, 60, 255], [7, 7, 7, 0], [255, 0, 0, 255]]);
+        assert_eq!(corrected(0), image);
+        assert_eq!(corrected(1), [[30, 20, 10, 255], [7, 7, 7, 0], [0, 0, 200, 255]]);
         assert!(!correction.is_empty() && ColorCorrection::default().is_empty());
     }
 }

@@ -142,7 +142,7 @@ impl Capture {
             .filter(|color| !shows_surroundings(&rgba, size.0 as usize, *color));
         let wrist = self.wrist_pixels(camera, frame, &rgba)?;
         wrist.cut(&mut rgba);
-        self.color_correction.apply(camera, frame, [r, g, b], &mut rgba);
+        self.color_correction.apply(camera, [r, g, b], &mut rgba);
         let contrast = contrast(&rgba);
         if hide {
             rgba.iter_mut().filter(|pixel| pixel[3] == 0).for_each(|pixel| *pixel = [r, g, b, 0]);

@@ -44,11 +44,6 @@ pub fn shade(irradiance: f64) -> f64 {
     irradiance.max(LEAST_IRRADIANCE).powf(DISPLAY_EXPONENT)
 }
 
-/// The derivative of [`shade`] to the irradiance.
-pub fn shade_derivative(irradiance: f64) -> f64 {
-    if irradiance > LEAST_IRRADIANCE { DISPLAY_EXPONENT * irradiance.powf(DISPLAY_EXPONENT - 1.0) } else { 0.0 }
-}
-
 /// Linear light of a display value.
 pub fn linear(display: f64) -> f64 {
     display.max(0.0).powf(1.0 / DISPLAY_EXPONENT)
@@ -93,11 +88,6 @@ pub fn with_gloss_vjp(display: f64, gloss: f64) -> f64 {
     }
 }
 
-/// The derivative of [`with_gloss`] to the gloss, as if black skin showed a little: there it is infinite.
-fn gloss_derivative(display: f64, gloss: f64) -> f64 {
-    DISPLAY_EXPONENT * with_gloss(display, gloss).max(shade(0.0)).powf(1.0 - 1.0 / DISPLAY_EXPONENT)
-}
-
 /// What falls on the vertices of a mesh, on which Gaussians lie: values are interpolated from a triangle's corners.
 #[derive(Debug, Clone, Copy)]
 pub struct LitSurface<'a> {
@@ -139,36 +129,6 @@ pub fn lit_vjp(colors: &[f64], surface: &LitSurface<'_>, d_lit: &[f64]) -> Vec<f
         d * shade * with_gloss_vjp(color * shade, gloss)
     };
     colors.iter().zip(d_lit).enumerate().map(d_color).collect()
-}
-
-/// Gradients of what falls on the vertices of a mesh.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LitSurfaceGradient {
-    /// Of the shades, one RGB per vertex.
-    pub shades: Vec<[f64; 3]>,
-    /// Of the gloss, one RGB per vertex; empty without gloss.
-    pub gloss: Vec<[f64; 3]>,
-}
-
-/// The gradients of shades and gloss from that of the lit colours; colours `[3][N]`, unlit.
-pub fn lit_surface_vjp(colors: &[f64], surface: &LitSurface<'_>, d_lit: &[f64]) -> LitSurfaceGradient {
-    let zeros = |values: &[[f64; 3]]| vec![[0.0; 3]; values.len()];
-    let mut gradient = LitSurfaceGradient { shades: zeros(surface.shades), gloss: zeros(surface.gloss) };
-    let count = surface.corners.len().max(1);
-    for (i, (color, d)) in colors.iter().zip(d_lit).enumerate().filter(|(_, (_, d))| **d != 0.0) {
-        let (channel, p) = (i / count, i % count);
-        let [shade, gloss] = surface.at(i);
-        let d_shade = d * color * with_gloss_vjp(color * shade, gloss);
-        let d_gloss = d * gloss_derivative(color * shade, gloss);
-        for (v, weight) in surface.corners[p].iter().zip(surface.barycentric[p]) {
-            let to = |of: &mut Vec<[f64; 3]>, d: f64| {
-                of.get_mut(*v as usize).into_iter().for_each(|rgb| rgb[channel] += weight * d)
-            };
-            to(&mut gradient.shades, d_shade);
-            to(&mut gradient.gloss, d_gloss);
-        }
-    }
-    gradient
 }
 
 #[cfg(test)]
@@ -233,45 +193,6 @@ mod tests {
             let difference = (moved(1e-6) - moved(-1e-6)) / 2e-6;
             assert!((d - difference).abs() < 1e-8, "{i}: {d}, {difference}");
         }
-    }
-
-    #[test]
-    fn the_derivatives_of_shade_and_gloss_are_those_of_finite_differences() {
-        let lights = [
-            [[1.0, 0.5, 0.2], [1.5, 0.5, 1.0], [0.1, 0.5, 1.2]],
-            [[0.1, 0.2, 0.3], [0.02, 0.01, 0.03], [0.05, 0.0, 1.0]],
-        ];
-        let (corners, barycentric) = ([[0, 1, 2], [1, 1, 1]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
-        let colors = [0.5, 0.9, 0.2, 0.4, 1.0, 0.03];
-        let d_lit = [0.3, -1.0, 0.7, 0.2, -0.4, 1.1];
-        let surface = |lights: &[[[f64; 3]; 3]; 2], see: &mut dyn FnMut(&LitSurface<'_>)| {
-            let [shades, gloss] = lights;
-            see(&LitSurface { corners: &corners, barycentric: &barycentric, shades, gloss });
-        };
-        let mut gradient = None;
-        surface(&lights, &mut |surface| gradient = Some(lit_surface_vjp(&colors, surface, &d_lit)));
-        let LitSurfaceGradient { shades, gloss } = gradient.unwrap();
-        for (k, d) in
-            [shades, gloss].into_iter().enumerate().flat_map(|(k, d)| d.into_iter().map(move |d| (k, d))).enumerate()
-        {
-            let (v, (kind, d)) = (k % 3, d);
-            for channel in 0..3 {
-                let moved = |by: f64| {
-                    let mut moved = lights;
-                    moved[kind][v][channel] += by;
-                    let mut loss = 0.0;
-                    surface(&moved, &mut |s| loss = lit(&colors, s).iter().zip(d_lit).map(|(c, d)| c * d).sum());
-                    loss
-                };
-                let difference = (moved(1e-6) - moved(-1e-6)) / 2e-6;
-                assert!((d[channel] - difference).abs() < 1e-7, "{kind} {v} {channel}: {d:?}, {difference}");
-            }
-        }
-        for irradiance in [0.01, 0.7, 3.0] {
-            let difference = (shade(irradiance + 1e-6) - shade(irradiance - 1e-6)) / 2e-6;
-            assert!((shade_derivative(irradiance) - difference).abs() < 1e-6, "{irradiance}");
-        }
-        assert_eq!(shade_derivative(-1.0), 0.0);
     }
 
     #[test]

@@ -19,30 +19,6 @@ pub enum ResidualWeights {
     ZeroSum,
 }
 
-/// Which joints a Gaussian's residual weights are for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ResidualSupport {
-    /// All joints, as in the paper.
-    #[default]
-    All,
-    /// Those that move it ([`make_local`]). What a weight changes is then how far apart neighbouring bones are,
-    /// millimetres, and not how far the Gaussian is from any joint of the hand.
-    Local,
-}
-
-/// The residual weights `[n_b][N]` of the joints with a skinning weight above 0, less their mean; 0 for all other joints. A
-/// projection: it serves gradients, too.
-pub fn make_local(weights: &[f64], values: &mut [f64], count: usize) {
-    for p in 0..count {
-        let moving: Vec<usize> = (p..weights.len()).step_by(count).filter(|i| weights[*i] > 0.0).collect();
-        let mean = moving.iter().map(|i| values[*i]).sum::<f64>() / moving.len().max(1) as f64;
-        for i in (p..weights.len()).step_by(count) {
-            values[i] = if weights[i] > 0.0 { values[i] - mean } else { 0.0 };
-        }
-    }
-}
-
 /// The inputs of corrected skinning, all for the same N points and `n_b` joints.
 #[derive(Debug, Clone, Copy)]
 pub struct Skinning<'a> {

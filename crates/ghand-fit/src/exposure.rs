@@ -19,7 +19,7 @@ pub enum ExposureChoice {
     /// Each camera's images are corrected.
     PerCamera,
     /// All cameras are taken to be alike.
-    Same,
+    Off,
 }
 
 /// Turns of maps and mean colours.
@@ -61,7 +61,7 @@ pub fn fit_exposure(seen: &TexelFrames, choice: ExposureChoice) -> ExposureFit {
     let corrected = match choice {
         ExposureChoice::Auto => squared_difference_left_out[1] < WORTHWHILE * squared_difference_left_out[0],
         ExposureChoice::PerCamera => true,
-        ExposureChoice::Same => false,
+        ExposureChoice::Off => false,
     };
     let factors: Vec<f64> = maps.values().map(|map| mapped(map, [0.5; 3]).iter().sum::<f64>() / 1.5).collect();
     let mean = factors.iter().sum::<f64>() / factors.len().max(1) as f64;

@@ -13,9 +13,9 @@ mod observations;
 use std::time::Instant;
 
 use ghand_avatar::light::{Gloss, Parts, Trust};
-use ghand_avatar::{AvatarLight, Light, LightKind};
+use ghand_avatar::{Light, LightKind};
 use ghand_capture::{Capture, Split};
-use ghand_core::light::directions;
+use ghand_core::light::{DIRECTION_COUNT, directions};
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
 use ghand_render::Gpu;
@@ -41,10 +41,8 @@ pub enum LightChoice {
     Auto,
     /// Light from directions, with shadows.
     Transfer,
-    /// Spherical harmonics of the normal, without shadows.
-    Sh,
     /// Not at all: colours are as the images show them.
-    None,
+    Off,
 }
 
 /// Whether the skin's gloss is modelled.
@@ -57,12 +55,12 @@ pub enum GlossChoice {
     /// Wherever light comes from directions.
     Always,
     /// Never.
-    None,
+    Off,
 }
 
 /// Every this many frames, one is held out.
 const HOLD_OUT: usize = 3;
-/// A kind of light must reduce the held-out error of the simpler one to less than this fraction.
+/// Light must reduce the held-out error of none to less than this fraction.
 const WORTHWHILE: f64 = 0.9;
 /// Light from all directions must reduce that of few lamps to less than this fraction.
 const BETTER_THAN_LAMPS: f64 = 0.95;
@@ -78,8 +76,6 @@ const SAME_LAMP: f64 = 0.8;
 pub struct LightFigures {
     /// Each texel has one colour in all frames.
     pub none: f64,
-    /// Spherical harmonics of the normal.
-    pub sh: f64,
     /// Directions with shadows: few lamps in an even sky.
     pub lamps: f64,
     /// Directions with shadows, each with a radiance of its own.
@@ -142,14 +138,6 @@ pub struct GlossReport {
 }
 
 impl LightFit {
-    /// Replaces the light by what training made of it.
-    pub fn set_trained(&mut self, trained: &AvatarLight) {
-        self.light = Some(trained.light.clone());
-        if let Some((fit, gloss)) = self.gloss.as_mut().zip(trained.gloss.as_ref()) {
-            fit.gloss = gloss.clone();
-        }
-    }
-
     /// The fit as it is reported.
     pub fn report(&self) -> LightReport {
         LightReport {
@@ -238,42 +226,36 @@ pub fn fit_light_to(
 
     let constant = seen.frames.iter().enumerate().map(|(f, _)| seen.colors(f, DMatrix::from_element(texels, 1, 1.0)));
     let constant: Vec<FrameColors> = constant.collect();
-    let sh = columns(&seen, &model, poses, LightKind::Sh, DQuat::IDENTITY)?;
     let mut turn = DQuat::IDENTITY;
-    let mut transfer = columns(&seen, &model, poses, LightKind::Transfer, turn)?;
+    let mut transfer = columns(&seen, &model, poses, turn)?;
     for _ in 0..TURNS {
         let Some(further) = towards_peak(&all(&transfer, Unknowns::Directions)) else { break };
         turn *= further;
-        transfer = columns(&seen, &model, poses, LightKind::Transfer, turn)?;
+        transfer = columns(&seen, &model, poses, turn)?;
     }
     let figures = LightFigures {
         none: error(Unknowns::Constant, &constant),
-        sh: error(Unknowns::Harmonics, &sh),
         lamps: error(Unknowns::Lamps, &transfer),
         transfer: error(Unknowns::Directions, &transfer),
     };
     let unknowns = match choice {
-        LightChoice::None => Unknowns::Constant,
-        LightChoice::Sh => Unknowns::Harmonics,
+        LightChoice::Off => Unknowns::Constant,
         LightChoice::Transfer => directions_needed(&figures).0,
         LightChoice::Auto => needed(&figures),
     };
-    let (kind, turn, mut columns) = match unknowns {
-        Unknowns::Constant => (None, DQuat::IDENTITY, constant),
-        Unknowns::Harmonics => (Some(LightKind::Sh), DQuat::IDENTITY, sh),
-        Unknowns::Lamps | Unknowns::Directions => (Some(LightKind::Transfer), turn, transfer),
-    };
+    let is_lit = unknowns != Unknowns::Constant;
+    let (turn, mut columns) = if is_lit { (turn, transfer) } else { (DQuat::IDENTITY, constant) };
     let coverage = Coverage::new(&seen, &model, poses, turn)?;
     let light = |columns: &[FrameColors], fits: &[ChannelFit]| {
-        kind.map(|kind| {
-            let coefficients = (0..kind.len()).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
-            let light = Light { kind, turn, coefficients, trust: None };
+        is_lit.then(|| {
+            let coefficients = (0..DIRECTION_COUNT).map(|k| [0, 1, 2].map(|c| fits[c].light[k] as f32)).collect();
+            let light = Light { kind: LightKind::Transfer, turn, coefficients, trust: None };
             Light { trust: coverage.trust(&light, &irradiances(columns, fits)), ..light }
         })
     };
     let mut fits = all(&columns, unknowns);
     let mut gloss: Option<GlossFit> = None;
-    if gloss_choice != GlossChoice::None && kind == Some(LightKind::Transfer) {
+    if gloss_choice != GlossChoice::Off && is_lit {
         for _ in 0..GLOSS_ROUNDS {
             let Some(light) = light(&columns, &fits) else { break };
             let first = gloss.as_ref().map(|found| found.gloss.roughness);
@@ -299,11 +281,10 @@ fn columns(
     seen: &Observations,
     model: &HandModel,
     poses: &[Pose],
-    kind: LightKind,
     turn: DQuat,
 ) -> Result<Vec<FrameColors>, InvalidHandModel> {
     let of_frame = |(f, frame): (usize, &usize)| {
-        let parts = Parts::new(kind, turn, model, &poses[*frame], &|_| true)?;
+        let parts = Parts::new(LightKind::Transfer, turn, model, &poses[*frame], &|_| true)?;
         Ok(seen.colors(f, at_texels(&parts, &model.faces, &seen.samples)))
     };
     seen.frames.par_iter().enumerate().map(of_frame).collect()
@@ -328,12 +309,10 @@ fn towards_peak(fits: &[ChannelFit]) -> Option<DQuat> {
     Some(DQuat::from_rotation_arc(all[brightest], middle.try_normalize()?))
 }
 
-/// The simplest kind that is not clearly worse.
+/// Directions, unless they are hardly better than no light.
 fn needed(figures: &LightFigures) -> Unknowns {
-    let LightFigures { none, sh, .. } = *figures;
-    let (simpler, error) = if sh < WORTHWHILE * none { (Unknowns::Harmonics, sh) } else { (Unknowns::Constant, none) };
-    let (directions, with_directions) = directions_needed(figures);
-    if with_directions < WORTHWHILE * error { directions } else { simpler }
+    let (directions, error) = directions_needed(figures);
+    if error < WORTHWHILE * figures.none { directions } else { Unknowns::Constant }
 }
 
 /// The simpler of the two kinds of directions, unless it is worse, and its error.
@@ -348,11 +327,10 @@ mod tests {
 
     #[test]
     fn the_simplest_light_that_explains_the_frames_is_taken() {
-        let figures = |none, sh, lamps, transfer| LightFigures { none, sh, lamps, transfer };
-        assert_eq!(needed(&figures(1.0, 0.95, 0.93, 0.93)), Unknowns::Constant);
-        assert_eq!(needed(&figures(1.0, 0.5, 0.47, 0.46)), Unknowns::Harmonics);
-        assert_eq!(needed(&figures(1.0, 0.5, 0.3, 0.29)), Unknowns::Lamps);
-        assert_eq!(needed(&figures(1.0, 0.5, 0.4, 0.3)), Unknowns::Directions);
-        assert_eq!(needed(&figures(1.0, f64::NAN, f64::NAN, f64::NAN)), Unknowns::Constant);
+        let figures = |none, lamps, transfer| LightFigures { none, lamps, transfer };
+        assert_eq!(needed(&figures(1.0, 0.93, 0.93)), Unknowns::Constant);
+        assert_eq!(needed(&figures(1.0, 0.3, 0.29)), Unknowns::Lamps);
+        assert_eq!(needed(&figures(1.0, 0.4, 0.3)), Unknowns::Directions);
+        assert_eq!(needed(&figures(1.0, f64::NAN, f64::NAN)), Unknowns::Constant);
     }
 }

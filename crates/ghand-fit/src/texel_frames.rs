@@ -35,8 +35,6 @@ pub struct TexelFrames {
     pub samples: SurfaceSamples,
     /// Positions of the frames in the split.
     pub frames: Vec<usize>,
-    /// Indices of the frames in the capture.
-    indices: Vec<usize>,
     /// The images of each frame.
     pub images: Vec<Vec<TexelImage>>,
 }
@@ -65,31 +63,22 @@ impl TexelFrames {
             // Other cameras in each frame, so that all of them meet.
             images.push(evenly(&views, VIEWS_PER_FRAME, turn).into_iter().map(image).collect::<Result<Vec<_>, _>>()?);
         }
-        let indices = frames.iter().map(|position| split.frames[*position]).collect();
-        Ok(TexelFrames { samples: observer.samples().clone(), frames, indices, images })
+        Ok(TexelFrames { samples: observer.samples().clone(), frames, images })
     }
 
     /// Of images of frames that a split and a capture number alike.
     #[cfg(test)]
     pub fn of_images(samples: SurfaceSamples, frames: Vec<usize>, images: Vec<Vec<TexelImage>>) -> TexelFrames {
-        TexelFrames { samples, indices: frames.clone(), frames, images }
+        TexelFrames { samples, frames, images }
     }
 
     /// Corrects all colours.
     pub fn correct(&mut self, correction: &ColorCorrection) {
-        for (frame, images) in self.indices.iter().zip(&mut self.images) {
-            for image in images {
-                for view in image.texels.iter_mut().flatten() {
-                    view.color = correction.corrected(image.camera, *frame, view.color).map(|v| v.clamp(0.0, 1.0));
-                }
+        for image in self.images.iter_mut().flatten() {
+            for view in image.texels.iter_mut().flatten() {
+                view.color = correction.corrected(image.camera, view.color).map(|v| v.clamp(0.0, 1.0));
             }
         }
-    }
-
-    /// The correction of frames that are brighter or darker than the others by these factors on display values.
-    pub fn even_frames(&self, factors: &[f64]) -> ColorCorrection {
-        let frames = self.indices.iter().zip(factors).map(|(frame, factor)| (*frame, 1.0 / factor)).collect();
-        ColorCorrection { frames, ..Default::default() }
     }
 
     /// The parts of what images show of the hand that are burnt out and that are black.

@@ -118,7 +118,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.settings.max_time_given() && !args.equal.contains(&Budget::Time) {
         bail!("--max-time: is the time of --equal time; give that, or omit --max-time");
     }
-    let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::None))?;
+    let settings = args.settings.fixed_settings((args.poses == StartPoses::Truth).then_some(Align::Off))?;
     settings.check()?;
     if args.settings.are_only_printed(&settings) {
         return Ok(());

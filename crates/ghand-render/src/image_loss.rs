@@ -1,5 +1,4 @@
-//! Host part of `image_loss.wgsl`: L1, SSIM and squared error between the splatted image and an 8-bit target, and a
-//! penalty between coverage and mask.
+//! Host part of `image_loss.wgsl`: L1, SSIM and squared error between the splatted image and an 8-bit target.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -29,16 +28,11 @@ pub struct LossUniforms {
     pub squared_weight: f32,
     /// Whether pixels are weighted by their mask.
     pub masked: u32,
-    /// Weight of the mean penalty on coverage.
-    pub coverage_weight: f32,
     /// Number of values that are summed.
     pub summands: u32,
-    /// Unused.
-    pub padding: u32,
 }
 
-/// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2 + coverage mean h(c - m)`,
-/// where c is the coverage of a pixel, m its mask and h a penalty that is linear beyond 0.1.
+/// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LossWeights {
     /// Weight of the absolute error.
@@ -48,10 +42,7 @@ pub struct LossWeights {
     pub ssim: f32,
     /// Weight of the squared error.
     pub squared: f32,
-    /// Weight of the penalty on coverage: h(e) = 5 e^2 up to |e| = 0.1, then |e| - 0.05. Pixels whose mask is neither 0
-    /// nor 255 do not count: what they show is not known.
-    pub coverage: f32,
-    /// Whether the other terms weight a pixel by its mask / 255. SSIM is weighted by the mask in the middle of its
+    /// Whether the terms weight a pixel by its mask / 255. SSIM is weighted by the mask in the middle of its
     /// window.
     pub masked: bool,
 }
@@ -65,8 +56,6 @@ pub struct LossValue {
     pub ssim_sum: f64,
     /// Sum of (x - y)^2 over pixels and channels.
     pub squared_sum: f64,
-    /// Sum of the penalty on coverage over pixels.
-    pub coverage_sum: f64,
 }
 
 impl LossValue {
@@ -190,9 +179,7 @@ impl ImageLoss {
             inverse_count: (1.0 / value_count) as f32,
             squared_weight: weights.squared,
             masked: u32::from(weights.masked),
-            coverage_weight: weights.coverage,
             summands,
-            padding: 0,
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         gpu.queue.write_buffer(&self.target, 0, bytemuck::cast_slice(pixels));
@@ -222,6 +209,6 @@ impl ImageLoss {
     pub fn value(&self, gpu: &Gpu) -> Result<LossValue, RenderError> {
         let sums: Vec<[f32; 4]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
         let total = |i: usize| sums.iter().map(|s| f64::from(s[i])).sum();
-        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1), squared_sum: total(2), coverage_sum: total(3) })
+        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1), squared_sum: total(2) })
     }
 }

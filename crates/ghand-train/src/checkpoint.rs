@@ -10,7 +10,6 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use serde::{Deserialize, Serialize};
 
-use crate::light_training::LightState;
 use crate::settings::TrainSettings;
 use crate::trainer::simplification::Simplification;
 use ghand_fit::alignment::Alignment;
@@ -21,7 +20,7 @@ use ghand_fit::protocol::PosedView;
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
 /// Version of the format that this program writes and reads.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// Bytes before the CBOR.
 const HEADER: usize = MAGIC.len() + 8;
 /// Maximum file size, bytes.
@@ -113,8 +112,6 @@ pub struct StageState {
     pub skipped: SkippedSteps,
     /// Learned numbers and their moments.
     pub numbers: Vec<NamedNumbers>,
-    /// The light, if it is learned.
-    pub light: Option<LightState>,
 }
 
 /// The losses of images as they come, and their mean over a number of them.
@@ -329,7 +326,6 @@ mod tests {
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
                 numbers: vec![NamedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
-                light: None,
             },
             seconds: 0.7,
             curve: vec![],

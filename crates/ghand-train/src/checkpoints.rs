@@ -142,7 +142,6 @@ mod tests {
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
                 numbers: vec![],
-                light: None,
             },
             seconds: 0.0,
             curve: vec![],

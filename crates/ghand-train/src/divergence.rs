@@ -66,25 +66,12 @@ const SUSPICIOUS: f64 = 2.0;
 pub(crate) fn remedy(settings: &TrainSettings) -> String {
     let numbers = |s: &TrainSettings| {
         [
-            ("start_inset", s.start_inset),
-            ("l1_weight", s.l1_weight),
-            ("ssim_weight", s.ssim_weight),
-            ("offset_weight", s.offset_weight),
-            ("scale_weight", s.scale_weight),
             ("color_roughness", s.color_roughness),
             ("rate_shape_basis", s.rate_shape_basis),
             ("rate_residual_weights", s.rate_residual_weights),
-            ("rate_regressor", s.rate_regressor),
-            ("rate_scale", s.rate_scale),
-            ("rate_color", s.rate_color),
-            ("rate_components", s.rate_components),
-            ("rate_response", s.rate_response),
-            ("rate_light", s.rate_light),
             ("rate_networks", s.rate_networks),
             ("rate_feature_tensor", s.rate_feature_tensor),
             ("rate_joints", s.rate_joints),
-            ("rate_pose", s.rate_pose),
-            ("rate_translation", s.rate_translation),
         ]
     };
     let raised = numbers(settings).into_iter().zip(numbers(&TrainSettings::default()));
@@ -157,9 +144,10 @@ mod tests {
 
     #[test]
     fn the_setting_furthest_above_its_default_is_named() {
-        let settings = TrainSettings { rate_pose: 0.03, rate_response: 1e38, rate_color: 1e-9, ..Default::default() };
+        let settings =
+            TrainSettings { rate_joints: 3e-4, rate_shape_basis: 1e38, final_rate: 1e-9, ..Default::default() };
         let text = remedy(&settings);
-        assert!(text.contains("`rate_response` is too high: it is 1e38, its default is 0.005"), "{text}");
+        assert!(text.contains("`rate_shape_basis` is too high: it is 1e38, its default is 0.0001"), "{text}");
         assert!(!remedy(&TrainSettings::default()).contains("too high"));
     }
 }

@@ -235,9 +235,9 @@ pub struct Metrics {
     pub alignment: Option<AlignmentFigures>,
     /// Training images that are so blurred that they were taken less than half as often as others.
     pub blurred: usize,
-    /// What was found of the cameras' exposures; `null` with `exposure=same`.
+    /// What was found of the cameras' exposures; `null` with `exposure=off`.
     pub exposure: Option<ExposureFit>,
-    /// How light was taken apart from skin; `null` with `light=none`.
+    /// How light was taken apart from skin; `null` with `light=off`.
     pub light: Option<LightReport>,
     /// Wall-clock time of training, seconds.
     pub seconds: f64,

@@ -5,10 +5,8 @@ pub mod checkpoint;
 pub mod checkpoints;
 mod divergence;
 pub mod evaluate;
-pub mod light_training;
 mod lpips_term;
 mod memory_check;
-mod outline_band;
 pub mod pose_prior;
 pub mod presets;
 pub mod report;
@@ -24,7 +22,7 @@ pub use checkpoints::Checkpoints;
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use ghand_fit::protocol::Protocol;
 pub use settings::{
-    Align, Components, ExposureChoice, FrameGain, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
+    Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;

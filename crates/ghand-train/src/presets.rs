@@ -60,7 +60,7 @@ impl TrainSettings {
                 toml::Value::String(text) => text,
                 other => other.to_string(),
             };
-            settings.set(&format!("{key}={text}"))?;
+            settings.set_from_file(&key, &text)?;
         }
         *self = settings;
         Ok(())
@@ -84,6 +84,7 @@ impl TrainSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Align, ExposureChoice, GlossChoice, LightChoice, Unseen};
 
     #[test]
     fn presets_are_valid_and_the_default_one_is_the_default() {
@@ -97,12 +98,42 @@ mod tests {
 
     #[test]
     fn settings_survive_as_toml() {
-        let settings = TrainSettings { seed: u64::MAX, rate_regressor: 3e-38, ..PRESETS[2].settings().unwrap() };
+        let settings = TrainSettings { seed: u64::MAX, rate_joints: 3e-38, ..PRESETS[2].settings().unwrap() };
         let text = settings.to_toml();
         assert!(text.starts_with("iterations = 124800\n"), "{text}");
         let mut read = TrainSettings::default();
         read.set_all(&text).unwrap();
         assert_eq!(read, settings);
+    }
+
+    #[test]
+    fn settings_of_version_0_1_are_read_and_removed_ones_must_have_their_defaults() {
+        let text = include_str!("../tests/data/settings-0.1.toml");
+        let mut settings = TrainSettings { seed: 5, ..TrainSettings::default() };
+        settings.set_all(text).unwrap();
+        assert_eq!(settings, TrainSettings::default());
+        let run: TrainSettings = TrainSettings::of_run(text.parse::<toml::Table>().unwrap()).unwrap();
+        assert_eq!(run, TrainSettings::default());
+        for line in text.lines() {
+            let name = line.split(' ').next().unwrap();
+            let set = TrainSettings::default().set(&line.replace('"', ""));
+            let fields = serde_json::to_value(TrainSettings::default()).unwrap();
+            let message = set.err().map(|error| error.to_string()).unwrap_or_default();
+            assert_eq!(fields.get(name).is_none(), message.contains("was removed in 0.2: "), "{line}: {message}");
+        }
+        for (former, is_off) in [
+            ("align = \"none\"", TrainSettings { align: Align::Off, ..TrainSettings::default() }),
+            ("light = \"none\"", TrainSettings { light: LightChoice::Off, ..TrainSettings::default() }),
+            ("gloss = \"none\"", TrainSettings { gloss: GlossChoice::Off, ..TrainSettings::default() }),
+            ("exposure = \"same\"", TrainSettings { exposure: ExposureChoice::Off, ..TrainSettings::default() }),
+            ("unseen = \"keep\"", TrainSettings { unseen: Unseen::Off, ..TrainSettings::default() }),
+        ] {
+            let mut settings = TrainSettings::default();
+            settings.set_all(former).unwrap();
+            assert_eq!(settings, is_off);
+        }
+        let other = text.replace("rate_light = 0.01", "rate_light = 0.0");
+        assert!(settings.set_all(&other).unwrap_err().to_string().contains("`rate_light`: was removed in 0.2"));
     }
 
     #[test]
@@ -114,7 +145,7 @@ mod tests {
             ("iterations = true", "must be a whole number"),
             ("[iterations]\nx = 1", "must be a whole number"),
             ("iterations 5", "is not TOML"),
-            ("rate_color = nan", "must be a number"),
+            ("rate_joints = nan", "must be a number"),
         ] {
             let mut settings = TrainSettings::default();
             let message = settings.set_all(text).unwrap_err().to_string();

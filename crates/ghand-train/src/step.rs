@@ -1,5 +1,5 @@
 //! One training step on the device: pose, splat, loss, the backward pass and the update. Of most
-//! steps only counters are read back; a step of the light reads colours and their gradients, a model on the host its own.
+//! steps only counters are read back; a model on the host reads gradients, too.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,7 +7,7 @@ use std::time::Instant;
 use ghand_avatar::deform::{DeformationBackward, pose_stride};
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::properties::state_part;
-use ghand_avatar::{Avatar, AvatarLight, PosedAvatar, PropertyRates, PropertyTables, Scene};
+use ghand_avatar::{Avatar, PosedAvatar, PropertyRates, PropertyTables, Scene};
 use ghand_core::Camera;
 use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
@@ -18,9 +18,7 @@ use ghand_render::splat::{Image, Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::NamedNumbers;
-use crate::light_training::{LightState, LightTraining};
 use crate::lpips_term::LpipsTerm;
-use crate::outline_band::with_unknown_outline;
 use crate::settings::TrainSettings;
 use ghand_fit::views::TrainView;
 use ghand_measure::lpips::Lpips;
@@ -30,8 +28,24 @@ const COLOR_WIDTH: f32 = 0.03;
 /// The same of offsets, metres.
 const OFFSET_WIDTH: f32 = 0.002;
 
-/// Steps between two of the light, whose gradient is read back and computed on the host.
-const LIGHT_EVERY: u64 = 4;
+/// Weights of the mean absolute colour difference and of 1 - SSIM: the paper's.
+const L1_WEIGHT: f64 = 0.8;
+const SSIM_WEIGHT: f64 = 0.2;
+/// Weight of the mean squared offset (square metres), and in stage 1 of the mean squared scale (square metres): the paper's.
+const OFFSET_WEIGHT: f64 = 10.0;
+const SCALE_WEIGHT: f64 = 1.0;
+/// Weight of the roughness of the offsets (metres). Without, offsets that few pixels determine are noise: on the capture
+/// `desk` 0.178 % instead of 0.098 % of coverage is loose. 1000 costs 0.1 dB.
+const OFFSET_ROUGHNESS: f64 = 300.0;
+
+/// Rates of logits, of which sizes and base colours need some units in some hundred iterations.
+const RATE_SCALE: f64 = 1e-2;
+const RATE_COLOR: f64 = 2e-2;
+/// Rates of what changes with the pose: slower, as single poses say less.
+const RATE_COMPONENTS: f64 = 5e-3;
+const RATE_RESPONSE: f64 = 5e-3;
+/// Rate of the translation where poses are refined, metres: a step at the fingertips of a hand of 0.1 m that turns by 0.01.
+const RATE_TRANSLATION: f64 = 1e-3;
 
 /// The device's buffers and pipelines for training steps.
 pub struct Step {
@@ -44,7 +58,6 @@ pub struct Step {
     offset_roughness: Roughness,
     poses: AdamTable,
     joints: AdamTable,
-    light: Option<LightTraining>,
     lpips: Option<LpipsTerm>,
     count: usize,
     joint_count: usize,
@@ -55,14 +68,13 @@ pub struct Step {
 pub struct Rates {
     /// Number of the step, from 1.
     pub step: u64,
-    /// Factor on the rates of properties and rest joints.
+    /// Factor on all rates.
     pub tables: f64,
-    /// Factor on pose and translation; 0 keeps the pose.
-    pub pose: f64,
+    /// Rate of the joint rotations (radians) where poses are refined, as in stage 1: then scales have a weight, offsets need
+    /// not be smooth, and the pose response stays.
+    pub pose: Option<f64>,
     /// Number of updates of this frame's pose, this one included.
     pub pose_step: u64,
-    /// Weight of the scale term.
-    pub scale_weight: f64,
 }
 
 /// Whether a step changed what is learned.
@@ -84,13 +96,13 @@ impl Rates {
             shape_basis: shape_basis * self.tables,
             residual_weights: residual_weights * self.tables,
             regressor: regressor * self.tables,
-            scale: settings.rate_scale * self.tables,
-            color: settings.rate_color * self.tables,
-            color_components: settings.rate_components * self.tables,
-            response: settings.rate_response * self.tables,
+            scale: RATE_SCALE * self.tables,
+            color: RATE_COLOR * self.tables,
+            color_components: RATE_COMPONENTS * self.tables,
+            // What changes with the pose must be the pose where that is refined.
+            response: if self.pose.is_some() { 0.0 } else { RATE_RESPONSE * self.tables },
             networks: settings.rate_networks * self.tables,
             feature_tensor: settings.rate_feature_tensor * self.tables,
-            gradient_clip: settings.gradient_clip,
         }
     }
 }
@@ -145,24 +157,10 @@ impl Step {
             offset_roughness,
             poses,
             joints,
-            light: None,
             lpips: None,
             count,
             joint_count,
         })
-    }
-
-    /// Lets the avatar's light be learned, if it has one with directions. Poses must be set after it.
-    ///
-    /// # Errors
-    /// Never: a step always has an avatar.
-    pub fn learn_light(&mut self) -> Result<(), RenderError> {
-        let posed = first(self.scene.avatars_mut())?;
-        self.light = posed.light().and_then(LightTraining::new);
-        if self.light.is_some() {
-            posed.learn_light();
-        }
-        Ok(())
     }
 
     /// Adds LPIPS to the loss, with the weight of the settings.
@@ -216,35 +214,14 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<(Vec<NamedNumbers>, Option<LightState>), RenderError> {
+    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<NamedNumbers>, RenderError> {
         let avatar = self.avatar()?;
         let mut numbers = avatar.model.training_state(gpu)?;
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
         let named = |(name, values)| NamedNumbers { name, values };
-        Ok((numbers.into_iter().map(named).collect(), self.light.as_ref().map(LightTraining::state)))
-    }
-
-    /// Goes on from a state: [`Step::state`] of a step for the same avatar. Afterwards `poses` must be set, then
-    /// [`Step::set_numbers`].
-    ///
-    /// # Errors
-    /// [`RenderError::Invalid`] if it is the state of another light.
-    pub fn set_light_state(&mut self, state: Option<&LightState>) -> Result<(), RenderError> {
-        let posed = first(self.scene.avatars_mut())?;
-        let fits = match (&mut self.light, state) {
-            (Some(light), Some(state)) => {
-                let fits = light.set_state(state);
-                if light.steps() > 0 {
-                    posed.set_learned_light(light.light(), light.strengths());
-                }
-                fits
-            }
-            (None, None) => true,
-            _ => false,
-        };
-        if fits { Ok(()) } else { Err(RenderError::Invalid("the state is that of another light".into())) }
+        Ok(numbers.into_iter().map(named).collect())
     }
 
     /// Goes on from the numbers of [`Step::state`].
@@ -297,8 +274,8 @@ impl Step {
     }
 
     /// The part of a step before the updates, for one view. More views of the same frame can be added before
-    /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints, the
-    /// pose and the light are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
+    /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints and
+    /// the pose are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
     /// gradients are discarded, and there is no update.
     ///
     /// # Errors
@@ -312,7 +289,7 @@ impl Step {
         settings: &TrainSettings,
         rates: &Rates,
     ) -> Result<Learned, RenderError> {
-        self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
+        self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
             splatter.backward(encoder);
@@ -367,34 +344,8 @@ impl Step {
             return Ok(Learned::Skipped);
         }
         self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
-        if rates.step.is_multiple_of(LIGHT_EVERY) {
-            self.update_light(gpu, view, settings.rate_light * rates.tables)?;
-        }
         gpu.queue.submit([encoder.finish()]);
         Ok(Learned::Yes)
-    }
-
-    /// Updates the light from a complete frame.
-    fn update_light(&mut self, gpu: &Gpu, view: &TrainView, rate: f64) -> Result<(), RenderError> {
-        let (splatter, avatars) = self.scene.splatter_and_avatars_mut();
-        let (Some(light), posed) = (&mut self.light, first(avatars)?) else { return Ok(()) };
-        let (columns, row) = (splatter.count(), splatter.options().model.color_row());
-        let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
-        let colors: Vec<f32> = buffers::read(gpu, &posed.deformation.properties().color, 3 * columns)?;
-        let d_lit: Vec<f32> = buffers::read_from(gpu, splatter.d_gaussians(), row * columns, 3 * columns)?;
-        if let Some(gradient) = posed.light_gradient(view.camera.center(), &wide(&colors), &wide(&d_lit))? {
-            light.step(&gradient, rate);
-            posed.set_learned_light(light.light(), light.strengths());
-        }
-        Ok(())
-    }
-
-    /// The light at present; `None` if it is part of the colours.
-    ///
-    /// # Errors
-    /// Never: a step always has an avatar.
-    pub fn light(&self) -> Result<Option<&AvatarLight>, RenderError> {
-        Ok(self.avatar()?.light())
     }
 
     /// A picture of the avatar in the pose of a frame.
@@ -443,7 +394,7 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
     ) -> Result<f64, RenderError> {
-        self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, 0.0)?;
+        self.set_view_and_loss(gpu, view, 3.0 * view.pixels.len() as f64, background, settings, false)?;
         let loss = &self.loss;
         run_alone(&mut self.scene, gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
@@ -451,7 +402,7 @@ impl Step {
             Some(lpips) => lpips.distance(gpu, self.scene.splatter(), view)?,
             None => 0.0,
         };
-        Ok(settings.l1_weight * l1 + settings.ssim_weight * ssim + settings.lpips_weight * lpips)
+        Ok(L1_WEIGHT * l1 + SSIM_WEIGHT * ssim + settings.lpips_weight * lpips)
     }
 
     /// Sets the view for the next frame.
@@ -462,22 +413,17 @@ impl Step {
         value_count: f64,
         background: [f32; 3],
         settings: &TrainSettings,
-        scale_weight: f64,
+        refine_poses: bool,
     ) -> Result<(), RenderError> {
-        let weights = LossWeights {
-            l1: settings.l1_weight as f32,
-            ssim: settings.ssim_weight as f32,
-            coverage: settings.coverage_weight as f32,
-            ..Default::default()
-        };
-        let banded = (settings.coverage_weight > 0.0).then(|| with_unknown_outline(&view.pixels, view.size));
-        self.loss.set_target(gpu, view.size, banded.as_ref().unwrap_or(&view.pixels), weights, value_count)?;
+        let weights = LossWeights { l1: L1_WEIGHT as f32, ssim: SSIM_WEIGHT as f32, ..Default::default() };
+        self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
-        self.offset_penalty.set_weight(gpu, per_gaussian(settings.offset_weight));
+        self.offset_penalty.set_weight(gpu, per_gaussian(OFFSET_WEIGHT));
+        let (scale_weight, offset_roughness) = if refine_poses { (SCALE_WEIGHT, 0.0) } else { (0.0, OFFSET_ROUGHNESS) };
         self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
         self.color_roughness.set_weight(gpu, per_gaussian(settings.color_roughness), COLOR_WIDTH);
-        self.offset_roughness.set_weight(gpu, per_gaussian(settings.offset_roughness), OFFSET_WIDTH);
+        self.offset_roughness.set_weight(gpu, per_gaussian(offset_roughness), OFFSET_WIDTH);
         self.scene.set_frame(gpu, view.frame);
         self.scene.set_view(gpu, &view.camera, background)
     }
@@ -497,14 +443,14 @@ impl Step {
                 AdamUniforms::new(0..3 * self.joint_count, 0, settings.rate_joints * rates.tables, rates.step);
             self.joints.encode(gpu, pass, 0, &uniforms);
         }
-        if rates.pose > 0.0 {
+        if let Some(rate) = rates.pose {
             let start = frame * pose_stride(self.joint_count);
             let middle = start + 3 * self.joint_count;
-            let rotations = AdamUniforms::new(start..middle, 0, settings.rate_pose * rates.pose, rates.pose_step);
+            let rotations = AdamUniforms::new(start..middle, 0, rate * rates.tables, rates.pose_step);
             let translation = AdamUniforms::new(
                 middle..middle + 3,
                 3 * self.joint_count,
-                settings.rate_translation * rates.pose,
+                RATE_TRANSLATION * rates.tables,
                 rates.pose_step,
             );
             self.poses.encode(gpu, pass, 0, &rotations);
@@ -560,7 +506,7 @@ impl Step {
         // The rest again, up to each part.
         let mut up_to =
             |behind: &dyn Fn(&ImageLoss, &Splatter, &mut wgpu::CommandEncoder)| -> Result<f64, RenderError> {
-                self.set_view_and_loss(gpu, view, value_count, background, settings, rates.scale_weight)?;
+                self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
                 let before: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
                 let now = Instant::now();
                 let loss = &self.loss;

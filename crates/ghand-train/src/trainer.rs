@@ -24,7 +24,7 @@ use glam::DVec3;
 use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared, StageState};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
-use crate::settings::{Align, ExposureChoice, FrameGain, LightChoice, Model, Simplify, TrainSettings};
+use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
 use crate::shown_gaussians::shown_gaussians;
 use crate::train_error::TrainError;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
@@ -90,9 +90,9 @@ pub struct Trained {
     pub alignment: Option<Alignment>,
     /// Training images that are so blurred that they were taken less than half as often as others.
     pub blurred: usize,
-    /// How the light was found, unless `light=none`.
+    /// How the light was found, unless `light=off`.
     pub light: Option<LightFit>,
-    /// What was found of the cameras' exposures, unless `exposure=same`.
+    /// What was found of the cameras' exposures, unless `exposure=off`.
     pub exposure: Option<ExposureFit>,
     /// The settings with what `simplify=auto` changed.
     pub settings: TrainSettings,
@@ -184,6 +184,9 @@ const WATCHED_VIEWS: usize = 4;
 /// How often they are taken while the avatar is trained.
 const PREVIEWS: u32 = 10;
 
+/// Pixels kept around the mask when an image is cropped to the hand: the window of SSIM (5) and blurred edges fit in.
+const CROP_MARGIN: u32 = 16;
+
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
@@ -221,7 +224,7 @@ impl<'a> Trainer<'a> {
         memory_check::check(gaussians, capture.template.joint_count(), settings)?;
         Ok(Trainer {
             gpu,
-            views: TrainViews::new(capture, &split, settings.crop_margin)?,
+            views: TrainViews::new(capture, &split, CROP_MARGIN)?,
             training_set: training_set(capture, &split),
             prepared: Prepared {
                 poses: split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect(),
@@ -275,7 +278,7 @@ impl<'a> Trainer<'a> {
             return Ok(self);
         }
         let split = Split { views: chosen, ..split.clone() };
-        let views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+        let views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
         let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
         let mut watched = Watched { split: split_name.into(), shown: split.views, views, poses };
         if let Some(held_out) = &self.prepared.held_out {
@@ -334,7 +337,7 @@ impl<'a> Trainer<'a> {
         }
         if !prepared.correction.is_empty() {
             self.capture.color_correction = prepared.correction.clone();
-            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         }
         if let Some(exposure) = prepared.exposure.as_mut().filter(|fit| fit.corrected) {
             exposure.maps.clone_from(&prepared.correction.cameras);
@@ -390,11 +393,10 @@ impl<'a> Trainer<'a> {
                 number: 1,
                 settings: self.settings.pose_stage_settings(),
                 iterations: pose_iterations,
-                part_of_time: self.settings.pose_stage,
+                part_of_time: self.settings.pose_stage().part,
                 done: 0,
                 refine_poses: true,
-                reduction: self.settings.pose_image_reduction.max(self.reduction()),
-                scale_weight: self.settings.scale_weight,
+                reduction: self.settings.pose_stage().image_reduction.max(self.reduction()),
                 previews: 0,
             };
             let first = gpu
@@ -432,7 +434,6 @@ impl<'a> Trainer<'a> {
             done: pose_iterations,
             refine_poses: false,
             reduction: self.reduction(),
-            scale_weight: 0.0,
             previews: PREVIEWS,
         };
         let done =
@@ -453,12 +454,8 @@ impl<'a> Trainer<'a> {
             }
         }
         let seconds = self.seconds();
-        let Prepared { poses, held_out, alignment, mut light, exposure, skipped_steps, simplification, .. } =
-            self.prepared;
+        let Prepared { poses, held_out, alignment, light, exposure, skipped_steps, simplification, .. } = self.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;
-        if let Some((fit, trained)) = light.as_mut().zip(avatar.light.as_ref()) {
-            fit.set_trained(trained);
-        }
         let curve = self.curve.into_inner();
         let previews = done.previews;
         Ok(Trained {
@@ -485,8 +482,8 @@ impl<'a> Trainer<'a> {
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
     fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
-        let TrainSettings { light, gloss, exposure, frame_gain, .. } = self.settings;
-        if (light, exposure, frame_gain) == (LightChoice::None, ExposureChoice::Same, FrameGain::Same) {
+        let TrainSettings { light, gloss, exposure, .. } = self.settings;
+        if (light, exposure) == (LightChoice::Off, ExposureChoice::Off) {
             return Ok(());
         }
         let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
@@ -502,7 +499,7 @@ impl<'a> Trainer<'a> {
             }
         }
         let mut correction = ColorCorrection::default();
-        if exposure != ExposureChoice::Same {
+        if exposure != ExposureChoice::Off {
             let fit = fit_exposure(&seen, exposure);
             if fit.corrected {
                 correction.cameras.clone_from(&fit.maps);
@@ -510,31 +507,23 @@ impl<'a> Trainer<'a> {
             }
             self.prepared.exposure = Some(fit);
         }
-        if light != LightChoice::None || frame_gain != FrameGain::Same {
-            let template = self.capture.template.clone();
-            let mut fit =
-                fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
+        if light != LightChoice::Off {
+            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)
+                .map_err(FloorError::from)?;
             let differ = fit.frames_differ();
-            if frame_gain == FrameGain::PerFrame {
-                let even = seen.even_frames(&fit.frame_factors);
-                seen.correct(&even);
-                correction.frames = even.frames;
-                let again =
-                    fit_light_to(&seen, &template, &self.prepared.poses, light, gloss).map_err(FloorError::from)?;
-                fit = LightFit { frame_factors: fit.frame_factors, ..again };
-            } else if differ > UNSTEADY {
+            if differ > UNSTEADY {
                 log::warn!(
-                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains: if \
-                     the light changed, use --set frame_gain=per_frame",
+                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains; \
+                     keep light and exposure fixed while a hand is filmed",
                     1e2 * differ
                 );
             }
-            self.prepared.light = (light != LightChoice::None).then_some(fit);
+            self.prepared.light = Some(fit);
         }
         if !correction.is_empty() {
             self.prepared.correction.clone_from(&correction);
             self.capture.color_correction = correction;
-            self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         }
         Ok(())
     }
@@ -608,10 +597,10 @@ impl<'a> Trainer<'a> {
             poses.push(view.pose.clone());
         }
         self.capture.align_masks(template, &frames, &poses);
-        self.views = TrainViews::new(&self.capture, &self.split, self.settings.crop_margin)?;
+        self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
         if let Some(watched) = &mut self.watched {
             let split = Split { views: watched.shown.clone(), ..self.capture.split(&watched.split)?.clone() };
-            watched.views = TrainViews::new(&self.capture, &split, self.settings.crop_margin)?;
+            watched.views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
         }
         Ok(())
     }
@@ -623,18 +612,12 @@ impl<'a> Trainer<'a> {
         poses.map(|(_, pose)| pose.clone()).collect()
     }
 
-    /// The initial avatar of a stage: the template's surface with mean texel colours.
-    fn start(&self, gpu: &Gpu, settings: &TrainSettings) -> Result<Avatar, TrainError> {
+    /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
+    fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
         let (capture, poses) = (&self.capture, &self.prepared.poses);
         let samples = needed_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
-        let mut avatar = Avatar::untrained_at(
-            &capture.template,
-            &samples,
-            &settings.avatar(),
-            [0.5; 3],
-            settings.start_inset,
-            settings.seed,
-        )?;
+        let mut avatar =
+            Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
             avatar.light = Some(AvatarLight::new(light, gloss, &samples));

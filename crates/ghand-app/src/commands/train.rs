@@ -95,7 +95,7 @@ struct Plan {
 
 impl TrainArgs {
     fn settings(&self) -> anyhow::Result<TrainSettings> {
-        self.settings.settings((self.poses == Some(StartPoses::Truth)).then_some(Align::None))
+        self.settings.settings((self.poses == Some(StartPoses::Truth)).then_some(Align::Off))
     }
 
     fn folder(&self) -> anyhow::Result<RunFolder> {

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use ghand_avatar::{Avatar, LightKind};
+use ghand_avatar::Avatar;
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 use ghand_fit::alignment_figures::AlignmentFigures;
@@ -199,18 +199,13 @@ fn print_exposure(fit: &ExposureFit) {
 }
 
 fn print_light(report: &LightReport) {
-    let kind = match report.kind {
-        None => "not apart from skin",
-        Some(LightKind::Sh) => "apart from skin, as spherical harmonics",
-        Some(LightKind::Transfer) => "apart from skin, from directions with shadows",
-    };
-    let LightFigures { none, sh, lamps, transfer } = report.squared_error_left_out;
+    let kind =
+        if report.kind.is_some() { "apart from skin, from directions with shadows" } else { "not apart from skin" };
+    let LightFigures { none, lamps, transfer } = report.squared_error_left_out;
     say!("light: {kind}; found in {:.0} s", report.seconds);
     say!(
-        "       squared error x 1000 of frames left out: {:.2} without, {:.2} harmonics, {:.2} few lamps in an even sky, \
-         {:.2} all directions",
+        "       squared error x 1000 of frames left out: {:.2} without, {:.2} few lamps in an even sky, {:.2} all directions",
         1e3 * none,
-        1e3 * sh,
         1e3 * lamps,
         1e3 * transfer
     );
@@ -335,7 +330,7 @@ mod tests {
             );
             assert!(text.contains("ghand inspect") && !text.contains("settings") && !text.contains('\n'), "{text}");
         }
-        let other = TrainSettings { rate_color: 1.0, ..settings };
+        let other = TrainSettings { rate_joints: 1.0, ..settings };
         let text = failure(&metrics(9.7, 20.0, 99_999), &other).unwrap();
         assert!(text.contains("settings that do not suit") && !text.contains("too few iterations"), "{text}");
     }

@@ -36,6 +36,7 @@ pub struct RunRecord {
     /// Name of the preset that the settings started from.
     pub preset: String,
     /// The settings.
+    #[serde(deserialize_with = "TrainSettings::of_run")]
     pub settings: TrainSettings,
     /// Whether a capture with problems is trained on.
     pub ignore_checks: bool,

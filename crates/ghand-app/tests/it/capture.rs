@@ -78,8 +78,7 @@ fn training_starts_from_a_capture_in_the_layout_of_interhand() {
     let said = make(folder.path(), "inter", &["--format", "interhand"]);
     assert!(said.contains("--hand-model inter/hand_right.npz --test-split test_all"), "{said}");
     let arguments = ["--capture", "inter", "--hand-model", "inter/hand_right.npz", "--test-split", "test_all"];
-    let short =
-        ["--set", "iterations=4", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32", "--out", "out"];
+    let short = ["--set", "iterations=4", "--set", "uv_resolution=32", "--out", "out"];
     let output = run(TRAIN, folder.path(), &[&arguments[..], &short].concat());
     let said = assert_trained(&output).concat();
     assert!(said.contains("2 cameras, 2 frames, 4 images") && said.contains("pose error: "), "{said}");

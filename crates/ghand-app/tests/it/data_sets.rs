@@ -9,7 +9,7 @@ use ghand_motion::{PoseOptions, read_poses};
 use crate::common::{RESULTS, assert_one_sentence, assert_trained, listing, run};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
-const SHORT: [&str; 6] = ["--set", "iterations=4", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32"];
+const SHORT: [&str; 4] = ["--set", "iterations=4", "--set", "uv_resolution=32"];
 
 /// A folder with a MANO file.
 fn folder_with_mano() -> tempfile::TempDir {

@@ -159,7 +159,7 @@ fn training_with_too_little_device_memory_names_the_setting_to_lower() {
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();
     make_capture(&gpu, &small_capture(), &folder.path().join("capture")).unwrap();
-    let settings = ["--set", "uv_resolution=1024", "--set", "shape_bases=32", "--set", "light=none"];
+    let settings = ["--set", "uv_resolution=1024", "--set", "shape_bases=32", "--set", "light=off"];
     let arguments = [&["--capture", "capture", "--out", "out", "--poses", "truth"][..], &settings[..]].concat();
     // Larger than the blocks that allocators request, smaller than the shape bases.
     let output = driver.run(TRAIN, folder.path(), &arguments, ("REFUSE_FROM", "140000000"));

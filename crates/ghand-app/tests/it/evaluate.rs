@@ -160,11 +160,11 @@ fn training_starts_from_the_chosen_poses_and_says_so() {
     assert!(said.contains("training poses: truth; pose error: 0.00 degrees before") && !said.contains("0.00 refined"));
 
     // A file of the true poses gives the same avatar, if it is not aligned either.
-    assert_trained(&train(folder.path(), "file", &["--poses", "truth/poses.json", "--set", "align=none"]));
+    assert_trained(&train(folder.path(), "file", &["--poses", "truth/poses.json", "--set", "align=off"]));
     assert_eq!(metrics("file")["poses"], "truth/poses.json");
     let avatar = |out: &str| std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap();
     assert!(avatar("file") == avatar("truth"));
-    assert_trained(&train(folder.path(), "given", &["--poses", "given", "--set", "align=none"]));
+    assert_trained(&train(folder.path(), "given", &["--poses", "given", "--set", "align=off"]));
     assert_eq!(metrics("given")["poses"], "given");
     assert!(avatar("given") != avatar("truth"));
 
@@ -174,7 +174,7 @@ fn training_starts_from_the_chosen_poses_and_says_so() {
         frame["shape"] = serde_json::json!([1.5, 0.0, -1.0]);
     }
     std::fs::write(folder.path().join("shaped.json"), shaped.to_string()).unwrap();
-    assert_trained(&train(folder.path(), "shaped", &["--poses", "shaped.json", "--set", "align=none"]));
+    assert_trained(&train(folder.path(), "shaped", &["--poses", "shaped.json", "--set", "align=off"]));
     assert_eq!(poses("shaped")[0]["shape"], serde_json::json!([1.5, 0.0, -1.0]));
     assert!(avatar("shaped") != avatar("truth"));
 }

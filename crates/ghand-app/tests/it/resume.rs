@@ -19,7 +19,7 @@ fn kills() -> usize {
 
 /// Options of a run that takes some seconds.
 fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&["--capture", "capture", "--set", "uv_resolution=40", "--set", "pose_uv_resolution=32"], more].concat()
+    [&["--capture", "capture", "--set", "uv_resolution=40"], more].concat()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -74,7 +74,7 @@ fn a_run_killed_at_any_moment_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let direct = ["--set", "iterations=120", "--set", "light=transfer", "--set", "gloss=always"];
-    let paper = ["--set", "align=paper", "--set", "pose_stage=0.5", "--set", "light=none"];
+    let paper = ["--set", "align=paper", "--set", "light=off"];
     let network = [&paper[..], &["--set", "model=network", "--set", "iterations=24"]].concat();
     let both = [&paper[..], &["--set", "iterations=120"]].concat();
     let mut rng = ChaCha8Rng::seed_from_u64(16);
@@ -113,14 +113,14 @@ fn an_interrupted_run_goes_on_as_it_was_started_and_refuses_anything_else() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let train = |arguments: &[&str]| -> Output { run(TRAIN, folder.path(), arguments) };
-    interrupted(folder.path(), &["--seed", "5", "--set", "align=none"]);
+    interrupted(folder.path(), &["--seed", "5", "--set", "align=off"]);
     // It is not overwritten by mistake.
     let anew = options(&["--out", "run", "--set", "iterations=4"]);
     assert_one_sentence(&train(&anew), &["interrupted run", "--resume", "--force"]);
     let resume = ["--resume", "--out", "run"];
     let other = |more: &[&str]| train(&[&resume[..], more].concat());
     assert_one_sentence(&other(&["--seed", "6"]), &["--resume", "`align` was \"none\""]);
-    let same = ["--seed", "6", "--set", "align=none", "--set", "iterations=1000000"];
+    let same = ["--seed", "6", "--set", "align=off", "--set", "iterations=1000000"];
     let same = options(&same);
     assert_one_sentence(&other(&same), &["`seed` was 5", "is 6 now"]);
     assert_one_sentence(&other(&["--split", "test"]), &["--split", "was started with train"]);
@@ -166,7 +166,7 @@ fn an_interrupted_run_goes_on_as_it_was_started_and_refuses_anything_else() {
 fn a_run_that_has_ended_is_not_repeated_and_keeps_the_checkpoints_that_were_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    let keep = ["--out", "run", "--set", "iterations=25", "--set", "align=none"];
+    let keep = ["--out", "run", "--set", "iterations=25", "--set", "align=off"];
     let keep = options(&[&keep[..], &["--checkpoint-every", "0s", "--keep-checkpoints", "10"]].concat());
     assert_trained(&run(TRAIN, folder.path(), &keep));
     let kept = listing(&folder.path().join("run/checkpoints"));
@@ -230,7 +230,7 @@ fn a_full_disk_does_not_stop_training_and_the_avatar_is_saved_when_there_is_room
     std::fs::write(&filler, vec![0; (4 << 20) - (200 << 10)]).unwrap();
     let child = Command::new(TRAIN)
         .current_dir(folder.path())
-        .args(options(&["--out", "run", "--set", "iterations=30", "--set", "align=none", "--checkpoint-every", "0s"]))
+        .args(options(&["--out", "run", "--set", "iterations=30", "--set", "align=off", "--checkpoint-every", "0s"]))
         .env("XDG_RUNTIME_DIR", folder.path())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -13,7 +13,7 @@ const ENDLESS: &str = "iterations=1000000";
 
 /// Options of a run that takes about a second.
 fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&["--capture", "capture", "--set", "uv_resolution=32", "--set", "pose_uv_resolution=32"], more].concat()
+    [&["--capture", "capture", "--set", "uv_resolution=32"], more].concat()
 }
 
 fn train(folder: &Path, more: &[&str]) -> Output {
@@ -59,7 +59,7 @@ fn runs_without_a_named_folder_keep_earlier_ones_and_share_the_demo_capture() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("out/demo-capture"));
     let demo = |more: &[&str]| {
-        let options = ["--set", "uv_resolution=32", "--set", "pose_uv_resolution=32", "--set", "iterations=20"];
+        let options = ["--set", "uv_resolution=32", "--set", "iterations=20"];
         let output = run(TRAIN, folder.path(), &[&options[..], more].concat());
         let said = text(&output.stdout);
         assert!(said.contains("avatar: ") && !said.contains("making a synthetic capture"), "{said}");
@@ -129,7 +129,7 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().unwrap();
         small_capture(&folder.path().join("capture"));
-        let options = ["--out", "run", "--set", ENDLESS, "--set", "align=paper", "--set", "pose_stage=2e-5"];
+        let options = ["--out", "run", "--set", ENDLESS, "--set", "align=off"];
         let child = start(folder.path(), &options, "stage 2");
         send(signal, &child);
         let output = child.wait_with_output().unwrap();
@@ -186,7 +186,7 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     // With this many Gaussians an iteration takes longer than both signals.
-    let slow = ["--out", "run", "--set", ENDLESS, "--set", "align=none", "--set", "uv_resolution=640"];
+    let slow = ["--out", "run", "--set", ENDLESS, "--set", "align=off", "--set", "uv_resolution=640"];
     let mut child = start(folder.path(), &slow, "stage 2");
     send("-INT", &child);
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(|line| line.unwrap());
@@ -224,9 +224,9 @@ fn an_avatar_that_does_not_beat_its_floor_is_a_failure_and_is_kept() {
 fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    for (setting, fault) in [("rate_response=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
+    for (setting, fault) in [("rate_joints=1e38", "infinite"), ("rate_shape_basis=1", "the loss rose from")] {
         let name = setting.split('=').next().unwrap();
-        let more = ["--out", "run", "--set", "iterations=60", "--set", "align=none", "--set", setting];
+        let more = ["--out", "run", "--set", "iterations=60", "--set", "align=off", "--set", setting];
         assert_one_sentence(&train(folder.path(), &more), &["training failed in stage 2", fault, name]);
         assert!(!folder.path().join("run").exists(), "{setting}");
     }
@@ -234,8 +234,8 @@ fn a_diverging_training_names_the_setting_and_leaves_no_avatar() {
     let good = train(folder.path(), &["--out", "run", "--set", "iterations=4"]);
     assert!(text(&good.stdout).contains("avatar: "));
     let avatar = std::fs::read(folder.path().join("run/avatar.ghand")).unwrap();
-    let more = ["--out", "run", "--force", "--set", "iterations=60", "--set", "rate_response=1e38"];
-    assert_one_sentence(&train(folder.path(), &more), &["rate_response"]);
+    let more = ["--out", "run", "--force", "--set", "iterations=60", "--set", "rate_joints=1e38"];
+    assert_one_sentence(&train(folder.path(), &more), &["rate_joints"]);
     assert!(std::fs::read(folder.path().join("run/avatar.ghand")).unwrap() == avatar);
     assert_eq!(listing(&folder.path().join("run")), RESULTS);
 }

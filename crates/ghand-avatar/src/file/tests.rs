@@ -129,6 +129,18 @@ fn avatars_without_light_keep_the_version_that_older_programs_read() {
 }
 
 #[test]
+fn an_avatar_with_a_removed_form_of_residual_weights_is_refused() {
+    let bytes = small().to_bytes(Path::new("a")).unwrap();
+    let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let mut metadata = header.metadata().clone().unwrap();
+    let block = metadata.get_mut(METADATA_KEY).unwrap();
+    *block = block.replacen(r#""config":{"#, r#""config":{"residual_support":"local","#, 1);
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    let error = from_bytes(Path::new("a"), &serialize(tensors.tensors(), Some(metadata)).unwrap()).unwrap_err();
+    assert_eq!(error.to_string(), "a: residual_support: was removed in 0.2; train the avatar again, or use ghand 0.1");
+}
+
+#[test]
 fn a_file_says_only_that_an_avatar_is_antialiased_so_that_older_files_are_not() {
     let read_back = |avatar: Avatar| {
         let bytes = avatar.to_bytes(Path::new("a")).unwrap();

@@ -57,44 +57,6 @@ pub fn of_vertices(light: &Light, parts: &Parts, roughness: f64, eye: DVec3) -> 
     parts.vertices.par_iter().zip(&parts.normals).enumerate().map(vertex).collect()
 }
 
-/// The gradients of what a hand mirrors.
-pub(crate) struct GlossGradient {
-    /// Of the light's coefficients.
-    pub coefficients: Vec<[f64; 3]>,
-    /// Of [`Gloss::strengths`].
-    pub strengths: Vec<[f64; 3]>,
-}
-
-/// The gradients of light and strengths from that of the vertices' gloss, one RGB each, towards an eye. `unscaled` is
-/// [`of_vertices`] there, `strengths` are those of the vertices.
-pub(crate) fn vjp(
-    (light, gloss): (&Light, &Gloss),
-    model: &HandModel,
-    parts: &Parts,
-    eye: DVec3,
-    (unscaled, strengths): (&[[f32; 3]], &[[f32; 3]]),
-    d_gloss: &[[f64; 3]],
-) -> GlossGradient {
-    let mut d_strengths = vec![[0.0; 3]; gloss.strengths.len()];
-    for (v, (d, unscaled)) in d_gloss.iter().zip(unscaled).enumerate() {
-        for (sum, weight) in d_strengths.iter_mut().zip(model.vertex_weights(v)) {
-            (0..3).for_each(|c| sum[c] += weight * d[c] * f64::from(unscaled[c]));
-        }
-    }
-    let directions = light.directions();
-    let coefficient = |(column, direction): (&Vec<f32>, &DVec3)| {
-        let mut sum = [0.0; 3];
-        for (v, part) in column.iter().enumerate().filter(|(v, part)| **part > 0.0 && d_gloss[*v] != [0.0; 3]) {
-            let towards_eye = (eye - parts.vertices[v]).normalize_or_zero();
-            let seen = f64::from(*part) * mirrored(parts.normals[v], *direction, towards_eye, gloss.roughness);
-            (0..3).for_each(|c| sum[c] += seen * f64::from(strengths[v][c]) * d_gloss[v][c]);
-        }
-        sum
-    };
-    let coefficients = parts.columns.par_iter().zip(&directions).map(coefficient).collect();
-    GlossGradient { coefficients, strengths: d_strengths }
-}
-
 #[cfg(test)]
 mod tests {
     use ghand_core::{Pose, Side};

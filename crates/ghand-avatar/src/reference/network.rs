@@ -1,6 +1,5 @@
 //! The networks once more, in f64 with plain loops.
 
-use ghand_core::skinning::make_local;
 use glam::DVec2;
 
 use crate::properties::network::{Activation, NORM_EPSILON, NetworkSizes, OFFSET_GAIN};
@@ -20,8 +19,6 @@ pub(crate) struct Twin {
     pub base_shape_basis: Vec<f64>,
     pub base_logits: Vec<f64>,
     pub max_scale: f64,
-    /// 1 for each joint that moves a Gaussian, else 0, `[n_b][N]`, if residual weights are local.
-    pub support: Option<Vec<f64>>,
     pub coefficient_rows: usize,
 }
 
@@ -234,11 +231,6 @@ impl Twin {
         }
         debug_assert_eq!(rows[2][0].len(), self.coefficient_rows);
         // Points to rows.
-        let mut outputs: Outputs =
-            rows.map(|points| (0..points[0].len()).flat_map(|r| points.iter().map(move |p| p[r])).collect());
-        if let Some(support) = &self.support {
-            make_local(support, &mut outputs[1], count);
-        }
-        outputs
+        rows.map(|points| (0..points[0].len()).flat_map(|r| points.iter().map(move |p| p[r])).collect())
     }
 }

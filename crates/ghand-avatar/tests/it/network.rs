@@ -193,7 +193,6 @@ fn rates(step: u64) -> PropertyRates {
         response: 1.0,
         networks: 1e-3,
         feature_tensor: 0.0,
-        gradient_clip: 10.0,
     }
 }
 

@@ -32,8 +32,6 @@ const SWEEPS: usize = 400;
 pub(super) enum Unknowns {
     /// Nothing: all light is even.
     Constant,
-    /// Factors of harmonics, of which the first is constant.
-    Harmonics,
     /// A sky that is the same from everywhere, and lamps in few of the directions.
     Lamps,
     /// The radiance of each direction.
@@ -93,15 +91,12 @@ fn fit_channel(unknowns: Unknowns, frames: &[&FrameColors], texels: usize, chann
     let count = frames.first().map_or(0, |frame| frame.parts.ncols());
     // Even light.
     let mut light = DVector::from_element(count, 1.0);
-    if unknowns == Unknowns::Harmonics {
-        light.rows_mut(1, count.saturating_sub(1)).fill(0.0);
-    }
     if unknowns == Unknowns::Constant {
         return ChannelFit { light, albedo: mean_colors(frames, texels, channel) };
     }
     let values = values_of(frames, channel);
-    // Directions that nothing shows are not dark: they are drawn to even light. Harmonics are even light and less.
-    let even = if unknowns == Unknowns::Harmonics { DVector::zeros(count) } else { light.clone() };
+    // Directions that nothing shows are not dark: they are drawn to even light.
+    let even = light.clone();
     let pull = Pull { to: &even, ridge: LIGHT_RIDGE };
     // All skin alike: what light explains is light.
     let mut albedo = DVector::from_element(texels, 1.0);
@@ -166,9 +161,9 @@ fn fit_light(
     let mut light = match unknowns {
         Unknowns::Directions => non_negative(&matrix, &vector, before),
         Unknowns::Lamps => lamps_in_a_sky(&matrix, &vector, &before),
-        Unknowns::Harmonics | Unknowns::Constant => matrix.lu().solve(&vector).unwrap_or(before),
+        Unknowns::Constant => before,
     };
-    let scale = if unknowns == Unknowns::Harmonics { light[0] } else { light.mean() };
+    let scale = light.mean();
     if scale > 0.0 {
         light /= scale;
     }

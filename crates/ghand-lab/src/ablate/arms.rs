@@ -4,7 +4,7 @@
 //! bootstrapped over the split's poses: other poses are what an avatar is for.
 
 use ghand_core::residual_skeleton::ResidualSkeleton;
-use ghand_core::skinning::{ResidualSupport, ResidualWeights};
+use ghand_core::skinning::ResidualWeights;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -39,7 +39,7 @@ const fn arm(
 }
 
 /// All arms.
-pub const ARMS: [Arm; 10] = [
+pub const ARMS: [Arm; 8] = [
     arm(
         "network-baseline",
         "an offset for each Gaussian from the pose",
@@ -60,13 +60,6 @@ pub const ARMS: [Arm; 10] = [
         "+ residual skeleton, anchored, zero sum",
         Model::Network,
         (Components::Full, true),
-        Some("network-hgbs"),
-    ),
-    arm(
-        "network-weights",
-        "control: learned skinning weights",
-        Model::Network,
-        (Components::Weights, true),
         Some("network-hgbs"),
     ),
     arm(
@@ -91,33 +84,18 @@ pub const ARMS: [Arm; 10] = [
         (Components::Full, true),
         Some("direct-hgbs"),
     ),
-    arm(
-        "direct-weights",
-        "control: learned skinning weights",
-        Model::Direct,
-        (Components::Weights, true),
-        Some("direct-hgbs"),
-    ),
 ];
 
 impl Arm {
     /// The settings of this arm: those of `base` but for what the arm is about.
     pub fn settings(&self, base: &TrainSettings) -> TrainSettings {
-        let (residual_weights, residual_skeleton, residual_support) = match self.corrected {
-            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored, base.residual_support),
-            false => (ResidualWeights::Paper, ResidualSkeleton::Paper, ResidualSupport::All),
+        let (residual_weights, residual_skeleton) = match self.corrected {
+            true => (ResidualWeights::ZeroSum, ResidualSkeleton::Anchored),
+            false => (ResidualWeights::Paper, ResidualSkeleton::Paper),
         };
         let images_per_step = if self.model == Model::Network { base.images_per_step } else { 1 };
         let Arm { model, components, .. } = *self;
-        TrainSettings {
-            model,
-            components,
-            residual_weights,
-            residual_skeleton,
-            residual_support,
-            images_per_step,
-            ..base.clone()
-        }
+        TrainSettings { model, components, residual_weights, residual_skeleton, images_per_step, ..base.clone() }
     }
 }
 

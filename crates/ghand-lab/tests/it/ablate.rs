@@ -8,7 +8,7 @@ const GHAND: &str = env!("CARGO_BIN_EXE_ghand-lab");
 fn arms_are_trained_once_and_compared() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    let small = ["--capture", "capture", "--set", "uv_resolution=32", "--set", "light=none"];
+    let small = ["--capture", "capture", "--set", "uv_resolution=32", "--set", "light=off"];
     let ablate = |more: &[&str]| run(GHAND, folder.path(), &[&["ablate"][..], &small, more].concat());
     let baseline = if cfg!(feature = "networks") { "network-baseline" } else { "direct-baseline" };
     let arms = format!("direct-hgbs,direct-full-paper,{baseline}");

@@ -130,24 +130,6 @@ pub fn image_loss(
     (value * inverse_count, gradient)
 }
 
-/// Up to here an error of the coverage counts by its square, beyond linearly.
-const COVERAGE_WIDTH: f64 = 0.1;
-
-/// `sum_p h(coverage_p - mask_p)` times `factor` and its gradient with respect to the coverage, over the pixels whose
-/// mask is 0 or 1; h is the Huber penalty with slope 1 beyond its width of 0.1.
-pub fn coverage_loss(coverage: &[f64], mask: &[f64], factor: f64) -> (f64, Vec<f64>) {
-    let mut value = 0.0;
-    let gradient = coverage.iter().zip(mask).map(|(c, m)| {
-        let error = if *m == 0.0 || *m == 1.0 { c - m } else { 0.0 };
-        let size = error.abs();
-        value += factor
-            * if size < COVERAGE_WIDTH { size * size / (2.0 * COVERAGE_WIDTH) } else { size - COVERAGE_WIDTH / 2.0 };
-        factor * (error / COVERAGE_WIDTH).clamp(-1.0, 1.0)
-    });
-    let gradient = gradient.collect();
-    (value, gradient)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,25 +165,6 @@ mod tests {
                 let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
                 assert!((d - numeric).abs() <= 1e-8, "pixel {i}: {d} against {numeric}");
             }
-        }
-    }
-
-    #[test]
-    fn the_gradient_of_the_coverage_agrees_with_central_differences_and_is_bounded() {
-        // Errors on both sides of the width, in all parts of the mask; none where the slope bends.
-        let coverage: Vec<f64> = (0..75).map(|i| f64::from(i % 25) * 0.04 + 0.03).collect();
-        let mask: Vec<f64> = (0..75).map(|i| [0.0, 1.0, 0.5][i / 25]).collect();
-        let (_, gradient) = coverage_loss(&coverage, &mask, 0.3);
-        for (i, d) in gradient.iter().enumerate() {
-            let shifted = |h: f64| {
-                let mut other = coverage.clone();
-                other[i] += h;
-                coverage_loss(&other, &mask, 0.3).0
-            };
-            let numeric = (shifted(1e-6) - shifted(-1e-6)) / 2e-6;
-            assert!((d - numeric).abs() <= 1e-8, "pixel {i}: {d} against {numeric}");
-            assert!(d.abs() <= 0.3 && (mask[i] != 0.5 || *d == 0.0), "pixel {i}: {d}");
-            assert!(mask[i] == 0.5 || (*d > 0.0) == (mask[i] == 0.0), "pixel {i}: {d} leads away from the mask");
         }
     }
 }

@@ -9,7 +9,7 @@ use ghand_render::image_loss::{ImageLoss, LossWeights};
 use ghand_render::mesh::{MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
 use ghand_render::optimizer::{Adam, Grouping};
 use ghand_render::splat::{Counters, SplatModel, SplatOptions, Splatter, View};
-use ghand_render::{AdapterChoice, Gpu, RenderError, Tier, buffers};
+use ghand_render::{AdapterChoice, Gpu, RenderError, buffers};
 use glam::{DVec2, DVec3};
 
 /// Far longer than any test here takes.

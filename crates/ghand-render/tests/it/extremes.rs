@@ -3,7 +3,6 @@
 
 use crate::common::*;
 use ghand_core::Camera;
-use ghand_render::Tier;
 use ghand_render::reference::project::{Color, Gaussian};
 use ghand_render::reference::rasterize::{CutOffs, Scene};
 use ghand_render::splat::{Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};

@@ -14,7 +14,7 @@ use ghand_render::Gpu;
 use serde::{Deserialize, Serialize};
 
 use super::stage::Stage;
-use super::{Trainer, Watched};
+use super::{CROP_MARGIN, Trainer, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
@@ -170,7 +170,7 @@ impl Trainer<'_> {
         let TrainSettings { model, merge_below, components, color_components, shape_bases, uv_resolution, .. } =
             self.settings;
         let mut parts = vec![];
-        if matches!(components, Components::Full | Components::Weights) {
+        if components == Components::Full {
             parts.push(("components", vec!["hgbs".to_owned()]));
         }
         if color_components > 0 {
@@ -234,8 +234,7 @@ impl<'a> Trials<'a> {
             run.split.views.iter().partition(|view| left_out.contains(&view.position));
         let judged = evenly(&judged, JUDGED_IMAGES, 0);
         let poses: Vec<Pose> = judged.iter().map(|view| run.prepared.poses[view.position].clone()).collect();
-        let margin = run.settings.crop_margin;
-        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, margin);
+        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, CROP_MARGIN);
         let split = Split { views: trained.clone(), ..run.split.clone() };
         let trainer = Trainer {
             gpu: run.gpu,
@@ -274,7 +273,7 @@ impl<'a> Trials<'a> {
         changes: &[String],
         ended: &mut dyn FnMut(&Trial),
     ) -> Result<bool, TrainError> {
-        let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Keep, ..set.clone() };
+        let mut settings = TrainSettings { max_seconds: 0.0, unseen: Unseen::Off, ..set.clone() };
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
         let TrainSettings { uv_resolution, merge_below, .. } = settings;
@@ -288,7 +287,6 @@ impl<'a> Trials<'a> {
             done: 0,
             refine_poses: false,
             reduction: self.trainer.reduction(),
-            scale_weight: 0.0,
             previews: 0,
             settings: settings.clone(),
         };

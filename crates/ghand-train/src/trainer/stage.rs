@@ -29,6 +29,13 @@ const LOSS_EVERY: u64 = 25;
 /// Number of views that say how much training saw of each Gaussian.
 const SEEN_VIEWS: usize = 60;
 
+/// How deep below the template's surface Gaussians start, in their standard deviations, but no deeper than a third of the
+/// hand's thickness: too thin is better than too thick, as nothing outside the hand must be unlearned. On the demo 1 has
+/// 0.5 dB more than 0, and as much as 1.5.
+const INSET: f64 = 1.0;
+/// The same in stage 1, whose Gaussians are round.
+const POSE_STAGE_INSET: f64 = 3.0;
+
 /// One stage of training.
 pub(super) struct Stage {
     pub number: u32,
@@ -41,7 +48,6 @@ pub(super) struct Stage {
     pub refine_poses: bool,
     /// The images are this many times smaller than the capture's.
     pub reduction: u32,
-    pub scale_weight: f64,
     /// How often the watched images are taken, evenly over the stage, and at its end once more.
     pub previews: u32,
 }
@@ -74,8 +80,9 @@ impl Trainer<'_> {
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
+        let pose_stage = self.settings.pose_stage();
         let before = self.state.borrow().clone().filter(|state| state.number == stage.number);
-        let avatar = self.start(gpu, settings)?;
+        let avatar = self.start(gpu, settings, if stage.refine_poses { POSE_STAGE_INSET } else { INSET })?;
         let mut step = self.step(gpu, stage, &avatar, before.as_ref())?;
         let background = self.capture.background.map(|b| b as f32);
         // The loss is a mean over the whole image, so that crops of all sizes have the same weight per pixel.
@@ -106,11 +113,11 @@ impl Trainer<'_> {
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut told_to_stop = false;
         let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
-            let (numbers, light) = step.state(gpu, self.prepared.poses.len())?;
+            let numbers = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
             let (number, losses) = (stage.number, losses.clone());
             let iteration = done;
-            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers, light })
+            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers })
         };
         while done < stage.iterations {
             let fraction = self.fraction(stage, done, began);
@@ -131,7 +138,7 @@ impl Trainer<'_> {
                 break;
             }
             self.show_onlooker(gpu, &step, &avatar, stage.done + done)?;
-            let rounds = settings.pose_prior_rounds;
+            let rounds = pose_stage.prior_rounds;
             if stage.refine_poses && is_prior_round(done, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
                 shrink(&mut poses);
@@ -141,13 +148,8 @@ impl Trainer<'_> {
             }
             let (indices, pose_step) = order.take();
             let decay = settings.final_rate.powf(fraction);
-            let rates = Rates {
-                step: done + 1,
-                tables: decay,
-                pose: if stage.refine_poses { decay } else { 0.0 },
-                pose_step,
-                scale_weight: stage.scale_weight,
-            };
+            let pose = stage.refine_poses.then_some(pose_stage.rate);
+            let rates = Rates { step: done + 1, tables: decay, pose, pose_step };
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;
@@ -220,8 +222,7 @@ impl Trainer<'_> {
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        let light = step.light()?.cloned();
-        let avatar = Avatar { tables, seen, light, provenance, ..avatar };
+        let avatar = Avatar { tables, seen, provenance, ..avatar };
         let skipped_steps = skipped.total;
         Ok(StageResult {
             avatar,
@@ -244,7 +245,6 @@ impl Trainer<'_> {
         let mut avatar = Avatar {
             template: Template { joints, ..start.template.clone() },
             tables: step.tables(gpu)?,
-            light: step.light()?.cloned(),
             provenance: Provenance { iterations, ..start.provenance.clone() },
             ..start.clone()
         };
@@ -272,11 +272,7 @@ impl Trainer<'_> {
         // Behind the frames that are trained on.
         let others: &[Pose] = watched.map_or(&[], |watched| &watched.poses);
         let mut step = Step::new(gpu, avatar, poses.len() + others.len(), largest, &mobility)?;
-        if stage.settings.rate_light > 0.0 {
-            step.learn_light()?;
-        }
         self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
-        before.map_or(Ok(()), |state| step.set_light_state(state.light.as_ref()))?;
         for (frame, pose) in poses.iter().chain(others).enumerate() {
             step.set_pose(gpu, frame, pose)?;
         }

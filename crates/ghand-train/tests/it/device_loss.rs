@@ -51,14 +51,7 @@ fn small_capture(gpu: &Gpu, folder: &Path) -> Capture {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings {
-        iterations: 20,
-        align: Align::Paper,
-        pose_stage: 0.5,
-        uv_resolution: 40,
-        pose_uv_resolution: 32,
-        ..Default::default()
-    }
+    TrainSettings { iterations: 20, align: Align::Paper, uv_resolution: 40, ..Default::default() }
 }
 
 /// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it reported.
@@ -107,12 +100,12 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let capture = small_capture(&gpu, &folder.path().join("capture"));
         let (trained, _) = train(&capture, None);
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(&capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(&capture, split, 16).unwrap();
         let (view, size) = (&views.get(0, 1).unwrap(), [64, 96]);
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
-        let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 0.0 };
+        let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
         assert_eq!(run(&gpu).unwrap(), Learned::Yes);
         let floor = Floor::new(&gpu, &capture, split, &poses, 4).unwrap();

@@ -56,13 +56,7 @@ fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
     };
     make_capture(&gpu, &options, folder.path()).unwrap();
     let capture = Capture::open(folder.path()).unwrap();
-    let settings = TrainSettings {
-        iterations: 300,
-        uv_resolution: 48,
-        // A high rate, because the response has few iterations to learn.
-        rate_response: 3e-2,
-        ..TrainSettings::default()
-    };
+    let settings = TrainSettings { iterations: 300, uv_resolution: 48, ..TrainSettings::default() };
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
     let mut free = trained.avatar.clone();
     let PropertyTables::Direct(tables) = &mut free.tables else { unreachable!() };

@@ -83,8 +83,9 @@ fn skin_without_light_on_it_needs_none() {
     assert_eq!(fit.light, None, "{:?}", fit.figures);
     // What is asked for is done all the same.
     let forced =
-        fit_light(&gpu, &flat, flat.split("train").unwrap(), &poses, LightChoice::Sh, GlossChoice::Always).unwrap();
-    assert_eq!((forced.light.unwrap().kind, forced.gloss), (LightKind::Sh, None));
+        fit_light(&gpu, &flat, flat.split("train").unwrap(), &poses, LightChoice::Transfer, GlossChoice::Always)
+            .unwrap();
+    assert!(forced.light.unwrap().kind == LightKind::Transfer && forced.gloss.is_some());
 }
 
 /// Puts the fitted template into a capture, and gives the fitted poses of its training frames.

@@ -13,7 +13,7 @@ use ghand_measure::cleanliness::{DetailEnergy, HandPicture, KnownColors, Picture
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, SyntheticOptions};
-use ghand_train::{Align, LightChoice, TrainSettings, Trainer};
+use ghand_train::{Align, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
 
 const VIEWS: usize = 24;
@@ -83,20 +83,16 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     }
     let root = capture.frames[split.frames[0]].pose.clone();
     capture.splits.insert("back".into(), split);
-    let train = |light| {
-        let settings = TrainSettings { iterations: 150, align: Align::None, light, ..Default::default() };
-        let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
-        println!("{:?}", trained.light.unwrap().report());
-        trained.avatar
-    };
-    let chosen = parts_beyond(&gpu, &train(LightChoice::Auto), &root, &known);
-    println!("light=auto: {chosen:?} are darker, more saturated");
+    let settings = TrainSettings { iterations: 150, align: Align::Off, ..Default::default() };
+    let trained = Trainer::new(&gpu, &capture, "back", &settings).unwrap().train(|_| ()).unwrap();
+    println!("{:?}", trained.light.unwrap().report());
+    let avatar = trained.avatar;
+    let chosen = parts_beyond(&gpu, &avatar, &root, &known);
+    println!("{chosen:?} are darker, more saturated");
     // Directions are chosen here, the worst of twelve persons: 0.0002 are darker and 0.003 more saturated, of which 0.086
     // were before the light's colours were drawn to each other.
     assert!(chosen[0] < 0.005 && chosen[1] < 0.01, "{chosen:?}");
 
-    // Harmonics, which this capture does not determine (they explain frames left out worse than no light).
-    let avatar = train(LightChoice::Sh);
     let light = &avatar.light.as_ref().unwrap().light;
     let trust_at = |towards: DVec3| {
         let pairs = light.directions().into_iter().zip(light.trust.as_ref().unwrap().values());
@@ -105,12 +101,4 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     };
     let [of_back, of_palm] = [1.0, -1.0].map(|sign| trust_at(sign * back(&capture, &root)));
     assert!(of_back > 0.95 && of_palm < 0.8, "{of_back} {of_palm}");
-    let [darker, _] = parts_beyond(&gpu, &avatar, &root, &known);
-    let mut trusting = avatar.clone();
-    trusting.light.as_mut().unwrap().light.trust = None;
-    let [darker_trusting, _] = parts_beyond(&gpu, &trusting, &root, &known);
-    println!("light=sh: {darker} are darker; if the light is trusted everywhere: {darker_trusting}");
-    // Measured: 0.130, and 0.188 if the light is trusted everywhere: what looks dark at the rim of what is seen, and is trusted.
-    // Of other persons 0.015 to 0.045, and 0.16 to 0.27.
-    assert!(darker < 0.75 * darker_trusting && darker < 0.14, "{darker} of {darker_trusting}");
 }

@@ -49,7 +49,7 @@ fn first_step(
     let mut step = Step::new(gpu, &avatar, 1, [96, 128], &mobility).unwrap();
     step.set_pose(gpu, 0, &capture.frames[0].pose).unwrap();
     lpips.into_iter().for_each(|lpips| step.use_lpips(lpips));
-    let rates = Rates { step: 1, tables: 1.0, pose: 0.0, pose_step: 1, scale_weight: 0.0 };
+    let rates = Rates { step: 1, tables: 1.0, pose: None, pose_step: 1 };
     let learned = step.run(gpu, view, value_count, [0.2, 0.3, 0.4], &settings, &rates).unwrap();
     assert_eq!(learned, Learned::Yes);
     let splatter = step.scene().splatter();

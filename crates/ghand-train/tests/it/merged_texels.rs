@@ -24,8 +24,8 @@ fn train(gpu: &Gpu, capture: &Capture, merge_below: f64) -> Trained {
         merge_below,
         iterations: 60,
         uv_resolution: RESOLUTION,
-        align: Align::None,
-        light: LightChoice::None,
+        align: Align::Off,
+        light: LightChoice::Off,
         ..TrainSettings::default()
     };
     Trainer::new(gpu, capture, "train", &settings).unwrap().train(|_| ()).unwrap()

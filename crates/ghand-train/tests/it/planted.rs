@@ -7,7 +7,6 @@ use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
-use ghand_core::skinning::ResidualSupport;
 use ghand_fit::floor::Floor;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
@@ -18,6 +17,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const RESOLUTION: u32 = 64;
+/// Where Gaussians start in training, so that the truth is the start but for what is planted.
+const INSET: f64 = 1.0;
 
 /// A capture of an avatar that starts as the template's plain surface with a colour for each Gaussian, and that `change`
 /// makes the truth.
@@ -44,15 +45,11 @@ fn settings(components: Components) -> TrainSettings {
         iterations: 500,
         uv_resolution: RESOLUTION,
         color_components: 0,
-        start_inset: 0.0,
-        align: Align::None,
-        light: LightChoice::None,
-        exposure: ExposureChoice::Same,
+        align: Align::Off,
+        light: LightChoice::Off,
+        exposure: ExposureChoice::Off,
         color_roughness: 0.0,
         rate_joints: 0.0,
-        // Weights of the joints that move a Gaussian can learn quickly: what they move is small.
-        residual_support: ResidualSupport::Local,
-        rate_residual_weights: 3e-3,
         components,
         ..TrainSettings::default()
     }
@@ -79,7 +76,7 @@ fn planted(change: impl FnOnce(&mut Avatar)) -> Planted {
     for (frame, pose) in capture.frames.iter_mut().zip(truth) {
         frame.pose = pose.unwrap();
     }
-    let mut avatar = Avatar::untrained_inset(&capture.template, &config(), [0.5; 3], 0.0, 1).unwrap();
+    let mut avatar = Avatar::untrained_inset(&capture.template, &config(), [0.5; 3], INSET, 1).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let colors: Vec<[f64; 3]> =
         (0..avatar.template.len()).map(|_| [0.75, 0.55, 0.45].map(|mean| mean + rng.random_range(-0.2..0.2))).collect();
@@ -182,8 +179,7 @@ fn where_the_weights_are_other_ones_they_are_recovered() {
         }
     });
     let (_, hgbs) = planted.train(&settings(Components::Hgbs));
-    let (learned, with) = planted.train(&settings(Components::Weights));
-    let (_, full) = planted.train(&settings(Components::Full));
+    let (learned, full) = planted.train(&settings(Components::Full));
     let mut seen = planted.seen(&learned);
     // How two bones share a Gaussian shows only where the joint between them bends.
     seen.retain(|p| planted.bend_at(*p) > 0.5);
@@ -193,10 +189,8 @@ fn where_the_weights_are_other_ones_they_are_recovered() {
         let (truth, found) = (effective_weights(&planted.truth, *p), effective_weights(&learned.avatar, *p));
         truth.into_iter().zip(found).map(|(a, b)| a - b).collect::<Vec<_>>()
     }));
-    println!(
-        "perturbed weights: hgbs {hgbs:.2} dB, weights {with:.2} dB, full {full:.2} dB; weights off by {error:.4} of {size:.4}"
-    );
-    assert!(with > hgbs && full > hgbs, "hgbs {hgbs} dB, weights {with} dB, full {full} dB");
+    println!("perturbed weights: hgbs {hgbs:.2} dB, full {full:.2} dB; weights off by {error:.4} of {size:.4}");
+    assert!(full > hgbs, "hgbs {hgbs} dB, full {full} dB");
     assert!(error < 0.9 * size, "weights off by {error} of {size}");
 }
 

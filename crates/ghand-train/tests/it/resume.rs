@@ -29,7 +29,7 @@ fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 40, uv_resolution: 32, pose_uv_resolution: 32, ..Default::default() }
+    TrainSettings { iterations: 40, uv_resolution: 32, ..Default::default() }
 }
 
 /// Runs until iteration `stop_at`, from the newest checkpoint of the folder on if there is one.
@@ -58,7 +58,7 @@ fn bytes(trained: &Trained) -> Vec<u8> {
 fn an_interrupted_run_ends_with_the_same_bytes() {
     with_capture(|gpu, capture| {
         let lit = TrainSettings { light: LightChoice::Transfer, gloss: GlossChoice::Always, ..settings() };
-        let stages = TrainSettings { align: Align::Paper, pose_stage: 0.5, light: LightChoice::None, ..settings() };
+        let stages = TrainSettings { align: Align::Paper, light: LightChoice::Off, ..settings() };
         let network = TrainSettings { model: Model::Network, iterations: 8, ..stages.clone() };
         // Of large networks the first steps overshoot: slow ones here.
         let slow = TrainSettings { rate_networks: 1e-5, rate_feature_tensor: 1e-5, ..network.clone() };
@@ -87,14 +87,14 @@ fn an_interrupted_run_ends_with_the_same_bytes() {
 fn a_checkpoint_of_another_run_is_refused_with_what_differs() {
     with_capture(|gpu, capture| {
         let folder = tempfile::tempdir().unwrap();
-        let none = TrainSettings { align: Align::None, light: LightChoice::None, ..settings() };
+        let none = TrainSettings { align: Align::Off, light: LightChoice::Off, ..settings() };
         run(gpu, capture, &none, folder.path(), 3);
         let refusal = |capture: &Capture, settings: &TrainSettings| {
             let checkpoint = Checkpoints::latest(folder.path()).unwrap().unwrap();
             Trainer::new(gpu, capture, "train", settings).unwrap().resume(checkpoint).err().unwrap().to_string()
         };
-        let message = refusal(capture, &TrainSettings { rate_color: 0.5, ..none.clone() });
-        assert!(message.contains("`rate_color` was 0.02") && message.contains("is 0.5 now"), "{message}");
+        let message = refusal(capture, &TrainSettings { rate_joints: 0.5, ..none.clone() });
+        assert!(message.contains("`rate_joints` was 0.0001") && message.contains("is 0.5 now"), "{message}");
         let mut moved = capture.clone();
         moved.frames[0].pose.translation.x += 1e-9;
         let message = refusal(&moved, &none);
@@ -105,7 +105,7 @@ fn a_checkpoint_of_another_run_is_refused_with_what_differs() {
 #[test]
 fn a_run_of_limited_time_ends_in_time_with_its_rates_run_down() {
     with_capture(|gpu, capture| {
-        let settings = TrainSettings { iterations: 1_000_000, max_seconds: 3.0, align: Align::None, ..settings() };
+        let settings = TrainSettings { iterations: 1_000_000, max_seconds: 3.0, align: Align::Off, ..settings() };
         let trained = Trainer::new(gpu, capture, "train", &settings).unwrap().train(|_| ()).unwrap();
         assert!(!trained.stopped && (1..1_000_000).contains(&trained.iterations), "{}", trained.iterations);
     });
@@ -114,7 +114,7 @@ fn a_run_of_limited_time_ends_in_time_with_its_rates_run_down() {
 #[test]
 fn an_avatar_that_is_shown_while_it_is_trained_ends_with_the_same_bytes() {
     with_capture(|gpu, capture| {
-        let stages = TrainSettings { align: Align::Paper, pose_stage: 0.5, ..settings() };
+        let stages = TrainSettings { align: Align::Paper, ..settings() };
         let network = TrainSettings { model: Model::Network, iterations: 6, ..stages.clone() };
         for settings in [stages, network].into_iter().filter(|settings| is_built(&settings.model)) {
             let trainer = || Trainer::new(gpu, capture, "train", &settings).unwrap();

@@ -13,8 +13,8 @@ fn settings() -> TrainSettings {
         simplify: Simplify::Auto,
         iterations: 60,
         uv_resolution: 64,
-        align: Align::None,
-        light: LightChoice::None,
+        align: Align::Off,
+        light: LightChoice::Off,
         ..TrainSettings::default()
     }
 }

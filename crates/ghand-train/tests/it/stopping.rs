@@ -26,14 +26,7 @@ fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings {
-        iterations: 40,
-        align: Align::Paper,
-        pose_stage: 0.5,
-        uv_resolution: 32,
-        pose_uv_resolution: 32,
-        ..Default::default()
-    }
+    TrainSettings { iterations: 40, align: Align::Paper, uv_resolution: 32, ..Default::default() }
 }
 
 fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Result<Trained, TrainError> {
@@ -75,10 +68,10 @@ fn a_stop_in_stage_2_returns_the_avatar_and_a_stop_before_returns_none() {
 fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
     with_capture(|gpu, capture| {
         // The run ends long before its last iteration.
-        let endless = TrainSettings { iterations: 100_000, pose_stage: 0.0, rate_response: 1e38, ..settings() };
+        let endless = TrainSettings { iterations: 100_000, align: Align::Off, rate_joints: 1e38, ..settings() };
         let error = train(gpu, capture, &endless).unwrap_err();
         assert!(matches!(error, TrainError::Diverged { iteration: 25, .. }), "{error}");
-        for (setting, stage) in [("rate_response", 2), ("rate_scale", 1), ("rate_pose", 1), ("rate_joints", 1)] {
+        for (setting, stage) in [("rate_shape_basis", 2), ("rate_joints", 1)] {
             let mut settings = settings();
             settings.set(&format!("{setting}=1e38")).unwrap();
             let error = train(gpu, capture, &settings).err().unwrap_or_else(|| panic!("{setting}"));
@@ -94,7 +87,7 @@ fn numbers_that_are_not_finite_end_a_run_and_name_the_setting() {
 fn a_step_whose_gradients_are_not_finite_changes_nothing() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         for model in [Model::Direct, Model::Network].into_iter().filter(is_built) {
             let settings = TrainSettings { model, ..settings() };
             let avatar = Avatar::untrained(&capture.template, &settings.avatar(), [0.8, 0.6, 0.5], 1).unwrap();
@@ -107,7 +100,7 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
                 let mut number = 0;
                 for values in losses {
                     number += u64::from(values.is_normal());
-                    let rates = Rates { step: number, tables: 1.0, pose: 1.0, pose_step: number, scale_weight: 1.0 };
+                    let rates = Rates { step: number, tables: 1.0, pose: Some(1e-2), pose_step: number };
                     let view = views.get(0, 1).unwrap();
                     let learned = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
                     assert_eq!(learned == Learned::Yes, values.is_normal(), "{values}");
@@ -127,8 +120,9 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
 #[test]
 fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
     with_capture(|gpu, capture| {
-        for (setting, stage) in [("rate_shape_basis=1", 2), ("rate_pose=3", 1)] {
-            let mut settings = TrainSettings { pose_stage: if stage == 1 { 0.9 } else { 0.0 }, ..settings() };
+        for (setting, stage) in [("rate_shape_basis=1", 2), ("rate_joints=1", 1)] {
+            let align = if stage == 1 { Align::Paper } else { Align::Off };
+            let mut settings = TrainSettings { align, ..settings() };
             settings.set(setting).unwrap();
             let error = train(gpu, capture, &settings).err().unwrap_or_else(|| panic!("{setting}"));
             let message = error.to_string();
@@ -141,9 +135,10 @@ fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
 #[test]
 fn runs_of_a_few_iterations_do_not_count_as_failed() {
     with_capture(|gpu, capture| {
-        for (iterations, pose_stage) in [(1, 0.62), (2, 0.62), (4, 0.62), (4, 0.0), (10, 0.5)] {
+        let (paper, off) = (Align::Paper, Align::Off);
+        for (iterations, align) in [(1, paper), (2, paper), (4, paper), (4, off), (10, paper)] {
             for seed in 1..=3 {
-                let trained = train(gpu, capture, &TrainSettings { iterations, pose_stage, seed, ..settings() });
+                let trained = train(gpu, capture, &TrainSettings { iterations, align, seed, ..settings() });
                 assert!(trained.is_ok(), "{iterations} iterations: {}", trained.unwrap_err());
             }
         }
@@ -154,7 +149,7 @@ fn runs_of_a_few_iterations_do_not_count_as_failed() {
 fn measuring_the_loss_does_not_change_what_is_learned() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         let config = settings().avatar();
         let avatar = Avatar::untrained(&capture.template, &config, [0.8, 0.6, 0.5], 1).unwrap();
         let joints = avatar.template.joint_count();
@@ -168,7 +163,7 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
                 if look {
                     losses.push(step.measure(gpu, &views.get(9, 1).unwrap(), [0.0; 3], &settings()).unwrap());
                 }
-                let rates = Rates { step: k + 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+                let rates = Rates { step: k + 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
                 let view = views.get(k as usize, 1).unwrap();
                 let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
                 assert_eq!(learned, Learned::Yes);
@@ -186,7 +181,7 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
 fn a_frame_that_must_grow_is_learned_from_once() {
     with_capture(|gpu, capture| {
         let split = capture.split("train").unwrap();
-        let views = TrainViews::new(capture, split, settings().crop_margin).unwrap();
+        let views = TrainViews::new(capture, split, 16).unwrap();
         let mut avatar = Avatar::untrained(&capture.template, &settings().avatar(), [0.8, 0.6, 0.5], 1).unwrap();
         // Gaussians of the largest possible size cover more tiles than the initial capacity.
         let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
@@ -203,7 +198,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
                 step.measure(gpu, &view, [0.0; 3], &settings()).unwrap();
                 assert!(step.scene().splatter().capacity() > at_first);
             }
-            let rates = Rates { step: 1, tables: 1.0, pose: 1.0, pose_step: 1, scale_weight: 1.0 };
+            let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
             let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
             assert_eq!(learned, Learned::Yes);
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");

@@ -184,17 +184,17 @@ impl Case {
     fn odd_setting(&mut self, world: &World, random: &mut ChaCha8Rng) {
         const NAMES: [&str; 14] = [
             "iterations",
-            "pose_stage",
+            "merge_below",
             "uv_resolution",
-            "pose_uv_resolution",
+            "images_per_step",
             "seed",
             "shape_bases",
             "color_components",
-            "rate_response",
-            "rate_pose",
+            "rate_shape_basis",
+            "rate_joints",
             "residual_weights",
             "residual_skeleton",
-            "pose_image_reduction",
+            "final_rate",
             "iteratoins",
             "",
         ];

@@ -1,8 +1,7 @@
 //! The `direct` model on the device, host part of `pose_response.wgsl`.
 
-use crate::deform::{Deformation, DeformationBackward, JointSums, LocalWeights, invocations_of_four};
+use crate::deform::{Deformation, DeformationBackward, JointSums, invocations_of_four};
 use bytemuck::{Pod, Zeroable};
-use ghand_core::skinning::ResidualSupport;
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};
@@ -49,8 +48,6 @@ struct Training {
     color_sums: JointSums,
     response_backward: Bound,
     adam: [AdamTable; 5],
-    /// Of the gradient of the residual weights, and of these after an update.
-    local_weights: Option<[LocalWeights; 2]>,
 }
 
 /// Parts of the appearance table with separate learning rates: scale, base colour, components.
@@ -148,8 +145,8 @@ impl PropertyModel for DirectModel {
     ) -> Result<(), RenderError> {
         let lengths = self.lengths();
         let what = format!("the gradients of an avatar of {} Gaussians", self.count);
-        let (gradients, respond_backward, coefficient_sums, color_sums, response_backward, local_weights) = gpu
-            .scoped(&what, || {
+        let (gradients, respond_backward, coefficient_sums, color_sums, response_backward) =
+            gpu.scoped(&what, || {
                 let d = backward.gradients();
                 let gradients = [
                     d.shape_basis.clone(),
@@ -179,24 +176,14 @@ impl PropertyModel for DirectModel {
                 ]);
                 let respond_backward = module.stage(gpu, "respond_backward", &[]).bind(gpu, &all);
                 let response_backward = module.stage(gpu, "response_backward", &[]).bind(gpu, &all);
-                let local = |values| LocalWeights::new(gpu, deformation.weights(), values, self.joints, self.count);
-                let is_local = self.config.residual_support == ResidualSupport::Local && !self.config.plain_skinning;
-                let local_weights = is_local.then(|| [&gradients[1], &self.tables[1]].map(local));
-                (gradients, respond_backward, coefficient_sums, color_sums, response_backward, local_weights)
+                (gradients, respond_backward, coefficient_sums, color_sums, response_backward)
             })?;
         let adam = Adam::new(gpu)?;
         let table =
             |i: usize, slots| adam.table(gpu, &self.tables[i], &gradients[i], lengths[i], slots, Grouping::Scalars);
         let adam = [table(0, 1)?, table(1, 1)?, table(2, 1)?, table(3, APPEARANCE_SLOTS)?, table(4, RESPONSE_SLOTS)?];
-        self.training = Some(Training {
-            gradients,
-            respond_backward,
-            coefficient_sums,
-            color_sums,
-            response_backward,
-            adam,
-            local_weights,
-        });
+        self.training =
+            Some(Training { gradients, respond_backward, coefficient_sums, color_sums, response_backward, adam });
         Ok(())
     }
 
@@ -245,15 +232,12 @@ impl PropertyModel for DirectModel {
             (4, 2, channels..gains, of_coefficients),
             (4, 3, gains..lengths[4], rates.response),
         ];
-        let local = training.local_weights.as_ref().filter(|_| rates.residual_weights > 0.0);
-        local.into_iter().for_each(|[gradient, _]| gradient.encode(&mut pass));
         for (table, slot, range, rate) in ranges {
             if rate > 0.0 && !range.is_empty() {
                 let start = range.start;
                 training.adam[table].encode(gpu, &mut pass, slot, &AdamUniforms::new(range, start, rate, rates.step));
             }
         }
-        local.into_iter().for_each(|[_, weights]| weights.encode(&mut pass));
         Ok(true)
     }
 

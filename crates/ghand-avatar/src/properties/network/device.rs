@@ -5,7 +5,6 @@ use std::time::Instant;
 use crate::deform::{Deformation, DeformationBackward, Properties};
 use burn_tensor::{Device, Tensor, TensorData};
 use ghand_core::HandModel;
-use ghand_core::skinning::ResidualSupport;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
@@ -128,10 +127,6 @@ impl NetworkModel {
             shape_basis: table(&tables.base_shape_basis, 3 * tables.properties.bases, &device),
             logits: table(&tables.base_logits, LOGIT_ROWS, &device),
             max_scale: template.max_scale(),
-            support: (config.residual_support == ResidualSupport::Local).then(|| {
-                let support: Vec<f32> = template.weights.iter().map(|w| if *w > 0.0 { 1.0 } else { 0.0 }).collect();
-                table(&support, template.joint_count(), &device)
-            }),
         };
         Ok(NetworkModel {
             networks,
@@ -303,7 +298,7 @@ impl PropertyModel for NetworkModel {
         training.propagate();
         self.seconds[1] += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let Some(factor) = training.clip.factor(&training.parameter_gradients, rates.gradient_clip)? else {
+        let Some(factor) = training.clip.factor(&training.parameter_gradients)? else {
             self.discard_gradients();
             return Ok(false);
         };

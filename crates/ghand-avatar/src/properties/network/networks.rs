@@ -56,19 +56,6 @@ pub(super) struct Base {
     pub logits: Tensor<2>,
     /// Largest standard deviation of a Gaussian, metres.
     pub max_scale: f32,
-    /// 1 for each joint that moves a Gaussian, else 0, `[n_b][N]`, if residual weights are local.
-    pub support: Option<Tensor<2>>,
-}
-
-impl Base {
-    /// As `ghand_core::skinning::make_local`, if residual weights are local.
-    fn localized(&self, weights: Tensor<2>) -> Tensor<2> {
-        let Some(support) = &self.support else { return weights };
-        let count = support.clone().sum_dim(0).clamp_min(1.0);
-        let masked = weights * support.clone();
-        let mean = masked.clone().sum_dim(0) / count;
-        masked - support.clone() * mean
-    }
 }
 
 /// What depends on the pose.
@@ -152,7 +139,7 @@ impl Networks {
         let offsets = self.shape_basis.forward(pass, features.clone()).transpose();
         Canonical {
             shape_basis: offsets * OFFSET_GAIN + base.shape_basis.clone(),
-            residual_weights: base.localized(self.residual_weights.forward(pass, features.clone()).transpose()),
+            residual_weights: self.residual_weights.forward(pass, features.clone()).transpose(),
             features,
         }
     }

@@ -49,8 +49,6 @@ struct Case {
     maps: [Vec<f32>; 2],
     base_shape_basis: Vec<f32>,
     base_logits: Vec<f32>,
-    /// Which joints move which Gaussians.
-    support: Vec<f32>,
     weights: [Vec<f32>; 6],
     /// Where they run.
     device: Device,
@@ -85,7 +83,6 @@ impl Case {
             maps: [map(2), map(3)],
             base_shape_basis: random(4, 6 * gaussians, 0.01),
             base_logits: random(5, 4 * gaussians, 1.0),
-            support: random(6, 3 * gaussians, 1.0).into_iter().map(|v| if v > -0.3 { 1.0 } else { 0.0 }).collect(),
             sizes,
             networks,
             list,
@@ -112,7 +109,6 @@ impl Case {
             shape_basis: self.table(&self.base_shape_basis, 6),
             logits: self.table(&self.base_logits, 4),
             max_scale: MAX_SCALE,
-            support: Some(self.table(&self.support, 3)),
         };
         let mut pass = Pass::new(parameters, None);
         let c = self.networks.canonical(&mut pass, map(0), &sampler, &base);
@@ -154,7 +150,6 @@ impl Case {
             base_shape_basis: wide(&self.base_shape_basis),
             base_logits: wide(&self.base_logits),
             max_scale: MAX_SCALE.into(),
-            support: Some(wide(&self.support)),
             coefficient_rows: 6,
         }
     }

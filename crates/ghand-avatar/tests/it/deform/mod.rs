@@ -4,7 +4,6 @@
 mod blend_shapes;
 mod hand;
 mod joint_sums;
-mod local_weights;
 mod normals;
 mod residual_skeleton;
 mod shade;
