@@ -39,9 +39,8 @@ pub struct Measured {
     /// PSNR over the hand's surroundings, dB, and over its mask.
     pub psnr: f64,
     pub psnr_hand: f64,
-    /// SSIM and FLIP.
+    /// SSIM.
     pub ssim: f64,
-    pub flip: f64,
     /// From a pose to the picture on the device, ms: the median over the rounds of each round's median.
     pub frame_ms: f64,
     /// Quartiles of the rounds.
@@ -121,7 +120,6 @@ pub fn measure(
             psnr: mean.psnr,
             psnr_hand: mean.psnr_hand,
             ssim: mean.ssim,
-            flip: mean.flip,
             frame_ms: 0.0,
             frame_ms_range: [0.0; 2],
             relative: 1.0,
@@ -229,7 +227,6 @@ mod tests {
             psnr,
             psnr_hand: psnr,
             ssim: 1.0,
-            flip: 0.0,
             frame_ms,
             frame_ms_range: [frame_ms; 2],
             relative: frame_ms / 30.0,

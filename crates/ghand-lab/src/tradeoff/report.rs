@@ -96,13 +96,13 @@ impl Report {
     /// A Markdown table, the fastest first.
     pub fn table(&self) -> String {
         let mut text =
-            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | on the device, MB | Gaussians |\n\
-                        |---|---|---|---|---|---|---|---|---|---|---|\n"
+            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | MB | on the device, MB | Gaussians |\n\
+                        |---|---|---|---|---|---|---|---|---|---|\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.4} | {:.2} | {} | {} |\n",
+                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.2} | {} | {} |\n",
                 if m.best { "*" } else { "" },
                 m.name,
                 m.frame_ms,
@@ -110,7 +110,6 @@ impl Report {
                 m.psnr,
                 m.psnr_hand,
                 m.ssim,
-                m.flip,
                 m.bytes as f64 * 1e-6,
                 m.device_bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 * 1e-6)),
                 m.gaussians
@@ -126,7 +125,7 @@ impl Report {
         format!(
             "# Speed and accuracy\n\nCapture `{}`, split `{}`, {} images; {}. A frame is the time from a pose to the picture on \
              the device, the median over {} rounds in which all variants have their turn, with their quartiles; relative is \
-             the median of the rounds' ratios to the exact avatar. PSNR, SSIM and FLIP are over the hand's surroundings. No \
+             the median of the rounds' ratios to the exact avatar. PSNR and SSIM are over the hand's surroundings. No \
              other variant is faster and as accurate, or as fast and more accurate, than those with a star.\n\n![Speed and accuracy](tradeoff.svg)\n\n{}",
             self.capture,
             self.split,
@@ -139,12 +138,12 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text =
-            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,device_bytes,gaussians\n"
+            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,bytes,device_bytes,gaussians\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{},{}\n",
+                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{}\n",
                 m.name.replace('"', "\"\""),
                 m.knob,
                 m.best,
@@ -153,7 +152,6 @@ impl Report {
                 m.psnr,
                 m.psnr_hand,
                 m.ssim,
-                m.flip,
                 m.bytes,
                 m.device_bytes.map_or(String::new(), |bytes| bytes.to_string()),
                 m.gaussians
