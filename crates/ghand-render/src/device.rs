@@ -2,7 +2,6 @@
 
 mod adapter;
 mod failure;
-mod memory_limit;
 mod recovery;
 
 use std::sync::Arc;
@@ -10,7 +9,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use adapter::AdapterChoice;
 pub use failure::{DeviceError, RenderError};
-pub use memory_limit::address_space_limit_mib;
 
 use failure::Failure;
 
@@ -54,7 +52,6 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::new`], and if the adapter lacks what the tier needs.
     pub fn with_tier(choice: &AdapterChoice, tier: Tier) -> Result<Gpu, DeviceError> {
-        memory_limit::check()?;
         let instance = instance();
         let adapter = adapter::choose(&instance, choice)?;
         Gpu::open(instance, adapter, Some(tier))
@@ -65,7 +62,6 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::new`].
     pub fn with_instance(instance: wgpu::Instance, choice: &AdapterChoice) -> Result<Gpu, DeviceError> {
-        memory_limit::check()?;
         let adapter = adapter::choose(&instance, choice)?;
         Gpu::open(instance, adapter, Tier::from_env()?)
     }

@@ -10,7 +10,6 @@ use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
-use ghand_app::heap::use_one_arena;
 use ghand_app::light_args::LightArgs;
 use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
@@ -105,7 +104,6 @@ fn parse_scale(text: &str) -> Result<f32, String> {
 }
 
 fn main() -> ExitCode {
-    use_one_arena();
     cli::run(run)
 }
 

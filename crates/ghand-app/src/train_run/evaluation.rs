@@ -240,9 +240,7 @@ pub fn print_image_table(m: &ImageMetrics) {
     for (name, SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, lpips, .. }) in rows {
         let lpips = lpips.map_or(String::new(), |lpips| format!("    {lpips:.4}"));
         let square = decibels(*psnr_square);
-        say!(
-            "  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}{lpips}"
-        );
+        say!("  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}{lpips}");
     }
     let squares = m.avatar.psnr_square.zip(m.floor.psnr_square);
     let square = squares.map_or("-".into(), |(avatar, floor)| format!("{:+.2}", avatar - floor));
