@@ -1,6 +1,7 @@
 //! Parts of the programs `train`, `viewer` and `ghand`: the commands, the viewer, and the reading of input.
 
 mod allocator;
+pub mod baked;
 pub mod bare_hand;
 pub mod capture_args;
 pub mod capture_preflight;
@@ -16,7 +17,6 @@ pub mod mesh_picture;
 pub mod own_inputs;
 pub mod pictures;
 pub mod pose_choice;
-pub mod quality;
 pub mod runtime_dir;
 pub mod shown;
 pub mod sight;

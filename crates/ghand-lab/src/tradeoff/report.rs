@@ -12,7 +12,6 @@ use super::TradeoffArgs;
 use super::measure::Measured;
 use super::variants::KNOBS;
 use ghand_app::pictures::write_png;
-use ghand_app::quality::{Playback, Quality, QualityPresets};
 
 /// Room that a name takes in the plot: dB, and times its place.
 const NAME_HEIGHT: f64 = 0.12;
@@ -29,24 +28,9 @@ pub struct Report {
     /// Images compared, and rounds of timing.
     images: usize,
     rounds: u32,
-    /// The presets on this adapter: the avatar as it is, the fastest variant that is nearly as accurate, and the fastest that
-    /// still looks alike.
-    recommended: Vec<Recommended>,
     /// The fastest first.
     variants: Vec<Measured>,
 }
-
-/// A variant with a reason.
-#[derive(Debug, Serialize)]
-struct Recommended {
-    quality: Quality,
-    variant: String,
-    #[serde(flatten)]
-    playback: Playback,
-}
-
-/// What each preset may lose of the avatar's PSNR, dB.
-const PRESETS: [(Quality, f64); 2] = [(Quality::Balanced, 0.1), (Quality::Fast, 1.0)];
 
 /// Makes the folder, unless it has files of an earlier run that may not be replaced.
 ///
@@ -62,15 +46,6 @@ pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
 impl Report {
     pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, images: usize, mut variants: Vec<Measured>) -> Report {
         variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
-        let exact = variants.iter().find(|m| m.playback == Some(Playback::EXACT));
-        let least = exact.map_or(f64::INFINITY, |m| m.psnr);
-        let fastest = |(quality, loss): (Quality, f64)| {
-            let m = variants.iter().find(|m| m.playback.is_some() && m.psnr >= least - loss)?;
-            Some(Recommended { quality, variant: m.name.clone(), playback: m.playback? })
-        };
-        let exact =
-            exact.map(|m| Recommended { quality: Quality::Exact, variant: m.name.clone(), playback: Playback::EXACT });
-        let recommended = exact.into_iter().chain(PRESETS.into_iter().filter_map(fastest)).collect();
         let name = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Report {
             adapter: gpu.info.name.clone(),
@@ -78,19 +53,8 @@ impl Report {
             split: args.split.clone(),
             images,
             rounds: args.rounds,
-            recommended,
             variants,
         }
-    }
-
-    /// Keeps the presets for this adapter in the user's file.
-    ///
-    /// # Errors
-    /// An error that names the file.
-    pub fn keep_presets(&self, path: &Path) -> anyhow::Result<()> {
-        let mut presets = QualityPresets::read(path)?;
-        self.recommended.iter().for_each(|r| presets.set(&self.adapter, r.quality, r.playback));
-        presets.write(path)
     }
 
     /// A Markdown table, the fastest first.
@@ -114,9 +78,6 @@ impl Report {
                 m.device_bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 * 1e-6)),
                 m.gaussians
             );
-        }
-        for r in &self.recommended {
-            text += &format!("\n`--quality {}`: {}\n", r.quality.name(), r.variant);
         }
         text
     }

@@ -10,7 +10,6 @@ mod motion;
 mod output;
 mod pointer;
 mod pose;
-mod quality;
 mod saved_views;
 mod thumbnails;
 mod truth;
