@@ -8,7 +8,7 @@ use ghand_hand_model::joint_axes::{JointAxes, fingertips};
 use ghand_hand_model::joint_limits::{COUPLED_RATIO, COUPLED_SPREAD, JointLimits, clamp_to_limits, random_pose};
 use ghand_hand_model::joint_names::{Finger, JointRole};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};

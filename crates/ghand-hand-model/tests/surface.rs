@@ -3,8 +3,8 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::surface::{SurfaceSamples, sample_surface};
+use ghand_procedural_hand::ProceduralHand;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

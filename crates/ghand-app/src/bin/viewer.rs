@@ -34,7 +34,7 @@ use ghand_app::viewer::window;
 #[command(version)]
 struct Arguments {
     /// An avatar (.ghand), the folder of a run of `train`, also while it goes on, a scene of Gaussians (.ply) or a hand model
-    /// (.glb, .gltf, MANO; builtin, builtin-left or procedural) [default: the avatar trained last in out/train, out/train-2,
+    /// (.glb, .gltf, MANO; builtin or builtin-left) [default: the avatar trained last in out/train, out/train-2,
     /// ..., else an avatar that comes with ghand]
     file: Option<PathBuf>,
     /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]

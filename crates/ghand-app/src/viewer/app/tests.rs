@@ -22,7 +22,7 @@ use egui_kittest::kittest::Queryable;
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_render::AdapterChoice;
 use glam::DVec2;
 

@@ -1,4 +1,4 @@
-//! The built-in hand, generated from a few lengths.
+//! A hand with MANO's joints, generated from a few lengths, for tests.
 //!
 //! It is constructed like a glove. Two equal pieces of cloth are cut along one outline (`pattern`), sewn together at
 //! it, and pulled over a solid hand (`flesh`), on which the cloth is then relaxed. The flat pieces are the UV atlas,
@@ -24,7 +24,7 @@
 //! # Pose
 //!
 //! [`HandModel::pose_directions`] keep the volume of bent joints, which linear blending alone would lose
-//! ([`crate::pose_correctives`]).
+//! ([`ghand_hand_model::pose_correctives`]).
 
 mod flesh;
 mod glove;
@@ -37,19 +37,17 @@ mod skeleton;
 use ghand_core::posing::regress_joints;
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
-use super::mano::{JOINT_NAMES, PARENTS};
-use crate::HandModelError;
-use crate::pose_correctives::{BendingChain, pose_directions};
+use ghand_hand_model::HandModelError;
+use ghand_hand_model::mano::{JOINT_NAMES, PARENTS};
+use ghand_hand_model::pose_correctives::{BendingChain, pose_directions};
 use glove::Glove;
 
-/// Lengths of the built-in hand, metres. [`Default`] is an adult's right hand.
+/// Lengths of a hand, metres. [`Default`] is an adult's right hand.
 ///
 /// The rest pose is flat with the fingers slightly spread: wrist joint at the origin, fingers along -Y, thumb side
 /// towards -Z, back of the hand towards +X (of a left hand: -X). Joints are MANO's 16, in MANO's order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ProceduralHand {
     /// Makes the left hand: the mirror image in x.
     pub left: bool,
@@ -98,7 +96,7 @@ impl ProceduralHand {
     /// ```
     /// use ghand_core::Pose;
     /// use ghand_core::posing::pose_hand;
-    /// use ghand_hand_model::procedural::ProceduralHand;
+    /// use ghand_procedural_hand::ProceduralHand;
     /// use glam::DVec3;
     ///
     /// let hand = ProceduralHand::default().build()?;

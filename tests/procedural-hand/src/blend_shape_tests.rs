@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::named_poses::{POSE_NAMES, named_pose};
+use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "pinky"];
 
