@@ -1,5 +1,4 @@
 //! The hand that is part of the program.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};

@@ -1,6 +1,4 @@
 //! Surface samples of meshes of any size, with triangles without area, and of random meshes.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::surface::{SurfaceSamples, sample_surface};

@@ -8,8 +8,8 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRu
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::cases::{About, Case, uniform};
-use crate::dual::{Dual, Scalar};
+use super::cases::{About, Case, uniform};
+use super::dual::{Dual, Scalar};
 
 /// Number of random cases per derivative.
 const CASES: u32 = 10_000;
@@ -211,7 +211,8 @@ where
     let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
     let worst: RefCell<BTreeMap<String, (usize, Errors)>> = RefCell::default();
     let refused = RefCell::new(0);
-    let config = Config { cases: CASES, failure_persistence: None, ..Config::default() };
+    let config =
+        Config { cases: CASES, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]));
     let outcome = runner.run(&cases, |case| {
         let problem = build(&case);

@@ -2,7 +2,7 @@
 //! without code of the crate. Rotations are matrix exponentials by scaling and squaring; the chain is a product of 4x4
 //! matrices.
 
-use crate::dual::{Dual, Scalar};
+use super::dual::{Dual, Scalar};
 
 pub type Vec3<S> = [S; 3];
 /// The upper three rows of a 4x4 matrix whose last row is 0 0 0 1.

@@ -1,5 +1,4 @@
 //! Named poses on the built-in hand: what touches, and what must not be inside anything else.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Side};

@@ -9,11 +9,11 @@ use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
 use glam::{DMat3, DVec3};
 use rand::RngExt;
 
-use crate::cases::{About, Case, cases, uniform};
-use crate::check::{Input, Problem, SLOPE, prove};
-use crate::dual::Scalar;
-use crate::reference::{self, Mat4, Skin, vec3s};
-use crate::{ROTATION_STEP, depth, dvec3s, flat, largest};
+use super::cases::{About, Case, cases, uniform};
+use super::check::{Input, Problem, SLOPE, prove};
+use super::dual::Scalar;
+use super::reference::{self, Mat4, Skin, vec3s};
+use super::{ROTATION_STEP, depth, dvec3s, flat, largest};
 
 /// A matrix from its rows.
 fn matrix(rows: &[f64]) -> DMat3 {

@@ -10,11 +10,11 @@ use ghand_core::skinning::ResidualWeights;
 use glam::{DMat3, DVec3};
 use proptest::prelude::Strategy;
 
-use crate::cases::{About, Case, cases, uniform};
-use crate::check::{Input, Problem, SLOPE, prove};
-use crate::dual::Scalar;
-use crate::reference::{self, Skin, vec3s};
-use crate::{ROTATION_STEP, depth, dvec3s, flat, largest};
+use super::cases::{About, Case, cases, uniform};
+use super::check::{Input, Problem, SLOPE, prove};
+use super::dual::Scalar;
+use super::reference::{self, Skin, vec3s};
+use super::{ROTATION_STEP, depth, dvec3s, flat, largest};
 
 struct Whole {
     case: Case,

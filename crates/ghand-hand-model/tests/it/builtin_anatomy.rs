@@ -1,5 +1,4 @@
 //! The built-in hand's joints are where people have them, and bending them leaves the hand its volume.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::posing::{pose_hand, shape_hand};
 use ghand_core::{HandModel, Pose, Side};

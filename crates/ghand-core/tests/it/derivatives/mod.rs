@@ -1,9 +1,7 @@
 //! Checks every derivative of the crate, at every extreme, in two ways: against forward-mode differentiation of a
 //! second implementation (`reference`, `dual`), and against differences of the crate's own values.
 //!
-//! `cargo test -p ghand-core --test derivatives -- --nocapture` prints the worst errors, as in `lab/2026-11-numerics.md`.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
-#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
+//! `cargo test -p ghand-core --test it derivatives:: -- --nocapture` prints the worst errors, as in `lab/2026-11-numerics.md`.
 
 mod cases;
 mod check;

@@ -5,11 +5,11 @@ use ghand_core::{HandModel, Pose, Side};
 use glam::DVec3;
 use rand::RngExt;
 
-use crate::cases::{About, Case, cases, uniform};
-use crate::check::{Input, Problem, SLOPE, prove};
-use crate::dual::Scalar;
-use crate::reference::{self, Skin, vec3s};
-use crate::{ROTATION_STEP, depth, dvec3s, flat, largest};
+use super::cases::{About, Case, cases, uniform};
+use super::check::{Input, Problem, SLOPE, prove};
+use super::dual::Scalar;
+use super::reference::{self, Skin, vec3s};
+use super::{ROTATION_STEP, depth, dvec3s, flat, largest};
 
 /// A random hand model in a random shape, and in a random pose if `posed`.
 struct Hand {

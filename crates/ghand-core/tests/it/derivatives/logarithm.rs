@@ -3,10 +3,10 @@
 use ghand_core::rotation::{axis_angle_from_rotation, axis_angle_from_rotation_vjp, rotation_from_axis_angle};
 use glam::{DMat3, DVec3};
 
-use crate::cases::{About, Case, axis, cases, uniform};
-use crate::check::{Input, Problem, SLOPE, prove};
-use crate::dual::{Dual, Scalar};
-use crate::reference::{product3, rotation, rotation_with_partials};
+use super::cases::{About, Case, axis, cases, uniform};
+use super::check::{Input, Problem, SLOPE, prove};
+use super::dual::{Dual, Scalar};
+use super::reference::{product3, rotation, rotation_with_partials};
 
 /// `w -> log(R exp([w]x))` at `w = 0`, R by an angle of at most pi.
 struct Logarithm {

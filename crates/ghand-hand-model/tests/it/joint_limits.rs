@@ -1,5 +1,4 @@
 //! The axes of joints and how far they move, on the built-in hand and on rigs with WebXR's joints.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{HandModel, Pose, Side};

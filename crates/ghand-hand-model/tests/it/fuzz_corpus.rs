@@ -1,6 +1,5 @@
 //! Runs the inputs of `fuzz/corpus`, and changes of them, through the readers of `fuzz/fuzz_targets`: the result is a
 //! valid model or an error, never a panic.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};

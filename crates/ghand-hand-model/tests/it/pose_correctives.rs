@@ -1,5 +1,4 @@
 //! Pose correctives fitted to rigs that have none.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
