@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 use super::cases::{About, Case, uniform};
 use super::dual::{Dual, Scalar};
 
-/// Number of random cases per derivative.
-const CASES: u32 = 10_000;
+/// Number of random cases per derivative, usually and in long tests.
+const CASES: [u32; 2] = [1_000, 10_000];
 /// Allowed relative errors: of values and of gradients against dual numbers, and of gradients against differences.
 const EXACT: f64 = 1e-8;
 const DIFFERENCES: f64 = 1e-6;
@@ -212,7 +212,7 @@ where
     let worst: RefCell<BTreeMap<String, (usize, Errors)>> = RefCell::default();
     let refused = RefCell::new(0);
     let config =
-        Config { cases: CASES, failure_persistence: None, ..Config::default() };
+        Config { cases: ghand_test_support::cases(CASES[0], CASES[1]), failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]));
     let outcome = runner.run(&cases, |case| {
         let problem = build(&case);
