@@ -99,15 +99,14 @@ print_row() {
                 " | " both(inner["floor.psnr"], top["psnr"], "%.2f") \
                 " | " both(inner["floor.psnr_hand"], top["psnr_hand"], "%.2f") \
                 " | " both(inner["floor.ssim"], top["ssim"], "%.4f") \
-                " | " both(inner["floor.flip"], top["flip"], "%.4f") \
                 " | " both(inner[error "before"], inner[error "after"], "%.2f") \
                 " | " number(top["seconds"], "%.0f") " |"
         }' "$2"
 }
 
 print_table() {
-    echo "| entry | protocol | poses | images | iterations | PSNR: floor, avatar | on the hand | SSIM | FLIP | pose error: before, refined | seconds |"
-    echo "|---|---|---|---|---|---|---|---|---|---|---|"
+    echo "| entry | protocol | poses | images | iterations | PSNR: floor, avatar | on the hand | SSIM | pose error: before, refined | seconds |"
+    echo "|---|---|---|---|---|---|---|---|---|---|"
     local name folder
     for name in $names; do
         for folder in "$results/$name" "$results/$name/protocol-aligned"; do

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a linker, a C++ compiler (for FLIP), a
-# Vulkan driver and the libraries that the viewer's window loads. Changes nothing where all is there.
+# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a C compiler (to
+# link, and for the allocator mimalloc), a Vulkan driver and the libraries that the viewer's window loads. Changes nothing
+# where all is there.
 set -euo pipefail
 
 say() { echo "setup: $*"; }
@@ -25,19 +26,10 @@ links_programs() {
     [ "$works" = 1 ]
 }
 
-compiles_cpp() {
-    local folder works=1
-    folder=$(mktemp -d)
-    printf '#include <vector>\nint main() { return std::vector<int>{}.empty() ? 0 : 1; }\n' >"$folder/a.cpp"
-    "${CXX:-c++}" -std=c++17 "$folder/a.cpp" -o "$folder/a" 2>/dev/null || works=0
-    rm -rf "$folder"
-    [ "$works" = 1 ]
-}
-
 case "$(uname -s)" in
 Linux) ;;
 Darwin)
-    links_programs || fail "no C linker; install the command line tools with \`xcode-select --install\`."
+    links_programs || fail "no C compiler; install the command line tools with \`xcode-select --install\`."
     say "nothing to do: macOS brings Metal."
     exit 0
     ;;
@@ -67,12 +59,8 @@ has_vulkan_driver() {
 # Without these nothing builds or runs.
 needed=()
 if ! links_programs; then
-    say "a C linker is missing."
+    say "a C compiler is missing."
     needed+=(gcc libc6-dev)
-fi
-if ! compiles_cpp; then
-    say "a C++ compiler is missing."
-    needed+=(g++)
 fi
 if ! has_library libvulkan.so.1; then
     say "the Vulkan loader is missing."
@@ -113,7 +101,7 @@ give_up() {
 
 if ! command -v apt-get >/dev/null; then
     give_up "this is not Debian or Ubuntu; install by hand what these packages hold there: ${packages[*]}" \
-        "(Fedora: gcc gcc-c++ mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi)."
+        "(Fedora: gcc mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi)."
 fi
 as_root=()
 if [ "$(id -u)" != 0 ]; then

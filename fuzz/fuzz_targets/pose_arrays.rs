@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_fuzz::read_pose_arrays;
 use libfuzzer_sys::fuzz_target;
 

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_train::TrainSettings;
 use serde_json::Value;
 
@@ -50,11 +49,9 @@ fn compare(documented: &BTreeMap<String, String>, defaults: &Value) {
 }
 
 #[test]
-fn documented_defaults_of_settings_and_of_the_procedural_hand_are_right() {
+fn documented_defaults_of_settings_are_right() {
     let settings = serde_json::to_value(TrainSettings::default()).unwrap();
     compare(&defaults("settings.md", "## Settings"), &settings);
-    let hand = serde_json::to_value(ProceduralHand::default()).unwrap();
-    compare(&defaults("hand_models.md", "## Procedural hands"), &hand);
 }
 
 #[test]

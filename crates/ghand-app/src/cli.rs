@@ -8,7 +8,6 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
-use crate::crash;
 use crate::runtime_dir::RuntimeDir;
 use crate::train_run::interruption::Interruption;
 
@@ -53,7 +52,6 @@ impl std::error::Error for Stopped {}
 /// with the line of [`Stopped`] on stderr. Must be called first in `main`.
 pub fn run<A: Parser>(program: impl FnOnce(A) -> anyhow::Result<()>) -> ExitCode {
     let _runtime_dir = RuntimeDir::ensure();
-    crash::explain_crashes();
     // Failures of the device are returned as errors; log messages of the driver would only hide them.
     let quiet =
         "warn,egui_wgpu=error,wgpu_core=off,wgpu_hal=off,naga=off,ghand_render=off,ghand_render::device::recovery=warn";

@@ -1,23 +1,22 @@
 //! Parts of the programs `train`, `viewer` and `ghand`: the commands, the viewer, and the reading of input.
 
+mod allocator;
+pub mod baked;
 pub mod bare_hand;
 pub mod capture_args;
 pub mod capture_preflight;
 pub mod claim;
 pub mod cli;
 pub mod commands;
-pub mod crash;
 pub mod demo_avatar;
 pub mod file_kind;
 pub mod hand_model_file;
-pub mod heap;
 pub mod light_args;
 pub mod lpips_args;
 pub mod mesh_picture;
 pub mod own_inputs;
 pub mod pictures;
 pub mod pose_choice;
-pub mod quality;
 pub mod runtime_dir;
 pub mod shown;
 pub mod sight;

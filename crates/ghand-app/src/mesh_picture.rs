@@ -146,7 +146,7 @@ fn joint_number(model: &HandModel, text: &str) -> anyhow::Result<usize> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -243,7 +243,7 @@ fn unknown_name(name: &str) -> anyhow::Error {
 
 #[cfg(test)]
 mod tests {
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -33,7 +33,6 @@ pub mod overlay;
 pub mod picture;
 pub mod pose_panel;
 pub mod preset;
-pub mod quality_choice;
 pub mod saved_view;
 pub mod scene;
 pub mod screen;

@@ -44,7 +44,7 @@ fn columns<T: Copy>(table: &[T], kept: &[bool]) -> Vec<T> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
     use crate::light::Light;

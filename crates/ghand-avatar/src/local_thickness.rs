@@ -54,8 +54,8 @@ pub fn local_thickness(model: &HandModel, samples: &SurfaceSamples) -> Vec<f64> 
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-    use ghand_hand_model::procedural::ProceduralHand;
     use ghand_hand_model::surface::sample_surface;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

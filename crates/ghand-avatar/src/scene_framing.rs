@@ -117,7 +117,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use crate::{Avatar, AvatarConfig};
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

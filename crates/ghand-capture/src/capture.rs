@@ -7,7 +7,6 @@ use std::sync::Arc;
 use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::procedural::ProceduralHand;
 
 use crate::color_correction::ColorCorrection;
 use crate::distortion::Distortion;
@@ -25,8 +24,6 @@ pub enum HandModelSource {
     },
     /// The built-in hand of the capture's side ([`ghand_hand_model::builtin`]).
     Builtin,
-    /// A procedural hand of these parameters.
-    Procedural(ProceduralHand),
     /// The user's own MANO file, which the user gives each time.
     Mano,
 }
@@ -202,6 +199,7 @@ pub fn fill_template(template: &str, camera: &str, frame: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ghand_procedural_hand::ProceduralHand;
 
     #[test]
     fn ids_fill_only_their_own_placeholders() {

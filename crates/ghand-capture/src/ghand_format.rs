@@ -15,7 +15,6 @@ mod write;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use crate::camera_file::CameraFile;
 
@@ -65,9 +64,6 @@ struct HandModelFile {
     /// glTF only: the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     path: Option<String>,
-    /// Procedural only: the lengths.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    parameters: Option<Map<String, Value>>,
     /// Names of the joints in the order of the poses' rows; the model's own order if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     joints: Option<Vec<String>>,

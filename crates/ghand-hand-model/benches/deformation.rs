@@ -14,7 +14,7 @@ use ghand_core::deformation::{Deformation, deform, deform_vjp};
 use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 

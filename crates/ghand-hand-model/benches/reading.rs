@@ -10,8 +10,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::surface::sample_surface;
+use ghand_procedural_hand::ProceduralHand;
 
 use support::hands::{Hand, as_npz, as_pickle};
 

@@ -5,13 +5,12 @@ use ghand_core::{HandModel, Side};
 
 use crate::HandModelError;
 use crate::gltf::read_gltf_bytes;
-use crate::procedural::ProceduralHand;
 
 const RIGHT: &[u8] = include_bytes!("../../../assets/human-hand/right.glb");
 const LEFT: &[u8] = include_bytes!("../../../assets/human-hand/left.glb");
 
 /// Names that [`hand_by_name`] knows.
-pub const HAND_NAMES: [&str; 3] = ["builtin", "builtin-left", "procedural"];
+pub const HAND_NAMES: [&str; 2] = ["builtin", "builtin-left"];
 
 /// The built-in hand: 1,750 vertices, 25 joints with WebXR's names, 10 shape directions with names, pose correctives.
 ///
@@ -36,7 +35,6 @@ pub fn hand_by_name(name: &str) -> Option<Result<HandModel, HandModelError>> {
     match name {
         "builtin" => Some(builtin_hand(Side::Right)),
         "builtin-left" => Some(builtin_hand(Side::Left)),
-        "procedural" => Some(ProceduralHand::default().build()),
         _ => None,
     }
 }

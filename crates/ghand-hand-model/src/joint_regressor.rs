@@ -20,10 +20,10 @@ const MAX_SUM: f64 = 10.0;
 const ROUNDING: f64 = 1e-9;
 
 /// One joint's row of a regressor: `(vertex, weight)`.
-pub(crate) type Row = Vec<(u32, f64)>;
+pub type Row = Vec<(u32, f64)>;
 
 /// The vertices that a joint may follow, and the conditions on their weights.
-pub(crate) struct Conditions {
+pub struct Conditions {
     /// Vertices, and how readily the joint follows each (more than 0).
     pub candidates: Vec<(u32, f64)>,
     /// Number of conditions.
@@ -36,7 +36,7 @@ pub(crate) struct Conditions {
 impl Conditions {
     /// The smallest weights (in the sum of `weight^2 / readiness`) that keep the first `exact` conditions up to
     /// rounding and the others nearly.
-    pub(crate) fn smallest_weights(&self, exact: usize) -> Row {
+    pub fn smallest_weights(&self, exact: usize) -> Row {
         let mut weights = vec![0.0; self.candidates.len()];
         // Some conditions depend on each other. So the smallest weights that nearly satisfy all of them are found
         // first, and then corrected for those that must hold exactly.
@@ -68,7 +68,7 @@ impl Conditions {
 /// Lets the joints of a model follow the skin around them in every shape: each joint is the smoothest sum of the
 /// vertices near it that gives its rest position. Where no such sum exists, as in a flat mesh, all joints get
 /// directions instead: the mean displacement of the skin around them.
-pub(crate) fn follow_skin(model: &mut HandModel) {
+pub fn follow_skin(model: &mut HandModel) {
     let rows: Vec<(Row, bool)> = (0..model.joint_count()).map(|joint| row(model, joint)).collect();
     let all_exact = rows.iter().all(|(_, exact)| *exact);
     let rows: Vec<Row> = rows.into_iter().map(|(row, _)| row).collect();

@@ -1,8 +1,7 @@
 //! Hand models: readers and writers, UV atlases, hands that come with the program, and surface samples.
 //!
 //! [`ghand_core::HandModel`] is the type. [`read`] recognises a file's format from its contents; [`mano`] and [`gltf`]
-//! read one format each, [`builtin`] has a human hand, [`procedural`] makes hands from a few lengths, [`obj`] and
-//! [`glb`] write posed hands, [`rigged_glb`] rigged ones. [`joint_names`] maps joint names to parts of the hand,
+//! read one format each, [`builtin`] has a human hand, [`obj`] and [`glb`] write posed hands, [`rigged_glb`] rigged ones. [`joint_names`] maps joint names to parts of the hand,
 //! [`joint_axes`] says how these turn and [`joint_limits`] how far. [`named_poses`] has poses by name, [`shape_values`]
 //! reads shapes by name, [`pose_correctives`] keeps the volume of bent joints, [`surface`] samples the points that
 //! become an avatar's Gaussians.
@@ -22,12 +21,11 @@ pub mod inspection;
 pub mod joint_axes;
 pub mod joint_limits;
 pub mod joint_names;
-mod joint_regressor;
+pub mod joint_regressor;
 pub mod mano;
 pub mod named_poses;
 pub mod obj;
 pub mod pose_correctives;
-pub mod procedural;
 pub mod read;
 pub mod rigged_glb;
 pub mod shape_values;

@@ -87,7 +87,7 @@ struct Sample {
 }
 
 /// A finger or thumb: three joints that bend, one after the other.
-pub(crate) struct BendingChain {
+pub struct BendingChain {
     /// The joints, from the palm to the tip.
     pub joints: [usize; 3],
     /// Joints beyond the last that move with it, such as one at the tip.
@@ -98,12 +98,13 @@ pub(crate) struct BendingChain {
     pub radii: [f64; 3],
     /// Roughly the direction in which flexion moves the tip.
     pub closing: DVec3,
+    /// Whether it is the thumb.
     pub is_thumb: bool,
 }
 
 /// Pose directions `[9 (n_b - 1)][V]`, metres, of a surface with skinning weights `[V][n_b]`. `shares` is how much of each
 /// vertex belongs to each chain, `[V][chains]`.
-pub(crate) fn pose_directions(
+pub fn pose_directions(
     vertices: &[DVec3],
     weights: &[f64],
     chains: &[BendingChain],
@@ -149,7 +150,7 @@ impl BendingChain {
 }
 
 /// 0 up to 0, 1 from 1 on, smooth.
-pub(crate) fn smooth_step(x: f64) -> f64 {
+pub fn smooth_step(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }

@@ -10,11 +10,12 @@ const MIN_SIMILARITY: f64 = 0.6;
 /// first directions in order, `0.5,1,-2`. Parameters that are not given are 0; empty text gives none.
 ///
 /// ```
-/// use ghand_hand_model::procedural::ProceduralHand;
+/// use ghand_core::Side;
+/// use ghand_hand_model::builtin::builtin_hand;
 /// use ghand_hand_model::shape_values::shape_from_text;
 ///
-/// let hand = ProceduralHand { detail: 1, ..Default::default() }.build()?;
-/// assert_eq!(shape_from_text(&hand, "hand-size=2, 2=-1")?[..3], [2.0, 0.0, -1.0]);
+/// let hand = builtin_hand(Side::Right)?;
+/// assert_eq!(shape_from_text(&hand, "finger-length=2, 2=-1")?[..3], [2.0, 0.0, -1.0]);
 /// assert_eq!(shape_from_text(&hand, "0.5,1")?, [0.5, 1.0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -97,7 +98,7 @@ fn invalid(model: &HandModel, problem: String) -> InvalidHandModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     fn hand() -> HandModel {
         ProceduralHand { detail: 1, ..Default::default() }.build().unwrap()

@@ -207,8 +207,8 @@ fn rasterize(model: &HandModel, resolution: u32) -> (Vec<Option<Hit>>, usize) {
 mod tests {
     use super::*;
     use crate::gltf::read_gltf;
-    use crate::procedural::ProceduralHand;
     use ghand_core::Side;
+    use ghand_procedural_hand::ProceduralHand;
     use ghand_test_support::shared;
 
     /// A unit square of two triangles, one joint, its atlas filling [0, 1]^2.

@@ -225,8 +225,8 @@ fn train(
         let floor = Floor::new(gpu, capture, train_split, &trained.poses, FLOOR_VIEWS)?;
         evaluate(gpu, &trained.avatar, capture, test_split, &floor, |view| {
             let ([camera, frame], likeness) = (view.name, view.likeness);
-            let [psnr, psnr_hand, ssim, flip] = [likeness.psnr, likeness.psnr_hand, likeness.ssim, likeness.flip];
-            images.push(ImageFigures { frame, camera, psnr, psnr_hand, ssim, flip });
+            let [psnr, psnr_hand, ssim] = [likeness.psnr, likeness.psnr_hand, likeness.ssim];
+            images.push(ImageFigures { frame, camera, psnr, psnr_hand, ssim });
         })?;
         Ok(())
     })?;

@@ -15,7 +15,6 @@ use ghand_app::claim::Claim;
 use ghand_app::cli::{AdapterArgs, parse_count};
 use ghand_app::commands::bake::pose_set::PoseSetArgs;
 use ghand_app::own_inputs::refuse_capture_folder;
-use ghand_app::quality::QualityPresets;
 use ghand_app::say;
 use measure::Measured;
 
@@ -80,10 +79,6 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let report = report::Report::new(&gpu, path, args, images, measured);
     report.write(&args.out)?;
     say!("{}", report.table());
-    if let Some(path) = QualityPresets::path() {
-        report.keep_presets(&path)?;
-        say!("the presets of --quality on this adapter: {}", path.display());
-    }
     say!("figures and plot: {}", args.out.join("tradeoff.md").display());
     Ok(())
 }

@@ -1,9 +1,8 @@
-//! How well pictures agree with images: PSNR, SSIM, FLIP, LPIPS, and where on the hand errors are.
+//! How well pictures agree with images: PSNR, SSIM, LPIPS, and where on the hand errors are.
 
 pub mod cleanliness;
 pub mod cleanliness_sheet;
 pub mod error_bands;
-pub mod flip;
 pub mod hand_box;
 #[cfg(feature = "networks")]
 pub mod lpips;

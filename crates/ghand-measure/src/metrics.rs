@@ -5,7 +5,6 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use glam::DVec3;
 
 use crate::error_bands::{ErrorBands, bands_of, squared_error};
-use crate::flip::mean_flip;
 use crate::hand_box::Square;
 use crate::ssim::mean_ssim;
 
@@ -21,8 +20,6 @@ pub struct ImageSimilarity {
     pub psnr_hand: f64,
     /// Mean SSIM ([`mean_ssim`]).
     pub ssim: f64,
-    /// Mean FLIP ([`mean_flip`]).
-    pub flip: f64,
     /// [LPIPS](crate::lpips), if there are weights for it.
     pub lpips: Option<f64>,
     /// Squared errors by distance from the mask's outline.
@@ -79,7 +76,6 @@ pub fn compare<const N: usize>(size: [u32; 2], pictures: [&[[u8; 3]]; N], truth:
             psnr_square: square.map(|square| psnr_in(&square, size, picture, &colors)),
             psnr_hand: psnr.hand,
             ssim: mean_ssim(size[0] as usize, picture, &colors),
-            flip: mean_flip(size, picture, &colors),
             lpips: None,
             bands: errors,
         }
@@ -108,7 +104,6 @@ pub fn mean_similarity(all: &[ImageSimilarity]) -> ImageSimilarity {
         psnr_square: (!squares.is_empty()).then(|| squares.iter().sum::<f64>() / squares.len() as f64),
         psnr_hand: mean(|s| s.psnr_hand),
         ssim: mean(|s| s.ssim),
-        flip: mean(|s| s.flip),
         lpips: distances.filter(|all| !all.is_empty()).map(|all| all.iter().sum::<f64>() / all.len() as f64),
         bands,
     }

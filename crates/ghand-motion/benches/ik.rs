@@ -10,10 +10,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Pose;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
 use ghand_motion::motions::motion;
+use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 fn benchmark(c: &mut Criterion) {

@@ -4,6 +4,7 @@
 //! poses from one skeleton to another, [`ik`] fits them to landmarks, and [`motions`] has named ones. [`live`] makes
 //! poses of packets that arrive one by one; [`one_euro`] smooths them.
 
+mod average_hand;
 mod error;
 pub mod ik;
 pub mod key_frames;

@@ -98,7 +98,7 @@ pub struct PoseOptions {
     /// model's side is used if it exists, else the other one, mirrored.
     pub side: Option<Side>,
     /// The model that the poses are for: its rest skeleton and mean pose make the transfer to another skeleton exact.
-    /// Without it, the procedural hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
+    /// Without it, an average hand, rotated into MANO's axes, is used for MANO parameters. ghand's own poses of
     /// another skeleton need it if the file does not describe that skeleton.
     pub pose_model: Option<HandModel>,
     /// Read poses as measured from the flat hand: a MANO model's mean pose is not added.

@@ -2,7 +2,6 @@
 
 mod adapter;
 mod failure;
-mod memory_limit;
 #[cfg(not(target_arch = "wasm32"))]
 mod recovery;
 
@@ -11,7 +10,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use adapter::AdapterChoice;
 pub use failure::{DeviceError, RenderError};
-pub use memory_limit::address_space_limit_mib;
 
 use failure::Failure;
 
@@ -78,7 +76,6 @@ impl Gpu {
         choice: &AdapterChoice,
         tier: Option<Tier>,
     ) -> Result<Gpu, DeviceError> {
-        memory_limit::check()?;
         let adapter = adapter::choose(&instance, choice).await?;
         Gpu::open(instance, adapter, tier).await
     }

@@ -20,5 +20,5 @@ pub mod tier;
 pub mod timing;
 pub mod viridis;
 
-pub use device::{AdapterChoice, DeviceError, Gpu, RenderError, address_space_limit_mib};
+pub use device::{AdapterChoice, DeviceError, Gpu, RenderError};
 pub use tier::Tier;

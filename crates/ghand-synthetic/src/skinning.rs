@@ -58,7 +58,7 @@ pub(super) fn pose_vertices(model: &HandModel, rest: &[DVec3], pose: &Pose) -> V
 
 #[cfg(test)]
 mod tests {
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

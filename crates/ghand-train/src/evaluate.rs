@@ -295,8 +295,6 @@ pub struct SimilarityMetrics {
     pub psnr_hand: f64,
     /// Mean SSIM.
     pub ssim: f64,
-    /// Mean FLIP, 0 for equal pictures.
-    pub flip: f64,
     /// Mean LPIPS, 0 for equal pictures; absent without weights for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
@@ -306,8 +304,8 @@ pub struct SimilarityMetrics {
 
 impl SimilarityMetrics {
     fn of(similarity: &ImageSimilarity) -> SimilarityMetrics {
-        let ImageSimilarity { psnr, psnr_square, psnr_hand, ssim, flip, lpips, bands } = *similarity;
-        SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, flip, lpips, squared_error: bands.means() }
+        let ImageSimilarity { psnr, psnr_square, psnr_hand, ssim, lpips, bands } = *similarity;
+        SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, lpips, squared_error: bands.means() }
     }
 }
 

@@ -1,5 +1,5 @@
 //! Files next to the checkout, in `../shared`, and the tests that are skipped without them; a measure of how deep a posed
-//! hand is inside itself ([`self_penetration`]).
+//! hand is inside itself ([`self_penetration`]); how many random cases tests try ([`cases`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
@@ -15,6 +15,14 @@ pub const PREFIX: &str = "SKIPPED TEST:";
 
 /// The environment variable with the path of the file of skipped tests.
 pub const RECORD: &str = "GHAND_SKIPPED_TESTS";
+
+/// The environment variable that chooses the long counts of random cases.
+pub const LONG: &str = "GHAND_LONG_TESTS";
+
+/// How many random cases a test tries: `long` with [`LONG`], else `usual`.
+pub fn cases<N>(usual: N, long: N) -> N {
+    if std::env::var_os(LONG).is_some() { long } else { usual }
+}
 
 /// The file or folder of this name in `../shared`, if it exists. If not, this function reports the test as skipped, and
 /// the calling test must return.

@@ -8,10 +8,12 @@ use ghand_capture::SplitView;
 use ghand_capture::capture::{Frame, HandModelSource};
 use ghand_capture::mask::covered_pixels;
 use ghand_core::posing::pose_hand;
-use ghand_core::{Camera, HandModel, Pose};
+use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::joint_names::JointRole;
 use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_hand_model::read::read_gltf_hand;
+use ghand_hand_model::rigged_glb::write_rigged_glb;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_synthetic::{SceneMesh, SyntheticOptions, generate};
 use glam::{DMat3, DVec3};
 use tempfile::TempDir;
@@ -67,8 +69,9 @@ fn made(options: &SyntheticOptions) -> (Capture, TempDir) {
 
 /// The capture with the procedural hand where the built-in one was. Joints that it lacks do not turn in it.
 fn of_procedural_hand(capture: Capture) -> Capture {
-    let hand = ProceduralHand::default();
-    let hand_model = hand.build().unwrap();
+    let path = capture.root.join("hand.glb");
+    write_rigged_glb(&path, &ProceduralHand::default().build().unwrap()).unwrap();
+    let hand_model = read_gltf_hand(&path, Some(Side::Right)).unwrap().model;
     let roles = |model: &HandModel| JointRole::of_joints(&model.joint_names);
     let full = roles(&capture.hand_model);
     let rows: Vec<usize> =
@@ -80,7 +83,7 @@ fn of_procedural_hand(capture: Capture) -> Capture {
     };
     let frames = capture.frames.into_iter().map(|frame| Frame { pose: moved(frame.pose), ..frame }).collect();
     let truth = capture.truth.map(|truth| truth.into_iter().map(|pose| pose.map(moved)).collect());
-    let hand_model_source = HandModelSource::Procedural(hand);
+    let hand_model_source = HandModelSource::Gltf { path: "hand.glb".into() };
     Capture { frames, truth, template: hand_model.clone(), hand_model, hand_model_source, ..capture }
 }
 

@@ -2,7 +2,7 @@
 
 use ghand_capture::skipped_images::SkipReason;
 use ghand_capture::{Capture, OpenOptions};
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 
 use crate::fixtures::assert_says;

@@ -1,6 +1,6 @@
 //! Runs the fuzz target `live` on the inputs of its folder in `fuzz/corpus` and changed copies of them.
 
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use rand::SeedableRng;
 
 use crate::arrays::read_live_packets;

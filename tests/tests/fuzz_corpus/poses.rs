@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use ghand_core::HandModel;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_motion::pose_sequence::read_poses_bytes;
 use ghand_motion::{PoseError, PoseOptions, PoseSequence};
+use ghand_procedural_hand::ProceduralHand;
 use rand::{Rng, RngExt, SeedableRng};
 
 use crate::arrays::read_pose_arrays;

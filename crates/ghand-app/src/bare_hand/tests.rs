@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::joint_axes::JointAxes;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 
 use super::*;
 

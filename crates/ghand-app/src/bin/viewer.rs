@@ -1,20 +1,20 @@
 //! `viewer`: shows an avatar in any pose from any side.
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Parser;
+use ghand_app::baked::{baked, refuse_quality};
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
-use ghand_app::heap::use_one_arena;
 use ghand_app::light_args::LightArgs;
 use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
-use ghand_app::quality::{self, Quality};
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
@@ -23,20 +23,18 @@ use ghand_app::viewer::device_message;
 use ghand_app::viewer::layer::Layer;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
 use ghand_app::viewer::overlay::Overlay;
-use ghand_app::viewer::quality_choice::QualityChoice;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::settings::{Settings, Theme};
 use ghand_app::viewer::subject::Subject;
 use ghand_app::viewer::training_run::TrainingRun;
 use ghand_app::viewer::window;
-use ghand_render::Gpu;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
     /// An avatar (.ghand), the folder of a run of `train`, also while it goes on, a scene of Gaussians (.ply) or a hand model
-    /// (.glb, .gltf, MANO; builtin, builtin-left or procedural) [default: the avatar trained last in out/train, out/train-2,
+    /// (.glb, .gltf, MANO; builtin or builtin-left) [default: the avatar trained last in out/train, out/train-2,
     /// ..., else an avatar that comes with ghand]
     file: Option<PathBuf>,
     /// The initial pose or a motion to play: a name, or any file of poses that `ghand render` reads [default: rest]
@@ -46,9 +44,11 @@ struct Arguments {
     reading: PoseReadingArgs,
     #[command(flatten)]
     light: LightArgs,
-    /// How an avatar is played: `exact`, or baked; on this adapter as `ghand-lab tradeoff` has measured it
-    #[arg(long, value_enum, default_value_t)]
-    quality: Quality,
+    /// Play the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
+    #[arg(long)]
+    baked: bool,
+    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
+    _quality: Option<Infallible>,
     /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder
     #[arg(long, value_name = "PATH")]
     capture: Option<PathBuf>,
@@ -105,7 +105,6 @@ fn parse_scale(text: &str) -> Result<f32, String> {
 }
 
 fn main() -> ExitCode {
-    use_one_arena();
     cli::run(run)
 }
 
@@ -116,14 +115,19 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         window::check_display()?;
     }
     let training = arguments.file.as_deref().and_then(TrainingRun::open);
-    let path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);
+    let mut path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);
     let opened = arguments.adapter.open();
     if let (Err(error), None) = (&opened, &arguments.screenshot) {
         device_message::tell(error);
     }
     let mut gpu = opened?;
-    let (shown, choice) = played(&mut gpu, path.as_deref(), arguments.quality)?;
-    let (mut subject, source) = subject(shown.as_deref(), &arguments.light)?;
+    if arguments.baked {
+        let Some(avatar) = path.filter(|path| file_kind(path) == FileKind::Avatar) else {
+            bail!("--baked: is for avatars' files, and what is shown is none; omit --baked");
+        };
+        path = Some(gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &avatar))?);
+    }
+    let (mut subject, source) = subject(path.as_deref(), &arguments.light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -151,9 +155,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     viewer.log_start(start);
     if let Some(path) = &path {
         viewer.watch(path, &arguments.light);
-        viewer.play_as(choice);
     }
-    if let Some(training) = training {
+    // Its next avatar is not baked.
+    if let Some(training) = training.filter(|_| !arguments.baked) {
         viewer.follow_run(training);
     }
     if let Some(capture) = capture {
@@ -236,21 +240,6 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis", layer.name());
     }
     Ok(())
-}
-
-/// The file that is shown of a file in a preset.
-fn played(gpu: &mut Gpu, path: Option<&Path>, quality: Quality) -> anyhow::Result<(Option<PathBuf>, QualityChoice)> {
-    let avatar = path.filter(|path| file_kind(path) == FileKind::Avatar);
-    if avatar.is_none() && quality != Quality::Exact {
-        let shown = path.map_or(DEMO_AVATAR_NAME.into(), |path| path.display().to_string());
-        bail!("--quality {}: is for avatars' files, and {shown} is none; omit --quality", quality.name());
-    }
-    let (Some(avatar), true) = (avatar, quality != Quality::Exact) else {
-        return Ok((path.map(Path::to_owned), QualityChoice::exact(avatar)));
-    };
-    let playback = quality::playback(gpu, quality)?;
-    let prepared = gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, avatar, quality, playback))?;
-    Ok((Some(prepared), QualityChoice::prepared(avatar, quality, playback)))
 }
 
 /// What to show, and its source.

@@ -23,8 +23,8 @@ use crate::say;
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("output").required(true))]
 pub struct ExportArgs {
-    /// The avatar, a .ghand file; for --glb also a hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf), or builtin,
-    /// builtin-left or procedural
+    /// The avatar, a .ghand file; for --glb also a hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf), builtin or
+    /// builtin-left
     #[arg(value_name = "AVATAR|HAND")]
     subject: PathBuf,
     /// A pose or a motion by name, or a file of poses, as for `render` [default: rest]

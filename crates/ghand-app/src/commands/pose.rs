@@ -35,7 +35,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 #[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
 pub struct PoseArgs {
     /// The hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf; FILE:left is the left one of two), an avatar (.ghand),
-    /// whose mesh and joints are used, or builtin, builtin-left or procedural; poses are written for its joints [default:
+    /// whose mesh and joints are used, or builtin or builtin-left; poses are written for its joints [default:
     /// builtin]
     #[arg(long, value_name = "FILE|NAME", visible_alias = "for")]
     hand_model: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! `ghand render`: renders pictures and films of an avatar in any pose from any view.
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -11,13 +12,13 @@ use ghand_core::{Camera, Pose};
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_render::splat::{Purpose, band_rows};
 
+use crate::baked::{baked, refuse_quality};
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::light_args::LightArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
 pub use crate::pictures::write_png;
 use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
-use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
 use crate::sight::BlankPictures;
@@ -64,9 +65,11 @@ pub struct RenderArgs {
     show: Shown,
     #[command(flatten)]
     light: LightArgs,
-    /// How the avatar is played: `exact`, or baked; every pixel is drawn
-    #[arg(long, value_enum, default_value_t)]
-    quality: Quality,
+    /// Draw the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
+    #[arg(long)]
+    baked: bool,
+    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
+    _quality: Option<Infallible>,
     #[command(flatten)]
     format: FormatArgs,
     /// Colour behind the hand, display values from 0 to 1; or transparent: colours are multiplied by alpha in
@@ -131,10 +134,8 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
     }
     let mut gpu = adapter.open()?;
-    if args.quality != Quality::Exact {
-        let playback = quality::playback(&gpu, args.quality)?;
-        let played =
-            gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, &args.avatar, args.quality, playback))?;
+    if args.baked {
+        let played = gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &args.avatar))?;
         avatar = args.show.apply_to(Avatar::load(&played)?, &args.light)?;
     }
     // Outlives the device, so that written pictures need not be rendered again.

@@ -1,5 +1,6 @@
 //! `train`: trains an avatar from a capture.
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -15,13 +16,13 @@ use ghand_train::presets::Preset;
 use ghand_train::report::report;
 use ghand_train::{Align, Checkpoints, Protocol, Simplify, TrainError, TrainSettings, Trainer};
 
+use crate::baked::refuse_quality;
 use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::commands::render::write_png;
 use crate::lpips_args::{LpipsArgs, check_image_sizes};
 use crate::own_inputs::refuse_capture_folder;
-use crate::quality::{self, Quality};
 use crate::say;
 use crate::train_run::demo_capture::{DEMO_CAPTURE, demo_capture};
 use crate::train_run::evaluation::{TestImages, evaluate_images, failure, pose_figures, print_table};
@@ -79,9 +80,8 @@ pub struct TrainArgs {
     /// Keep a checkpoint of every so many iterations, beside the last two, and after the run [default: 0, none]
     #[arg(long, value_name = "N")]
     keep_checkpoints: Option<u64>,
-    /// Bake the avatar for this preset of `viewer` and `ghand render` as well
-    #[arg(long, value_enum)]
-    quality: Option<Quality>,
+    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
+    _quality: Option<Infallible>,
     /// Train even if the capture cannot give an avatar, such as one in millimetres; its problems become warnings.
     #[arg(long)]
     ignore_checks: bool,
@@ -133,7 +133,6 @@ impl TrainArgs {
             preset: self.settings.preset().into(),
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
-            quality: self.quality,
             checkpoint_every: self.checkpoint_every,
             keep_checkpoints: self.keep_checkpoints,
         })
@@ -438,12 +437,6 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     print_table(&metrics);
     say!("avatar: {}", avatar_path.display());
-    if let Some(quality) = args.quality.or(record.quality) {
-        let playback = quality::playback(&gpu, quality)?;
-        let played =
-            gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, &avatar_path, quality, playback))?;
-        say!("for --quality {}: {}", quality.name(), played.display());
-    }
     if outlines.is_some() {
         say!("alignment: {}", folder.file(ALIGN_FILE).display());
     }

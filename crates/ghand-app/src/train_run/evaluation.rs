@@ -231,23 +231,20 @@ pub fn print_image_table(m: &ImageMetrics) {
     say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
     let rows = [("floor", &m.floor), ("avatar", &m.avatar)];
     let heading = m.lpips_backbone.map_or(String::new(), |backbone| format!("      LPIPS ({backbone})"));
-    say!("            PSNR   in the hand's square   on the hand   SSIM      FLIP{heading}");
-    for (name, SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, flip, lpips, .. }) in rows {
+    say!("            PSNR   in the hand's square   on the hand   SSIM{heading}");
+    for (name, SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, lpips, .. }) in rows {
         let lpips = lpips.map_or(String::new(), |lpips| format!("    {lpips:.4}"));
         let square = decibels(*psnr_square);
-        say!(
-            "  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}    {flip:.4}{lpips}"
-        );
+        say!("  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}{lpips}");
     }
     let squares = m.avatar.psnr_square.zip(m.floor.psnr_square);
     let square = squares.map_or("-".into(), |(avatar, floor)| format!("{:+.2}", avatar - floor));
     let lpips = m.avatar.lpips.zip(m.floor.lpips).map(|(avatar, floor)| format!("   {:+.4}", avatar - floor));
     say!(
-        "  gain    {:+6.2}         {square:>6}            {:+6.2}      {:+.4}   {:+.4}{}",
+        "  gain    {:+6.2}         {square:>6}            {:+6.2}      {:+.4}{}",
         m.avatar.psnr - m.floor.psnr,
         m.avatar.psnr_hand - m.floor.psnr_hand,
         m.avatar.ssim - m.floor.ssim,
-        m.avatar.flip - m.floor.flip,
         lpips.unwrap_or_default()
     );
     say!("squared error x 1000: outside the mask; inside, to 3 px from its outline; 3 to 8 px; deeper");

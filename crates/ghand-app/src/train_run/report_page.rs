@@ -85,7 +85,7 @@ impl Page<'_> {
                         h2 { "Images that training did not see" }
                         p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
                         table {
-                            tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } th { "FLIP" } }
+                            tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } }
                             (row("floor: the textured template", &images.floor))
                             (row("avatar", &images.avatar))
                             @if let Some(given) = &m.given { (row(&format!("avatar, {}", given.protocol.description()), &given.avatar)) }
@@ -143,7 +143,6 @@ fn row(name: &str, m: &SimilarityMetrics) -> Markup {
             td { (m.psnr_square.map_or("-".into(), |psnr| format!("{psnr:.2}"))) }
             td { (format!("{:.2}", m.psnr_hand)) }
             td { (format!("{:.4}", m.ssim)) }
-            td { (format!("{:.4}", m.flip)) }
         }
     }
 }

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture_args::CaptureArgs;
 use crate::lpips_args::LpipsArgs;
-use crate::quality::Quality;
 
 /// Largest record, bytes.
 const LARGEST_RECORD: u64 = 1 << 20;
@@ -40,9 +39,6 @@ pub struct RunRecord {
     pub settings: TrainSettings,
     /// Whether a capture with problems is trained on.
     pub ignore_checks: bool,
-    /// What the avatar is baked for in the end.
-    #[serde(default)]
-    pub quality: Option<Quality>,
     /// Time between two checkpoints, if it was given.
     #[serde(default)]
     pub checkpoint_every: Option<Duration>,

@@ -36,7 +36,6 @@ use crate::viewer::navigation::Drags;
 use crate::viewer::output::OutputJob;
 use crate::viewer::output_dialog::OutputDialog;
 use crate::viewer::picture::{Median, Picture, PictureInputs, Progress};
-use crate::viewer::quality_choice::QualityChoice;
 use crate::viewer::settings::Settings;
 use crate::viewer::subject::Subject;
 use crate::viewer::toasts::Toasts;
@@ -89,7 +88,6 @@ pub struct Viewer {
     watched: Option<WatchedFile>,
     /// The run of training whose avatar is shown.
     run: Option<TrainingRun>,
-    quality: QualityChoice,
     /// The light in which the watched file is read.
     light: LightArgs,
     file_dialog: Option<FileDialog>,
@@ -154,7 +152,6 @@ impl Viewer {
             settings_path: None,
             watched: None,
             run: None,
-            quality: QualityChoice::exact(None),
             light: LightArgs::default(),
             file_dialog: None,
             files: FileReader::default(),
@@ -240,7 +237,6 @@ impl Viewer {
         let progress = self.collect();
         ui.ctx().set_theme(self.settings.theme.preference());
         self.open_files(ui.ctx());
-        self.take_quality();
         self.save_chosen(ui.ctx());
         self.run_pressed(ui.ctx());
         self.follow_thumbnails(ui.ctx(), progress);

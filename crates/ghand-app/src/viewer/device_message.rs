@@ -33,10 +33,7 @@ pub fn tell(error: &DeviceError) {
     let lacks_driver = match error {
         DeviceError::NoAdapter { found, .. } => found.is_empty(),
         DeviceError::NoDevice { .. } | DeviceError::Gone { .. } => true,
-        DeviceError::MemoryLimit { .. }
-        | DeviceError::NoTier { .. }
-        | DeviceError::SmallLimits { .. }
-        | DeviceError::UnknownTier { .. } => false,
+        DeviceError::NoTier { .. } | DeviceError::SmallLimits { .. } | DeviceError::UnknownTier { .. } => false,
     };
     if !lacks_driver {
         return;

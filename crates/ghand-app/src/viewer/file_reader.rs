@@ -16,7 +16,6 @@ use crate::file_kind::{FileKind, file_kind};
 use crate::light_args::LightArgs;
 use crate::pose_choice::PoseReadingArgs;
 use crate::viewer::capture_panel::CapturePanel;
-use crate::viewer::quality_choice::Prepared;
 use crate::viewer::subject::Subject;
 use crate::viewer::training_run::TrainingRun;
 
@@ -36,8 +35,6 @@ pub enum Reason {
     Opened,
     /// It is shown, and has changed.
     Changed,
-    /// It was prepared for a preset.
-    Prepared(Prepared),
 }
 
 /// A file that was read.
@@ -113,7 +110,7 @@ impl FileReader {
         std::thread::spawn(move || {
             let contents = match reason {
                 Reason::Opened => read(&path, model.as_ref()),
-                Reason::Changed | Reason::Prepared(_) => read_subject(&path, &light),
+                Reason::Changed => read_subject(&path, &light),
             };
             // A closed channel means that the viewer no longer waits.
             let _ = sender.send(ReadFile { path, reason, contents });

@@ -232,7 +232,7 @@ impl PosePanel {
 
 #[cfg(test)]
 mod tests {
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

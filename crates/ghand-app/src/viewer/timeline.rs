@@ -216,7 +216,7 @@ impl Timeline {
 
 #[cfg(test)]
 mod tests {
-    use ghand_hand_model::procedural::ProceduralHand;
+    use ghand_procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -57,6 +57,25 @@ fn an_avatar_is_baked_within_a_loss_and_drawn_like_it() {
 }
 
 #[test]
+fn an_avatar_is_drawn_baked_and_baked_again_when_it_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    save_moving_avatar(folder);
+    let render = |out| {
+        let arguments = ["render", "hand.ghand", "--baked", "--pose", "fist", "--turntable", "1", "--size", "60x80"];
+        let output = run(GHAND, folder, &[&arguments[..], &["--out", out]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (String::from_utf8_lossy(&output.stdout).contains("baking"), std::fs::read(folder.join(out)).unwrap())
+    };
+    let (was_baked, first) = render("a.png");
+    let baked = Avatar::load(&folder.join("hand.baked.ghand")).unwrap();
+    assert!(was_baked && matches!(baked.tables, PropertyTables::Baked(_)));
+    assert!(render("b.png") == (false, first));
+    save_moving_avatar(folder);
+    assert!(render("c.png").0);
+}
+
+#[test]
 fn a_size_is_kept_and_the_same_seed_gives_the_same_file() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

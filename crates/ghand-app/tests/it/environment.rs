@@ -1,8 +1,7 @@
-//! The programs on limited systems: no runtime folder, little memory, outputs that cannot be written.
+//! The programs on limited systems: no runtime folder, outputs that cannot be written.
 
 use std::os::unix::fs::FileTypeExt;
-use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar};
 
@@ -27,38 +26,6 @@ fn a_missing_runtime_folder_causes_no_message_and_no_leftover() {
         assert_eq!(String::from_utf8_lossy(&output.stderr), "");
         assert_eq!(listing(&temporary), [""; 0]);
     }
-}
-
-/// Runs a program with limited address space.
-fn run_within(mib: u64, program: &str, folder: &Path, arguments: &[&str]) -> Output {
-    let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", mib << 10);
-    run("bash", folder, &[&["-c", &limited, program], arguments].concat())
-}
-
-#[test]
-fn too_little_memory_is_named_as_the_cause_of_any_failure() {
-    let folder = tempfile::tempdir().unwrap();
-    save_avatar(folder.path());
-    let render = ["render", "hand.ghand", "--turntable", "1", "--size", "900x900", "--out", "pictures"];
-    let bare = ["pose", "--pose", "fist", "--picture", "p.png"];
-    let commands: [(&str, &[&str]); 3] = [(VIEWER, &SCREENSHOT), (GHAND, &render), (GHAND, &bare)];
-    let mut failures = 0;
-    for (program, arguments) in commands {
-        for mib in [150, 400, 800, 1100, 1250] {
-            let output = run_within(mib, program, folder.path(), arguments);
-            if output.status.success() {
-                continue;
-            }
-            failures += 1;
-            // The allocator and the driver may have printed messages before.
-            let stderr = String::from_utf8_lossy(&output.stderr);
-            let last = stderr.trim_end().lines().last().unwrap_or_default();
-            assert_eq!(output.status.code(), Some(1), "{arguments:?} within {mib} MiB: {stderr}");
-            assert!(last.starts_with("error: ") && last.contains("ulimit -v"), "{arguments:?}, {mib} MiB: {stderr}");
-        }
-        std::fs::remove_dir_all(folder.path().join("pictures")).unwrap_or_default();
-    }
-    assert!(failures >= 9, "only {failures} runs had too little memory");
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn change_json(path: &Path, change: impl Fn(&mut Value)) {
 /// The figures on images.
 fn figures(folder: &Path, out: &str) -> Vec<Value> {
     let metrics = json(&folder.join(out).join("metrics.json"));
-    let fields = ["split", "frames", "psnr", "psnr_hand", "ssim", "flip", "squared_error", "floor", "beats_floor"];
+    let fields = ["split", "frames", "psnr", "psnr_hand", "ssim", "squared_error", "floor", "beats_floor"];
     let figures: Vec<Value> = fields.iter().map(|field| metrics[field].clone()).collect();
     assert!(figures.iter().all(|value| !value.is_null()), "{metrics}");
     figures

@@ -8,7 +8,7 @@ use ghand_avatar::NetworkSizes;
 use ghand_avatar::{Avatar, AvatarConfig, PropertyTables};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use serde_json::Value;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");

@@ -9,8 +9,8 @@ use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::gltf::read_gltf;
 use ghand_hand_model::mano::{ManoOptions, read_mano};
 use ghand_hand_model::named_poses::named_pose;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::rigged_glb::write_rigged_glb;
+use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 use image::RgbImage;
 
@@ -166,7 +166,8 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
     }
     // So do poses that ghand wrote for the finer procedural hand, except for the last bones: they point to the end of the
     // skin, which is some millimetres off in a coarse mesh.
-    pose(&["--hand-model", "procedural", "--pose", "fist", "--out", "large.json"]);
+    write_rigged_glb(&folder.path().join("fine.glb"), &ProceduralHand::default().build().unwrap()).unwrap();
+    pose(&["--hand-model", "fine.glb", "--pose", "fist", "--out", "large.json"]);
     pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
     let off =
         vertices(&folder.path().join("mesh.obj")).iter().zip(&fist).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
@@ -315,7 +316,7 @@ fn inspect_describes_a_model_and_its_oddities() {
     for expected in ["right", "joints       25", "thumb-tip", "closed", "at 512", "warnings     none"] {
         assert!(built_in.contains(expected), "no {expected:?} in {built_in}");
     }
-    assert!(told(&["builtin-left"]).contains("left") && told(&["procedural"]).contains("joints       16"));
+    assert!(told(&["builtin-left"]).contains("left"));
     let mano = told(&[&tiny_mano().display().to_string()]);
     for expected in ["MANO model", "joints       2", "the shaped vertices", "warning      is 15.0000 m long"] {
         assert!(mano.contains(expected), "no {expected:?} in {mano}");
@@ -360,9 +361,18 @@ fn every_program_that_opens_a_hand_warns_as_inspect_does() {
 }
 
 #[test]
+fn a_procedural_hand_is_refused_as_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(GHAND, folder.path(), &["pose", "--hand-model", "procedural", "--out", "a.obj"]);
+    assert_one_sentence(&output, &["procedural", "removed", "builtin"]);
+}
+
+#[test]
 fn inspect_lists_the_part_of_each_joint() {
     let folder = tempfile::tempdir().unwrap();
-    let output = run(GHAND, folder.path(), &["inspect", "procedural"]);
+    let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
+    write_rigged_glb(&folder.path().join("hand.glb"), &model).unwrap();
+    let output = run(GHAND, folder.path(), &["inspect", "hand.glb"]);
     let told = String::from_utf8_lossy(&output.stdout);
     for (joint, part) in [("wrist", "wrist"), ("thumb1", "thumb 1"), ("pinky3", "little 3")] {
         let line = told.lines().find(|line| line.contains(&format!(" {joint}  ("))).unwrap();

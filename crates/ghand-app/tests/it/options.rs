@@ -86,7 +86,10 @@ fn options_that_need_another_are_refused_without_it() {
     for (line, option) in [
         ("viewer hand.ghand --screenshot a.png --joint wrist", "--joint"),
         ("viewer hand.ghand --screenshot a.png --layer weights --basis 1", "--basis"),
-        ("viewer builtin --screenshot a.png --quality fast", "--quality fast"),
+        ("viewer builtin --screenshot a.png --baked", "--baked"),
+        ("viewer hand.ghand --quality fast", "--baked"),
+        ("ghand render hand.ghand --out a.png --quality balanced", "--baked"),
+        ("train --quality fast", "--baked"),
         ("viewer hand.ghand --screenshot a.png --live-origin https://a.b", "--live-origin"),
         ("viewer hand.ghand --live --size 30x30", "--size"),
         ("ghand splat none.ply --camera c.json --up z --out a.png", "--up"),

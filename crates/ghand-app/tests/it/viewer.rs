@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use ghand_hand_model::mano::write_mano;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar, small_capture};
 

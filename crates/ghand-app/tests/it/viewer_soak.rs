@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Vec2, pos2, vec2};
 use egui_kittest::Harness;
-use ghand_app::heap::use_one_arena;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::command::{COMMANDS, CommandId};
 use ghand_app::viewer::subject::Subject;
@@ -293,8 +292,6 @@ fn session(viewer: &mut Viewer, user: &mut User, time: [Instant; 2], counts: &mu
 
 /// Runs the viewer for so long with a user of this seed.
 fn soak(length: Duration, seed: u64) -> Counts {
-    // As the program does.
-    use_one_arena();
     let folder = tempfile::tempdir().unwrap();
     let mut user = User::new(seed, folder.path());
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();

@@ -4,7 +4,7 @@ use ghand_avatar::bake::FEWEST_POSES;
 use ghand_avatar::deform::baked::{BakedTables, GROUP, Precision};
 use ghand_avatar::{Avatar, AvatarConfig, AvatarFileError, Bake, BakeError, GaussianShape, PropertyTables, Scene};
 use ghand_core::Pose;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use glam::DVec3;

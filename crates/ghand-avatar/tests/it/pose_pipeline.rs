@@ -9,7 +9,7 @@ use ghand_core::Pose;
 use ghand_core::pose_response::pose_features;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_render::penalty::Penalty;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};

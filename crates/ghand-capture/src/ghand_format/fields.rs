@@ -5,13 +5,10 @@
 
 use std::path::Path;
 
-use ghand_files::json_error::plain_json_error;
-use ghand_hand_model::procedural::ProceduralHand;
 use serde::de::value::Error as AnyError;
 use serde::de::{DeserializeOwned, Error, Visitor};
 use serde::{Deserializer, forward_to_deserialize_any};
 use serde_ignored::Path as FieldPath;
-use serde_json::{Map, Value};
 use serde_path_to_error::Track;
 
 use super::{CaptureFile, FrameFile, HandModelFile, SplitFile};
@@ -80,22 +77,6 @@ fn read_known<'a, T: DeserializeOwned>(
         }
         None => read.map_err(|error| not_as_expected(path, track, &error)),
     }
-}
-
-/// The parameters of a procedural hand.
-pub(super) fn parameters(
-    validator: FileValidator,
-    mut fields: Map<String, Value>,
-) -> Result<ProceduralHand, CaptureError> {
-    const FIELD: &str = "hand_model.parameters";
-    fields.retain(|name, _| !is_comment(name));
-    let known = field_names::<ProceduralHand>();
-    if let Some(name) = fields.keys().find(|name| !known.contains(&name.as_str())) {
-        return Err(unknown_field(validator, &format!("{FIELD}.{name}"), name, known));
-    }
-    serde_json::from_value(Value::Object(fields)).map_err(|error| {
-        validator.invalid(FIELD, format!("{}; give numbers in metres, or omit the parameter", plain_json_error(&error)))
-    })
 }
 
 fn is_comment(name: &str) -> bool {
@@ -192,6 +173,5 @@ mod tests {
         assert_eq!(field_names::<SplitFile>(), ["cameras", "frames"]);
         assert_eq!(field_names::<FrameFile>(), ["id", "pose", "translation", "shape"]);
         assert!(field_names::<CameraFile>().contains(&"distortion"));
-        assert!(field_names::<ProceduralHand>().contains(&"palm_length"));
     }
 }

@@ -9,11 +9,11 @@ use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
 use ghand_hand_model::read::read_gltf_hand;
 
-use super::fields::{parameters, read_fields};
+use super::fields::read_fields;
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};
 use crate::camera_file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::capture_validation::{FileValidator, JointRows, member};
+use crate::capture_validation::{FileValidator, JointRows};
 use crate::distortion::Distortion;
 use crate::image_file::has_alpha;
 use crate::json_file::{LARGEST_FILE, parse};
@@ -190,8 +190,11 @@ impl Reader<'_> {
         side: Side,
         warnings: &mut Vec<String>,
     ) -> Result<(HandModel, HandModelSource), CaptureError> {
-        self.only_of("gltf", "path", file.path.is_some(), file)?;
-        self.only_of("procedural", "parameters", file.parameters.is_some(), file)?;
+        if file.path.is_some() && file.kind != "gltf" {
+            let problem =
+                format!("belongs to a hand model of kind \"gltf\", but this one is {:?}; remove it", file.kind);
+            return Err(self.invalid("hand_model.path", problem));
+        }
         let (model, source) = match file.kind.as_str() {
             "gltf" => {
                 let Some(path) = &file.path else {
@@ -209,11 +212,6 @@ impl Reader<'_> {
                 let model = builtin_hand(side).map_err(|source| self.hand_model_error(source))?;
                 (model, HandModelSource::Builtin)
             }
-            "procedural" => {
-                let hand = parameters(self.validator, file.parameters.clone().unwrap_or_default())?;
-                let model = hand.build().map_err(|source| self.hand_model_error(source))?;
-                (model, HandModelSource::Procedural(hand))
-            }
             "mano" => match self.mano {
                 Some(model) if model.parents == MANO_PARENTS => (model.clone(), HandModelSource::Mano),
                 Some(model) => {
@@ -229,7 +227,7 @@ impl Reader<'_> {
                 }
             },
             other => {
-                let problem = format!("is {other:?}; must be \"builtin\", \"gltf\", \"mano\" or \"procedural\"");
+                let problem = format!("is {other:?}; must be \"builtin\", \"gltf\" or \"mano\"");
                 return Err(self.invalid("hand_model.kind", problem));
             }
         };
@@ -240,15 +238,6 @@ impl Reader<'_> {
             return Err(self.invalid("hand_model", problem));
         }
         Ok((model, source))
-    }
-
-    /// Rejects a field that belongs to another kind of hand model.
-    fn only_of(&self, kind: &str, field: &str, is_there: bool, file: &HandModelFile) -> Result<(), CaptureError> {
-        if !is_there || file.kind == kind {
-            return Ok(());
-        }
-        let problem = format!("belongs to a hand model of kind {kind:?}, but this one is {:?}; remove it", file.kind);
-        Err(self.invalid(member("hand_model", field), problem))
     }
 
     /// The row in the file's poses of each joint of the model.

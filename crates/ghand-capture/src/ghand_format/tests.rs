@@ -3,8 +3,9 @@ use std::sync::LazyLock;
 
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
-use ghand_hand_model::procedural::ProceduralHand;
-use ghand_hand_model::rigged_glb::write_rigged_glb;
+use ghand_hand_model::gltf::read_gltf_bytes;
+use ghand_hand_model::rigged_glb::{rigged_glb_bytes, write_rigged_glb};
+use ghand_procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
@@ -12,14 +13,19 @@ use serde_json::{Value, json};
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
 use crate::mask::{MadeMasks, MaskMethod};
 
-fn hand() -> ProceduralHand {
-    ProceduralHand { detail: 1, ..Default::default() }
+fn hand() -> HandModel {
+    ProceduralHand { detail: 1, ..Default::default() }.build().unwrap()
 }
+
+/// The file of that hand.
+static HAND_FILE: LazyLock<Vec<u8>> = LazyLock::new(|| rigged_glb_bytes(&hand()).unwrap());
 
 /// A small valid capture in its own folder, with images of 4 x 3 pixels.
 pub(super) fn sample(root: &Path) -> Capture {
     // Built once, because it would take most of the time of many small tests.
-    static HAND_MODEL: LazyLock<HandModel> = LazyLock::new(|| hand().build().unwrap());
+    static HAND_MODEL: LazyLock<HandModel> =
+        LazyLock::new(|| read_gltf_bytes("hand.glb", &HAND_FILE, None).unwrap().model);
+    write_atomically(&root.join("hand.glb"), &HAND_FILE).unwrap();
     let hand_model = HAND_MODEL.clone();
     let joints = hand_model.joint_count();
     let camera = |i: usize| {
@@ -38,7 +44,7 @@ pub(super) fn sample(root: &Path) -> Capture {
         background: [0.0, 0.5, 1.0],
         template: mean_shaped(&hand_model, &frames).unwrap(),
         hand_model,
-        hand_model_source: HandModelSource::Procedural(hand()),
+        hand_model_source: HandModelSource::Gltf { path: "hand.glb".into() },
         cameras: (0..3).map(camera).collect(),
         distortion: vec![],
         color_correction: Default::default(),
@@ -191,7 +197,7 @@ fn each_unusable_field_is_named_with_what_to_do() {
         (|v| v["splits"]["test"]["frames"] = json!(["nine"]), &["splits[\"test\"].frames", "\"nine\""]),
         (|v| v["splits"]["test"]["frames"] = json!(["0000", "0000"]), &["splits[\"test\"].frames", "twice"]),
         (|v| v["hand_model"] = json!({"kind": "mano"}), &["hand_model.kind", "MANO_RIGHT.pkl", "--hand-model"]),
-        (|v| v["hand_model"] = json!({"kind": "foot"}), &["hand_model.kind", "\"foot\"", "procedural"]),
+        (|v| v["hand_model"] = json!({"kind": "foot"}), &["hand_model.kind", "\"foot\"", "builtin"]),
         (|v| v["hand_model"]["joints"][3] = json!("tail"), &["hand_model.joints", "\"tail\"", "is not a joint"]),
         (
             |v| {
@@ -220,7 +226,7 @@ fn each_unusable_field_is_named_with_what_to_do() {
 
 #[test]
 fn oddities_of_a_captures_own_hand_model_are_told() {
-    let right = hand().build().unwrap();
+    let right = hand();
     let mut in_centimetres = right.clone();
     in_centimetres.vertices.iter_mut().chain(&mut in_centimetres.joints).for_each(|point| *point *= 100.0);
     for (model, expected) in [

@@ -1,8 +1,6 @@
 //! Writes the `capture.json` of a [`Capture`].
 
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::procedural::ProceduralHand;
-use serde_json::{Map, Value};
 
 use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, MADE, SplitFile, UNITS, VERSION};
 use crate::camera_file::CameraFile;
@@ -77,27 +75,11 @@ impl Capture {
 }
 
 fn hand_model_file(model: &HandModel, source: &HandModelSource) -> HandModelFile {
-    let (kind, path, parameters) = match source {
-        HandModelSource::Gltf { path } => ("gltf", Some(path.clone()), None),
-        HandModelSource::Builtin => ("builtin", None, None),
-        HandModelSource::Procedural(hand) => ("procedural", None, Some(parameters(hand))),
-        HandModelSource::Mano => ("mano", None, None),
+    let (kind, path) = match source {
+        HandModelSource::Gltf { path } => ("gltf", Some(path.clone())),
+        HandModelSource::Builtin => ("builtin", None),
+        HandModelSource::Mano => ("mano", None),
     };
     let parents = model.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect();
-    HandModelFile {
-        kind: kind.into(),
-        path,
-        parameters,
-        joints: Some(model.joint_names.clone()),
-        parents: Some(parents),
-    }
-}
-
-/// The parameters as stored in a file.
-fn parameters(hand: &ProceduralHand) -> Map<String, Value> {
-    match serde_json::to_value(hand) {
-        Ok(Value::Object(parameters)) => parameters,
-        // Its fields are plain numbers.
-        _ => Map::new(),
-    }
+    HandModelFile { kind: kind.into(), path, joints: Some(model.joint_names.clone()), parents: Some(parents) }
 }

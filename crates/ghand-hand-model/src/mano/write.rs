@@ -69,8 +69,8 @@ fn of_vertices(directions: &[DVec3], v: usize) -> Vec<f64> {
 mod tests {
     use super::super::{ManoOptions, read_mano_with_warnings};
     use super::*;
-    use crate::procedural::ProceduralHand;
     use ghand_core::{PoseSpace, Side};
+    use ghand_procedural_hand::ProceduralHand;
 
     #[test]
     fn a_written_model_is_read_back_to_the_last_bit() {

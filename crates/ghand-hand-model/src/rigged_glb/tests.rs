@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::gltf::{GltfFile, read_gltf, read_gltf_bytes};
-use crate::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 
 /// Single precision of coordinates below 0.25 m.
 const ROUNDING: f64 = 1.5e-8;

@@ -54,8 +54,8 @@ impl SurfaceSamples {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-    use crate::procedural::ProceduralHand;
     use crate::surface::sample_surface;
+    use ghand_procedural_hand::ProceduralHand;
 
     #[test]
     fn merged_points_cover_the_same_skin_and_are_some_of_the_points() {

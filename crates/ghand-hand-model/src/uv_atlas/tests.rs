@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::gltf::read_gltf;
-use crate::procedural::ProceduralHand;
 use crate::surface::{SurfaceSamples, sample_surface};
+use ghand_procedural_hand::ProceduralHand;
 
 type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 

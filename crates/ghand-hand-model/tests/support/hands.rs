@@ -1,7 +1,7 @@
 //! Hands with synthetic numbers, to be written to MANO files.
 
 use ghand_hand_model::mano::PARENTS;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 use super::python::{Array, Py, array, chumpy_selection, dictionary, npy, pickle, sparse_columns, string, zip};

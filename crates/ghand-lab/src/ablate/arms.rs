@@ -112,8 +112,6 @@ pub struct ImageFigures {
     pub psnr_hand: f64,
     /// SSIM.
     pub ssim: f64,
-    /// FLIP.
-    pub flip: f64,
 }
 
 /// One training of an arm.
@@ -161,8 +159,6 @@ pub struct ArmFigures {
     pub psnr_hand: Interval,
     /// SSIM.
     pub ssim: Interval,
-    /// FLIP.
-    pub flip: Interval,
     /// The arm that lacks only what this one adds.
     pub against: Option<String>,
     /// How much larger the PSNR over the masks is than that arm's, dB, pose by pose.
@@ -199,7 +195,6 @@ pub fn figures(runs: &[ArmRun]) -> Vec<ArmFigures> {
             psnr: interval(|image| image.psnr),
             psnr_hand: interval(hand),
             ssim: interval(|image| image.ssim),
-            flip: interval(|image| image.flip),
             against: against.map(str::to_owned),
             gain,
             seed_deviation: (count > 1).then(|| (squares / (count - 1) as f64).sqrt()),
@@ -237,11 +232,11 @@ fn bootstrap(values: &[f64]) -> Interval {
 /// A table in Markdown.
 pub fn table(figures: &[ArmFigures]) -> String {
     let mut text = String::from(
-        "| arm | PSNR on the hand, dB | gain over | PSNR, dB | SSIM | FLIP | iterations | seconds |\n\
-         |---|---|---|---|---|---|---|---|\n",
+        "| arm | PSNR on the hand, dB | gain over | PSNR, dB | SSIM | iterations | seconds |\n\
+         |---|---|---|---|---|---|---|\n",
     );
     for arm in figures {
-        let ArmFigures { psnr, psnr_hand, ssim, flip, .. } = arm;
+        let ArmFigures { psnr, psnr_hand, ssim, .. } = arm;
         let gain = match (&arm.against, &arm.gain) {
             (Some(name), Some(gain)) => {
                 format!("{:+.2} ({:+.2} to {:+.2}) `{name}`", gain.mean, gain.low, gain.high)
@@ -249,7 +244,7 @@ pub fn table(figures: &[ArmFigures]) -> String {
             _ => String::new(),
         };
         text += &format!(
-            "| `{}`: {} | {:.2} ({:.2} to {:.2}) | {gain} | {:.2} ({:.2} to {:.2}) | {:.4} | {:.4} | {:.0} | {:.0} |\n",
+            "| `{}`: {} | {:.2} ({:.2} to {:.2}) | {gain} | {:.2} ({:.2} to {:.2}) | {:.4} | {:.0} | {:.0} |\n",
             arm.arm,
             arm.description,
             psnr_hand.mean,
@@ -259,7 +254,6 @@ pub fn table(figures: &[ArmFigures]) -> String {
             psnr.low,
             psnr.high,
             ssim.mean,
-            flip.mean,
             arm.iterations,
             arm.seconds
         );
@@ -278,7 +272,6 @@ mod tests {
             psnr: value + 5.0,
             psnr_hand: *value,
             ssim: 0.9,
-            flip: 0.1,
         });
         ArmRun { arm: arm.into(), seed, iterations: 10, seconds: 2.0, images: images.collect() }
     }

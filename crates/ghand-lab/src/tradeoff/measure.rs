@@ -15,7 +15,6 @@ use image::{Rgb, Rgb32FImage};
 use serde::Serialize;
 
 use super::variants::Variant;
-use ghand_app::quality::Playback;
 use ghand_app::say;
 
 /// Space around the hand in its images, pixels.
@@ -39,9 +38,8 @@ pub struct Measured {
     /// PSNR over the hand's surroundings, dB, and over its mask.
     pub psnr: f64,
     pub psnr_hand: f64,
-    /// SSIM and FLIP.
+    /// SSIM.
     pub ssim: f64,
-    pub flip: f64,
     /// From a pose to the picture on the device, ms: the median over the rounds of each round's median.
     pub frame_ms: f64,
     /// Quartiles of the rounds.
@@ -49,9 +47,6 @@ pub struct Measured {
     /// This one's time over that of the first variant, which is exact: the median of the rounds' ratios. On a busy machine
     /// it says more than the time.
     pub relative: f64,
-    /// How the avatar is played so; `None` if presets cannot say it.
-    #[serde(skip)]
-    pub playback: Option<Playback>,
     /// Whether no variant is faster and as accurate, or as fast and more accurate.
     pub best: bool,
 }
@@ -121,11 +116,9 @@ pub fn measure(
             psnr: mean.psnr,
             psnr_hand: mean.psnr_hand,
             ssim: mean.ssim,
-            flip: mean.flip,
             frame_ms: 0.0,
             frame_ms_range: [0.0; 2],
             relative: 1.0,
-            playback: variant.playback,
             best: false,
         });
         scenes.push(scene);
@@ -229,11 +222,9 @@ mod tests {
             psnr,
             psnr_hand: psnr,
             ssim: 1.0,
-            flip: 0.0,
             frame_ms,
             frame_ms_range: [frame_ms; 2],
             relative: frame_ms / 30.0,
-            playback: None,
             best: false,
         };
         let at = [(33.0, 30.0), (32.9, 20.0), (32.8, 25.0), (30.0, 20.0), (28.0, 9.0), (28.01, 9.1), (33.01, 32.0)];

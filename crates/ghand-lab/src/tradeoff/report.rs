@@ -12,7 +12,6 @@ use super::TradeoffArgs;
 use super::measure::Measured;
 use super::variants::KNOBS;
 use ghand_app::pictures::write_png;
-use ghand_app::quality::{Playback, Quality, QualityPresets};
 
 /// Room that a name takes in the plot: dB, and times its place.
 const NAME_HEIGHT: f64 = 0.12;
@@ -29,24 +28,9 @@ pub struct Report {
     /// Images compared, and rounds of timing.
     images: usize,
     rounds: u32,
-    /// The presets on this adapter: the avatar as it is, the fastest variant that is nearly as accurate, and the fastest that
-    /// still looks alike.
-    recommended: Vec<Recommended>,
     /// The fastest first.
     variants: Vec<Measured>,
 }
-
-/// A variant with a reason.
-#[derive(Debug, Serialize)]
-struct Recommended {
-    quality: Quality,
-    variant: String,
-    #[serde(flatten)]
-    playback: Playback,
-}
-
-/// What each preset may lose of the avatar's PSNR, dB.
-const PRESETS: [(Quality, f64); 2] = [(Quality::Balanced, 0.1), (Quality::Fast, 1.0)];
 
 /// Makes the folder, unless it has files of an earlier run that may not be replaced.
 ///
@@ -62,15 +46,6 @@ pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
 impl Report {
     pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, images: usize, mut variants: Vec<Measured>) -> Report {
         variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
-        let exact = variants.iter().find(|m| m.playback == Some(Playback::EXACT));
-        let least = exact.map_or(f64::INFINITY, |m| m.psnr);
-        let fastest = |(quality, loss): (Quality, f64)| {
-            let m = variants.iter().find(|m| m.playback.is_some() && m.psnr >= least - loss)?;
-            Some(Recommended { quality, variant: m.name.clone(), playback: m.playback? })
-        };
-        let exact =
-            exact.map(|m| Recommended { quality: Quality::Exact, variant: m.name.clone(), playback: Playback::EXACT });
-        let recommended = exact.into_iter().chain(PRESETS.into_iter().filter_map(fastest)).collect();
         let name = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Report {
             adapter: gpu.info.name.clone(),
@@ -78,31 +53,20 @@ impl Report {
             split: args.split.clone(),
             images,
             rounds: args.rounds,
-            recommended,
             variants,
         }
-    }
-
-    /// Keeps the presets for this adapter in the user's file.
-    ///
-    /// # Errors
-    /// An error that names the file.
-    pub fn keep_presets(&self, path: &Path) -> anyhow::Result<()> {
-        let mut presets = QualityPresets::read(path)?;
-        self.recommended.iter().for_each(|r| presets.set(&self.adapter, r.quality, r.playback));
-        presets.write(path)
     }
 
     /// A Markdown table, the fastest first.
     pub fn table(&self) -> String {
         let mut text =
-            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | FLIP | MB | on the device, MB | Gaussians |\n\
-                        |---|---|---|---|---|---|---|---|---|---|---|\n"
+            "| | variant | ms a frame | relative | PSNR, dB | on the hand, dB | SSIM | MB | on the device, MB | Gaussians |\n\
+                        |---|---|---|---|---|---|---|---|---|---|\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.4} | {:.2} | {} | {} |\n",
+                "| {} | {} | {:.1} ({low:.1} to {high:.1}) | {:.2} | {:.2} | {:.2} | {:.4} | {:.2} | {} | {} |\n",
                 if m.best { "*" } else { "" },
                 m.name,
                 m.frame_ms,
@@ -110,14 +74,10 @@ impl Report {
                 m.psnr,
                 m.psnr_hand,
                 m.ssim,
-                m.flip,
                 m.bytes as f64 * 1e-6,
                 m.device_bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 * 1e-6)),
                 m.gaussians
             );
-        }
-        for r in &self.recommended {
-            text += &format!("\n`--quality {}`: {}\n", r.quality.name(), r.variant);
         }
         text
     }
@@ -126,7 +86,7 @@ impl Report {
         format!(
             "# Speed and accuracy\n\nCapture `{}`, split `{}`, {} images; {}. A frame is the time from a pose to the picture on \
              the device, the median over {} rounds in which all variants have their turn, with their quartiles; relative is \
-             the median of the rounds' ratios to the exact avatar. PSNR, SSIM and FLIP are over the hand's surroundings. No \
+             the median of the rounds' ratios to the exact avatar. PSNR and SSIM are over the hand's surroundings. No \
              other variant is faster and as accurate, or as fast and more accurate, than those with a star.\n\n![Speed and accuracy](tradeoff.svg)\n\n{}",
             self.capture,
             self.split,
@@ -139,12 +99,12 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text =
-            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,flip,bytes,device_bytes,gaussians\n"
+            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,bytes,device_bytes,gaussians\n"
                 .to_owned();
         for m in &self.variants {
             let [low, high] = m.frame_ms_range;
             text += &format!(
-                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{},{}\n",
+                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{}\n",
                 m.name.replace('"', "\"\""),
                 m.knob,
                 m.best,
@@ -153,7 +113,6 @@ impl Report {
                 m.psnr,
                 m.psnr_hand,
                 m.ssim,
-                m.flip,
                 m.bytes,
                 m.device_bytes.map_or(String::new(), |bytes| bytes.to_string()),
                 m.gaussians

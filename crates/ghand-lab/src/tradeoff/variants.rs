@@ -10,8 +10,8 @@ use ghand_core::Pose;
 use ghand_render::Gpu;
 use ghand_render::splat::CutOffs;
 
+use ghand_app::baked::RANK;
 use ghand_app::commands::bake::pose_set::{PoseSet, PoseSetArgs};
-use ghand_app::quality::{Playback, RANK};
 use ghand_app::say;
 
 /// An avatar in one of its forms.
@@ -28,8 +28,6 @@ pub struct Variant {
     pub cut_offs: CutOffs,
     /// Size of its file, bytes.
     pub bytes: usize,
-    /// How the first avatar is played so; `None` if presets cannot say it.
-    pub playback: Option<Playback>,
 }
 
 /// The knobs, in the order of legends.
@@ -71,35 +69,33 @@ pub fn variants(
     split: &str,
 ) -> anyhow::Result<Vec<Variant>> {
     let mut all = vec![];
-    for (number, (file, avatar)) in avatars.iter().enumerate() {
+    for (file, avatar) in avatars {
         let exact = Arc::new(avatar.clone());
         let mut add_cut =
-            |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>, cut_offs: CutOffs| {
+            |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64, cut_offs: CutOffs| {
                 let name = if file.is_empty() { text } else { format!("{file}: {text}") };
-                let image_scale = playback.map_or(1.0, |playback| playback.image_scale);
-                let (bytes, playback) = (avatar.file_size()?, playback.filter(|_| number == 0));
-                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, cut_offs, playback });
+                let bytes = avatar.file_size()?;
+                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, cut_offs });
                 anyhow::Ok(())
             };
-        let unbaked = |image_scale: f64| Some(Playback { kept: None, image_scale });
-        add_cut("exact".into(), "exact", &exact, unbaked(1.0), CutOffs::default())?;
+        add_cut("exact".into(), "exact", &exact, 1.0, CutOffs::default())?;
         for alpha in ALPHAS {
             let cut_offs = CutOffs { alpha, ..CutOffs::default() };
-            add_cut(format!("alpha from {alpha}/255"), "cut-offs", &exact, None, cut_offs)?;
+            add_cut(format!("alpha from {alpha}/255"), "cut-offs", &exact, 1.0, cut_offs)?;
         }
         for depth_bits in DEPTH_BITS {
             let cut_offs = CutOffs { depth_bits, ..CutOffs::default() };
-            add_cut(format!("{depth_bits} bits of depth"), "cut-offs", &exact, None, cut_offs)?;
+            add_cut(format!("{depth_bits} bits of depth"), "cut-offs", &exact, 1.0, cut_offs)?;
         }
-        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, playback: Option<Playback>| {
-            add_cut(text, knob, avatar, playback, CutOffs::default())
+        let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64| {
+            add_cut(text, knob, avatar, image_scale, CutOffs::default())
         };
         let antialias = !avatar.config.antialias;
         let config = AvatarConfig { antialias, ..avatar.config.clone() };
         let other = Arc::new(Avatar { config, ..avatar.clone() });
-        add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, None)?;
+        add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, 1.0)?;
         for scale in SCALES {
-            add(format!("image x {scale}"), "image scale", &exact, unbaked(scale))?;
+            add(format!("image x {scale}"), "image scale", &exact, scale)?;
         }
         if matches!(avatar.tables, PropertyTables::Baked(_)) {
             continue;
@@ -111,7 +107,7 @@ pub fn variants(
             let bake = Bake::new(gpu, avatar, &fitted, rank, |_| ())?;
             let make = |keep: usize, precision: Precision| Arc::new(bake.avatar(keep, precision));
             if rank != RANKS[0] {
-                add(format!("baked, rank {rank}"), "baked", &make(bake.blocks(), Precision::U8), None)?;
+                add(format!("baked, rank {rank}"), "baked", &make(bake.blocks(), Precision::U8), 1.0)?;
                 continue;
             }
             for (part, of) in KEPT {
@@ -122,16 +118,15 @@ pub fn variants(
                 };
                 let kept = part as f64 / of as f64;
                 let baked = make((kept * bake.blocks() as f64).round() as usize, Precision::U8);
-                let playback = |image_scale: f64| Some(Playback { kept: Some(kept), image_scale });
-                add(text, "baked", &baked, playback(1.0))?;
+                add(text, "baked", &baked, 1.0)?;
                 if (part, of) == (1, 16) {
                     for scale in SCALES {
-                        add(format!("baked, {part}/{of}, image x {scale}"), "image scale", &baked, playback(scale))?;
+                        add(format!("baked, {part}/{of}, image x {scale}"), "image scale", &baked, scale)?;
                     }
                 }
             }
             for (name, precision) in [("f16", Precision::F16), ("f32", Precision::F32)] {
-                add(format!("baked, all, {name}"), "precision", &make(bake.blocks(), precision), None)?;
+                add(format!("baked, all, {name}"), "precision", &make(bake.blocks(), precision), 1.0)?;
             }
         }
     }

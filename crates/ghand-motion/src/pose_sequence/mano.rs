@@ -41,13 +41,13 @@ use ghand_core::{Pose, Side};
 use ghand_files::value::Value;
 use ghand_hand_model::joint_names::JointRole;
 use ghand_hand_model::mano::JOINT_NAMES;
-use ghand_hand_model::procedural::ProceduralHand;
 use glam::{DMat3, DVec3};
 
 use super::recording::{LeftRotations, ManoRows};
 use super::source::in_range;
 use super::to_model::side_name;
 use super::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, known_layouts, plain};
+use crate::average_hand::average_hand;
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, hawor, is_arctic};
 pub(super) use estimates::left_rotations;
@@ -311,30 +311,22 @@ pub(super) fn is_mano(rig: &RestSkeleton) -> bool {
     same && rig.palm().is_some_and(|[forward, back, _]| forward.x * sign > 0.7 && back.y > 0.7)
 }
 
-/// A MANO-like skeleton from the procedural hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a
+/// A MANO-like skeleton from the average hand's, turned into MANO's axes about the wrist: fingers from -Y to -X (of a
 /// left hand to +X), back of the hand from +X (-X) to +Y.
 pub(super) fn stand_in(side: Side) -> Result<RestSkeleton, PoseError> {
-    // Building a hand takes longer than reading most files.
-    static RIGS: [OnceLock<RestSkeleton>; 2] = [const { OnceLock::new() }; 2];
-    let [right, left] = &RIGS;
-    let (known, turn) = match side {
-        Side::Right => (right, DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::NEG_Z)),
-        Side::Left => (left, DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z)),
+    let turn = match side {
+        Side::Right => DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::NEG_Z),
+        Side::Left => DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_X, DVec3::NEG_Z),
     };
-    if let Some(rig) = known.get() {
-        return Ok(rig.clone());
-    }
-    let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() };
-    let rig = RestSkeleton::of(&hand.build()?)?;
+    let rig = average_hand(side)?;
     let wrist = rig.joint_position(JointRole::Wrist).unwrap_or_default();
     let place = |p: DVec3| turn * (p - wrist);
-    let rig = RestSkeleton {
+    Ok(RestSkeleton {
         name: "MANO's axes".into(),
         joints: rig.joints.iter().map(|joint| place(*joint)).collect(),
         frames: rig.frames.iter().map(|frame| turn * *frame).collect(),
         axes: rig.axes.iter().map(|axes| axes.turned(turn)).collect(),
         tips: rig.tips.map(place),
         ..rig
-    };
-    Ok(known.get_or_init(|| rig).clone())
+    })
 }

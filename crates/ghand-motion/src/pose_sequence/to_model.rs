@@ -6,13 +6,13 @@ use ghand_capture::capture::Capture;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::mano::JOINT_NAMES;
-use ghand_hand_model::procedural::ProceduralHand;
 use glam::DVec3;
 
 use super::file_skeleton::FileSkeleton;
 use super::recording::{LeftRotations, ManoRows, Rows};
 use super::source::{OPENGL_AXES, in_range};
 use super::{PoseError, PoseFrame, PoseOptions, Source, mano, plausibility};
+use crate::average_hand::average_hand;
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored, mirrored_point};
 
@@ -99,13 +99,12 @@ pub(crate) fn rows(
     if full.joint_names.len() == JOINT_NAMES.len() && full.rows_of(&mano_names).is_some() {
         order(source, &full, &mano_names, &mut frames)?;
         let side = side.unwrap_or(model.side);
-        let hand = ProceduralHand { left: side == Side::Left, detail: 1, ..Default::default() }.build()?;
         warnings.push(
-            "the file names joints but not their rest positions; the poses are read as those of the procedural hand (add \
+            "the file names joints but not their rest positions; the poses are read as those of an average hand (add \
              hand_model.side, parents and rest_joints, or use --pose-model)"
                 .into(),
         );
-        return Ok((retargeted(frames, &RestSkeleton::of(&hand)?, &RestSkeleton::of(model)?), side));
+        return Ok((retargeted(frames, &average_hand(side)?, &RestSkeleton::of(model)?), side));
     }
     let lacking = model.joint_names.iter().find(|joint| !full.joint_names.contains(joint));
     let problem = format!(

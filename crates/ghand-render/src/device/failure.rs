@@ -7,7 +7,7 @@
 use std::error::Error;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::device::{AdapterChoice, memory_limit};
+use crate::device::AdapterChoice;
 use crate::{Gpu, Tier};
 
 /// Why a device could not be opened.
@@ -21,23 +21,11 @@ pub enum DeviceError {
         /// The available adapters.
         found: Vec<String>,
     },
-    /// The process has less address space than any driver needs.
-    #[error(
-        "this process may use only {limit_mib} MiB of address space (`ulimit -v`), and a graphics driver needs at \
-         least {least_mib}; raise the limit, for example with `ulimit -v unlimited`"
-    )]
-    MemoryLimit {
-        /// Address space of the process, MiB.
-        limit_mib: u64,
-        /// Address space that a driver needs, MiB.
-        least_mib: u64,
-    },
     /// The adapter did not give a device.
     #[error(
         "the graphics adapter {adapter} could not be opened: {reason}; update its driver or choose another adapter \
-         with {}{}",
-        AdapterChoice::VARIABLE,
-        memory_limit::hint()
+         with {}",
+        AdapterChoice::VARIABLE
     )]
     NoDevice {
         /// The adapter.
@@ -86,7 +74,7 @@ pub enum DeviceError {
 fn adapter_remedy(found: &[String]) -> String {
     let install = "(Debian or Ubuntu without a GPU: `apt-get install mesa-vulkan-drivers`, or `scripts/setup.sh`)";
     if found.is_empty() {
-        return format!("; install a Vulkan driver {install}{}", memory_limit::hint());
+        return format!("; install a Vulkan driver {install}");
     }
     let variable = AdapterChoice::VARIABLE;
     format!(", only {}; choose one of these with {variable} or install the driver of another", found.join(", "))
@@ -103,9 +91,8 @@ pub enum RenderError {
     /// The device has too little memory for a request. It remains usable.
     #[error(
         "the graphics device has too little memory for {what} ({why}); use smaller images or fewer Gaussians, close \
-         other programs that use the graphics adapter, or choose another adapter with {}{}",
-        AdapterChoice::VARIABLE,
-        memory_limit::hint()
+         other programs that use the graphics adapter, or choose another adapter with {}",
+        AdapterChoice::VARIABLE
     )]
     OutOfMemory {
         /// What was asked for.

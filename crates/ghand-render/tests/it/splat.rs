@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use ghand_core::Camera;
-use ghand_hand_model::procedural::ProceduralHand;
 use ghand_hand_model::surface::sample_surface;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_render::Gpu;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::splat::{

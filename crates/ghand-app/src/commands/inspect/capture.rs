@@ -90,7 +90,6 @@ fn hand_model(capture: &Capture) -> String {
     let source = match &capture.hand_model_source {
         HandModelSource::Gltf { path } => format!("{path} (glTF)"),
         HandModelSource::Builtin => "the built-in hand".into(),
-        HandModelSource::Procedural(_) => "a procedural hand".into(),
         HandModelSource::Mano => format!("{} (MANO)", model.name),
     };
     let correctives = if model.pose_directions.is_empty() { "no" } else { "with" };

@@ -6,7 +6,6 @@ use egui::{Button, Context, MenuBar, Ui, ViewportCommand};
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
-use crate::quality::Quality;
 use crate::viewer::app::Viewer;
 use crate::viewer::camera::Projection;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
@@ -97,9 +96,6 @@ impl Viewer {
             CommandId::Turntable => self.turntable = !self.turntable,
             CommandId::PreviousCamera => self.step_camera(-1),
             CommandId::NextCamera => self.step_camera(1),
-            CommandId::PlayFast => self.choose_quality(Quality::Fast, context),
-            CommandId::PlayBalanced => self.choose_quality(Quality::Balanced, context),
-            CommandId::PlayExact => self.choose_quality(Quality::Exact, context),
             CommandId::Measure => {
                 self.measure = !self.measure;
                 self.clear_times();
@@ -125,7 +121,6 @@ impl Viewer {
             CommandId::Open => self.file_dialog.is_none(),
             // One at a time.
             CommandId::SavePicture | CommandId::SaveFilm => self.output.is_none() && self.save_dialog.is_none(),
-            CommandId::PlayFast | CommandId::PlayBalanced | CommandId::PlayExact => !self.quality.is_busy(),
             CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
             CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
             CommandId::CopyPose
@@ -212,9 +207,6 @@ impl Viewer {
             CommandId::ShowHandles => Some(self.settings.handles_shown),
             CommandId::SwitchProjection => Some(self.camera.projection() == Projection::Orthographic),
             CommandId::Turntable => Some(self.turntable),
-            CommandId::PlayFast => Some(self.quality.chosen() == Quality::Fast),
-            CommandId::PlayBalanced => Some(self.quality.chosen() == Quality::Balanced),
-            CommandId::PlayExact => Some(self.quality.chosen() == Quality::Exact),
             CommandId::ShowLayer(layer) => Some(self.layer() == layer),
             CommandId::DrawOverlay(overlay) => Some(self.has_overlay(overlay)),
             CommandId::Compare(comparison) => Some(self.truth.comparison == comparison),

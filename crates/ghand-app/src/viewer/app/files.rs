@@ -8,15 +8,12 @@ use egui::{Align2, Color32, Context, FontId, Rect, Ui};
 use ghand_core::HandModel;
 use ghand_motion::{KeyFrames, PoseSequence};
 
-use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
 use crate::light_args::LightArgs;
-use crate::quality::Quality;
 use crate::viewer::app::Viewer;
 use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
 use crate::viewer::file_reader::{Contents, ReadFile, Reason, file_name};
 use crate::viewer::picture::Picture;
-use crate::viewer::quality_choice::{Prepared, QualityChoice};
 use crate::viewer::subject::Subject;
 use crate::viewer::training_run::TrainingRun;
 use crate::viewer::watched_file::WatchedFile;
@@ -29,7 +26,6 @@ impl Viewer {
     pub fn watch(&mut self, path: &Path, light: &LightArgs) {
         self.light = light.clone();
         self.watched = (!is_hand_name(path)).then(|| WatchedFile::new(path));
-        self.quality = QualityChoice::exact((file_kind(path) == FileKind::Avatar).then_some(path));
     }
 
     /// Shows beside the avatar how the run goes that trains it, and follows the run to its result.
@@ -44,44 +40,12 @@ impl Viewer {
         if !run.look(context) {
             return;
         }
-        // What is shown may be a baked avatar.
         let newest = run.avatar();
         if let Some(path) = newest.filter(|path| self.watched.as_ref().is_none_or(|watched| watched.path() != path)) {
             let light = self.light.clone();
             self.watch(&path, &light);
             self.reload();
         }
-    }
-
-    /// Says in which preset the watched avatar is shown.
-    pub fn play_as(&mut self, quality: QualityChoice) {
-        self.quality = quality;
-    }
-
-    /// Prepares the avatar for a preset, beside the user interface.
-    pub(super) fn choose_quality(&mut self, quality: Quality, context: &Context) {
-        self.quality.choose(&self.gpu, quality, context);
-        self.toasts.note(format!("Preparing `{}` ...", quality.name()));
-    }
-
-    /// Reads the avatar that was prepared for a preset, once no other file is being read that could take its place.
-    pub(super) fn take_quality(&mut self) {
-        if self.files.is_busy() {
-            return;
-        }
-        match self.quality.poll() {
-            Ok(None) => {}
-            Ok(Some(prepared)) => match prepared.file.clone() {
-                Some(path) => self.files.ask(&path, Reason::Prepared(prepared), &self.light),
-                None => self.play_prepared(&prepared),
-            },
-            Err(error) => self.toasts.error(&error),
-        }
-    }
-
-    fn play_prepared(&mut self, prepared: &Prepared) {
-        self.quality.show(prepared);
-        self.toasts.note(format!("Played as `{}`.", self.quality.chosen().name()));
     }
 
     /// Opens files that were dropped or chosen, and the watched one if it has changed.
@@ -105,10 +69,7 @@ impl Viewer {
         if let Some(watched) = &mut self.watched {
             context.request_repaint_after(LOOK);
             if !self.files.is_busy() && watched.has_changed(now) {
-                match self.quality.chosen() {
-                    Quality::Exact => self.reload(),
-                    baked => self.choose_quality(baked, context),
-                }
+                self.reload();
             }
         }
         if let Some(read) = self.files.poll(model_of(&self.subject), context) {
@@ -143,11 +104,6 @@ impl Viewer {
         let shown = contents.and_then(|contents| match reason {
             Reason::Opened => self.show_contents(contents, &path),
             Reason::Changed => self.show_changed(contents, &path),
-            Reason::Prepared(prepared) => {
-                self.show_again(contents, &path)?;
-                self.play_prepared(&prepared);
-                Ok(())
-            }
         });
         if let Err(error) = shown {
             self.toasts.error(&error);

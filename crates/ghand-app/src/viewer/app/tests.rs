@@ -10,7 +10,6 @@ mod motion;
 mod output;
 mod pointer;
 mod pose;
-mod quality;
 mod saved_views;
 mod thumbnails;
 mod truth;
@@ -23,7 +22,7 @@ use egui_kittest::kittest::Queryable;
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use ghand_render::AdapterChoice;
 use glam::DVec2;
 

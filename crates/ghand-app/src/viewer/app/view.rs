@@ -247,10 +247,8 @@ impl Viewer {
     /// The panel's size in pixels, reduced if that is too many.
     pub(super) fn picture_size(&self, rect: Rect, pixels_per_point: f32) -> [u32; 2] {
         let pixels = rect.size() * pixels_per_point;
-        let shrink = (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0)
-            * self.detail
-            * self.quality.image_scale()
-            * self.adaptive_scale();
+        let shrink =
+            (self.largest_edge as f32 / pixels.max_elem().max(1.0)).min(1.0) * self.detail * self.adaptive_scale();
         [pixels.x, pixels.y].map(|edge| ((edge * shrink).round() as u32).clamp(1, self.largest_edge))
     }
 }

@@ -12,12 +12,14 @@ mod world;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cases::Case;
+use ghand_test_support::cases;
 use judge::{Outcome, judge, run};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use world::World;
 
-const CASES: u64 = 500;
+/// Number of cases, usually and in long tests.
+const CASES: [u64; 2] = [60, 500];
 const SEED: u64 = 1;
 
 fn number(variable: &str, default: u64) -> u64 {
@@ -33,7 +35,7 @@ fn case(world: &World, seed: u64, index: u64) -> Case {
 
 #[test]
 fn the_programs_succeed_or_report_the_problem_in_one_sentence() {
-    let (count, seed) = (number("GHAND_ATTACK_CASES", CASES), number("GHAND_ATTACK_SEED", SEED));
+    let (count, seed) = (number("GHAND_ATTACK_CASES", cases(CASES[0], CASES[1])), number("GHAND_ATTACK_SEED", SEED));
     let world = World::new();
     let next = AtomicU64::new(0);
     let attack = || {

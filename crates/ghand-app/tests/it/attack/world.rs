@@ -5,7 +5,7 @@ use std::process::Command;
 
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_hand_model::mano::write_mano;
-use ghand_hand_model::procedural::ProceduralHand;
+use ghand_procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

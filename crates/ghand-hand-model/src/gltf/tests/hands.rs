@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 
 use super::*;
 use crate::joint_names::{Finger, finger_joints};
-use crate::procedural::ProceduralHand;
 use crate::rigged_glb::rigged_glb_bytes;
+use ghand_procedural_hand::ProceduralHand;
 
 /// A file that can be changed.
 #[derive(Clone)]
