@@ -2,7 +2,6 @@
 
 pub mod demo_capture;
 pub mod evaluation;
-pub mod folder_lock;
 pub mod full_disk;
 pub mod interruption;
 pub mod live_files;

@@ -17,14 +17,14 @@ use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 
 use ghand_app::capture_args::CaptureArgs;
-use ghand_app::claim::Claim;
 use ghand_app::cli::{AdapterArgs, Stopped};
 use ghand_app::own_inputs::refuse_capture_folder;
-use ghand_app::pictures::write_png;
 use ghand_app::say;
 use ghand_app::train_run::interruption::Interruption;
 use ghand_app::train_run::settings_args::SettingsArgs;
 use ghand_app::train_run::training_poses::StartPoses;
+use ghand_files::claim::Claim;
+use ghand_pictures::write_png;
 
 /// Command line of `ghand-lab ablate`.
 #[derive(Debug, Args)]

@@ -11,12 +11,12 @@ use clap::Args;
 use ghand_avatar::Avatar;
 
 use ghand_app::capture_args::{CaptureArgs, check_sides};
-use ghand_app::claim::Claim;
 use ghand_app::cli::{AdapterArgs, parse_count};
 use ghand_app::commands::bake::pose_set::PoseSetArgs;
 use ghand_app::own_inputs::refuse_capture_folder;
 use ghand_app::quality::QualityPresets;
 use ghand_app::say;
+use ghand_files::claim::Claim;
 use measure::Measured;
 
 /// Command line of `ghand-lab tradeoff`.

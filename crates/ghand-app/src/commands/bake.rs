@@ -12,15 +12,15 @@ use clap::{Args, ValueEnum};
 use ghand_avatar::{Avatar, Bake};
 use ghand_core::Pose;
 use ghand_files::atomic_file::{check_writable, write_atomically};
+use ghand_files::claim::Claim;
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::capture_args::{CaptureArgs, check_sides};
-use crate::claim::Claim;
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::own_inputs::OwnInputs;
 use crate::say;
 use judge::{Judge, Loss};

@@ -12,6 +12,7 @@ use ghand_core::Pose;
 use ghand_fit::alignment::single_frames::pose_knowledge;
 use ghand_fit::pose_offsets::PoseOffsets;
 use ghand_fit::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
+use ghand_pictures::write_png;
 use ghand_train::Protocol;
 use ghand_train::evaluate::ImageMetrics;
 use ghand_train::report::report;
@@ -19,7 +20,6 @@ use serde::Serialize;
 
 use crate::capture_args::{CaptureArgs, check_sides};
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::lpips_args::LpipsArgs;
 use crate::own_inputs::refuse_capture_folder;
 use crate::say;

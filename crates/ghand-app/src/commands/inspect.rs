@@ -17,11 +17,11 @@ use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
 use ghand_fit::alignment::review::review;
 use ghand_hand_model::read::file_and_side;
+use ghand_pictures::write_png;
 use ghand_render::DeviceError;
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
 use crate::own_inputs::OwnInputs;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::framing::portrait;
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
@@ -15,17 +16,16 @@ use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::pose_sequence::ghand::{write_fitted_poses, write_poses};
 use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
+use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
 use crate::hand_model_file::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
 use crate::own_inputs::{OwnInputs, camera_file};
-use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 use crate::sight::BlankPictures;
-use ghand_avatar::framing::portrait;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

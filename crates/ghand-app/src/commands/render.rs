@@ -6,22 +6,22 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
+use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, Pose};
 use ghand_motion::{PoseFrame, PoseSequence};
+use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::format_args::FormatArgs;
 use crate::light_args::LightArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
-pub use crate::pictures::write_png;
-use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::quality::{self, Quality};
 use crate::say;
 use crate::shown::Shown;
 use crate::sight::BlankPictures;
-use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

@@ -10,6 +10,7 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_fit::alignment_picture::alignment_picture;
 use ghand_fit::light_fit::LightFit;
 use ghand_fit::protocol::given_views;
+use ghand_pictures::write_png;
 use ghand_train::evaluate::Metrics;
 use ghand_train::presets::Preset;
 use ghand_train::report::report;
@@ -18,7 +19,6 @@ use ghand_train::{Align, Checkpoints, Protocol, Simplify, TrainError, TrainSetti
 use crate::capture_args::CaptureArgs;
 use crate::capture_preflight::check_before_training;
 use crate::cli::{AdapterArgs, Stopped};
-use crate::commands::render::write_png;
 use crate::lpips_args::{LpipsArgs, check_image_sizes};
 use crate::own_inputs::refuse_capture_folder;
 use crate::quality::{self, Quality};

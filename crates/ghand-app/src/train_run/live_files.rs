@@ -8,7 +8,7 @@ use ghand_pictures::plot::{LinePlot, Series};
 use ghand_train::{CurvePoint, Preview};
 use image::{Rgb, RgbImage};
 
-use crate::commands::render::write_png;
+use ghand_pictures::write_png;
 
 /// The loss and the PSNR of images held out, over the run, as a table.
 pub const CURVES_TABLE: &str = "curves.csv";

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use ghand_files::atomic_file::remove_unfinished;
+use ghand_files::folder_lock::{Attempt, FolderLock};
 use ghand_train::checkpoints::{has_checkpoints, remove_checkpoints};
 
 use crate::say;
-use crate::train_run::folder_lock::{Attempt, FolderLock};
 use crate::train_run::live_files::{CURVES_PLOT, CURVES_TABLE, PREVIEW};
 use crate::train_run::live_viewer::PREVIEW_AVATAR;
 
@@ -190,7 +190,7 @@ impl RunFolder {
             Ok(Attempt::Taken(holder)) => Err(holder),
             Err(error) => {
                 leftovers.remove();
-                return Err(error);
+                return Err(error.into());
             }
         })
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ghand_avatar::Scene;
 use ghand_avatar::scene::OPACITY;
 use ghand_core::{Camera, Pose};
+use ghand_pictures::Picture;
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
 use ghand_render::splat::{Counters, FrameStage, Shape, SplatModel, View};
 use ghand_render::timing::FrameClock;
@@ -14,7 +15,6 @@ use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
 use crate::commands::explain::pose_properties::PoseProperties;
-use crate::pictures::Picture;
 use crate::viewer::frame_times::STAGES;
 use crate::viewer::picture::PictureInputs;
 
