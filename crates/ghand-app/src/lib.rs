@@ -17,6 +17,7 @@ pub mod mesh_picture;
 pub mod own_inputs;
 pub mod pose_choice;
 pub mod quality;
+pub mod run_files;
 pub mod runtime_dir;
 pub mod shown;
 pub mod sight;

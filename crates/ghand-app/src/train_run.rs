@@ -11,5 +11,4 @@ pub mod results;
 pub mod run_folder;
 pub mod run_record;
 pub mod settings_args;
-pub mod training;
 pub mod training_poses;

@@ -113,7 +113,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let start = Instant::now();
     check_options(&arguments)?;
     if arguments.screenshot.is_none() {
-        window::check_display()?;
+        cli::check_display()?;
     }
     let training = arguments.file.as_deref().and_then(TrainingRun::open);
     let path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);

@@ -22,11 +22,12 @@ use crate::capture_args::{CaptureArgs, check_sides};
 use crate::cli::AdapterArgs;
 use crate::lpips_args::LpipsArgs;
 use crate::own_inputs::refuse_capture_folder;
+use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+use crate::train_run::run_folder::RunFolder;
 use crate::train_run::training_poses::{poses_of_split, true_poses};
 
 /// Command line of `ghand evaluate`.

@@ -11,7 +11,7 @@ use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_byt
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
 use crate::capture_args::{CaptureOptions, check_sides};
-use crate::train_run::run_folder::CAMERAS_FILE;
+use crate::run_files::CAMERAS_FILE;
 use crate::viewer::capture_poses::CapturePoses;
 use crate::viewer::number_slider::number_slider;
 

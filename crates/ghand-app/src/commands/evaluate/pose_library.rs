@@ -20,10 +20,11 @@ use serde::Serialize;
 use super::{DEFAULT_SPLIT, EvaluateArgs, check_joints};
 use crate::cli::AdapterArgs;
 use crate::pose_choice::pose_by_name;
+use crate::run_files::{CLEANLINESS_FILE, CLEANLINESS_SHEET};
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::{CLEANLINESS_FILE, CLEANLINESS_SHEET, RunFolder};
+use crate::train_run::run_folder::RunFolder;
 
 /// Views of each pose, evenly around the hand.
 const VIEWS: usize = 24;
