@@ -18,7 +18,7 @@ use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
 use serde::{Deserialize, Serialize};
 
-use crate::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use crate::commands::bake::pose_set::{PoseSet, PoseSetOptions};
 use crate::say;
 
 /// A preset.
@@ -157,7 +157,7 @@ pub fn prepare(gpu: &Gpu, path: &Path, quality: Quality, playback: Playback) -> 
         return Ok(path.to_owned());
     }
     say!("baking {} for `{}`", path.display(), quality.name());
-    let poses = PoseSet::gather(&PoseSetArgs::default(), &avatar, None)?;
+    let poses = PoseSet::gather(&PoseSetOptions::default(), &avatar, None)?;
     let fitted: Vec<Pose> = poses.fitted.into_iter().map(|named| named.pose).collect();
     let bake = Bake::new(gpu, &avatar, &fitted, RANK, |_| ()).with_context(|| path.display().to_string())?;
     let keep = (kept * bake.blocks() as f64).round() as usize;

@@ -127,7 +127,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     refuse_capture_folder("--out", &args.out, path)?;
     let _claim = Claim::folder(&args.out)?;
-    let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
+    let capture = args.capture.source().open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {
         bail!("{}: the split {:?} has no images to compare with", path.display(), args.test_split);
     }

@@ -18,7 +18,8 @@ use ghand_train::evaluate::ImageMetrics;
 use ghand_train::report::report;
 use serde::Serialize;
 
-use crate::capture_args::{CaptureArgs, check_sides};
+use crate::capture_args::CaptureArgs;
+use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
 use crate::lpips_args::LpipsArgs;
 use crate::own_inputs::refuse_capture_folder;
@@ -116,7 +117,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
-    let lpips = args.lpips.load()?;
+    let lpips = args.lpips.weights().load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
@@ -125,7 +126,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
-    let capture = args.capture.open(path, &[&args.split, train_split], &[])?;
+    let capture = args.capture.source().open(path, &[&args.split, train_split], &[])?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let split = capture.split(&args.split)?;
     if split.views.is_empty() {

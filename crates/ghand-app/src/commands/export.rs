@@ -14,7 +14,7 @@ use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_render::splat::Purpose;
 
 use crate::cli::AdapterArgs;
-use crate::hand_model_file::HandModelArgs;
+use crate::hand_model_args::HandModelArgs;
 use crate::own_inputs::OwnInputs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
@@ -58,7 +58,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let inputs = OwnInputs::default()
         .and([&args.subject])
         .and(args.reading_poses.inputs(args.pose.as_deref()))
-        .and(args.reading.inputs());
+        .and(args.reading.reading().inputs());
     [("--ply", &args.ply), ("--glb", &args.glb)]
         .into_iter()
         .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
@@ -79,7 +79,7 @@ fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
 
 /// Poses the avatar and writes its Gaussians.
 fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    args.reading.refuse_for("--ply writes an avatar")?;
+    args.reading.reading().refuse_for("--ply writes an avatar")?;
     check_output("--ply", path, "ply")?;
     let avatar = Avatar::load(&args.subject)?;
     let pose = args.pose.as_deref().unwrap_or("rest");
@@ -105,7 +105,7 @@ fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
         bail!("--frame: --glb writes the hand at rest; give --ply, or omit --frame");
     }
     check_output("--glb", path, "glb")?;
-    let file = args.reading.load(Some(&args.subject))?;
+    let file = args.reading.reading().load(Some(&args.subject))?;
     for warning in &file.warnings {
         log::warn!("{warning}");
     }

@@ -20,7 +20,7 @@ use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
-use crate::hand_model_file::HandModelArgs;
+use crate::hand_model_args::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
 use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
@@ -103,7 +103,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
     let inputs = OwnInputs::default()
         .and(&args.hand_model)
-        .and(args.reading.inputs())
+        .and(args.reading.reading().inputs())
         .and(args.reading_poses.inputs(args.pose.as_deref()))
         .and(args.look.camera.as_deref().map(camera_file));
     [("--out", &args.out), ("--picture", &args.picture)]
@@ -114,7 +114,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     {
         bail!("--fps: one pose is written, the first; give --frame, --out FILE.json, or omit --fps");
     }
-    let file = args.reading.load(args.hand_model.as_ref())?;
+    let file = args.reading.reading().load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
     }

@@ -86,13 +86,14 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
+    let light = args.light.lighting();
     let inputs = OwnInputs::default()
         .and([&args.avatar])
         .and(args.reading.inputs(Some(&args.pose)))
         .and(args.camera.as_deref().map(camera_file))
-        .and(args.light.input());
+        .and(light.input());
     destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
-    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
+    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &light)?;
     // The rate of a film of one pose is that of its views.
     let is_film = matches!(destination, Destination::Film(..));
     let sequence = match is_film {
@@ -135,7 +136,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         let playback = quality::playback(&gpu, args.quality)?;
         let played =
             gpu.retry_on_device_loss("baking", |gpu| quality::prepare(gpu, &args.avatar, args.quality, playback))?;
-        avatar = args.show.apply_to(Avatar::load(&played)?, &args.light)?;
+        avatar = args.show.apply_to(Avatar::load(&played)?, &light)?;
     }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;

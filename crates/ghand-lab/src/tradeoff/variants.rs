@@ -10,7 +10,8 @@ use ghand_render::Gpu;
 use ghand_render::deform::baked::Precision;
 use ghand_render::splat::CutOffs;
 
-use ghand_app::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use ghand_app::commands::bake::pose_set::PoseSet;
+use ghand_app::commands::bake::pose_set_args::PoseSetArgs;
 use ghand_app::quality::{Playback, RANK};
 use ghand_app::say;
 
@@ -104,7 +105,7 @@ pub fn variants(
         if matches!(avatar.tables, PropertyTables::Baked(_)) {
             continue;
         }
-        let set = PoseSet::gather(poses, avatar, Some((capture, split)))?;
+        let set = PoseSet::gather(&poses.read(&avatar.model)?, avatar, Some((capture, split)))?;
         let fitted: Vec<Pose> = set.fitted.into_iter().map(|named| named.pose).collect();
         for rank in RANKS {
             say!("baking {file} with {rank} components a joint over {} poses", fitted.len());

@@ -147,7 +147,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         true => (vec![train_split], vec![DEFAULT_SPLIT]),
         false => (vec![train_split, &args.split], vec![]),
     };
-    let capture = args.capture.open(path, &needed, &optional)?;
+    let capture = args.capture.source().open(path, &needed, &optional)?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let train = capture.split(train_split)?;
     let root = mean_root(&capture, train);

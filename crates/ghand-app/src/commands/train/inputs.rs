@@ -12,7 +12,7 @@ use ghand_train::Trained;
 use super::TrainArgs;
 use super::plan::{DEFAULT_TEST_SPLIT, Plan};
 use crate::capture_preflight::check_before_training;
-use crate::lpips_args::check_image_sizes;
+use crate::lpips_weights::check_image_sizes;
 use crate::train_run::demo_capture::demo_capture;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::training_poses::StartPoses;
@@ -37,10 +37,11 @@ impl Inputs {
     /// Opens and checks them. Makes the demo's capture if it is missing.
     pub fn open(args: &TrainArgs, plan: &Plan, gpu: &mut Gpu, interruption: &Interruption) -> anyhow::Result<Inputs> {
         let record = &plan.record;
-        args.capture.check()?;
+        let given = args.capture.source();
+        given.check()?;
         // What is given on the command line is the same as in the record, in the user's own words.
-        let lpips = if args.lpips.path().is_some() { &args.lpips } else { &record.lpips }.load()?;
-        let given = if args.capture.capture.is_some() { &args.capture } else { &record.capture };
+        let lpips = if args.lpips.lpips.is_some() { args.lpips.weights() } else { record.lpips.clone() }.load()?;
+        let given = if given.capture.is_some() { &given } else { &record.capture };
         let recorded_poses: StartPoses = record.poses.parse()?;
         let poses = args.poses.clone().unwrap_or(recorded_poses);
         let path = given.capture.clone().context("--capture: is missing")?;

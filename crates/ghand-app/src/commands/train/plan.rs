@@ -79,7 +79,7 @@ impl TrainArgs {
 
     /// The run as these options describe it.
     fn record(&self) -> anyhow::Result<RunRecord> {
-        let mut capture = self.capture.clone();
+        let mut capture = self.capture.source();
         let demo = match &self.out {
             _ if capture.capture.is_some() => None,
             Some(out) => Some(out.join("capture")),
@@ -97,7 +97,7 @@ impl TrainArgs {
             split: self.split.clone().unwrap_or_else(|| DEFAULT_SPLIT.into()),
             test_split: self.test_split.clone(),
             poses: poses.to_string(),
-            lpips: self.lpips.absolute()?,
+            lpips: self.lpips.weights().absolute()?,
             preset: self.settings.preset().into(),
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
@@ -139,7 +139,7 @@ impl TrainArgs {
         if self.poses.is_some() && asked.poses != record.poses {
             return Err(differs("--poses", record.poses));
         }
-        if self.lpips.path().is_some() && asked.lpips != record.lpips {
+        if self.lpips.lpips.is_some() && asked.lpips != record.lpips {
             return Err(differs("--lpips", "other weights, or none".into()));
         }
         if self.settings.any_given()
@@ -176,7 +176,7 @@ pub(super) fn command(record: &RunRecord) -> String {
     if let (false, Some(path)) = (record.demo, &capture.capture) {
         command += &format!(" --capture {}", path.display());
     }
-    if let Some(path) = record.lpips.path() {
+    if let Some(path) = &record.lpips.lpips {
         command += &format!(" --lpips {}", path.display());
     }
     let options = [("--split", Some(split), DEFAULT_SPLIT), ("--poses", Some(poses), "given")];

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use ghand_avatar::PropertyTables;
 
 use super::*;
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::quality::{Quality, playback};
 use crate::viewer::command::CommandId;
 use crate::viewer::hand::Look;
@@ -17,8 +17,8 @@ fn is_baked(ui: &mut Headless) -> bool {
 
 /// A viewer of an avatar's file.
 fn viewer(path: &Path) -> Headless {
-    let mut ui = Headless::new(Subject::read(path, &LightArgs::default()).unwrap(), SIZE, 1.0);
-    ui.viewer().watch(path, &LightArgs::default());
+    let mut ui = Headless::new(Subject::read(path, &Lighting::default()).unwrap(), SIZE, 1.0);
+    ui.viewer().watch(path, &Lighting::default());
     ui
 }
 
