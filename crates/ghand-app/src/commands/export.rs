@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use ghand_avatar::Scene;
-use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
+use ghand_avatar::{Avatar, PosedHand};
 use ghand_files::atomic_file::check_writable;
 use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::pose_correctives::fit_pose_directions;
 use ghand_hand_model::rigged_glb::write_rigged_glb;
-use ghand_render::splat::Purpose;
+use ghand_render::DeviceError;
 
 use crate::cli::AdapterArgs;
 use crate::hand_model_args::HandModelArgs;
@@ -86,13 +85,18 @@ fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Resul
     let frames = args.reading_poses.load(pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");
     let frame = choose_frame(frames, wanted).with_context(|| pose.to_owned())?;
-    // Only the pose is needed, not the picture: one tile is the smallest picture.
-    let mut gpu = adapter.open()?;
-    let scene = gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
-        let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, [8, 8])?;
-        scene.set_pose(gpu, 0, 0, &frame.pose)?;
-        Ok(scene.posed_splats(gpu, 0)?)
-    })?;
+    let scene = match adapter.open() {
+        Ok(mut gpu) => gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
+            let mut hand = PosedHand::new(gpu, &avatar)?;
+            hand.set_pose(gpu, &frame.pose)?;
+            Ok(hand.splats(gpu)?)
+        })?,
+        Err(DeviceError::NoAdapter { found, .. }) if found.is_empty() => {
+            say!("there is no graphics adapter: the processor poses the avatar");
+            PosedHand::splats_on_host(&avatar, &frame.pose)?
+        }
+        Err(error) => return Err(error.into()),
+    };
     scene.write(path)?;
     say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
     Ok(())

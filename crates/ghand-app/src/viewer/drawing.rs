@@ -139,7 +139,10 @@ impl Drawing {
     pub fn properties(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
         match self {
             Drawing::Gaussians(scene) if !scene.avatars().is_empty() => {
-                PoseProperties::read(gpu, scene, pose).map(Some)
+                scene.set_pose(gpu, 0, 0, pose)?;
+                scene.pose_only(gpu, 0, None)?;
+                let posed = scene.avatars().first();
+                posed.map(|posed| PoseProperties::read(gpu, posed.deformation.properties())).transpose()
             }
             Drawing::Gaussians(_) | Drawing::Mesh(_) => Ok(None),
         }
