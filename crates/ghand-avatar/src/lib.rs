@@ -27,6 +27,6 @@ pub use posed_avatar::PosedAvatar;
 pub use posed_hand::PosedHand;
 pub use properties::direct::DirectTables;
 pub use properties::network::NetworkSizes;
-pub use properties::{PropertyModel, PropertyRates, PropertyStart, PropertyTables};
+pub use properties::{DeviceModel, PropertyModel, PropertyRates, PropertyStart, PropertyTables, TrainableModel};
 pub use scene::Scene;
 pub use template::{AvatarConfig, GaussianShape, Offsets, Template};

@@ -2,10 +2,21 @@
 //!
 //! The tables and the stage that poses them are [`ghand_render::deform::baked`]'s; [`crate::bake`] makes them.
 
-mod device;
 pub(crate) mod template;
 pub(crate) mod tensors;
 
-pub use device::BakedModel;
-pub(crate) use device::not_trained;
 pub use ghand_render::deform::baked::{BakedTables, Precision};
+
+use ghand_render::deform::Deformation;
+use ghand_render::{Gpu, RenderError};
+
+use crate::properties::PropertyModel;
+
+/// A `baked` model on the device, where the deformation does all of its work.
+pub struct BakedModel;
+
+impl PropertyModel for BakedModel {
+    fn forward(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
+        Ok(())
+    }
+}

@@ -220,7 +220,7 @@ impl Trainer<'_> {
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let avatar = Avatar { template: Template { joints: moved, ..avatar.template }, ..avatar };
         let provenance = Provenance { iterations: stage.done + done, ..avatar.provenance };
-        let light = step.light()?.cloned();
+        let light = step.light().cloned();
         let avatar = Avatar { tables, seen, light, provenance, ..avatar };
         let skipped_steps = skipped.total;
         Ok(StageResult {
@@ -244,7 +244,7 @@ impl Trainer<'_> {
         let mut avatar = Avatar {
             template: Template { joints, ..start.template.clone() },
             tables: step.tables(gpu)?,
-            light: step.light()?.cloned(),
+            light: step.light().cloned(),
             provenance: Provenance { iterations, ..start.provenance.clone() },
             ..start.clone()
         };
@@ -273,7 +273,7 @@ impl Trainer<'_> {
         let others: &[Pose] = watched.map_or(&[], |watched| &watched.poses);
         let mut step = Step::new(gpu, avatar, poses.len() + others.len(), largest, &mobility)?;
         if stage.settings.rate_light > 0.0 {
-            step.learn_light()?;
+            step.learn_light();
         }
         self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
         before.map_or(Ok(()), |state| step.set_light_state(state.light.as_ref()))?;
