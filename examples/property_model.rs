@@ -3,11 +3,11 @@
 //!     cargo run --example property_model
 //!
 //! A model fills the properties of a deformation, which then poses the Gaussians; see `ghand_avatar::properties`. A model
-//! that is to be trained and saved implements the other methods, too, and is a variant of `PropertyTables`.
+//! that is to be trained and saved is a `TrainableModel`, too, and a variant of `PropertyTables`.
 
 use anyhow::Context;
-use ghand::avatar::deform::{Deformation, DeformationBackward, Properties};
-use ghand::avatar::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState};
+use ghand::avatar::deform::{Deformation, Properties};
+use ghand::avatar::{DeviceModel, PropertyModel};
 use ghand::prelude::*;
 use ghand::render::RenderError;
 
@@ -29,42 +29,6 @@ impl PropertyModel for Wave {
         gpu.queue.write_buffer(&self.properties.color, 0, bytemuck::cast_slice(&colors));
         Ok(())
     }
-
-    fn prepare_training(&mut self, _: &Gpu, _: &Deformation, _: &DeformationBackward) -> Result<(), RenderError> {
-        Err(not_trained())
-    }
-
-    fn backward(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
-        Err(not_trained())
-    }
-
-    fn update(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, _: &PropertyRates) -> Result<bool, RenderError> {
-        Err(not_trained())
-    }
-
-    fn tables(&self, _: &Gpu) -> Result<PropertyTables, RenderError> {
-        Err(not_trained())
-    }
-
-    fn pose_parameters(&self, _: &Gpu) -> Result<Vec<f32>, RenderError> {
-        Ok(Vec::new())
-    }
-
-    fn training_state(&self, _: &Gpu) -> Result<TrainingState, RenderError> {
-        Err(not_trained())
-    }
-
-    fn set_training_state(&mut self, _: &Gpu, _: &TrainingState) -> Result<(), RenderError> {
-        Err(not_trained())
-    }
-
-    fn parameter_gradients(&mut self, _: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError> {
-        Err(not_trained())
-    }
-}
-
-fn not_trained() -> RenderError {
-    RenderError::Invalid("a wave is not trained".into())
 }
 
 fn main() -> anyhow::Result<()> {
@@ -84,7 +48,7 @@ fn main() -> anyhow::Result<()> {
     let posed = &mut scene.avatars_mut()[0];
     let properties = posed.deformation.properties().clone();
     let heights = avatar.template.rest[count..2 * count].to_vec();
-    posed.model = Box::new(Wave { properties, heights, frame: 0 });
+    posed.model = DeviceModel::Plays(Box::new(Wave { properties, heights, frame: 0 }));
     let image = scene.render(&gpu, 0, camera, [1.0; 3])?;
 
     let bytes = image.rgba.iter().flat_map(|p| [p[0], p[1], p[2]].map(|v| (v * 255.0).round() as u8)).collect();

@@ -9,7 +9,7 @@ use ghand_avatar::{Avatar, Bake, PropertyTables};
 use ghand_core::Pose;
 use ghand_render::Gpu;
 
-use crate::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use crate::commands::bake::pose_set::{PoseSet, PoseSetOptions};
 use crate::say;
 
 /// Components of a joint of a baked avatar.
@@ -31,7 +31,7 @@ pub fn baked(gpu: &Gpu, path: &Path) -> anyhow::Result<PathBuf> {
         return Ok(path.to_owned());
     }
     say!("baking {}", path.display());
-    let poses = PoseSet::gather(&PoseSetArgs::default(), &avatar, None)?;
+    let poses = PoseSet::gather(&PoseSetOptions::default(), &avatar, None)?;
     let fitted: Vec<Pose> = poses.fitted.into_iter().map(|named| named.pose).collect();
     let bake = Bake::new(gpu, &avatar, &fitted, RANK, |_| ()).with_context(|| path.display().to_string())?;
     let keep = (KEPT * bake.blocks() as f64).round() as usize;

@@ -148,6 +148,22 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// What to do where no window can be opened.
+pub const WITHOUT_WINDOW: &str = "use --screenshot FILE.png, which needs no display";
+
+/// Fails if no window can be opened.
+///
+/// # Errors
+/// An error that says so and what to do.
+pub fn check_display() -> anyhow::Result<()> {
+    let unix = cfg!(all(unix, not(target_vendor = "apple"), not(target_os = "android")));
+    let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    if unix && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
+        anyhow::bail!("there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set); {WITHOUT_WINDOW}");
+    }
+    Ok(())
+}
+
 /// Parses a number of views, frames or pictures.
 ///
 /// # Errors

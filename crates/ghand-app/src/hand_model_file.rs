@@ -1,9 +1,8 @@
-//! Options that select a hand model.
+//! A hand model that a user names, and how to read it.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
@@ -16,24 +15,22 @@ use crate::file_kind::{FileKind, file_kind};
 /// The kind of a hand that is part of the program.
 const HAND_OF_GHAND: &str = "hand of ghand";
 
-/// How to read a hand model.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-pub struct HandModelArgs {
-    /// OBJ file with UVs for a MANO model, which has none [default: generated]
-    #[arg(long, value_name = "FILE")]
-    uv: Option<PathBuf>,
-    /// Keep the shape directions of a MANO left hand as published, mirrored by mistake [default: correct them]
-    #[arg(long)]
-    left_shapes_as_published: bool,
+/// How to read a hand model. Part of a run's record on disk.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct HandModelReading {
+    /// OBJ file with UVs for a MANO model.
+    pub uv: Option<PathBuf>,
+    /// Whether the shape directions of a MANO left hand stay as published.
+    pub left_shapes_as_published: bool,
 }
 
-impl HandModelArgs {
+impl HandModelReading {
     /// The same files from any folder.
     ///
     /// # Errors
     /// If the present folder does not exist any more.
-    pub fn absolute(&self) -> std::io::Result<HandModelArgs> {
-        Ok(HandModelArgs { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
+    pub fn absolute(&self) -> std::io::Result<HandModelReading> {
+        Ok(HandModelReading { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
     }
 
     /// The files that these options name.
@@ -89,7 +86,7 @@ pub fn is_hand_name(path: &Path) -> bool {
 /// ([`ghand_hand_model::builtin::HAND_NAMES`]).
 ///
 /// # Errors
-/// As in [`HandModelArgs::load`].
+/// As in [`HandModelReading::load`].
 pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
     if path == Path::new("procedural") && !path.exists() {
         bail!("procedural: procedural hands were removed; give builtin, builtin-left or the file of a hand model");

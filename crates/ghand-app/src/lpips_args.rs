@@ -1,63 +1,23 @@
 //! The option `--lpips`.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
-use ghand_capture::Capture;
-use ghand_measure::lpips::Lpips;
-use serde::{Deserialize, Serialize};
 
-use crate::say;
+use crate::lpips_weights::LpipsWeights;
 
 /// Where the weights for LPIPS are.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Args)]
 pub struct LpipsArgs {
     /// Weights for LPIPS, a safetensors file that scripts/lpips_weights.py makes: adds the figure `lpips` and, in
     /// training, a term of the loss (--set lpips_weight) [default: without LPIPS]
     #[arg(long, value_name = "FILE")]
-    lpips: Option<PathBuf>,
+    pub lpips: Option<PathBuf>,
 }
 
 impl LpipsArgs {
-    /// The file, if one is given.
-    pub fn path(&self) -> Option<&Path> {
-        self.lpips.as_deref()
+    /// The weights.
+    pub fn weights(&self) -> LpipsWeights {
+        LpipsWeights { lpips: self.lpips.clone() }
     }
-
-    /// The same file from any folder.
-    ///
-    /// # Errors
-    /// If the present folder does not exist any more.
-    pub fn absolute(&self) -> std::io::Result<LpipsArgs> {
-        Ok(LpipsArgs { lpips: self.lpips.as_ref().map(std::path::absolute).transpose()? })
-    }
-
-    /// Reads the file, if one is given, and says in one line whether LPIPS is on.
-    ///
-    /// # Errors
-    /// An error that names the file and its problem.
-    pub fn load(&self) -> anyhow::Result<Option<Arc<Lpips>>> {
-        let Some(path) = &self.lpips else {
-            say!("LPIPS: off; --lpips FILE turns it on");
-            return Ok(None);
-        };
-        let lpips = Lpips::load(path).context("--lpips")?;
-        say!("LPIPS: backbone `{}`, from {}", lpips.backbone(), path.display());
-        Ok(Some(Arc::new(lpips)))
-    }
-}
-
-/// Fails if images of a split are too small for LPIPS.
-///
-/// # Errors
-/// An error that names the camera and its size.
-pub fn check_image_sizes(lpips: Option<&Lpips>, capture: &Capture, split: &str) -> anyhow::Result<()> {
-    let (Some(lpips), Some(split)) = (lpips, capture.splits.get(split)) else { return Ok(()) };
-    for view in &split.views {
-        let camera = &capture.cameras[view.camera];
-        lpips.check_size([camera.width, camera.height]).with_context(|| format!("camera {}", camera.id))?;
-    }
-    Ok(())
 }

@@ -4,13 +4,13 @@ use std::str::FromStr;
 
 use anyhow::bail;
 use ghand_core::{Camera, HandModel};
+use ghand_pictures::Picture;
 use ghand_render::Gpu;
 use ghand_render::mesh::weights::{heat_texture, joint_heat_uvs, joint_mix};
 use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe};
 use glam::DVec3;
 
 use crate::bare_hand::{BareHand, studio_light};
-use crate::pictures::Picture;
 
 /// How a mesh is drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use ghand_avatar::{Avatar, PropertyTables};
 
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 
 /// What the colours of an avatar show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -22,7 +22,7 @@ impl Shown {
     ///
     /// # Errors
     /// One sentence if the avatar does not know what training saw, or has no light of its own.
-    pub fn apply_to(self, avatar: Avatar, light: &LightArgs) -> anyhow::Result<Avatar> {
+    pub fn apply_to(self, avatar: Avatar, light: &Lighting) -> anyhow::Result<Avatar> {
         match self {
             Shown::Skin => {
                 let mut avatar = avatar;

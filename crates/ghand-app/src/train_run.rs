@@ -2,7 +2,6 @@
 
 pub mod demo_capture;
 pub mod evaluation;
-pub mod folder_lock;
 pub mod full_disk;
 pub mod interruption;
 pub mod live_files;
@@ -12,5 +11,4 @@ pub mod results;
 pub mod run_folder;
 pub mod run_record;
 pub mod settings_args;
-pub mod training;
 pub mod training_poses;

@@ -76,8 +76,8 @@ fn benchmark(c: &mut Criterion) {
                 forward(&mut training);
                 let mut encoder = gpu.device.create_command_encoder(&Default::default());
                 let model = &mut training.avatars_mut()[0].model;
-                model.backward(&gpu, &mut encoder).unwrap();
-                model.update(&gpu, &mut encoder, &rates(turn.get() as u64)).unwrap();
+                model.trainable_mut().unwrap().backward(&gpu, &mut encoder).unwrap();
+                model.trainable_mut().unwrap().update(&gpu, &mut encoder, &rates(turn.get() as u64)).unwrap();
             });
         });
     }

@@ -322,11 +322,6 @@ impl Deformation {
         }
     }
 
-    /// Whether the hand is baked.
-    pub fn is_baked(&self) -> bool {
-        matches!(self.posing, Posing::Baked(_))
-    }
-
     /// The properties, which a property model fills.
     pub fn properties(&self) -> &Properties {
         &self.buffers.properties

@@ -12,15 +12,14 @@ use glam::{DMat3, DVec3};
 use crate::avatar::Avatar;
 use crate::light::Light;
 use crate::light::lit_hand::LitHand;
-use crate::properties::baked::not_trained;
-use crate::properties::{PropertyModel, PropertyTables};
+use crate::properties::{DeviceModel, PropertyTables};
 
 /// An avatar on the device.
 pub struct PosedAvatar {
     /// Its deformation: poses, joints, properties.
     pub deformation: Deformation,
     /// The property model, which fills the properties.
-    pub model: Box<dyn PropertyModel>,
+    pub model: DeviceModel,
     lit: Option<LitHand>,
     /// Rest position of the root joint, metres.
     root: DVec3,
@@ -166,13 +165,11 @@ impl PosedAvatar {
         d_gaussians: &wgpu::Buffer,
         mobility: &[f32],
     ) -> Result<DeformationBackward, RenderError> {
-        if self.deformation.is_baked() {
-            return Err(not_trained());
-        }
+        let model = self.model.trainable_mut()?;
         let backward = gpu.scoped("the gradients of an avatar", || {
             DeformationBackward::new(gpu, &self.deformation, d_gaussians, mobility)
         })?;
-        self.model.prepare_training(gpu, &self.deformation, &backward)?;
+        model.prepare_training(gpu, &self.deformation, &backward)?;
         Ok(backward)
     }
 }

@@ -1,7 +1,7 @@
 //! Property models, which compute the properties of every Gaussian in a pose.
 //!
 //! This is the interface between what an avatar has learned and how it is deformed and drawn. On disk a model is a
-//! variant of [`PropertyTables`]; on the device it is a [`PropertyModel`], which fills the [`Properties`] of a
+//! variant of [`PropertyTables`]; on the device it is a [`PropertyModel`], and a [`TrainableModel`] if it can be trained, which fills the [`Properties`] of a
 //! [`Deformation`]. The stages before it (files, poses) and after it (deformation, splatting, loss) do not depend on
 //! the kind of model. A new model needs a folder here with its tables, device part and tensors, a variant and its match
 //! arms in this file, and a tag in `file.rs`.
@@ -62,25 +62,12 @@ pub struct PropertyRates {
     pub feature_tensor: f64,
 }
 
-/// A property model on the device: pose in, properties out; gradients of the properties in, gradients of its parameters
-/// and of the pose out.
+/// A property model on the device that plays: pose in, properties out.
 ///
-/// A frame runs [`PropertyModel::forward`] after the skeleton and before the rest of the deformation. A training step
-/// then runs splatting, loss and their backward passes in one submission and, once the host knows that the frame was
-/// complete, [`PropertyModel::backward`] and [`PropertyModel::update`]. All three can encode into the given encoder,
-/// which is submitted after they return, or submit their own work and wait for it, as a network on the host does.
+/// A frame runs [`PropertyModel::forward`] after the skeleton and before the rest of the deformation. It can encode into
+/// the given encoder, which is submitted after it returns, or submit its own work and wait for it, as a network on the
+/// host does.
 pub trait PropertyModel {
-    /// Makes the buffers and pipelines that only training needs, such as gradients and moments.
-    ///
-    /// # Errors
-    /// [`RenderError`] if the device has too little memory or was lost.
-    fn prepare_training(
-        &mut self,
-        gpu: &Gpu,
-        deformation: &Deformation,
-        backward: &DeformationBackward,
-    ) -> Result<(), RenderError>;
-
     /// Fills the properties for the pose of the deformation's frame. The commands that compute the posed joint chain come
     /// before this in the encoder. A model that works on the host reads the pose back with [`Deformation::read_pose`]:
     /// training may have changed it on the device.
@@ -92,6 +79,25 @@ pub trait PropertyModel {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         deformation: &Deformation,
+    ) -> Result<(), RenderError>;
+}
+
+/// A property model that can also be trained: gradients of the properties in, gradients of its parameters and of the pose
+/// out.
+///
+/// A training step runs splatting, loss and their backward passes in one submission and, once the host knows that the
+/// frame was complete, [`TrainableModel::backward`] and [`TrainableModel::update`], which encode or submit as
+/// [`PropertyModel::forward`] does.
+pub trait TrainableModel: PropertyModel {
+    /// Makes the buffers and pipelines that only training needs, such as gradients and moments.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device has too little memory or was lost.
+    fn prepare_training(
+        &mut self,
+        gpu: &Gpu,
+        deformation: &Deformation,
+        backward: &DeformationBackward,
     ) -> Result<(), RenderError>;
 
     /// Says whether forward passes from now on have a backward pass, as they have once training is prepared. Others can
@@ -110,7 +116,7 @@ pub trait PropertyModel {
     /// caller has seen that those of the Gaussians are finite.
     ///
     /// # Errors
-    /// As [`PropertyModel::backward`].
+    /// As [`TrainableModel::backward`].
     fn update(
         &mut self,
         gpu: &Gpu,
@@ -131,7 +137,7 @@ pub trait PropertyModel {
     /// failed.
     ///
     /// # Errors
-    /// As [`PropertyModel::tables`].
+    /// As [`TrainableModel::tables`].
     fn pose_parameters(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError>;
 
     /// Seconds that the model's parts have taken on the host since it was made, by name; for benchmarks.
@@ -142,10 +148,10 @@ pub trait PropertyModel {
     /// Reads back all that training changes, parameters and moments, by names of the model's own.
     ///
     /// # Errors
-    /// As [`PropertyModel::backward`].
+    /// As [`TrainableModel::backward`].
     fn training_state(&self, gpu: &Gpu) -> Result<TrainingState, RenderError>;
 
-    /// Goes on from a state that [`PropertyModel::training_state`] gave: the following steps are the same, bit for bit.
+    /// Goes on from a state that [`TrainableModel::training_state`] gave: the following steps are the same, bit for bit.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the state is that of another model.
@@ -154,8 +160,60 @@ pub trait PropertyModel {
     /// Reads back the gradients of the parameters by their names in the avatar file, for tests and plots.
     ///
     /// # Errors
-    /// As [`PropertyModel::backward`].
+    /// As [`TrainableModel::backward`].
     fn parameter_gradients(&mut self, gpu: &Gpu) -> Result<Vec<(String, Vec<f32>)>, RenderError>;
+}
+
+/// A property model on the device.
+pub enum DeviceModel {
+    /// It only plays.
+    Plays(Box<dyn PropertyModel>),
+    /// It plays, and can be trained.
+    Trains(Box<dyn TrainableModel>),
+}
+
+impl DeviceModel {
+    /// As [`PropertyModel::forward`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn forward(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        deformation: &Deformation,
+    ) -> Result<(), RenderError> {
+        match self {
+            DeviceModel::Plays(model) => model.forward(gpu, encoder, deformation),
+            DeviceModel::Trains(model) => model.forward(gpu, encoder, deformation),
+        }
+    }
+
+    /// The model, to be trained.
+    ///
+    /// # Errors
+    /// [`RenderError::Invalid`] if it only plays.
+    pub fn trainable(&self) -> Result<&dyn TrainableModel, RenderError> {
+        match self {
+            DeviceModel::Plays(_) => Err(not_trained()),
+            DeviceModel::Trains(model) => Ok(model.as_ref()),
+        }
+    }
+
+    /// As [`DeviceModel::trainable`], mutable.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn trainable_mut(&mut self) -> Result<&mut dyn TrainableModel, RenderError> {
+        match self {
+            DeviceModel::Plays(_) => Err(not_trained()),
+            DeviceModel::Trains(model) => Ok(model.as_mut()),
+        }
+    }
+}
+
+fn not_trained() -> RenderError {
+    RenderError::Invalid("a baked avatar cannot be trained; train the avatar that it was baked from".into())
 }
 
 /// Numbers by name.
@@ -269,11 +327,15 @@ impl PropertyTables {
         template: &Template,
         config: &AvatarConfig,
         deformation: &Deformation,
-    ) -> Result<Box<dyn PropertyModel>, RenderError> {
+    ) -> Result<DeviceModel, RenderError> {
         Ok(match self {
-            PropertyTables::Direct(tables) => Box::new(DirectModel::new(gpu, template, config, tables, deformation)),
-            PropertyTables::Network(tables) => network::on_device(gpu, model, template, config, tables, deformation)?,
-            PropertyTables::Baked(tables) => Box::new(BakedModel::new(tables)),
+            PropertyTables::Direct(tables) => {
+                DeviceModel::Trains(Box::new(DirectModel::new(gpu, template, config, tables, deformation)))
+            }
+            PropertyTables::Network(tables) => {
+                DeviceModel::Trains(network::on_device(gpu, model, template, config, tables, deformation)?)
+            }
+            PropertyTables::Baked(_) => DeviceModel::Plays(Box::new(BakedModel)),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Twin of a posed avatar in plain f64, with which tests and `ghand-lab stress` compare the device: from tables and pose to
-//! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks; light apart from skin is not in
-//! it.
+//! Gaussians, and back. Of `direct` avatars, and forward only of baked ones and of networks. Light apart from skin is
+//! in [`pose_avatar`] only.
 
 pub mod baked;
 #[cfg(feature = "networks")]
@@ -8,11 +8,12 @@ pub(crate) mod network;
 
 use crate::deform::CoefficientLayout;
 use crate::deform::baked::BakedTables;
-use ghand_core::Pose;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
+use ghand_core::posing::pose_hand;
 #[cfg(feature = "networks")]
 use ghand_core::skinning::{Skinning, skin_normals};
+use ghand_core::{InvalidHandModel, Pose};
 use ghand_hand_model::HandModelError;
 use ghand_render::reference::project::{Color, Gaussian};
 use ghand_render::splat::FLATNESS;
@@ -96,6 +97,36 @@ impl PosedGaussians {
         };
         (0..self.means.len()).map(splat).collect()
     }
+}
+
+/// Why an avatar cannot be posed without a device.
+#[derive(Debug, thiserror::Error)]
+pub enum TwinError {
+    /// The hand model of networks has no usable UV atlas.
+    #[error(transparent)]
+    HandModel(#[from] HandModelError),
+    /// The pose does not fit the hand.
+    #[error(transparent)]
+    Pose(#[from] InvalidHandModel),
+}
+
+/// The Gaussians of any avatar in a pose, in its light without gloss, which depends on the view.
+///
+/// # Errors
+/// [`TwinError`] if the pose does not fit the avatar, or its hand model the networks.
+pub fn pose_avatar(avatar: &Avatar, pose: &Pose) -> Result<PosedGaussians, TwinError> {
+    pose_hand(&avatar.model, &[], pose)?;
+    let mut posed = match &avatar.tables {
+        PropertyTables::Baked(tables) => pose_baked(avatar, tables, pose),
+        PropertyTables::Network(tables) => pose_network(avatar, tables, pose)?,
+        PropertyTables::Direct(tables) => DirectTwin::of(avatar, tables).pose(pose).gaussians,
+    };
+    if let Some(light) = &avatar.light {
+        let shades = light.at_gaussians(&avatar.model, &light.light.vertex_shades(&avatar.model, pose)?);
+        let lit = posed.colors.iter_mut().zip(shades);
+        lit.for_each(|(color, shade)| *color *= DVec3::from(shade.map(f64::from)));
+    }
+    Ok(posed)
 }
 
 /// A baked avatar's Gaussians in a pose.
@@ -223,7 +254,13 @@ pub struct TwinGradients {
 impl<'a> DirectTwin<'a> {
     /// The twin of an avatar; `None` if it has another property model.
     pub fn new(avatar: &'a Avatar) -> Option<DirectTwin<'a>> {
-        let PropertyTables::Direct(tables) = &avatar.tables else { return None };
+        match &avatar.tables {
+            PropertyTables::Direct(tables) => Some(DirectTwin::of(avatar, tables)),
+            _ => None,
+        }
+    }
+
+    fn of(avatar: &'a Avatar, tables: &'a DirectTables) -> DirectTwin<'a> {
         let DirectTables { shape_basis, residual_weights, regressor, appearance, .. } = tables;
         let (template, count) = (&avatar.template, avatar.template.len());
         let basis = widen(shape_basis);
@@ -232,7 +269,7 @@ impl<'a> DirectTwin<'a> {
             true => vec![0.0; template.joint_count() * count],
             false => widen(values),
         };
-        Some(DirectTwin {
+        DirectTwin {
             avatar,
             response: tables.pose_response(avatar.config.channels()),
             weights: widen(&template.weights),
@@ -241,7 +278,7 @@ impl<'a> DirectTwin<'a> {
             residual_weights: residual(residual_weights),
             regressor: residual(regressor),
             appearance: widen(appearance),
-        })
+        }
     }
 
     fn count(&self) -> usize {

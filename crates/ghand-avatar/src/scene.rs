@@ -54,7 +54,7 @@ fn encode_poses(
 }
 
 /// The kind of the avatars' Gaussians. The splatter draws all of them in one way.
-fn splat_model(avatars: &[&Avatar]) -> Result<SplatModel, RenderError> {
+pub(crate) fn splat_model(avatars: &[&Avatar]) -> Result<SplatModel, RenderError> {
     let is_antialiased = |avatar: &&Avatar| avatar.config.antialias;
     let antialias = avatars.first().is_some_and(is_antialiased);
     if let Some(other) = avatars.iter().position(|avatar| is_antialiased(avatar) != antialias) {
@@ -315,15 +315,6 @@ impl Scene {
         encode_poses(&mut self.avatars, gpu, &mut encoder, eye)?;
         gpu.queue.submit([encoder.finish()]);
         Ok(())
-    }
-
-    /// The Gaussians of frame `frame`, without gloss, which depends on the view: see [`SplatScene::of_hand`].
-    ///
-    /// # Errors
-    /// [`RenderError`] if the device failed or was lost.
-    pub fn posed_splats(&mut self, gpu: &Gpu, frame: usize) -> Result<SplatScene, RenderError> {
-        let SplatModel { shape, antialias, .. } = self.splatter.options().model;
-        Ok(SplatScene { antialias, ..SplatScene::of_hand(&self.posed_table(gpu, frame)?, shape) })
     }
 
     /// The splatter's table of frame `frame` without gloss, `[rows][N]` with the avatars one after the other in each row.

@@ -17,14 +17,14 @@ use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
 use serde::Serialize;
 
 use ghand_app::capture_args::CaptureArgs;
-use ghand_app::claim::Claim;
 use ghand_app::cli::{AdapterArgs, Stopped};
 use ghand_app::own_inputs::refuse_capture_folder;
-use ghand_app::pictures::write_png;
 use ghand_app::say;
 use ghand_app::train_run::interruption::Interruption;
 use ghand_app::train_run::settings_args::SettingsArgs;
 use ghand_app::train_run::training_poses::StartPoses;
+use ghand_files::claim::Claim;
+use ghand_pictures::write_png;
 
 /// Command line of `ghand-lab ablate`.
 #[derive(Debug, Args)]
@@ -127,7 +127,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     refuse_capture_folder("--out", &args.out, path)?;
     let _claim = Claim::folder(&args.out)?;
-    let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
+    let capture = args.capture.source().open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {
         bail!("{}: the split {:?} has no images to compare with", path.display(), args.test_split);
     }

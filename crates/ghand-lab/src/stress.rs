@@ -22,9 +22,9 @@ use ghand_render::Gpu;
 use indicatif::ProgressBar;
 
 use case::{Outcome, Subject};
-use ghand_app::claim::Claim;
 use ghand_app::cli::AdapterArgs;
 use ghand_app::say;
+use ghand_files::claim::Claim;
 use hand::Hand;
 use report::Report;
 

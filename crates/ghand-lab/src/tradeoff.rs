@@ -10,12 +10,13 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
 
-use ghand_app::capture_args::{CaptureArgs, check_sides};
-use ghand_app::claim::Claim;
+use ghand_app::capture_args::CaptureArgs;
+use ghand_app::capture_source::check_sides;
 use ghand_app::cli::{AdapterArgs, parse_count};
-use ghand_app::commands::bake::pose_set::PoseSetArgs;
+use ghand_app::commands::bake::pose_set_args::PoseSetArgs;
 use ghand_app::own_inputs::refuse_capture_folder;
 use ghand_app::say;
+use ghand_files::claim::Claim;
 use measure::Measured;
 
 /// Command line of `ghand-lab tradeoff`.
@@ -62,7 +63,7 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     report::check_folder(&args.out, args.force)?;
     let _claim = Claim::folder(&args.out)?;
-    let capture = args.capture.open(path, &[&args.split], &[])?;
+    let capture = args.capture.source().open(path, &[&args.split], &[])?;
     for ((_, avatar), path) in avatars.iter().zip(&args.avatars) {
         check_sides(&path.display().to_string(), avatar.template.side, &capture)?;
         if avatar.template.joint_names != capture.template.joint_names {

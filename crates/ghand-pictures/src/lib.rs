@@ -1,4 +1,24 @@
-//! Plots, and letters in pictures.
+//! Pictures as files: single ones, folders of them, films; plots, and letters in pictures.
 
 pub mod draw_text;
 pub mod plot;
+
+mod background;
+mod destination;
+mod ffmpeg;
+mod film;
+mod film_options;
+mod folder;
+mod format;
+mod gif;
+mod picture;
+mod picture_error;
+mod series;
+
+pub use background::{Background, parse_background};
+pub use destination::Destination;
+pub use film::{LONGEST_TURN_SECONDS, turn_rate};
+pub use format::{Format, StillFormat};
+pub use picture::{Picture, write_png};
+pub use picture_error::PictureError;
+pub use series::{Series, Shot};

@@ -122,7 +122,7 @@ impl Step {
         let (count, joint_count) = (avatar.template.len(), avatar.template.joint_count());
         let mut scene = Scene::new(gpu, &[avatar], Purpose::Gradients, frames, max_size)?;
         let (splatter, avatars) = scene.splatter_and_avatars_mut();
-        let posed = first(avatars)?;
+        let posed = &mut avatars[0];
         let loss =
             ImageLoss::new(gpu, splatter.image(), splatter.d_image(), max_size[0] as usize * max_size[1] as usize)?;
         let backward = posed.prepare_training(gpu, splatter.d_gaussians(), mobility)?;
@@ -176,12 +176,13 @@ impl Step {
         self.scene.set_pose(gpu, 0, frame, pose)
     }
 
-    /// The avatar on the device.
-    ///
-    /// # Errors
-    /// Never: a step always has an avatar.
-    fn avatar(&self) -> Result<&PosedAvatar, RenderError> {
-        self.scene.avatars().first().ok_or_else(no_avatar)
+    /// The avatar on the device, the scene's only one.
+    fn avatar(&self) -> &PosedAvatar {
+        &self.scene.avatars()[0]
+    }
+
+    fn avatar_mut(&mut self) -> &mut PosedAvatar {
+        &mut self.scene.avatars_mut()[0]
     }
 
     /// The scene that is trained on.
@@ -194,7 +195,7 @@ impl Step {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn tables(&self, gpu: &Gpu) -> Result<PropertyTables, RenderError> {
-        self.avatar()?.model.tables(gpu)
+        self.avatar().model.trainable()?.tables(gpu)
     }
 
     /// Reads back the numbers learned for the whole hand.
@@ -202,9 +203,9 @@ impl Step {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn hand_parameters(&self, gpu: &Gpu, frames: usize) -> Result<HandParameters, RenderError> {
-        let avatar = self.avatar()?;
+        let avatar = self.avatar();
         Ok(HandParameters {
-            response: avatar.model.pose_parameters(gpu)?,
+            response: avatar.model.trainable()?.pose_parameters(gpu)?,
             joints: buffers::read(gpu, avatar.deformation.joints(), self.joint_count)?,
             poses: buffers::read(gpu, avatar.deformation.poses(), frames * pose_stride(self.joint_count))?,
         })
@@ -215,8 +216,8 @@ impl Step {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<NamedNumbers>, RenderError> {
-        let avatar = self.avatar()?;
-        let mut numbers = avatar.model.training_state(gpu)?;
+        let avatar = self.avatar();
+        let mut numbers = avatar.model.trainable()?.training_state(gpu)?;
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
@@ -230,8 +231,8 @@ impl Step {
     /// [`RenderError::Invalid`] if they are those of another avatar.
     pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[NamedNumbers]) -> Result<(), RenderError> {
         let state = numbers.iter().map(|part| (part.name.clone(), part.values.clone())).collect();
-        first(self.scene.avatars_mut())?.model.set_training_state(gpu, &state)?;
-        for (name, buffer, length) in self.hand_tables(self.avatar()?, frames) {
+        self.avatar_mut().model.trainable_mut()?.set_training_state(gpu, &state)?;
+        for (name, buffer, length) in self.hand_tables(self.avatar(), frames) {
             let values = state_part(&state, name, length)?;
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
         }
@@ -315,7 +316,7 @@ impl Step {
                 scene.splatter().read_counters(gpu)?
             }
         };
-        let model = &mut first(self.scene.avatars_mut())?.model;
+        let model = self.avatar_mut().model.trainable_mut()?;
         if counters.bad_gradients > 0 {
             model.discard_gradients();
             return Ok(Learned::Skipped);
@@ -339,7 +340,7 @@ impl Step {
     ) -> Result<Learned, RenderError> {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.backward.encode_pose_gradient(&mut encoder);
-        let model = &mut first(self.scene.avatars_mut())?.model;
+        let model = self.avatar_mut().model.trainable_mut()?;
         if !model.update(gpu, &mut encoder, &rates.of_properties(settings))? {
             return Ok(Learned::Skipped);
         }
@@ -488,7 +489,7 @@ impl Step {
     ) -> Result<StepTimes, RenderError> {
         let Some(view) = views.last() else { return Ok(vec![]) };
         let background = [0.0; 3];
-        let (start, host) = (Instant::now(), self.avatar()?.model.host_seconds());
+        let (start, host) = (Instant::now(), self.avatar().model.trainable()?.host_seconds());
         for view in views {
             let _ = self.add_gradients(gpu, view, value_count, background, settings, rates)?;
         }
@@ -498,7 +499,7 @@ impl Step {
         let _ = self.update(gpu, view, settings, rates)?;
         gpu.wait()?;
         let update = now.elapsed().as_secs_f64();
-        let of_host = self.avatar()?.model.host_seconds();
+        let of_host = self.avatar().model.trainable()?.host_seconds();
         let model: StepTimes =
             of_host.into_iter().zip(host).map(|((name, after), (_, before))| (name, after - before)).collect();
         let on_host: f64 = model.iter().map(|(_, seconds)| seconds).sum();
@@ -507,12 +508,14 @@ impl Step {
         let mut up_to =
             |behind: &dyn Fn(&ImageLoss, &Splatter, &mut wgpu::CommandEncoder)| -> Result<f64, RenderError> {
                 self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
-                let before: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
+                let before: f64 =
+                    self.avatar().model.trainable()?.host_seconds().iter().map(|(_, seconds)| seconds).sum();
                 let now = Instant::now();
                 let loss = &self.loss;
                 run_alone(&mut self.scene, gpu, |splatter, encoder| behind(loss, splatter, encoder))?;
                 gpu.wait()?;
-                let after: f64 = self.avatar()?.model.host_seconds().iter().map(|(_, seconds)| seconds).sum();
+                let after: f64 =
+                    self.avatar().model.trainable()?.host_seconds().iter().map(|(_, seconds)| seconds).sum();
                 Ok(now.elapsed().as_secs_f64() - (after - before))
             };
         let frame = up_to(&|_, _, _| ())?;
@@ -554,18 +557,11 @@ fn run_alone(
     behind: impl Fn(&Splatter, &mut wgpu::CommandEncoder),
 ) -> Result<(), RenderError> {
     let expect = |scene: &mut Scene, expected| {
-        scene.avatars_mut().iter_mut().for_each(|avatar| avatar.model.expect_backward(expected));
+        let models = scene.avatars_mut().iter_mut().filter_map(|avatar| avatar.model.trainable_mut().ok());
+        models.for_each(|model| model.expect_backward(expected));
     };
     expect(scene, false);
     let result = scene.run_frame(gpu, behind);
     expect(scene, true);
     result.map(|_| ())
-}
-
-fn no_avatar() -> RenderError {
-    RenderError::Invalid("a step without an avatar".into())
-}
-
-fn first(avatars: &mut [PosedAvatar]) -> Result<&mut PosedAvatar, RenderError> {
-    avatars.first_mut().ok_or_else(no_avatar)
 }

@@ -1,11 +1,11 @@
 //! A training run: two stages over the views of a split.
 
 mod onlooker;
+mod run;
 pub mod simplification;
 mod stage;
 mod view_order;
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,7 +21,7 @@ use ghand_render::Gpu;
 use ghand_render::image_loss::ImageLoss;
 use glam::DVec3;
 
-use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared, StageState};
+use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
 use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
@@ -37,6 +37,7 @@ use ghand_fit::texel_frames::TexelFrames;
 use ghand_fit::views::TrainViews;
 use ghand_measure::lpips::Lpips;
 use onlooker::Onlooker;
+use run::Run;
 use simplification::{Simplification, Trial};
 use stage::Stage;
 
@@ -127,6 +128,12 @@ pub struct Trained {
 /// ```
 pub struct Trainer<'a> {
     gpu: &'a Gpu,
+    problem: Problem,
+    run: Run<'a>,
+}
+
+/// What is trained on. The stages of a run leave it as it is.
+struct Problem {
     /// The template is in the proportions of the hand, and the cameras where they are, once that is known.
     capture: Capture,
     split: Split,
@@ -138,15 +145,6 @@ pub struct Trainer<'a> {
     training_set: u32,
     prepared: Prepared,
     watched: Option<Watched>,
-    curve: RefCell<Vec<CurvePoint>>,
-    stop: Option<&'a AtomicBool>,
-    checkpoints: RefCell<Option<Checkpoints>>,
-    onlooker: RefCell<Option<Onlooker<'a>>>,
-    /// The stage's state that was saved last.
-    state: RefCell<Option<StageState>>,
-    started: Instant,
-    /// Seconds of the run before this program.
-    earlier: f64,
     lpips: Option<Arc<Lpips>>,
 }
 
@@ -222,8 +220,7 @@ impl<'a> Trainer<'a> {
         }
         let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
         memory_check::check(gaussians, capture.template.joint_count(), settings)?;
-        Ok(Trainer {
-            gpu,
+        let problem = Problem {
             views: TrainViews::new(capture, &split, CROP_MARGIN)?,
             training_set: training_set(capture, &split),
             prepared: Prepared {
@@ -236,30 +233,22 @@ impl<'a> Trainer<'a> {
             settings: settings.clone(),
             gaussians,
             watched: None,
-            curve: RefCell::new(vec![]),
-            stop: None,
-            checkpoints: RefCell::new(None),
-            onlooker: RefCell::new(None),
-            state: RefCell::new(None),
-            started: Instant::now(),
-            earlier: 0.0,
             lpips: None,
-        })
+        };
+        Ok(Trainer { gpu, problem, run: Run::default() })
     }
 
     /// Images are trained on at this integer fraction of their resolution: 1, unless the device takes no larger ones. What is
     /// measured on images is measured at their full resolution.
     pub fn reduction(&self) -> u32 {
-        let watched = self.watched.as_ref().map_or([1; 2], |watched| watched.views.largest(1));
-        let largest = self.views.largest(1);
-        least_reduction([0, 1].map(|axis| largest[axis].max(watched[axis])), ImageLoss::most_pixels(self.gpu))
+        self.problem.reduction(self.gpu)
     }
 
     /// Stops the run after the iteration in which `stop` becomes true. In stage 2 the run then returns the present
     /// avatar, before that [`TrainError::Stopped`].
     #[must_use]
     pub fn stop_when(self, stop: &'a AtomicBool) -> Trainer<'a> {
-        Trainer { stop: Some(stop), ..self }
+        Trainer { run: Run { stop: Some(stop), ..self.run }, ..self }
     }
 
     /// Compares the avatar now and then with some images of another split. That changes nothing of what is learned. The
@@ -268,8 +257,8 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     /// [`TrainError`] if the split does not exist or one of its images is unusable.
-    pub fn watch(self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
-        let split = self.capture.split(split_name)?;
+    pub fn watch(mut self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
+        let split = self.problem.capture.split(split_name)?;
         let count = split.views.len().min(WATCHED_VIEWS);
         // Evenly over the frames, a different camera each time.
         let at = |k: usize| (k * split.views.len() / count + k % split.cameras.len().max(1)).min(split.views.len() - 1);
@@ -278,26 +267,27 @@ impl<'a> Trainer<'a> {
             return Ok(self);
         }
         let split = Split { views: chosen, ..split.clone() };
-        let views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
-        let poses = split.views.iter().map(|view| self.capture.frames[view.frame].pose.clone()).collect();
+        let views = TrainViews::new(&self.problem.capture, &split, CROP_MARGIN)?;
+        let poses = split.views.iter().map(|view| self.problem.capture.frames[view.frame].pose.clone()).collect();
         let mut watched = Watched { split: split_name.into(), shown: split.views, views, poses };
-        if let Some(held_out) = &self.prepared.held_out {
+        if let Some(held_out) = &self.problem.prepared.held_out {
             watched.take_poses(held_out);
         }
-        Ok(Trainer { watched: Some(watched), ..self })
+        self.problem.watched = Some(watched);
+        Ok(self)
     }
 
     /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
     /// That changes nothing of what is learned.
     #[must_use]
     pub fn show_to(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
-        Trainer { onlooker: RefCell::new(Some(Onlooker::new(every, show))), ..self }
+        Trainer { run: Run { onlooker: Some(Onlooker::new(every, show)), ..self.run }, ..self }
     }
 
     /// Saves checkpoints while it runs: when one is due, when the run is told to stop, and at its end.
     #[must_use]
     pub fn save_to(self, checkpoints: Checkpoints) -> Trainer<'a> {
-        Trainer { checkpoints: RefCell::new(Some(checkpoints)), ..self }
+        Trainer { run: Run { checkpoints: Some(checkpoints), ..self.run }, ..self }
     }
 
     /// Goes on from a checkpoint of the same run. On the same device the result is the same, bit for bit, as without the
@@ -307,64 +297,64 @@ impl<'a> Trainer<'a> {
     /// [`CheckpointError::Mismatch`] if settings, images or poses are not those of the checkpoint, with the setting that
     /// differs.
     pub fn resume(mut self, checkpoint: Checkpoint) -> Result<Trainer<'a>, TrainError> {
+        let problem = &mut self.problem;
         let mismatch = |problem: String| CheckpointError::Mismatch { problem };
-        if let Some((key, then, now)) = checkpoint.settings.first_difference(&self.settings) {
-            let problem = format!("`{key}` was {then} when the run began, and is {now} now; set it as before");
-            return Err(mismatch(problem).into());
+        if let Some((key, then, now)) = checkpoint.settings.first_difference(&problem.settings) {
+            let what = format!("`{key}` was {then} when the run began, and is {now} now; set it as before");
+            return Err(mismatch(what).into());
         }
         let Checkpoint { mut prepared, stage, .. } = checkpoint;
-        let frames = self.prepared.poses.len();
-        if checkpoint.training_set != self.training_set || prepared.poses.len() != frames {
+        let frames = problem.prepared.poses.len();
+        if checkpoint.training_set != problem.training_set || prepared.poses.len() != frames {
             let what = "the capture, its split or its poses have changed since the run began";
             return Err(mismatch(format!("{what}; train anew, without --resume")).into());
         }
         if let Some(alignment) = &mut prepared.alignment {
-            let directions = &self.capture.template.pose_directions;
+            let directions = &problem.capture.template.pose_directions;
             alignment.templates_mut().for_each(|template| template.pose_directions.clone_from(directions));
-            let fits = alignment.template.joint_count() == self.capture.template.joint_count();
+            let fits = alignment.template.joint_count() == problem.capture.template.joint_count();
             alignment.template.validate().map_err(|error| mismatch(error.to_string()))?;
             if !fits {
                 return Err(mismatch("its template has other joints".into()).into());
             }
-            self.capture.template = alignment.template.clone();
+            problem.capture.template = alignment.template.clone();
             if let Some(calibration) = &alignment.calibration {
-                self.capture.cameras = calibration.applied_to(&self.capture.cameras);
+                problem.capture.cameras = calibration.applied_to(&problem.capture.cameras);
             }
             let found = (alignment.rejection.is_none()).then(|| (alignment.template.clone(), alignment.poses.clone()));
             if let Some((template, poses)) = found {
-                self.align_masks(&template, &poses, prepared.held_out.as_deref())?;
+                problem.align_masks(&template, &poses, prepared.held_out.as_deref())?;
             }
         }
         if !prepared.correction.is_empty() {
-            self.capture.color_correction = prepared.correction.clone();
-            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
+            problem.capture.color_correction = prepared.correction.clone();
+            problem.views = TrainViews::new(&problem.capture, &problem.split, CROP_MARGIN)?;
         }
         if let Some(exposure) = prepared.exposure.as_mut().filter(|fit| fit.corrected) {
             exposure.maps.clone_from(&prepared.correction.cameras);
         }
-        let (curve, state) = (RefCell::new(checkpoint.curve), RefCell::new(Some(stage)));
-        Ok(Trainer { prepared, curve, state, earlier: checkpoint.seconds, ..self })
+        problem.prepared = prepared;
+        self.run.curve = checkpoint.curve;
+        self.run.state = Some(stage);
+        self.run.earlier = checkpoint.seconds;
+        Ok(self)
     }
 
     /// Iterations of an earlier run that this one goes on from.
     pub fn resumed_at(&self) -> Option<u64> {
-        self.state.borrow().as_ref().map(|state| state.iterations_done)
-    }
-
-    /// Wall-clock time of the run, seconds.
-    fn seconds(&self) -> f64 {
-        self.earlier + self.started.elapsed().as_secs_f64()
+        self.run.state.as_ref().map(|state| state.iterations_done)
     }
 
     /// Adds LPIPS to the loss, with the weight of the settings.
     #[must_use]
-    pub fn with_lpips(self, lpips: Option<Arc<Lpips>>) -> Trainer<'a> {
-        Trainer { lpips, ..self }
+    pub fn with_lpips(mut self, lpips: Option<Arc<Lpips>>) -> Trainer<'a> {
+        self.problem.lpips = lpips;
+        self
     }
 
     /// Number of Gaussians of the avatar, unless `simplify=auto` or `merge_below` make them fewer.
     pub fn gaussians(&self) -> usize {
-        self.gaussians
+        self.problem.gaussians
     }
 
     /// Runs both stages and calls `progress` after each iteration and each trial.
@@ -378,72 +368,76 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
     /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
-    pub fn train(mut self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
-        self.started = Instant::now();
-        let reached = self.state.borrow().as_ref().map_or(0, |state| state.number);
-        if reached == 0 && self.settings.align == Align::Contours {
-            self.align()?;
+    pub fn train(self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
+        let Trainer { gpu, mut problem, mut run } = self;
+        run.started = Instant::now();
+        let reached = run.state.as_ref().map_or(0, |state| state.number);
+        if reached == 0 && problem.settings.align == Align::Contours {
+            problem.align(run.stop)?;
         }
-        let mut gpu = self.gpu.clone();
-        let uv_resolution = self.settings.uv_resolution;
+        let mut gpu = gpu.clone();
+        let uv_resolution = problem.settings.uv_resolution;
         let name_setting = |error: TrainError| error.with_memory_setting(uv_resolution);
-        let pose_iterations = self.settings.pose_iterations();
+        let pose_iterations = problem.settings.pose_iterations();
         if pose_iterations > 0 && reached < 2 {
             let stage = Stage {
                 number: 1,
-                settings: self.settings.pose_stage_settings(),
+                settings: problem.settings.pose_stage_settings(),
                 iterations: pose_iterations,
-                part_of_time: self.settings.pose_stage().part,
+                part_of_time: problem.settings.pose_stage().part,
                 done: 0,
                 refine_poses: true,
-                reduction: self.settings.pose_stage().image_reduction.max(self.reduction()),
+                reduction: problem.settings.pose_stage().image_reduction.max(problem.reduction(&gpu)),
                 previews: 0,
             };
             let first = gpu
-                .retry_on_device_loss("stage 1", |gpu| self.run(gpu, &stage, &mut progress))
+                .retry_on_device_loss("stage 1", |gpu| problem.run(gpu, &stage, &mut run, &mut progress))
                 .map_err(name_setting)?;
-            self.prepared.skipped_steps = first.skipped_steps;
+            problem.prepared.skipped_steps = first.skipped_steps;
             let mut refined = first.poses;
-            recenter(&mut refined, &self.prepared.poses);
-            self.prepared.poses = refined;
+            recenter(&mut refined, &problem.prepared.poses);
+            problem.prepared.poses = refined;
         }
         if reached < 2 {
-            self.find_light(&mut gpu)?;
+            problem.find_light(&mut gpu)?;
         }
-        if reached < 2 && self.settings.simplify == Simplify::Auto {
+        if reached < 2 && problem.settings.simplify == Simplify::Auto {
+            let curve = run.curve.clone();
+            let iterations = problem.settings.iterations;
             let mut ended = |trial: &Trial| {
                 progress(&Progress {
                     iteration: pose_iterations,
-                    iterations: self.settings.iterations,
+                    iterations,
                     stage: 2,
                     l1: None,
-                    curve: &self.curve.borrow(),
+                    curve: &curve,
                     previews: &[],
                     trial: Some(trial),
                 });
             };
-            self.prepared.simplification = self.simplify(&mut gpu, &mut ended).map_err(name_setting)?;
+            problem.prepared.simplification = problem.simplify(&mut gpu, &run, &mut ended).map_err(name_setting)?;
         }
-        let simplification = &self.prepared.simplification;
-        let settings = simplification.as_ref().map_or(Ok(self.settings.clone()), |s| s.apply(&self.settings))?;
+        let simplification = &problem.prepared.simplification;
+        let settings = simplification.as_ref().map_or(Ok(problem.settings.clone()), |s| s.apply(&problem.settings))?;
         let stage = Stage {
             number: 2,
             settings: settings.clone(),
-            iterations: self.settings.iterations - pose_iterations,
+            iterations: problem.settings.iterations - pose_iterations,
             part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
-            reduction: self.reduction(),
+            reduction: problem.reduction(&gpu),
             previews: PREVIEWS,
         };
-        let done =
-            gpu.retry_on_device_loss("stage 2", |gpu| self.run(gpu, &stage, &mut progress)).map_err(name_setting)?;
+        let done = gpu
+            .retry_on_device_loss("stage 2", |gpu| problem.run(gpu, &stage, &mut run, &mut progress))
+            .map_err(name_setting)?;
         let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
         let mut avatar = done.avatar;
-        avatar.limit_response(&self.seen_poses());
-        let may_leave_out = !stopped && self.settings.model == Model::Direct;
-        if let Some(simplification) = self.prepared.simplification.as_mut().filter(|_| may_leave_out) {
-            let (views, poses, reduction) = (&self.views, &self.prepared.poses, stage.reduction);
+        avatar.limit_response(&problem.seen_poses());
+        let may_leave_out = !stopped && problem.settings.model == Model::Direct;
+        if let Some(simplification) = problem.prepared.simplification.as_mut().filter(|_| may_leave_out) {
+            let (views, poses, reduction) = (&problem.views, &problem.prepared.poses, stage.reduction);
             let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
                 let images = (0..views.len()).map(|k| views.get(k, reduction).map(|view| (view.frame, view.camera)));
                 shown_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
@@ -453,19 +447,20 @@ impl<'a> Trainer<'a> {
                 avatar = kept;
             }
         }
-        let seconds = self.seconds();
-        let Prepared { poses, held_out, alignment, light, exposure, skipped_steps, simplification, .. } = self.prepared;
+        let seconds = run.seconds();
+        let Prepared { poses, held_out, alignment, light, exposure, skipped_steps, simplification, .. } =
+            problem.prepared;
         let skipped_steps = skipped_steps + done.skipped_steps;
-        let curve = self.curve.into_inner();
+        let curve = run.curve;
         let previews = done.previews;
         Ok(Trained {
             avatar,
             poses,
             held_out,
-            cameras: self.capture.cameras.clone(),
-            colors: self.capture.color_correction.cameras.clone(),
-            masks_of: self.capture.images.aligned.clone(),
-            blurred: self.views.blurred()?,
+            cameras: problem.capture.cameras.clone(),
+            colors: problem.capture.color_correction.cameras.clone(),
+            masks_of: problem.capture.images.aligned.clone(),
+            blurred: problem.views.blurred()?,
             alignment,
             light,
             exposure,
@@ -478,6 +473,15 @@ impl<'a> Trainer<'a> {
             curve,
             previews,
         })
+    }
+}
+
+impl Problem {
+    /// See [`Trainer::reduction`].
+    fn reduction(&self, gpu: &Gpu) -> u32 {
+        let watched = self.watched.as_ref().map_or([1; 2], |watched| watched.views.largest(1));
+        let largest = self.views.largest(1);
+        least_reduction([0, 1].map(|axis| largest[axis].max(watched[axis])), ImageLoss::most_pixels(gpu))
     }
 
     /// Finds what the images say of exposures and light, and corrects the images accordingly.
@@ -529,8 +533,8 @@ impl<'a> Trainer<'a> {
     }
 
     /// Aligns poses and proportions.
-    fn align(&mut self) -> Result<(), TrainError> {
-        let mut go_on = |_: &str, _: &[Pose]| self.stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
+    fn align(&mut self, stop: Option<&AtomicBool>) -> Result<(), TrainError> {
+        let mut go_on = |_: &str, _: &[Pose]| stop.is_none_or(|stop| !stop.load(Ordering::Relaxed));
         // Where exact poses are known, the given test poses are judged as they are.
         let watched = self.watched.as_ref().filter(|_| self.capture.truth.is_none());
         let held_out = watched.map(|watched| self.capture.split(&watched.split)).transpose()?.cloned();

@@ -26,6 +26,7 @@ pub use ghand_fit as fit;
 pub use ghand_hand_model as hand_model;
 pub use ghand_measure as measure;
 pub use ghand_motion as motion;
+pub use ghand_pictures as pictures;
 pub use ghand_render as render;
 pub use ghand_synthetic as synthetic;
 pub use ghand_train as train;

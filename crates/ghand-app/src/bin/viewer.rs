@@ -13,6 +13,7 @@ use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::light_args::LightArgs;
+use ghand_app::lighting::Lighting;
 use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::train_run::run_folder::last_avatar;
@@ -112,7 +113,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let start = Instant::now();
     check_options(&arguments)?;
     if arguments.screenshot.is_none() {
-        window::check_display()?;
+        cli::check_display()?;
     }
     let training = arguments.file.as_deref().and_then(TrainingRun::open);
     let mut path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);
@@ -127,7 +128,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         };
         path = Some(gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &avatar))?);
     }
-    let (mut subject, source) = subject(path.as_deref(), &arguments.light)?;
+    let light = arguments.light.lighting();
+    let (mut subject, source) = subject(path.as_deref(), &light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => {}
         (Subject::Hand(hand), Some(text)) => {
@@ -140,7 +142,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     let capture = match (&arguments.capture, &subject) {
         (None, _) => None,
-        (Some(path), Subject::Hand(hand)) => Some(CapturePanel::open(path, &arguments.capture_options, hand.model())?),
+        (Some(path), Subject::Hand(hand)) => {
+            Some(CapturePanel::open(path, &arguments.capture_options.reading(), hand.model())?)
+        }
         (Some(_), Subject::Scene { .. }) => {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
@@ -154,7 +158,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     viewer.log_start(start);
     if let Some(path) = &path {
-        viewer.watch(path, &arguments.light);
+        viewer.watch(path, &light);
     }
     // Its next avatar is not baked.
     if let Some(training) = training.filter(|_| !arguments.baked) {
@@ -211,7 +215,7 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         arguments.reading.refuse_without("--pose")?;
     }
     if arguments.capture.is_none() {
-        arguments.capture_options.refuse_without_capture()?;
+        arguments.capture_options.reading().refuse_without_capture()?;
     }
     if let Some(path) = &arguments.screenshot {
         if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
@@ -220,9 +224,9 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         let inputs = OwnInputs::default()
             .and(arguments.file.as_ref().filter(|file| file.is_file()))
             .and(arguments.reading.inputs(arguments.pose.as_deref()))
-            .and(arguments.light.input())
+            .and(arguments.light.lighting().input())
             .and(&arguments.capture)
-            .and(arguments.capture_options.inputs());
+            .and(arguments.capture_options.reading().inputs());
         inputs.refuse("--screenshot", path)?;
     }
     // clap does not require what conflicts with another option.
@@ -243,7 +247,7 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 /// What to show, and its source.
-fn subject(path: Option<&Path>, light: &LightArgs) -> anyhow::Result<(Subject, String)> {
+fn subject(path: Option<&Path>, light: &Lighting) -> anyhow::Result<(Subject, String)> {
     match path {
         Some(path) => Ok((Subject::read(path, light)?, path.display().to_string())),
         None => {

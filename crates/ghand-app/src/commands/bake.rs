@@ -3,6 +3,7 @@
 mod judge;
 mod pictures;
 pub mod pose_set;
+pub mod pose_set_args;
 mod search;
 
 use std::path::PathBuf;
@@ -13,18 +14,20 @@ use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake};
 use ghand_core::Pose;
 use ghand_files::atomic_file::{check_writable, write_atomically};
+use ghand_files::claim::Claim;
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::capture_args::{CaptureArgs, check_sides};
-use crate::claim::Claim;
+use crate::capture_args::CaptureArgs;
+use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::own_inputs::OwnInputs;
 use crate::say;
 use judge::{Judge, Loss};
-use pose_set::{NamedPose, PoseSet, PoseSetArgs};
+use pose_set::{NamedPose, PoseSet};
+use pose_set_args::PoseSetArgs;
 use search::{Chosen, Goal};
 
 /// Command line of `ghand bake`.
@@ -130,7 +133,8 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let outputs = [args.out.clone(), beside("json"), beside("worst.png"), beside("loss.png")];
     if !args.force {
-        let inputs = OwnInputs::default().and([&args.avatar]).and(args.capture.inputs()).and(args.poses.inputs());
+        let inputs =
+            OwnInputs::default().and([&args.avatar]).and(args.capture.source().inputs()).and(args.poses.inputs());
         outputs.iter().try_for_each(|output| inputs.refuse("--out", output))?;
         if let Some(output) = outputs.iter().find(|output| output.exists()) {
             let remedy = "give another --out, or --force to replace it";
@@ -141,16 +145,20 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let _claim = Claim::beside(&args.out)?;
     let capture = match &args.capture.capture {
         Some(path) => {
-            let capture = args.capture.open(path, &[&args.split], &[])?;
+            let capture = args.capture.source().open(path, &[&args.split], &[])?;
             check_sides(&args.avatar.display().to_string(), avatar.template.side, &capture)?;
             Some(capture)
         }
         None => {
-            args.capture.check()?;
+            args.capture.source().check()?;
             None
         }
     };
-    let poses = PoseSet::gather(&args.poses, &avatar, capture.as_ref().map(|capture| (capture, args.split.as_str())))?;
+    let poses = PoseSet::gather(
+        &args.poses.read(&avatar.model)?,
+        &avatar,
+        capture.as_ref().map(|capture| (capture, args.split.as_str())),
+    )?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let (bake, judge, chosen, worst, pictures) = gpu.retry_on_device_loss("baking", |gpu| {

@@ -6,10 +6,10 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::Args;
 use ghand_core::Side;
+use ghand_files::claim::Claim;
 use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 
-use crate::claim::Claim;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::say;
 use crate::train_run::interruption::Interruption;

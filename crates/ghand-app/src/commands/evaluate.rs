@@ -12,21 +12,23 @@ use ghand_core::Pose;
 use ghand_fit::alignment::single_frames::pose_knowledge;
 use ghand_fit::pose_offsets::PoseOffsets;
 use ghand_fit::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
+use ghand_pictures::write_png;
 use ghand_train::Protocol;
 use ghand_train::evaluate::ImageMetrics;
 use ghand_train::report::report;
 use serde::Serialize;
 
-use crate::capture_args::{CaptureArgs, check_sides};
+use crate::capture_args::CaptureArgs;
+use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::lpips_args::LpipsArgs;
 use crate::own_inputs::refuse_capture_folder;
+use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE, RunFolder};
+use crate::train_run::run_folder::RunFolder;
 use crate::train_run::training_poses::{poses_of_split, true_poses};
 
 /// Command line of `ghand evaluate`.
@@ -115,7 +117,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
-    let lpips = args.lpips.load()?;
+    let lpips = args.lpips.weights().load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
@@ -124,7 +126,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
-    let capture = args.capture.open(path, &[&args.split, train_split], &[])?;
+    let capture = args.capture.source().open(path, &[&args.split, train_split], &[])?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let split = capture.split(&args.split)?;
     if split.views.is_empty() {

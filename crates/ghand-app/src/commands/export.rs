@@ -4,17 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use ghand_avatar::Scene;
-use ghand_avatar::avatar::Avatar;
 use ghand_avatar::ply::SplatScene;
+use ghand_avatar::{Avatar, PosedHand};
 use ghand_files::atomic_file::check_writable;
 use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::pose_correctives::fit_pose_directions;
 use ghand_hand_model::rigged_glb::write_rigged_glb;
-use ghand_render::splat::Purpose;
+use ghand_render::DeviceError;
 
 use crate::cli::AdapterArgs;
-use crate::hand_model_file::HandModelArgs;
+use crate::hand_model_args::HandModelArgs;
 use crate::own_inputs::OwnInputs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
@@ -58,7 +57,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let inputs = OwnInputs::default()
         .and([&args.subject])
         .and(args.reading_poses.inputs(args.pose.as_deref()))
-        .and(args.reading.inputs());
+        .and(args.reading.reading().inputs());
     [("--ply", &args.ply), ("--glb", &args.glb)]
         .into_iter()
         .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
@@ -79,20 +78,25 @@ fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
 
 /// Poses the avatar and writes its Gaussians.
 fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    args.reading.refuse_for("--ply writes an avatar")?;
+    args.reading.reading().refuse_for("--ply writes an avatar")?;
     check_output("--ply", path, "ply")?;
     let avatar = Avatar::load(&args.subject)?;
     let pose = args.pose.as_deref().unwrap_or("rest");
     let frames = args.reading_poses.load(pose, &avatar.model)?.frames;
     let wanted = args.frame.as_deref().unwrap_or("0");
     let frame = choose_frame(frames, wanted).with_context(|| pose.to_owned())?;
-    // Only the pose is needed, not the picture: one tile is the smallest picture.
-    let mut gpu = adapter.open()?;
-    let scene = gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
-        let mut scene = Scene::new(gpu, &[&avatar], Purpose::Images, 1, [8, 8])?;
-        scene.set_pose(gpu, 0, 0, &frame.pose)?;
-        Ok(scene.posed_splats(gpu, 0)?)
-    })?;
+    let scene = match adapter.open() {
+        Ok(mut gpu) => gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
+            let mut hand = PosedHand::new(gpu, &avatar)?;
+            hand.set_pose(gpu, &frame.pose)?;
+            Ok(hand.splats(gpu)?)
+        })?,
+        Err(DeviceError::NoAdapter { found, .. }) if found.is_empty() => {
+            say!("there is no graphics adapter: the processor poses the avatar");
+            PosedHand::splats_on_host(&avatar, &frame.pose)?
+        }
+        Err(error) => return Err(error.into()),
+    };
     scene.write(path)?;
     say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
     Ok(())
@@ -105,7 +109,7 @@ fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
         bail!("--frame: --glb writes the hand at rest; give --ply, or omit --frame");
     }
     check_output("--glb", path, "glb")?;
-    let file = args.reading.load(Some(&args.subject))?;
+    let file = args.reading.reading().load(Some(&args.subject))?;
     for warning in &file.warnings {
         log::warn!("{warning}");
     }

@@ -17,11 +17,11 @@ use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
 use ghand_fit::alignment::review::review;
 use ghand_hand_model::read::file_and_side;
+use ghand_pictures::write_png;
 use ghand_render::DeviceError;
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
 use crate::own_inputs::OwnInputs;
@@ -64,11 +64,12 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
+            let reading = args.options.reading();
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
-            if let (Some(path), Some(option)) = (path, args.options.given().or(sheet)) {
+            if let (Some(path), Some(option)) = (path, reading.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
             }
-            let hand_model_args = &args.options.hand_model_args;
+            let hand_model_args = &reading.hand_model_args;
             let text = match (path, path.as_deref().map(file_kind)) {
                 (Some(path), Some(FileKind::Avatar)) => {
                     hand_model_args.refuse_for(&format!("{} is an avatar", path.display()))?;
@@ -107,11 +108,11 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
-        OwnInputs::default().and([path]).and(args.options.inputs()).refuse("--sheet", &sheet)?;
+        OwnInputs::default().and([path]).and(args.options.reading().inputs()).refuse("--sheet", &sheet)?;
         check_writable(&sheet)
             .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }
-    let opened = args.options.open(path)?;
+    let opened = args.options.reading().open(path)?;
     let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
     let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
         .map(|(split, fit)| SheetView { split: split.name.clone(), fit })

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ghand_avatar::framing::portrait;
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
@@ -15,17 +16,16 @@ use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::pose_sequence::ghand::{write_fitted_poses, write_poses};
 use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
+use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
-use crate::hand_model_file::HandModelArgs;
+use crate::hand_model_args::HandModelArgs;
 use crate::mesh_picture::{PictureStyle, draw};
 use crate::own_inputs::{OwnInputs, camera_file};
-use crate::pictures::{Background, Picture, StillFormat, parse_background};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 use crate::sight::BlankPictures;
-use ghand_avatar::framing::portrait;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -103,7 +103,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
     let inputs = OwnInputs::default()
         .and(&args.hand_model)
-        .and(args.reading.inputs())
+        .and(args.reading.reading().inputs())
         .and(args.reading_poses.inputs(args.pose.as_deref()))
         .and(args.look.camera.as_deref().map(camera_file));
     [("--out", &args.out), ("--picture", &args.picture)]
@@ -114,7 +114,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     {
         bail!("--fps: one pose is written, the first; give --frame, --out FILE.json, or omit --fps");
     }
-    let file = args.reading.load(args.hand_model.as_ref())?;
+    let file = args.reading.reading().load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
     }

@@ -7,22 +7,22 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
+use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::{Camera, Pose};
 use ghand_motion::{PoseFrame, PoseSequence};
+use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::baked::{baked, refuse_quality};
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::format_args::FormatArgs;
 use crate::light_args::LightArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
-pub use crate::pictures::write_png;
-use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
 use crate::shown::Shown;
 use crate::sight::BlankPictures;
-use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -89,13 +89,14 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
+    let light = args.light.lighting();
     let inputs = OwnInputs::default()
         .and([&args.avatar])
         .and(args.reading.inputs(Some(&args.pose)))
         .and(args.camera.as_deref().map(camera_file))
-        .and(args.light.input());
+        .and(light.input());
     destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
-    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &args.light)?;
+    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &light)?;
     // The rate of a film of one pose is that of its views.
     let is_film = matches!(destination, Destination::Film(..));
     let sequence = match is_film {
@@ -136,7 +137,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut gpu = adapter.open()?;
     if args.baked {
         let played = gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &args.avatar))?;
-        avatar = args.show.apply_to(Avatar::load(&played)?, &args.light)?;
+        avatar = args.show.apply_to(Avatar::load(&played)?, &light)?;
     }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;

@@ -8,10 +8,12 @@ use anyhow::{Context, bail, ensure};
 use bytemuck::cast_slice;
 use clap::Args;
 use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_framing::{UpAxis, scene_turntable};
 use ghand_capture::named_camera::read_named_camera;
 use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
+use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, SplatModel, SplatOptions, Splatter, View, band_rows};
 use ghand_render::{Gpu, buffers};
 use image::ImageFormat;
@@ -19,13 +21,12 @@ use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::format_args::FormatArgs;
 use crate::own_inputs::{OwnInputs, camera_file};
-use crate::pictures::{Background, Destination, FormatArgs, Series, Shot, parse_background, turn_rate};
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::sight::BlankPictures;
 use crate::viewer::scene::read_suspicious;
-use ghand_avatar::scene_framing::{UpAxis, scene_turntable};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

@@ -8,14 +8,9 @@ use ghand_pictures::plot::{LinePlot, Series};
 use ghand_train::{CurvePoint, Preview};
 use image::{Rgb, RgbImage};
 
-use crate::commands::render::write_png;
+use crate::run_files::{CURVES_PLOT, CURVES_TABLE, PREVIEW};
 
-/// The loss and the PSNR of images held out, over the run, as a table.
-pub const CURVES_TABLE: &str = "curves.csv";
-/// The same as a plot.
-pub const CURVES_PLOT: &str = "curves.png";
-/// Images held out above the avatar.
-pub const PREVIEW: &str = "preview.png";
+use ghand_pictures::write_png;
 
 /// Gap between pictures, pixels.
 const GAP: u32 = 4;

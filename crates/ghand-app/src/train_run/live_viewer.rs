@@ -7,10 +7,8 @@ use std::thread::JoinHandle;
 
 use ghand_avatar::Avatar;
 
-use crate::viewer::window::check_display;
-
-/// The avatar as it was last shown, in the folder of a run's checkpoints.
-pub const PREVIEW_AVATAR: &str = "preview.ghand";
+use crate::cli::check_display;
+use crate::run_files::PREVIEW_AVATAR;
 
 /// Writes avatars to a file that a viewer watches, beside training, which never waits for either. The viewer is a program
 /// of its own: closing it does not end the run, and it stays open when the run has ended. When this is dropped, the last

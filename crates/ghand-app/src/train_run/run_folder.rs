@@ -4,55 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use ghand_files::atomic_file::remove_unfinished;
+use ghand_files::folder_lock::{Attempt, FolderLock};
 use ghand_train::checkpoints::{has_checkpoints, remove_checkpoints};
 
+use crate::run_files::{
+    AVATAR_FILE, CHECKPOINTS, CURVES_PLOT, CURVES_TABLE, METRICS_FILE, PREVIEW, PREVIEW_AVATAR, RECORD_FILE, RESULTS,
+};
 use crate::say;
-use crate::train_run::folder_lock::{Attempt, FolderLock};
-use crate::train_run::live_files::{CURVES_PLOT, CURVES_TABLE, PREVIEW};
-use crate::train_run::live_viewer::PREVIEW_AVATAR;
 
 /// The default folder of `train`, relative to the current folder. Later runs go to `out/train-2` and so on.
 pub const DEFAULT_FOLDER: &str = "out/train";
-/// The avatar in a run's folder.
-pub const AVATAR_FILE: &str = "avatar.ghand";
-/// The refined poses in a run's folder.
-pub const POSES_FILE: &str = "poses.json";
-/// The cameras in a run's folder, if the alignment refined them.
-pub const CAMERAS_FILE: &str = "cameras.json";
-/// The figures in a run's folder.
-pub const METRICS_FILE: &str = "metrics.json";
-/// The picture in a run's folder.
-pub const REPORT_FILE: &str = "report.png";
-/// The template's outlines before and after the alignment, in a run's folder.
-pub const ALIGN_FILE: &str = "align.png";
-/// The figures on the pose library, in an evaluation's folder.
-pub const CLEANLINESS_FILE: &str = "cleanliness.json";
-/// The picture of the pose library, in an evaluation's folder.
-pub const CLEANLINESS_SHEET: &str = "cleanliness.png";
-/// The settings of a run, in its folder; `train --config` takes them.
-pub const CONFIG_FILE: &str = "config.toml";
-/// A run on one page.
-pub const PAGE_FILE: &str = "report.html";
-/// All results of a run or an evaluation.
-const RESULTS: [&str; 13] = [
-    AVATAR_FILE,
-    CAMERAS_FILE,
-    CONFIG_FILE,
-    POSES_FILE,
-    METRICS_FILE,
-    REPORT_FILE,
-    PAGE_FILE,
-    ALIGN_FILE,
-    CURVES_TABLE,
-    CURVES_PLOT,
-    PREVIEW,
-    CLEANLINESS_FILE,
-    CLEANLINESS_SHEET,
-];
-/// The folder in a run's folder that has what an interrupted run needs to go on.
-pub const CHECKPOINTS: &str = "checkpoints";
-/// How a run was started, in that folder. Without it there is nothing to go on with.
-const RECORD_FILE: &str = "run.json";
 /// Number of folders that are tried after the default one.
 const MOST_FOLDERS: usize = 100_000;
 
@@ -190,7 +151,7 @@ impl RunFolder {
             Ok(Attempt::Taken(holder)) => Err(holder),
             Err(error) => {
                 leftovers.remove();
-                return Err(error);
+                return Err(error.into());
             }
         })
     }

@@ -10,8 +10,8 @@ use ghand_files::json_error::plain_json_error;
 use ghand_train::TrainSettings;
 use serde::{Deserialize, Serialize};
 
-use crate::capture_args::CaptureArgs;
-use crate::lpips_args::LpipsArgs;
+use crate::capture_source::CaptureSource;
+use crate::lpips_weights::LpipsWeights;
 
 /// Largest record, bytes.
 const LARGEST_RECORD: u64 = 1 << 20;
@@ -21,7 +21,7 @@ const LARGEST_RECORD: u64 = 1 << 20;
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {
     /// The capture and how to read it.
-    pub capture: CaptureArgs,
+    pub capture: CaptureSource,
     /// Whether the capture is the demo's, which is made if it is missing.
     pub demo: bool,
     /// Split to train on.
@@ -31,7 +31,7 @@ pub struct RunRecord {
     /// The poses that the run started from, as on the command line.
     pub poses: String,
     /// The weights for LPIPS.
-    pub lpips: LpipsArgs,
+    pub lpips: LpipsWeights,
     /// Name of the preset that the settings started from.
     pub preset: String,
     /// The settings.
@@ -70,5 +70,44 @@ impl RunRecord {
     pub fn save(&self, path: &Path) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(self)?;
         write_atomically(path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use glam::DVec2;
+    use serde_json::Value;
+
+    use super::*;
+
+    /// A record as ghand 0.1.0 wrote it, with all options, but without its settings.
+    const RECORD: &str = include_str!("run_record/run.json");
+
+    #[test]
+    fn a_record_of_an_earlier_program_opens_and_is_written_as_it_was() {
+        let mut json: Value = serde_json::from_str(RECORD).unwrap();
+        json["settings"] = serde_json::to_value(TrainSettings::default()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.json");
+        std::fs::write(&path, json.to_string()).unwrap();
+        let record = RunRecord::load(&path).unwrap().unwrap();
+        let options = &record.capture.options;
+        assert_eq!(record.capture.capture, Some(PathBuf::from("/captures/hand")));
+        assert_eq!(options.hand_model, Some(PathBuf::from("/models/MANO_LEFT.pkl")));
+        assert_eq!(options.hand_model_args.uv, Some(PathBuf::from("/models/MANO_UV_left.obj")));
+        assert!(options.hand_model_args.left_shapes_as_published);
+        assert_eq!(options.train_sequences, ["ROM04_LT_Occlusion"]);
+        assert_eq!(options.test_sequences, ["ROM03_LT_No_Occlusion", "ROM05_LT_Wrist_ROM"]);
+        assert_eq!(options.principal_point, Some(DVec2::new(224.0, 230.5)));
+        assert_eq!(record.lpips.lpips, Some(PathBuf::from("/models/lpips.safetensors")));
+        assert_eq!(record.checkpoint_every, Some(Duration::from_millis(100)));
+        record.save(&path).unwrap();
+        let again: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(again, json);
+        json["captures"] = Value::Null;
+        std::fs::write(&path, json.to_string()).unwrap();
+        assert!(RunRecord::load(&path).unwrap_err().to_string().contains("captures"), "an unknown field is an error");
     }
 }

@@ -19,7 +19,7 @@ use std::time::Instant;
 use egui::{CentralPanel, Frame, Panel, ScrollArea, Ui};
 use ghand_render::{Gpu, RenderError};
 
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::viewer::adaptive_detail::AdaptiveDetail;
 use crate::viewer::app::layers::LayerView;
 use crate::viewer::app::saving::Saving;
@@ -89,7 +89,7 @@ pub struct Viewer {
     /// The run of training whose avatar is shown.
     run: Option<TrainingRun>,
     /// The light in which the watched file is read.
-    light: LightArgs,
+    light: Lighting,
     file_dialog: Option<FileDialog>,
     /// Files that are being read.
     files: FileReader,
@@ -152,7 +152,7 @@ impl Viewer {
             settings_path: None,
             watched: None,
             run: None,
-            light: LightArgs::default(),
+            light: Lighting::default(),
             file_dialog: None,
             files: FileReader::default(),
             save_dialog: None,

@@ -10,8 +10,8 @@ use ghand_core::{Camera, HandModel, Pose};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
-use crate::capture_args::{CaptureOptions, check_sides};
-use crate::train_run::run_folder::CAMERAS_FILE;
+use crate::capture_source::{CaptureReading, check_sides};
+use crate::run_files::CAMERAS_FILE;
 use crate::viewer::capture_poses::CapturePoses;
 use crate::viewer::number_slider::number_slider;
 
@@ -32,7 +32,7 @@ impl CapturePanel {
     ///
     /// # Errors
     /// One sentence that names the file and the field; also if the poses do not fit the hand model.
-    pub fn open(path: &Path, options: &CaptureOptions, model: &HandModel) -> anyhow::Result<CapturePanel> {
+    pub fn open(path: &Path, options: &CaptureReading, model: &HandModel) -> anyhow::Result<CapturePanel> {
         let opened = options.open(path)?;
         let (capture, mut remarks) = (opened.capture, opened.warnings);
         ensure!(!capture.cameras.is_empty() && !capture.frames.is_empty(), "{}: has no views", path.display());

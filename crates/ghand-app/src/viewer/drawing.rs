@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ghand_avatar::Scene;
 use ghand_avatar::scene::OPACITY;
 use ghand_core::{Camera, Pose};
+use ghand_pictures::Picture;
 use ghand_render::mesh::{MeshError, MeshRenderer, MeshStyle, NEAR_PLANE};
 use ghand_render::splat::{Counters, FrameStage, Shape, SplatModel, View};
 use ghand_render::timing::FrameClock;
@@ -14,7 +15,6 @@ use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
 use crate::commands::explain::pose_properties::PoseProperties;
-use crate::pictures::Picture;
 use crate::viewer::frame_times::STAGES;
 use crate::viewer::picture::PictureInputs;
 
@@ -137,7 +137,10 @@ impl Drawing {
     pub fn properties(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
         match self {
             Drawing::Gaussians(scene) if !scene.avatars().is_empty() => {
-                PoseProperties::read(gpu, scene, pose).map(Some)
+                scene.set_pose(gpu, 0, 0, pose)?;
+                scene.pose_only(gpu, 0, None)?;
+                let posed = scene.avatars().first();
+                posed.map(|posed| PoseProperties::read(gpu, posed.deformation.properties())).transpose()
             }
             Drawing::Gaussians(_) | Drawing::Mesh(_) => Ok(None),
         }

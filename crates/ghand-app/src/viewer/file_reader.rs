@@ -11,9 +11,9 @@ use ghand_files::value::ValueError;
 use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::key_ids};
 use ghand_motion::{KeyFrames, PoseError, PoseSequence};
 
-use crate::capture_args::CaptureOptions;
+use crate::capture_source::CaptureReading;
 use crate::file_kind::{FileKind, file_kind};
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::pose_choice::PoseReadingArgs;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::subject::Subject;
@@ -50,7 +50,7 @@ pub struct ReadFile {
 struct Wanted {
     path: PathBuf,
     reason: Reason,
-    light: LightArgs,
+    light: Lighting,
 }
 
 /// Files that are read, in their order.
@@ -63,7 +63,7 @@ pub struct FileReader {
 
 impl FileReader {
     /// Reads a file after those before it; avatars are put into this light.
-    pub fn ask(&mut self, path: &Path, reason: Reason, light: &LightArgs) {
+    pub fn ask(&mut self, path: &Path, reason: Reason, light: &Lighting) {
         self.waiting.push_back(Wanted { path: path.to_owned(), reason, light: light.clone() });
     }
 
@@ -144,7 +144,7 @@ fn read_or_failed(path: &Path, read: Option<ReadFile>) -> ReadFile {
 
 /// Reads a file of any kind; `model` is the hand that is shown.
 fn read(path: &Path, model: Option<&HandModel>) -> anyhow::Result<Contents> {
-    let light = LightArgs::default();
+    let light = Lighting::default();
     if let Some(run) = TrainingRun::open(path)
         && let Some(avatar) = run.avatar()
     {
@@ -152,7 +152,7 @@ fn read(path: &Path, model: Option<&HandModel>) -> anyhow::Result<Contents> {
     }
     if path.is_dir() || path.file_name().is_some_and(|name| name == "capture.json") {
         let model = model.context("a scene has no place in a capture")?;
-        return Ok(Contents::Capture(Box::new(CapturePanel::open(path, &CaptureOptions::default(), model)?)));
+        return Ok(Contents::Capture(Box::new(CapturePanel::open(path, &CaptureReading::default(), model)?)));
     }
     match file_kind(path) {
         FileKind::Avatar | FileKind::Scene => read_subject(path, &light),
@@ -169,7 +169,7 @@ fn read(path: &Path, model: Option<&HandModel>) -> anyhow::Result<Contents> {
     }
 }
 
-fn read_subject(path: &Path, light: &LightArgs) -> anyhow::Result<Contents> {
+fn read_subject(path: &Path, light: &Lighting) -> anyhow::Result<Contents> {
     Ok(Contents::Subject(Box::new(Subject::read(path, light)?), path.to_owned(), None))
 }
 

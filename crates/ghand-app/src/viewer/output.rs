@@ -7,10 +7,11 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use anyhow::Context as _;
 use egui::Context;
+use ghand_pictures::{Background, Destination, Series, Shot};
 use ghand_render::Gpu;
 use ghand_render::splat::band_rows;
 
-use crate::pictures::{Background, Destination, FormatArgs, Series, Shot};
+use crate::format_args::FormatArgs;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::picture::PictureInputs;
 use crate::viewer::subject_copy::SubjectCopy;
@@ -115,5 +116,5 @@ fn make(
         series.add(picture.in_linear_light())?;
         made_one();
     }
-    series.finish()
+    Ok(series.finish()?)
 }

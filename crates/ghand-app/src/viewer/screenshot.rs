@@ -4,10 +4,10 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use egui::{Pos2, Rect, Vec2};
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use image::{RgbImage, RgbaImage};
 
-use crate::commands::render::write_png;
 use crate::viewer::app::Viewer;
 use crate::viewer::subject::Subject;
 use crate::viewer::window::style;
@@ -26,7 +26,7 @@ const MOST_RUNS: usize = 8;
 pub fn screenshot(viewer: &mut Viewer, size: [u32; 2], scale: f32, path: &Path) -> anyhow::Result<()> {
     viewer.subject_mut().pause();
     let rgb = viewer.retry_on_device_loss(|viewer| picture(viewer, size, scale))?;
-    write_png(path, &rgb)
+    Ok(write_png(path, &rgb)?)
 }
 
 fn picture(viewer: &mut Viewer, size: [u32; 2], scale: f32) -> anyhow::Result<RgbImage> {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use egui::Ui;
+use ghand_avatar::framing::posed_vertices;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, Light, Scene};
 use ghand_core::{HandModel, Pose};
@@ -14,12 +15,11 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::Drawing;
 use crate::viewer::hand::{Hand, Look};
 use crate::viewer::scene::read_scene;
-use ghand_avatar::framing::posed_vertices;
 
 /// What the viewer shows.
 pub enum Subject {
@@ -39,7 +39,7 @@ impl Subject {
     ///
     /// # Errors
     /// One sentence that names the file, and the invalid part or the expected kind of file.
-    pub fn read(path: &Path, light: &LightArgs) -> anyhow::Result<Subject> {
+    pub fn read(path: &Path, light: &Lighting) -> anyhow::Result<Subject> {
         let subject = Subject::read_file(path, light)?;
         if subject.light().is_none() && !light.is_default() {
             bail!("--light: {} is not an avatar with a light of its own", path.display());
@@ -47,7 +47,7 @@ impl Subject {
         Ok(subject)
     }
 
-    fn read_file(path: &Path, light: &LightArgs) -> anyhow::Result<Subject> {
+    fn read_file(path: &Path, light: &Lighting) -> anyhow::Result<Subject> {
         if is_hand_name(path) {
             return Subject::hand_model(path);
         }

@@ -6,15 +6,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
 use std::time::Duration;
 
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use ghand_avatar::framing::posed_vertices;
 use ghand_core::{HandModel, Pose};
+use ghand_pictures::{Background, Picture};
 use ghand_render::{Gpu, RenderError};
 
-use crate::pictures::{Background, Picture};
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::picture::PictureInputs;
 use crate::viewer::subject_copy::SubjectCopy;
-use ghand_avatar::framing::posed_vertices;
 
 /// Edge of a picture, pixels: twice its points, for displays of high resolution.
 const EDGE: u32 = 112;

@@ -6,9 +6,7 @@ use std::time::SystemTime;
 
 use egui::{ColorImage, Context, Image, RichText, TextureHandle, TextureOptions, Ui, vec2};
 
-use crate::train_run::live_files::{CURVES_TABLE, PREVIEW};
-use crate::train_run::live_viewer::PREVIEW_AVATAR;
-use crate::train_run::run_folder::{AVATAR_FILE, CHECKPOINTS, METRICS_FILE};
+use crate::run_files::{AVATAR_FILE, CHECKPOINTS, CURVES_TABLE, METRICS_FILE, PREVIEW, PREVIEW_AVATAR};
 use crate::viewer::curve_plot::curve_plot;
 
 /// Seconds between two looks at the files.

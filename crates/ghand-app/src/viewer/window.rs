@@ -1,11 +1,11 @@
 //! The window around the user interface.
 
-use anyhow::{anyhow, bail};
+use anyhow::anyhow;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use egui::ViewportCommand;
 use ghand_render::{Gpu, RenderError};
 
-use crate::cli;
+use crate::cli::{self, WITHOUT_WINDOW};
 use crate::viewer::app::Viewer;
 use crate::viewer::slow_frames::keep_clicks_in_slow_frames;
 
@@ -13,8 +13,6 @@ use crate::viewer::slow_frames::keep_clicks_in_slow_frames;
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];
 /// Smallest window in which everything fits, points.
 const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
-/// What to do without a display.
-const REMEDY: &str = "use --screenshot FILE.png, which needs no display";
 
 struct Window<'a> {
     viewer: &'a mut Viewer,
@@ -95,19 +93,6 @@ pub fn style(context: &egui::Context) {
     });
 }
 
-/// Fails if no window can be opened.
-///
-/// # Errors
-/// An error that says so and what to do.
-pub fn check_display() -> anyhow::Result<()> {
-    let unix = cfg!(all(unix, not(target_vendor = "apple"), not(target_os = "android")));
-    let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
-    if unix && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
-        bail!("there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set); {REMEDY}");
-    }
-    Ok(())
-}
-
 /// Opens the window and runs until it is closed. If the device is lost, the window opens again with a new one, in the
 /// same pose and view; if the window system noticed the loss first, the program ends with an error.
 ///
@@ -159,6 +144,6 @@ fn run(viewer: &mut Viewer) -> anyhow::Result<()> {
         // winit's messages begin with a position in its source code.
         let message = e.to_string();
         let cause = message.rsplit(": ").next().unwrap_or(&message);
-        anyhow!("the window cannot be opened: {cause}; {REMEDY}")
+        anyhow!("the window cannot be opened: {cause}; {WITHOUT_WINDOW}")
     })
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Output;
 
 use crate::common::{assert_one_sentence, listing, run_in, save_avatar};
+use ghand_avatar::ply::SplatScene;
 use ghand_render::{AdapterChoice, Gpu};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
@@ -63,4 +64,30 @@ fn a_machine_without_adapters_gets_one_sentence_with_the_remedy() {
         assert_one_sentence(&output, &["no graphics adapter was found", "mesa-vulkan-drivers"]);
         assert_eq!(listing(folder.path()), before);
     }
+}
+
+#[test]
+fn without_an_adapter_an_avatar_is_exported_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    save_avatar(folder.path());
+    let nowhere = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|variable| (variable, "/nonexistent.json"));
+    let export = |file: &str, pose: &str, variables: &[(&str, &str)]| {
+        let output = run_in(GHAND, folder.path(), &["export", "hand.ghand", "--pose", pose, "--ply", file], variables);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (SplatScene::read(&folder.path().join(file)).unwrap(), String::from_utf8(output.stdout).unwrap())
+    };
+    let farthest = |a: &SplatScene, b: &SplatScene| {
+        assert_eq!(a.table.len(), b.table.len());
+        a.table.iter().zip(&b.table).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    let (device, _) = export("device.ply", "fist", &[]);
+    let (host, output) = export("host.ply", "fist", &nowhere);
+    if !output.contains("no graphics adapter") {
+        println!("skipped: this system finds its graphics driver without Vulkan's loader");
+        return;
+    }
+    // Rounding, of logarithms of sizes more than of places.
+    assert!(farthest(&device, &host) < 1e-4, "{}", farthest(&device, &host));
+    let (other, _) = export("other.ply", "rest", &nowhere);
+    assert!(farthest(&device, &other) > 1e-3);
 }

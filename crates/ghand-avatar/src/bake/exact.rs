@@ -3,14 +3,13 @@
 use crate::deform::baked::VALUES;
 use ghand_core::Pose;
 use ghand_core::skeleton::{Affine, Chain};
-use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::order::Ordered;
 use crate::avatar::Avatar;
-use crate::scene::Scene;
+use crate::posed_hand::PosedHand;
 
 /// Where skinning flattens the hand, the place before it is not determined. Added to the square of the blended map, this
 /// keeps it from running away, and changes other places by less than a thousandth of their offset.
@@ -18,13 +17,12 @@ const DAMPING: f64 = 4e-4;
 
 /// The avatar on the device.
 pub struct ExactPoses {
-    scene: Scene,
+    hand: PosedHand,
 }
 
 impl ExactPoses {
     pub fn new(gpu: &Gpu, avatar: &Avatar) -> Result<ExactPoses, RenderError> {
-        // Only the table is needed, not the picture.
-        Ok(ExactPoses { scene: Scene::new(gpu, &[avatar], Purpose::Images, 1, [8, 8])? })
+        Ok(ExactPoses { hand: PosedHand::new(gpu, avatar)? })
     }
 
     /// The values of each Gaussian in the new order: place before plain skinning, standard deviation, colour.
@@ -35,12 +33,9 @@ impl ExactPoses {
         chain: &Chain,
         ordered: &Ordered,
     ) -> Result<Vec<[f32; VALUES]>, RenderError> {
-        self.scene.set_pose(gpu, 0, 0, pose)?;
-        let table = self.scene.posed_table(gpu, 0)?;
-        let Some(posed) = self.scene.avatars().first() else {
-            return Err(RenderError::Invalid("a scene without an avatar".into()));
-        };
-        let (n, properties) = (ordered.order.len(), posed.deformation.properties());
+        self.hand.set_pose(gpu, pose)?;
+        let table = self.hand.table(gpu)?;
+        let (n, properties) = (ordered.order.len(), self.hand.properties());
         let scale: Vec<f32> = buffers::read(gpu, &properties.scale, n)?;
         let color: Vec<f32> = buffers::read(gpu, &properties.color, 3 * n)?;
         let one = |i: usize| {

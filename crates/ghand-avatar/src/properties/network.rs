@@ -38,7 +38,7 @@ use crate::deform::Deformation;
 use ghand_core::HandModel;
 use ghand_render::{Gpu, RenderError};
 
-use super::PropertyModel;
+use super::TrainableModel;
 use crate::template::{AvatarConfig, Template};
 
 /// Puts the networks on the device.
@@ -49,6 +49,6 @@ pub(super) fn on_device(
     config: &AvatarConfig,
     tables: &NetworkTables,
     deformation: &Deformation,
-) -> Result<Box<dyn PropertyModel>, RenderError> {
+) -> Result<Box<dyn TrainableModel>, RenderError> {
     Ok(Box::new(NetworkModel::new(gpu, model, template, config, tables, deformation)?))
 }

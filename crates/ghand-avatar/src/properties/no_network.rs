@@ -9,7 +9,7 @@ use crate::deform::{Deformation, PropertySizes};
 use ghand_core::HandModel;
 use ghand_render::{Gpu, RenderError};
 
-use super::{PropertyModel, PropertyStart};
+use super::{PropertyStart, TrainableModel};
 use crate::file::{AvatarFileError, Reader, Tensors};
 use crate::template::{AvatarConfig, Template};
 
@@ -87,6 +87,6 @@ pub(super) fn on_device(
     _: &AvatarConfig,
     tables: &NetworkTables,
     _: &Deformation,
-) -> Result<Box<dyn PropertyModel>, RenderError> {
+) -> Result<Box<dyn TrainableModel>, RenderError> {
     tables.never()
 }

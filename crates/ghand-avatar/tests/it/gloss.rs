@@ -1,7 +1,8 @@
 //! Avatars with gloss, and with flat Gaussians, in a scene.
 
 use ghand_avatar::light::Gloss;
-use ghand_avatar::{Avatar, AvatarConfig, AvatarLight, GaussianShape, Light, Scene};
+use ghand_avatar::reference::pose_avatar;
+use ghand_avatar::{Avatar, AvatarConfig, AvatarLight, GaussianShape, Light, PosedHand, Scene};
 use ghand_core::{Camera, Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::surface::sample_surface;
@@ -81,12 +82,33 @@ fn gloss_is_that_of_the_frame_and_the_eye() {
 fn exported_gaussians_have_no_gloss() {
     let gpu = gpu();
     let export = |avatar: &Avatar| {
-        let mut scene = Scene::new(&gpu, &[avatar], Purpose::Images, 2, [64, 64]).unwrap();
-        scene.set_pose(&gpu, 0, 0, &poses()[0]).unwrap();
-        scene.render(&gpu, 0, &camera(false), [0.0; 3]).unwrap();
-        scene.posed_splats(&gpu, 0).unwrap()
+        let mut hand = PosedHand::new(&gpu, avatar).unwrap();
+        hand.set_pose(&gpu, &poses()[0]).unwrap();
+        hand.splats(&gpu).unwrap()
     };
     assert!(export(&glossy()) == export(&avatar(GaussianShape::Flat, None)));
+}
+
+#[test]
+fn a_posed_hand_is_that_of_a_scene_and_its_twin_has_the_same_light() {
+    let gpu = gpu();
+    let avatar = glossy();
+    let mut hand = PosedHand::new(&gpu, &avatar).unwrap();
+    let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [8, 8]).unwrap();
+    for pose in poses() {
+        hand.set_pose(&gpu, &pose).unwrap();
+        scene.set_pose(&gpu, 0, 0, &pose).unwrap();
+        let table = hand.table(&gpu).unwrap();
+        assert!(table == scene.posed_table(&gpu, 0).unwrap());
+        let farthest = |other: &Avatar| {
+            let twin = pose_avatar(other, &pose).unwrap().table();
+            assert_eq!(twin.len(), table.len());
+            twin.iter().zip(&table).map(|(a, b)| (a - f64::from(*b)).abs()).fold(0.0, f64::max)
+        };
+        // f32 on the device.
+        assert!(farthest(&avatar) < 1e-5, "{}", farthest(&avatar));
+        assert!(farthest(&Avatar { light: None, ..avatar.clone() }) > 0.05, "the light is compared");
+    }
 }
 
 #[test]

@@ -123,7 +123,7 @@ fn playing_and_training_give_the_same_properties_and_follow_the_pose() {
     }
     assert_eq!(properties(&gpu, &mut trained, 0), first);
     assert_eq!(properties(&gpu, &mut trained, 1), second);
-    trained.avatars_mut()[0].model.expect_backward(false);
+    trained.avatars_mut()[0].model.trainable_mut().unwrap().expect_backward(false);
     assert_eq!(properties(&gpu, &mut trained, 0), first);
     assert_eq!(properties(&gpu, &mut trained, 1), second);
     // The cached part is still right after another pose, and where the hand is does not matter.
@@ -145,7 +145,7 @@ fn backward(gpu: &Gpu, scene: &mut Scene, backward: &DeformationBackward, size: 
         gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values));
     }
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    scene.avatars_mut()[0].model.backward(gpu, &mut encoder).unwrap();
+    scene.avatars_mut()[0].model.trainable_mut().unwrap().backward(gpu, &mut encoder).unwrap();
 }
 
 #[test]
@@ -159,13 +159,13 @@ fn gradients_of_several_views_and_poses_add_up() {
         let mut scene = scene_of(&gpu, &avatar, &poses, Purpose::Gradients);
         let d = prepared(&gpu, &mut scene);
         for (frame, size) in views {
-            scene.avatars_mut()[0].model.expect_backward(*size > 0.0);
+            scene.avatars_mut()[0].model.trainable_mut().unwrap().expect_backward(*size > 0.0);
             pose(&gpu, &mut scene, *frame);
             if *size > 0.0 {
                 backward(&gpu, &mut scene, &d, *size);
             }
         }
-        scene.avatars_mut()[0].model.parameter_gradients(&gpu).unwrap()
+        scene.avatars_mut()[0].model.trainable_mut().unwrap().parameter_gradients(&gpu).unwrap()
     };
     let (first, second) = (gradients(&[(0, 1.0)]), gradients(&[(1, 1.0)]));
     // What is measured between them does not count.
@@ -209,10 +209,10 @@ fn an_update_changes_what_has_a_rate_and_the_next_frame_shows_it() {
             pose(&gpu, &mut scene, 0);
             backward(&gpu, &mut scene, &d, 1e-3);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            scene.avatars_mut()[0].model.update(&gpu, &mut encoder, &rates(step)).unwrap();
+            scene.avatars_mut()[0].model.trainable_mut().unwrap().update(&gpu, &mut encoder, &rates(step)).unwrap();
         }
         assert_ne!(properties(&gpu, &mut scene, 0), before);
-        scene.avatars()[0].model.tables(&gpu).unwrap()
+        scene.avatars()[0].model.trainable().unwrap().tables(&gpu).unwrap()
     };
     let (PropertyTables::Network(before), PropertyTables::Network(after)) = (&avatar.tables, run()) else {
         unreachable!()

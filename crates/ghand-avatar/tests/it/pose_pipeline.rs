@@ -48,13 +48,22 @@ fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     offset_penalty.encode(&mut encoder);
     scale_penalty.encode(&mut encoder);
     backward.encode_property_gradients(&mut encoder);
-    posed.model.backward(&gpu, &mut encoder).unwrap();
+    posed.model.trainable_mut().unwrap().backward(&gpu, &mut encoder).unwrap();
     backward.encode_pose_gradient(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
     let table: Vec<f32> = buffers::read(&gpu, gaussians, 7 * COUNT).unwrap();
     let d_pose: Vec<f32> = buffers::read(&gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();
     let mut parts = vec![("posed".to_owned(), widen(&table))];
-    parts.extend(posed.model.parameter_gradients(&gpu).unwrap().iter().map(|(name, d)| (name.clone(), widen(d))));
+    parts.extend(
+        posed
+            .model
+            .trainable_mut()
+            .unwrap()
+            .parameter_gradients(&gpu)
+            .unwrap()
+            .iter()
+            .map(|(name, d)| (name.clone(), widen(d))),
+    );
     parts.push(("pose".to_owned(), widen(&d_pose)));
     Outcome { parts }
 }

@@ -5,14 +5,14 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 use clap::Args;
-use ghand_avatar::{Avatar, Scene};
-use ghand_render::splat::Purpose;
-
-use super::{DEFAULT_SIZE, MotionArgs, Times, WARM_UP};
 use ghand_app::cli::AdapterArgs;
 use ghand_app::light_args::LightArgs;
 use ghand_app::say;
 use ghand_avatar::framing::turntable;
+use ghand_avatar::{Avatar, Scene};
+use ghand_render::splat::Purpose;
+
+use super::{DEFAULT_SIZE, MotionArgs, Times, WARM_UP};
 
 #[derive(Debug, Args)]
 pub(super) struct PlayArgs {
@@ -44,7 +44,7 @@ struct Report {
 pub(super) fn run(args: &PlayArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut lit = Avatar::load(&args.avatar)?;
     ensure!(lit.light.is_some(), "{}: its colours contain the light", args.avatar.display());
-    args.light.apply_to(&mut lit)?;
+    args.light.lighting().apply_to(&mut lit)?;
     let unlit = Avatar { light: None, ..lit.clone() };
     let sequence = args.motion.reading.load(&args.motion.pose, &lit.model)?;
     let poses: Vec<_> = sequence.frames.iter().map(|frame| &frame.pose).collect();

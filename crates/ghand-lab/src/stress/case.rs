@@ -298,13 +298,13 @@ impl<'a> Subject<'a> {
         if let Some(backward) = &self.backward {
             backward.encode_point_gradients(&mut encoder);
             backward.encode_property_gradients(&mut encoder);
-            posed.model.backward(gpu, &mut encoder)?;
+            posed.model.trainable_mut()?.backward(gpu, &mut encoder)?;
             backward.encode_pose_gradient(&mut encoder);
         }
         gpu.queue.submit([encoder.finish()]);
         let mut all = vec![("Gaussians".to_owned(), buffers::read(gpu, splatter.d_gaussians(), length)?)];
         if let Some(backward) = &self.backward {
-            all.extend(posed.model.parameter_gradients(gpu)?);
+            all.extend(posed.model.trainable_mut()?.parameter_gradients(gpu)?);
             let joints = self.hand.avatar.template.joint_count();
             all.push(("pose".into(), buffers::read(gpu, backward.d_pose(), 3 * joints + 3)?));
         }

@@ -11,6 +11,7 @@ use ghand_avatar::{Avatar, GaussianShape, PropertyTables};
 use ghand_core::Pose;
 use ghand_files::atomic_file::write_atomically;
 use ghand_pictures::plot::{LogPanel, LogPlot, Series};
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use glam::DVec3;
 use rand::RngExt;
@@ -19,7 +20,6 @@ use super::case::{HIGHER, LOWER, Subject, gradient_parts, twin_of};
 use super::compare::{differences, undecided};
 use super::hand::{Draw, Hand, HandKind, Model, usual_hand, usual_pose};
 use super::view::ViewKind;
-use ghand_app::pictures::write_png;
 
 /// Hands, poses and views of each value.
 const REPEATED: u64 = 8;

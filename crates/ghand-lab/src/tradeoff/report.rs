@@ -5,13 +5,13 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use ghand_files::atomic_file::write_atomically;
 use ghand_pictures::plot::{Point, ScatterPlot};
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use serde::Serialize;
 
 use super::TradeoffArgs;
 use super::measure::Measured;
 use super::variants::KNOBS;
-use ghand_app::pictures::write_png;
 
 /// Room that a name takes in the plot: dB, and times its place.
 const NAME_HEIGHT: f64 = 0.12;

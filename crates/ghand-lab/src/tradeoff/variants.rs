@@ -11,7 +11,8 @@ use ghand_render::Gpu;
 use ghand_render::splat::CutOffs;
 
 use ghand_app::baked::RANK;
-use ghand_app::commands::bake::pose_set::{PoseSet, PoseSetArgs};
+use ghand_app::commands::bake::pose_set::PoseSet;
+use ghand_app::commands::bake::pose_set_args::PoseSetArgs;
 use ghand_app::say;
 
 /// An avatar in one of its forms.
@@ -100,7 +101,7 @@ pub fn variants(
         if matches!(avatar.tables, PropertyTables::Baked(_)) {
             continue;
         }
-        let set = PoseSet::gather(poses, avatar, Some((capture, split)))?;
+        let set = PoseSet::gather(&poses.read(&avatar.model)?, avatar, Some((capture, split)))?;
         let fitted: Vec<Pose> = set.fitted.into_iter().map(|named| named.pose).collect();
         for rank in RANKS {
             say!("baking {file} with {rank} components a joint over {} poses", fitted.len());

@@ -3,8 +3,8 @@
 //! Short trainings leave some frames out and are judged by the images of these. The first is as set; then one part after
 //! the other is left out or made smaller, as long as that costs little.
 
-use std::cell::RefCell;
 use std::fmt;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use ghand_capture::{Split, SplitView};
@@ -14,7 +14,7 @@ use ghand_render::Gpu;
 use serde::{Deserialize, Serialize};
 
 use super::stage::Stage;
-use super::{CROP_MARGIN, Trainer, Watched};
+use super::{CROP_MARGIN, Problem, Run, Watched};
 use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
@@ -136,14 +136,15 @@ fn trial_iterations(run: u64) -> u64 {
     (run / PART_OF_RUN).clamp(ITERATIONS[0], ITERATIONS[1])
 }
 
-impl Trainer<'_> {
+impl Problem {
     /// Finds out how simple the avatar may be, and calls `ended` after each trial; `None` if there are too few frames to tell.
     pub(super) fn simplify(
         &self,
         gpu: &mut Gpu,
+        run: &Run,
         ended: &mut dyn FnMut(&Trial),
     ) -> Result<Option<Simplification>, TrainError> {
-        let Some(mut trials) = Trials::new(self)? else {
+        let Some(mut trials) = Trials::new(self, run.stop)? else {
             log::warn!("simplify=auto: there are too few frames to leave some out, so the avatar is as set");
             return Ok(None);
         };
@@ -151,7 +152,7 @@ impl Trainer<'_> {
         trials.run(gpu, set, &[], ended)?;
         for (key, values) in self.simpler(gpu)? {
             for value in values {
-                if set.max_seconds > 0.0 && self.seconds() > MOST_TIME * set.max_seconds {
+                if set.max_seconds > 0.0 && run.seconds() > MOST_TIME * set.max_seconds {
                     break;
                 }
                 let mut changes = trials.taken().changes.clone();
@@ -210,9 +211,10 @@ fn is_good(trial: &Trial, set: &Trial) -> bool {
     trial.psnr >= set.psnr - MOST_LOSS && loose <= MOST_LOOSE.max(MORE_LOOSE * as_set)
 }
 
-/// A trainer of trials, and those done.
+/// What trials are trained on, and those done.
 struct Trials<'a> {
-    trainer: Trainer<'a>,
+    problem: Problem,
+    stop: Option<&'a AtomicBool>,
     frames_left_out: usize,
     iterations: u64,
     done: Vec<Trial>,
@@ -222,8 +224,8 @@ struct Trials<'a> {
 
 impl<'a> Trials<'a> {
     /// `None` if there are too few frames with images.
-    fn new(run: &Trainer<'a>) -> Result<Option<Trials<'a>>, TrainError> {
-        let mut frames: Vec<usize> = run.split.views.iter().map(|view| view.position).collect();
+    fn new(whole: &Problem, stop: Option<&'a AtomicBool>) -> Result<Option<Trials<'a>>, TrainError> {
+        let mut frames: Vec<usize> = whole.split.views.iter().map(|view| view.position).collect();
         frames.sort_unstable();
         frames.dedup();
         if frames.len() < LEAST_FRAMES {
@@ -231,38 +233,30 @@ impl<'a> Trials<'a> {
         }
         let left_out: Vec<usize> = frames.iter().copied().skip(HOLD_OUT / 2).step_by(HOLD_OUT).collect();
         let (judged, trained): (Vec<SplitView>, Vec<SplitView>) =
-            run.split.views.iter().partition(|view| left_out.contains(&view.position));
+            whole.split.views.iter().partition(|view| left_out.contains(&view.position));
         let judged = evenly(&judged, JUDGED_IMAGES, 0);
-        let poses: Vec<Pose> = judged.iter().map(|view| run.prepared.poses[view.position].clone()).collect();
-        let views = |views| TrainViews::new(&run.capture, &Split { views, ..run.split.clone() }, CROP_MARGIN);
-        let split = Split { views: trained.clone(), ..run.split.clone() };
-        let trainer = Trainer {
-            gpu: run.gpu,
-            capture: run.capture.clone(),
+        let poses: Vec<Pose> = judged.iter().map(|view| whole.prepared.poses[view.position].clone()).collect();
+        let views = |views| TrainViews::new(&whole.capture, &Split { views, ..whole.split.clone() }, CROP_MARGIN);
+        let split = Split { views: trained.clone(), ..whole.split.clone() };
+        let problem = Problem {
+            capture: whole.capture.clone(),
             split,
-            split_name: run.split_name.clone(),
-            settings: run.settings.clone(),
+            split_name: whole.split_name.clone(),
+            settings: whole.settings.clone(),
             views: views(trained)?,
             gaussians: 0,
             training_set: 0,
-            prepared: Prepared { alignment: None, ..run.prepared.clone() },
+            prepared: Prepared { alignment: None, ..whole.prepared.clone() },
             watched: Some(Watched {
-                split: run.split_name.clone(),
+                split: whole.split_name.clone(),
                 shown: judged.clone(),
                 views: views(judged)?,
                 poses,
             }),
-            curve: RefCell::default(),
-            stop: run.stop,
-            checkpoints: RefCell::default(),
-            onlooker: RefCell::default(),
-            state: RefCell::default(),
-            started: Instant::now(),
-            earlier: 0.0,
             lpips: None,
         };
-        let iterations = trial_iterations(run.settings.iterations);
-        Ok(Some(Trials { trainer, frames_left_out: left_out.len(), iterations, done: vec![], taken: 0 }))
+        let iterations = trial_iterations(whole.settings.iterations);
+        Ok(Some(Trials { problem, stop, frames_left_out: left_out.len(), iterations, done: vec![], taken: 0 }))
     }
 
     /// Tries the settings with some changes, and takes them if they cost little; whether they are taken.
@@ -277,25 +271,26 @@ impl<'a> Trials<'a> {
         changes.iter().try_for_each(|change| settings.set(change))?;
         settings.iterations = self.iterations;
         let TrainSettings { uv_resolution, merge_below, .. } = settings;
-        let Trainer { capture, split, prepared, .. } = &self.trainer;
+        let Problem { capture, split, prepared, .. } = &self.problem;
         let gaussians = needed_texels(gpu, capture, split, &prepared.poses, uv_resolution, merge_below)?.len();
-        memory_check::check(gaussians, self.trainer.capture.template.joint_count(), &settings)?;
+        memory_check::check(gaussians, self.problem.capture.template.joint_count(), &settings)?;
         let stage = Stage {
             number: 2,
             iterations: self.iterations,
             part_of_time: 1.0,
             done: 0,
             refine_poses: false,
-            reduction: self.trainer.reduction(),
+            reduction: self.problem.reduction(gpu),
             previews: 0,
             settings: settings.clone(),
         };
-        self.trainer.settings = settings;
+        self.problem.settings = settings;
         let mut last = Instant::now();
         let mut times = vec![];
-        let trainer = &self.trainer;
+        let mut run = Run { stop: self.stop, ..Run::default() };
+        let problem = &self.problem;
         let result = gpu.retry_on_device_loss("a trial", |gpu| {
-            trainer.run(gpu, &stage, &mut |_| {
+            problem.run(gpu, &stage, &mut run, &mut |_| {
                 times.push(1e3 * last.elapsed().as_secs_f64());
                 last = Instant::now();
             })
@@ -337,7 +332,7 @@ impl<'a> Trials<'a> {
     }
 
     fn finish(self) -> Simplification {
-        let images = self.trainer.watched.as_ref().map_or(0, |watched| watched.views.len());
+        let images = self.problem.watched.as_ref().map_or(0, |watched| watched.views.len());
         let Trials { frames_left_out, iterations, done: trials, taken, .. } = self;
         Simplification { frames_left_out, images, iterations, trials, taken, never_shown: 0 }
     }

@@ -1,7 +1,5 @@
 //! One stage of a run: one view per iteration.
 
-use std::sync::atomic::Ordering;
-
 use ghand_avatar::deform::pose_stride;
 use ghand_avatar::neighbors::neighbors;
 use ghand_avatar::{Avatar, Provenance, Template};
@@ -10,9 +8,8 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use super::view_order::ViewOrder;
-use super::{Preview, Progress, Trainer};
-use crate::checkpoint::{Checkpoint, CurvePoint, Losses, SkippedSteps, StageState};
-use crate::checkpoints::Checkpoints;
+use super::{Preview, Problem, Progress, Run};
+use crate::checkpoint::{CurvePoint, Losses, SkippedSteps, StageState};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
@@ -71,17 +68,18 @@ pub(super) struct StageResult {
 /// Pose response, rest joints, poses.
 type LearnedHand = (Vec<f32>, Vec<[f32; 3]>, Vec<Pose>);
 
-impl Trainer<'_> {
+impl Problem {
     /// Runs a stage, from its last state on if there is one.
     pub(super) fn run(
         &self,
         gpu: &Gpu,
         stage: &Stage,
+        run: &mut Run,
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let pose_stage = self.settings.pose_stage();
-        let before = self.state.borrow().clone().filter(|state| state.number == stage.number);
+        let before = run.state.clone().filter(|state| state.number == stage.number);
         let avatar = self.start(gpu, settings, if stage.refine_poses { POSE_STAGE_INSET } else { INSET })?;
         let mut step = self.step(gpu, stage, &avatar, before.as_ref())?;
         let background = self.capture.background.map(|b| b as f32);
@@ -102,12 +100,12 @@ impl Trainer<'_> {
             None => self.reference_loss(gpu, &mut step, stage, background)?,
         };
         check_loss(loss_at_start).map_err(|fault| diverged(fault, 0))?;
-        let began = before.as_ref().map_or_else(|| self.seconds(), |state| state.began);
+        let began = before.as_ref().map_or_else(|| run.seconds(), |state| state.began);
         let mut losses = before.as_ref().map_or_else(Losses::default, |state| state.losses.clone());
         let mut skipped = before.as_ref().map_or_else(SkippedSteps::default, |state| state.skipped);
         let mut done = before.as_ref().map_or(0, |state| state.iteration);
         // After the loss of a device, what came after the last state comes again.
-        self.curve.borrow_mut().retain(|point| point.iteration <= stage.done + done);
+        run.curve.retain(|point| point.iteration <= stage.done + done);
         let weights = self.views.weights()?.to_vec();
         let mut order = ViewOrder::new(&self.views, weights, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
@@ -120,13 +118,13 @@ impl Trainer<'_> {
             Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers })
         };
         while done < stage.iterations {
-            let fraction = self.fraction(stage, done, began);
+            let fraction = self.fraction(stage, done, began, run.seconds());
             if fraction >= 1.0 && done > 0 {
                 break;
             }
-            told_to_stop = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
-            if saved != Some(done) && (told_to_stop || self.checkpoint_due()) && self.saves() {
-                self.save(state_after(&step, done, &losses, skipped)?);
+            told_to_stop = run.is_told_to_stop();
+            if saved != Some(done) && (told_to_stop || run.checkpoint_due()) && run.checkpoints.is_some() {
+                run.save(self, state_after(&step, done, &losses, skipped)?);
                 saved = Some(done);
             }
             // An avatar without a single iteration is not a result either.
@@ -137,7 +135,7 @@ impl Trainer<'_> {
             if told_to_stop {
                 break;
             }
-            self.show_onlooker(gpu, &step, &avatar, stage.done + done)?;
+            self.show_onlooker(gpu, run, &step, &avatar, stage.done + done)?;
             let rounds = pose_stage.prior_rounds;
             if stage.refine_poses && is_prior_round(done, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
@@ -179,27 +177,27 @@ impl Trainer<'_> {
             let mut previews = vec![];
             let mut held_out_psnr = None;
             let passed = |fraction: f64| (fraction * f64::from(stage.previews)).floor();
-            if !stage.refine_poses && passed(self.fraction(stage, done, began)) > passed(fraction) {
+            if !stage.refine_poses && passed(self.fraction(stage, done, began, run.seconds())) > passed(fraction) {
                 (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             }
             let l1 = losses.mean.filter(|_| done.is_multiple_of(LOSS_EVERY));
             if l1.is_some() || held_out_psnr.is_some() {
-                let (iteration, stage, seconds) = (stage.done + done, stage.number, self.seconds());
-                self.curve.borrow_mut().push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
+                let (iteration, stage, seconds) = (stage.done + done, stage.number, run.seconds());
+                run.curve.push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
             }
             progress(&Progress {
                 iteration: stage.done + done,
                 iterations: self.settings.iterations,
                 stage: stage.number,
                 l1: losses.mean,
-                curve: &self.curve.borrow(),
+                curve: &run.curve,
                 previews: &previews,
                 trial: None,
             });
         }
         // So that a run which is killed while it is evaluated need not repeat its last iterations.
-        if !stage.refine_poses && saved != Some(done) && self.saves() {
-            self.save(state_after(&step, done, &losses, skipped)?);
+        if !stage.refine_poses && saved != Some(done) && run.checkpoints.is_some() {
+            run.save(self, state_after(&step, done, &losses, skipped)?);
         }
         let mut tables = step.tables(gpu)?;
         let (response, moved, poses) = self.read_hand(gpu, &step)?;
@@ -237,9 +235,15 @@ impl Trainer<'_> {
 
     /// Shows the avatar that a step has learned so far, if somebody looks on and the last one is old. `start` is the
     /// stage's first avatar.
-    fn show_onlooker(&self, gpu: &Gpu, step: &Step, start: &Avatar, iterations: u64) -> Result<(), RenderError> {
-        let mut onlooker = self.onlooker.borrow_mut();
-        let Some(onlooker) = onlooker.as_mut().filter(|onlooker| onlooker.is_due()) else { return Ok(()) };
+    fn show_onlooker(
+        &self,
+        gpu: &Gpu,
+        run: &mut Run,
+        step: &Step,
+        start: &Avatar,
+        iterations: u64,
+    ) -> Result<(), RenderError> {
+        let Some(onlooker) = run.onlooker.as_mut().filter(|onlooker| onlooker.is_due()) else { return Ok(()) };
         let (_, joints, _) = self.read_hand(gpu, step)?;
         let joints = joints.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let mut avatar = Avatar {
@@ -288,7 +292,7 @@ impl Trainer<'_> {
         background: [f32; 3],
     ) -> Result<(Option<f64>, Vec<Preview>), TrainError> {
         let Some(watched) = &self.watched else { return Ok((None, vec![])) };
-        let (mut previews, mut psnr, reduction) = (vec![], 0.0, self.reduction());
+        let (mut previews, mut psnr, reduction) = (vec![], 0.0, self.reduction(gpu));
         for k in 0..watched.views.len() {
             let view = watched.views.get(k, reduction)?;
             let drawn = step.picture(gpu, self.prepared.poses.len() + k, &view.camera, background)?;
@@ -304,38 +308,15 @@ impl Trainer<'_> {
         Ok((Some(psnr / previews.len().max(1) as f64), previews))
     }
 
-    /// How much of a stage is done, 0..1, by iterations or by time, whichever is more.
-    fn fraction(&self, stage: &Stage, done: u64, began: f64) -> f64 {
+    /// How much of a stage is done, 0..1, by iterations or by time (the run's at the stage's start and now, seconds), whichever
+    /// is more.
+    fn fraction(&self, stage: &Stage, done: u64, began: f64, seconds: f64) -> f64 {
         let by_iterations = done as f64 / stage.iterations as f64;
         if self.settings.max_seconds == 0.0 {
             return by_iterations;
         }
         let available = stage.part_of_time * (self.settings.max_seconds - began).max(f64::MIN_POSITIVE);
-        by_iterations.max((self.seconds() - began) / available)
-    }
-
-    fn saves(&self) -> bool {
-        self.checkpoints.borrow().is_some()
-    }
-
-    fn checkpoint_due(&self) -> bool {
-        self.checkpoints.borrow().as_ref().is_some_and(Checkpoints::due)
-    }
-
-    /// Saves a state, and keeps it in case the device is lost.
-    fn save(&self, stage: StageState) {
-        let Some(checkpoints) = &mut *self.checkpoints.borrow_mut() else { return };
-        let checkpoint = Checkpoint {
-            program: env!("CARGO_PKG_VERSION").into(),
-            settings: self.settings.clone(),
-            training_set: self.training_set,
-            prepared: self.prepared.without_blend_shapes(),
-            stage,
-            seconds: self.seconds(),
-            curve: self.curve.borrow().clone(),
-        };
-        checkpoints.save(&checkpoint);
-        *self.state.borrow_mut() = Some(checkpoint.stage);
+        by_iterations.max((seconds - began) / available)
     }
 
     /// Reads the numbers learned for the whole hand: the pose response, the rest joints and the poses.

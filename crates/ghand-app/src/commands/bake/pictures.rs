@@ -1,6 +1,6 @@
 //! Pictures of what baking has lost.
 
-use ghand_avatar::{Avatar, Scene};
+use ghand_avatar::{Avatar, PosedHand, Scene};
 use ghand_core::{HandModel, Pose};
 use ghand_measure::metrics::quantize;
 use ghand_pictures::plot::label;
@@ -55,15 +55,11 @@ pub fn side_by_side(gpu: &Gpu, exact: &Avatar, baked: &Avatar, pose: &NamedPose)
 }
 
 /// Posed centres of an avatar's Gaussians, metres, N.
-fn posed(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> anyhow::Result<Vec<DVec3>> {
-    scene.set_pose(gpu, 0, 0, pose)?;
-    let table = scene.posed_table(gpu, 0)?;
-    let n = scene.splatter().count();
+fn posed(gpu: &Gpu, hand: &mut PosedHand, pose: &Pose) -> anyhow::Result<Vec<DVec3>> {
+    hand.set_pose(gpu, pose)?;
+    let table = hand.table(gpu)?;
+    let n = hand.count();
     Ok((0..n).map(|p| DVec3::from([0, 1, 2].map(|c| f64::from(table[c * n + p])))).collect())
-}
-
-fn small_scene(gpu: &Gpu, avatar: &Avatar) -> anyhow::Result<Scene> {
-    Ok(Scene::new(gpu, &[avatar], Purpose::Images, 1, [8, 8])?)
 }
 
 /// How far apart each Gaussian's places are in a pose, metres, in the baked avatar's order.
@@ -71,8 +67,8 @@ fn small_scene(gpu: &Gpu, avatar: &Avatar) -> anyhow::Result<Scene> {
 /// # Errors
 /// An error if the device failed.
 pub fn distances(gpu: &Gpu, exact: &Avatar, baked: &Avatar, pose: &Pose, order: &[usize]) -> anyhow::Result<Vec<f64>> {
-    let a = posed(gpu, &mut small_scene(gpu, exact)?, pose)?;
-    let b = posed(gpu, &mut small_scene(gpu, baked)?, pose)?;
+    let a = posed(gpu, &mut PosedHand::new(gpu, exact)?, pose)?;
+    let b = posed(gpu, &mut PosedHand::new(gpu, baked)?, pose)?;
     Ok(order.iter().zip(&b).map(|(p, b)| a[*p].distance(*b)).collect())
 }
 
@@ -87,7 +83,7 @@ pub fn heat_map(
     order: &[usize],
     poses: &[NamedPose],
 ) -> anyhow::Result<RgbImage> {
-    let [mut a, mut b] = [small_scene(gpu, exact)?, small_scene(gpu, baked)?];
+    let [mut a, mut b] = [PosedHand::new(gpu, exact)?, PosedHand::new(gpu, baked)?];
     let mut squares = vec![0.0; order.len()];
     for named in poses {
         let [a, b] = [posed(gpu, &mut a, &named.pose)?, posed(gpu, &mut b, &named.pose)?];

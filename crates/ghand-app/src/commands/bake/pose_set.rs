@@ -1,51 +1,36 @@
 //! The poses over which an avatar is baked, and those on which the result is judged.
 
-use std::path::PathBuf;
-
 use anyhow::bail;
-use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_avatar::bake::FEWEST_POSES;
 use ghand_capture::Capture;
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::joint_limits::random_pose;
 use ghand_hand_model::named_poses::POSE_NAMES;
-use ghand_motion::motions::MOTION_NAMES;
-use ghand_motion::pose_sequence::between;
+use ghand_motion::motions::{MOTION_NAMES, motion};
+use ghand_motion::pose_sequence::{DEFAULT_FPS, between};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::pose_choice::{PoseReadingArgs, is_name, pose_by_name};
+use crate::pose_choice::pose_by_name;
 
 /// Which poses an avatar is baked over.
-#[derive(Debug, Clone, Args)]
-pub struct PoseSetArgs {
-    /// Poses to fit beside the others: a pose or a motion by name, or any file or folder of poses, as for `render`; may be
-    /// given several times. Best are those that the avatar will play, and those of its training
-    #[arg(long, value_name = "FILE|NAME")]
-    poses: Vec<String>,
-    #[command(flatten)]
-    reading: PoseReadingArgs,
-    /// Number of poses to fit
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_FIT)]
-    fit: usize,
-    /// Seed of the random poses
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+#[derive(Debug, Clone)]
+pub struct PoseSetOptions {
+    /// Poses to fit beside the others.
+    pub given: Vec<NamedPose>,
+    /// Frames per second of motions, of which some are taken.
+    pub fps: f64,
+    /// Number of poses to fit.
+    pub fit: usize,
+    /// Seed of the random poses.
+    pub seed: u64,
 }
 
-impl Default for PoseSetArgs {
+impl Default for PoseSetOptions {
     fn default() -> Self {
-        PoseSetArgs { poses: vec![], reading: PoseReadingArgs::default(), fit: DEFAULT_FIT, seed: 1 }
-    }
-}
-
-impl PoseSetArgs {
-    /// The files and folders that poses are read from.
-    pub fn inputs(&self) -> Vec<PathBuf> {
-        let named = self.poses.iter().flat_map(|poses| self.reading.inputs(Some(poses)));
-        named.chain(self.reading.inputs(None)).collect()
+        PoseSetOptions { given: vec![], fps: DEFAULT_FPS, fit: DEFAULT_FIT, seed: 1 }
     }
 }
 
@@ -69,7 +54,7 @@ pub struct PoseSet {
 }
 
 /// Poses to fit.
-const DEFAULT_FIT: usize = 400;
+pub const DEFAULT_FIT: usize = 400;
 /// Frames per second at which motions are sampled.
 const MOTION_FPS: f64 = 5.0;
 /// Every so many of the natural poses are held out.
@@ -87,23 +72,17 @@ impl PoseSet {
     /// user names; between two of them, and at random within the joints' limits, there are more.
     ///
     /// # Errors
-    /// An error that names the option; also if there are too few poses.
-    pub fn gather(args: &PoseSetArgs, avatar: &Avatar, capture: Option<(&Capture, &str)>) -> anyhow::Result<PoseSet> {
+    /// An error if there are too few poses.
+    pub fn gather(
+        options: &PoseSetOptions,
+        avatar: &Avatar,
+        capture: Option<(&Capture, &str)>,
+    ) -> anyhow::Result<PoseSet> {
         let model = &avatar.model;
-        let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
-        let mut natural = vec![];
-        if args.poses.is_empty() {
-            args.reading.refuse_without("--poses")?;
-        }
-        let has_files = args.poses.iter().any(|name| !is_name(name));
-        for name in &args.poses {
-            let for_names = is_name(name) && has_files;
-            let reading = if for_names { args.reading.for_names() } else { args.reading.clone() };
-            let frames = reading.load_with_fit(name, model)?.0.frames;
-            natural.extend(frames.into_iter().map(|frame| named(format!("{name} {}", frame.id), frame.pose)));
-        }
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        let mut natural = options.given.clone();
         natural.extend(capture.map_or(vec![], |(capture, split)| training_poses(capture, avatar, split)));
-        natural.extend(library(args, model));
+        natural.extend(library(options.fps, model));
         let (held_out, natural): (Vec<_>, Vec<_>) =
             natural.into_iter().enumerate().partition(|(k, _)| k % HELD_OUT_EVERY == HELD_OUT_EVERY / 2);
         let [held_out, natural]: [Vec<NamedPose>; 2] =
@@ -114,9 +93,9 @@ impl PoseSet {
             Some(named(format!("random {k}"), pose))
         };
         let extreme: Vec<NamedPose> = (0..EXTREME).map_while(|k| random(&mut rng, k)).collect();
-        let randoms = (RANDOM_PART * args.fit as f64) as usize;
-        let blends = (BETWEEN_PART * args.fit as f64) as usize;
-        let mut fitted = evenly(&natural, args.fit.saturating_sub(randoms + blends));
+        let randoms = (RANDOM_PART * options.fit as f64) as usize;
+        let blends = (BETWEEN_PART * options.fit as f64) as usize;
+        let mut fitted = evenly(&natural, options.fit.saturating_sub(randoms + blends));
         fitted.extend((0..randoms).map_while(|k| random(&mut rng, EXTREME + k)));
         if natural.len() > 1 {
             fitted.extend((0..blends).map(|k| {
@@ -137,19 +116,18 @@ impl PoseSet {
 }
 
 /// A pose without the motion of the whole hand.
-fn named(name: String, pose: Pose) -> NamedPose {
+pub fn named(name: String, pose: Pose) -> NamedPose {
     let mut pose = Pose { translation: DVec3::ZERO, ..pose };
     pose.rotations.iter_mut().take(1).for_each(|root| *root = DVec3::ZERO);
     NamedPose { name, pose }
 }
 
 /// Poses and motions by name, if the model's joints are known.
-fn library(args: &PoseSetArgs, model: &HandModel) -> Vec<NamedPose> {
+fn library(fps: f64, model: &HandModel) -> Vec<NamedPose> {
     let poses = POSE_NAMES.iter().filter_map(|name| Some(named((*name).into(), pose_by_name(name, model).ok()?)));
     let mut all: Vec<NamedPose> = poses.collect();
     for name in MOTION_NAMES {
-        let frames =
-            args.reading.for_names().load(name, model).ok().and_then(|motion| motion.resampled(MOTION_FPS).ok());
+        let frames = motion(name, model, fps).and_then(|motion| motion.ok()?.resampled(MOTION_FPS).ok());
         let frames = frames.into_iter().flat_map(|motion| motion.frames);
         all.extend(frames.map(|frame| named(format!("{name} {}", frame.id), frame.pose)));
     }

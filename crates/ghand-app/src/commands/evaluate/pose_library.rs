@@ -1,6 +1,7 @@
 //! `ghand evaluate --poses library`: how clean an avatar looks in the named poses, from all around.
 
 use anyhow::{Context, bail};
+use ghand_avatar::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
 use ghand_core::{Camera, Pose};
@@ -9,6 +10,7 @@ use ghand_measure::cleanliness::{Cleanliness, DetailEnergy, HandPicture, KnownCo
 use ghand_measure::cleanliness_sheet::{PoseViews, cleanliness_sheet};
 use ghand_measure::metrics::quantize;
 use ghand_measure::outline::{Outline, OutlineSums, silhouette};
+use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use ghand_render::splat::Purpose;
 use glam::{DQuat, DVec3};
@@ -17,13 +19,12 @@ use serde::Serialize;
 
 use super::{DEFAULT_SPLIT, EvaluateArgs, check_joints};
 use crate::cli::AdapterArgs;
-use crate::commands::render::write_png;
 use crate::pose_choice::pose_by_name;
+use crate::run_files::{CLEANLINESS_FILE, CLEANLINESS_SHEET};
 use crate::say;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::{CLEANLINESS_FILE, CLEANLINESS_SHEET, RunFolder};
-use ghand_avatar::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
+use crate::train_run::run_folder::RunFolder;
 
 /// Views of each pose, evenly around the hand.
 const VIEWS: usize = 24;
@@ -146,7 +147,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         true => (vec![train_split], vec![DEFAULT_SPLIT]),
         false => (vec![train_split, &args.split], vec![]),
     };
-    let capture = args.capture.open(path, &needed, &optional)?;
+    let capture = args.capture.source().open(path, &needed, &optional)?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let train = capture.split(train_split)?;
     let root = mean_root(&capture, train);

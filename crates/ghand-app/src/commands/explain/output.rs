@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use ghand_files::atomic_file::write_atomically;
+use ghand_files::claim::Claim;
 use ghand_files::input_file;
+use ghand_pictures::write_png;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
 use super::figures::Figures;
 use super::page::{Section, framed};
-use crate::claim::Claim;
-use crate::pictures::write_png;
 
 /// Name of the file that every run writes last.
 const REPORT: &str = "explain.json";

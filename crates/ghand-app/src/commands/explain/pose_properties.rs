@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use anyhow::Context as _;
-use ghand_avatar::{Avatar, Scene};
+use ghand_avatar::deform::Properties;
+use ghand_avatar::{Avatar, PosedHand};
 use ghand_core::Pose;
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::deformation::{Deformation, deform};
@@ -11,7 +12,6 @@ use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints};
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_normals};
 use ghand_hand_model::surface::sample_surface;
 use ghand_motion::PoseFrame;
-use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
@@ -71,17 +71,11 @@ pub struct PoseProperties {
 }
 
 impl PoseProperties {
-    /// Reads those of the first avatar of a scene, and waits for them.
+    /// Reads them once an avatar is posed, and waits for them.
     ///
     /// # Errors
-    /// [`RenderError`] if the device failed, or the scene has no avatar or one with another number of joints.
-    pub fn read(gpu: &Gpu, scene: &mut Scene, pose: &Pose) -> Result<PoseProperties, RenderError> {
-        scene.set_pose(gpu, 0, 0, pose)?;
-        scene.posed_table(gpu, 0)?;
-        let Some(posed) = scene.avatars().first() else {
-            return Err(RenderError::Invalid("a scene without an avatar".into()));
-        };
-        let p = posed.deformation.properties();
+    /// [`RenderError`] if the device failed.
+    pub fn read(gpu: &Gpu, p: &Properties) -> Result<PoseProperties, RenderError> {
         let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
         let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
         let rows = p.sizes.coefficients.rows();
@@ -147,13 +141,14 @@ impl Explained {
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let rest = vectors(&wide(&template.rest), count);
         let weights = wide(&template.weights);
-        // Only the properties are needed, not the picture: one tile is the smallest picture.
-        let mut scene = Scene::new(gpu, &[avatar], Purpose::Images, 1, [8, 8])?;
+        let mut hand = PosedHand::new(gpu, avatar)?;
         let rows = config.coefficients.rows();
-        let at_rest = PoseProperties::read(gpu, &mut scene, &Pose::rest(joint_count))?;
+        hand.set_pose(gpu, &Pose::rest(joint_count))?;
+        let at_rest = PoseProperties::read(gpu, hand.properties())?;
         let mut poses = vec![];
         for PoseFrame { id, pose, .. } in frames {
-            let p = PoseProperties::read(gpu, &mut scene, pose)?;
+            hand.set_pose(gpu, pose)?;
+            let p = PoseProperties::read(gpu, hand.properties())?;
             let deformation = Deformation {
                 parents: &template.parents,
                 joints: &template.joints,

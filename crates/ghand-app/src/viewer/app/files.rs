@@ -9,7 +9,7 @@ use ghand_core::HandModel;
 use ghand_motion::{KeyFrames, PoseSequence};
 
 use crate::hand_model_file::is_hand_name;
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::viewer::app::Viewer;
 use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
 use crate::viewer::file_reader::{Contents, ReadFile, Reason, file_name};
@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_secs(1);
 
 impl Viewer {
     /// Reads the subject again, in this light, whenever this file changes.
-    pub fn watch(&mut self, path: &Path, light: &LightArgs) {
+    pub fn watch(&mut self, path: &Path, light: &Lighting) {
         self.light = light.clone();
         self.watched = (!is_hand_name(path)).then(|| WatchedFile::new(path));
     }
@@ -114,7 +114,7 @@ impl Viewer {
         match contents {
             Contents::Subject(subject, source, run) => {
                 self.show_subject(*subject, &source)?;
-                self.watch(&source, &LightArgs::default());
+                self.watch(&source, &Lighting::default());
                 (self.capture, self.run) = (None, run);
                 self.reset_view();
             }

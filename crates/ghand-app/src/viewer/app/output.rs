@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use egui::{Align2, Area, Context, Frame, Id, Order, ProgressBar};
 use ghand_motion::pose_sequence::DEFAULT_FPS;
+use ghand_pictures::{Background, LONGEST_TURN_SECONDS};
 
-use crate::pictures::{Background, LONGEST_TURN_SECONDS};
 use crate::viewer::app::Viewer;
 use crate::viewer::app::saving::Saving;
 use crate::viewer::drawing::GaussianColors;

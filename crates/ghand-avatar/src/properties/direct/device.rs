@@ -7,7 +7,7 @@ use ghand_render::pipeline::{Bound, Module, compute_pass};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
-use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState, state_part};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainableModel, TrainingState, state_part};
 use crate::template::{AvatarConfig, FEATURES, Offsets, Template};
 
 /// See `shaders/pose_response.wgsl`.
@@ -137,6 +137,15 @@ fn named<'a>(
 }
 
 impl PropertyModel for DirectModel {
+    fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
+        let mut pass = compute_pass(encoder, "pose response");
+        self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
+        self.respond.dispatch_invocations(&mut pass, invocations_of_four(self.count));
+        Ok(())
+    }
+}
+
+impl TrainableModel for DirectModel {
     fn prepare_training(
         &mut self,
         gpu: &Gpu,
@@ -184,13 +193,6 @@ impl PropertyModel for DirectModel {
         let adam = [table(0, 1)?, table(1, 1)?, table(2, 1)?, table(3, APPEARANCE_SLOTS)?, table(4, RESPONSE_SLOTS)?];
         self.training =
             Some(Training { gradients, respond_backward, coefficient_sums, color_sums, response_backward, adam });
-        Ok(())
-    }
-
-    fn forward(&mut self, _: &Gpu, encoder: &mut wgpu::CommandEncoder, _: &Deformation) -> Result<(), RenderError> {
-        let mut pass = compute_pass(encoder, "pose response");
-        self.response_terms.dispatch_invocations(&mut pass, (self.config.channels() * self.joints) as u32);
-        self.respond.dispatch_invocations(&mut pass, invocations_of_four(self.count));
         Ok(())
     }
 

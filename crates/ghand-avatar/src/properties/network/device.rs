@@ -17,7 +17,7 @@ use super::parameters::{Parameter, Part};
 use super::position_map::{FeatureSampler, PositionMap, gaussian_uvs};
 use super::sizes::Normalization;
 use super::tables::{LOGIT_ROWS, NetworkTables};
-use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainingState, state_part};
+use crate::properties::{PropertyModel, PropertyRates, PropertyTables, TrainableModel, TrainingState, state_part};
 use crate::template::{AvatarConfig, Template};
 
 /// How fast the running means of batch normalisation follow the poses.
@@ -209,30 +209,6 @@ impl Training {
 }
 
 impl PropertyModel for NetworkModel {
-    fn prepare_training(
-        &mut self,
-        _: &Gpu,
-        _: &Deformation,
-        backward: &DeformationBackward,
-    ) -> Result<(), RenderError> {
-        let count = self.parameters.len();
-        self.training = Some(Training {
-            records: true,
-            gradients: backward.gradients().clone(),
-            tape: None,
-            property_gradients: None,
-            parameter_gradients: vec![None; count],
-            clip: GradientClip::default(),
-            adam: NetworkAdam::new(count),
-        });
-        self.current = None;
-        Ok(())
-    }
-
-    fn expect_backward(&mut self, expected: bool) {
-        self.training.iter_mut().for_each(|training| training.records = expected);
-    }
-
     fn forward(
         &mut self,
         gpu: &Gpu,
@@ -271,6 +247,32 @@ impl PropertyModel for NetworkModel {
         // While training, what the device has must be that of the tape.
         self.current = (records || self.training.is_none()).then_some(now);
         Ok(())
+    }
+}
+
+impl TrainableModel for NetworkModel {
+    fn prepare_training(
+        &mut self,
+        _: &Gpu,
+        _: &Deformation,
+        backward: &DeformationBackward,
+    ) -> Result<(), RenderError> {
+        let count = self.parameters.len();
+        self.training = Some(Training {
+            records: true,
+            gradients: backward.gradients().clone(),
+            tape: None,
+            property_gradients: None,
+            parameter_gradients: vec![None; count],
+            clip: GradientClip::default(),
+            adam: NetworkAdam::new(count),
+        });
+        self.current = None;
+        Ok(())
+    }
+
+    fn expect_backward(&mut self, expected: bool) {
+        self.training.iter_mut().for_each(|training| training.records = expected);
     }
 
     fn backward(&mut self, gpu: &Gpu, _: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {

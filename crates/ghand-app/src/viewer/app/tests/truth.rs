@@ -14,7 +14,7 @@ use ghand_synthetic::make_capture::make_capture;
 use glam::DVec3;
 
 use super::*;
-use crate::capture_args::CaptureOptions;
+use crate::capture_source::CaptureReading;
 use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command::CommandId;
 use crate::viewer::picture::PictureInputs;
@@ -26,7 +26,7 @@ fn viewer(folder: &Path) -> Headless {
         SyntheticOptions { views: 2, train_frames: 2, test_frames: 0, width: 60, height: 80, ..Default::default() };
     make_capture(&ui.viewer().gpu, &options, folder).unwrap();
     let model = ui.hand().model().clone();
-    let panel = CapturePanel::open(folder, &CaptureOptions::default(), &model).unwrap();
+    let panel = CapturePanel::open(folder, &CaptureReading::default(), &model).unwrap();
     ui.viewer().show_capture(panel);
     settle(&mut ui);
     ui

@@ -3,14 +3,15 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use anyhow::Context;
 use bytemuck::cast_slice;
 use ghand_files::atomic_file::write_atomically;
 use ghand_render::mesh::MeshImage;
 use ghand_render::splat::Image;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, RgbImage, Rgba32FImage};
+use image::codecs::openexr::OpenExrEncoder;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageResult, RgbImage};
 
-use super::{Background, StillFormat};
+use crate::{Background, PictureError, StillFormat};
 
 /// A picture in the form in which its file stores it.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,12 +134,12 @@ impl Picture {
     ///
     /// # Errors
     /// An error of the encoder.
-    pub fn encode(self) -> anyhow::Result<Vec<u8>> {
+    pub fn encode(self) -> ImageResult<Vec<u8>> {
         let [width, height] = self.size;
         let mut bytes = Cursor::new(Vec::new());
         match self.pixels {
             Pixels::Bytes(pixels) => {
-                let png = image::codecs::png::PngEncoder::new(&mut bytes);
+                let png = PngEncoder::new(&mut bytes);
                 if self.background == Background::Transparent {
                     png.write_image(pixels.as_flattened(), width, height, ExtendedColorType::Rgba8)?;
                 } else {
@@ -147,9 +148,8 @@ impl Picture {
                 }
             }
             Pixels::Floats(pixels) => {
-                let floats = cast_slice::<[f32; 4], f32>(&pixels).to_vec();
-                let picture = Rgba32FImage::from_raw(width, height, floats).context("its size is wrong")?;
-                DynamicImage::from(picture).write_to(&mut bytes, ImageFormat::OpenExr)?;
+                let exr = OpenExrEncoder::new(&mut bytes);
+                exr.write_image(cast_slice(&pixels), width, height, ExtendedColorType::Rgba32F)?;
             }
         }
         Ok(bytes.into_inner())
@@ -159,10 +159,8 @@ impl Picture {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn write(self, path: &Path) -> anyhow::Result<()> {
-        let context = || format!("{}: cannot write the picture", path.display());
-        let bytes = self.encode().with_context(context)?;
-        write_atomically(path, &bytes).with_context(context)
+    pub fn write(self, path: &Path) -> Result<(), PictureError> {
+        write(path, self.encode())
     }
 }
 
@@ -184,16 +182,21 @@ fn to_byte(value: f32) -> u8 {
 ///
 /// # Errors
 /// An error that names the file.
-pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
-    let context = || format!("{}: cannot write the picture", path.display());
+pub fn write_png(path: &Path, picture: &RgbImage) -> Result<(), PictureError> {
     let mut png = Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png).with_context(context)?;
-    write_atomically(path, png.get_ref()).with_context(context)
+    let encoded = picture.write_to(&mut png, ImageFormat::Png);
+    write(path, encoded.map(|()| png.into_inner()))
+}
+
+fn write(path: &Path, encoded: ImageResult<Vec<u8>>) -> Result<(), PictureError> {
+    let bytes = encoded.map_err(|source| PictureError::Encoding { path: path.into(), source })?;
+    write_atomically(path, &bytes).map_err(PictureError::file(path, "cannot write the picture"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::DynamicImage;
 
     /// Two pixels: nothing, and red that covers a quarter, over a background.
     fn piece(background: [f32; 3]) -> Image {

@@ -1,14 +1,21 @@
 //! A lock on a folder, so that one process at a time writes into it.
 
 use std::fs::{File, TryLockError};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-
-use anyhow::Context;
 
 /// Name of the file that is locked. The system releases the lock however the process ends; a leftover file does not
 /// lock anything.
 pub const LOCK_FILE: &str = ".train.lock";
+
+/// The lock's file cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub struct LockError {
+    path: PathBuf,
+    problem: &'static str,
+    source: io::Error,
+}
 
 /// The right to write into a folder, until it is dropped.
 #[derive(Debug)]
@@ -37,7 +44,7 @@ impl FolderLock {
     ///
     /// # Errors
     /// An error that names the file, if it cannot be opened.
-    pub fn attempt(folder: &Path) -> anyhow::Result<Attempt> {
+    pub fn attempt(folder: &Path) -> Result<Attempt, LockError> {
         FolderLock::attempt_file(&FolderLock::file(folder))
     }
 
@@ -45,10 +52,11 @@ impl FolderLock {
     ///
     /// # Errors
     /// As there.
-    pub fn attempt_file(path: &Path) -> anyhow::Result<Attempt> {
+    pub fn attempt_file(path: &Path) -> Result<Attempt, LockError> {
+        let error = |problem| move |source| LockError { path: path.into(), problem, source };
         loop {
             let opened = File::options().create(true).truncate(false).read(true).write(true).open(path);
-            let mut file = opened.with_context(|| format!("{}: cannot be opened", path.display()))?;
+            let mut file = opened.map_err(error("cannot be opened"))?;
             match file.try_lock() {
                 Ok(()) if !is_at(&file, path) => {
                     // Its holder removed it after it was opened here: another process may have made and locked a new
@@ -65,16 +73,14 @@ impl FolderLock {
                     let number = holder.trim().parse::<u32>();
                     return Ok(Attempt::Taken(number.map_or("another process".into(), |id| format!("process {id}"))));
                 }
-                Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
+                Err(TryLockError::Error(source)) if source.kind() == ErrorKind::Unsupported => {
                     log::warn!(
                         "{}: this file system does not support locks; let only one program write here",
                         path.display()
                     );
                     return Ok(Attempt::Locked(FolderLock { _file: file }));
                 }
-                Err(TryLockError::Error(error)) => {
-                    return Err(error).with_context(|| format!("{}: cannot be locked", path.display()));
-                }
+                Err(TryLockError::Error(source)) => return Err(error("cannot be locked")(source)),
             }
         }
     }

@@ -3,15 +3,13 @@
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
-use anyhow::{Context, bail};
 use ghand_files::atomic_file::write_atomically;
+use ghand_files::claim::Claim;
 use ghand_files::input_file;
 use serde::{Deserialize, Serialize};
 
-use crate::claim::Claim;
-
-use super::format::{Format, StillFormat};
-use super::{Picture, Shot};
+use crate::format::{Format, StillFormat};
+use crate::{Picture, PictureError, Shot};
 
 /// The list of a folder's pictures.
 pub const LIST: &str = "render.json";
@@ -54,7 +52,7 @@ impl Folder {
     /// # Errors
     /// An error that names a file that would be overwritten but is not from an earlier render, the problem with the
     /// list, or that another command writes there.
-    pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<Folder> {
+    pub fn new(path: &Path, format: StillFormat, shots: &[Shot]) -> Result<Folder, PictureError> {
         // First, because another command may be writing pictures now.
         let claim = Claim::folder(path)?;
         let most = |number: fn(&Shot) -> Option<usize>| shots.iter().filter_map(number).max().unwrap_or(0);
@@ -69,7 +67,10 @@ impl Folder {
         if let Some(foreign) = pictures.iter().find(|p| !known.contains(p.file.as_str()) && path.join(&p.file).exists())
         {
             let file = path.join(&foreign.file);
-            bail!("{}: exists and is not from an earlier render; move it, or choose another folder", file.display());
+            return Err(PictureError::Unsuitable(format!(
+                "{}: exists and is not from an earlier render; move it, or choose another folder",
+                file.display()
+            )));
         }
         Ok(Folder { path: path.into(), pictures, earlier, begun: false, _claim: claim })
     }
@@ -78,7 +79,7 @@ impl Folder {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn add(&mut self, number: usize, picture: Picture) -> anyhow::Result<()> {
+    pub fn add(&mut self, number: usize, picture: Picture) -> Result<(), PictureError> {
         if !self.begun {
             self.begin()?;
             self.begun = true;
@@ -89,9 +90,8 @@ impl Folder {
         }
     }
 
-    fn begin(&self) -> anyhow::Result<()> {
-        std::fs::create_dir_all(&self.path)
-            .with_context(|| format!("{}: cannot create the folder", self.path.display()))?;
+    fn begin(&self) -> Result<(), PictureError> {
+        std::fs::create_dir_all(&self.path).map_err(PictureError::file(&self.path, "cannot create the folder"))?;
         // Written first, so that after an interruption every existing picture is listed.
         let mut both = self.pictures.clone();
         let planned: HashSet<&str> = self.pictures.iter().map(|p| p.file.as_str()).collect();
@@ -101,7 +101,7 @@ impl Folder {
         for file in &self.earlier {
             let path = self.path.join(file);
             std::fs::remove_file(&path)
-                .with_context(|| format!("{}: cannot remove the picture of an earlier render", path.display()))?;
+                .map_err(PictureError::file(&path, "cannot remove the picture of an earlier render"))?;
         }
         self.write_list(self.pictures.clone(), false)
     }
@@ -110,7 +110,7 @@ impl Folder {
     ///
     /// # Errors
     /// An error that names the list.
-    pub fn finish(self) -> anyhow::Result<usize> {
+    pub fn finish(self) -> Result<usize, PictureError> {
         self.write_list(self.pictures.clone(), true)?;
         Ok(self.earlier.len())
     }
@@ -120,10 +120,12 @@ impl Folder {
         Some([&self.pictures.first()?.file, &self.pictures.last()?.file])
     }
 
-    fn write_list(&self, pictures: Vec<Listed>, complete: bool) -> anyhow::Result<()> {
+    fn write_list(&self, pictures: Vec<Listed>, complete: bool) -> Result<(), PictureError> {
         let path = self.path.join(LIST);
-        let text = serde_json::to_vec_pretty(&List { format: FORMAT.into(), complete, pictures })?;
-        write_atomically(&path, &text).with_context(|| format!("{}: cannot write", path.display()))
+        let text = serde_json::to_vec_pretty(&List { format: FORMAT.into(), complete, pictures });
+        text.map_err(Into::into)
+            .and_then(|text| write_atomically(&path, &text))
+            .map_err(PictureError::file(&path, "cannot write"))
     }
 }
 
@@ -135,16 +137,21 @@ fn name(shot: &Shot, [frame_width, view_width]: [usize; 2]) -> String {
 }
 
 /// The pictures of an earlier render that are still in a folder.
-fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
+fn earlier_pictures(folder: &Path) -> Result<Vec<String>, PictureError> {
     let path = folder.join(LIST);
     if !path.exists() {
         return Ok(Vec::new());
     }
-    let remedy = "remove it, or choose another folder";
-    let shown = path.display();
-    let bytes = input_file::read(&path, LARGEST_LIST).with_context(|| format!("{shown}: cannot be read; {remedy}"))?;
+    let unsuitable = |problem: String| {
+        let text = format!("{}: {problem}; remove it, or choose another folder", path.display());
+        Err(PictureError::Unsuitable(text))
+    };
+    let unread = PictureError::file(&path, "cannot be read; remove it, or choose another folder");
+    let bytes = input_file::read(&path, LARGEST_LIST).map_err(unread)?;
     let list = bytes.and_then(|bytes| serde_json::from_slice::<List>(&bytes).ok()).filter(|list| list.format == FORMAT);
-    let Some(list) = list else { bail!("{shown}: is not a list of pictures rendered by ghand; {remedy}") };
+    let Some(list) = list else {
+        return unsuitable("is not a list of pictures rendered by ghand".into());
+    };
     // They will be removed, so only files named like a picture of a render and directly in the folder count.
     let is_rendered = |file: &str| {
         let mut parts = Path::new(file).components();
@@ -153,7 +160,7 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
         is_name && is_picture && PREFIXES.iter().any(|prefix| file.starts_with(prefix))
     };
     if let Some(other) = list.pictures.iter().find(|p| !is_rendered(&p.file)) {
-        bail!("{shown}: lists {:?}, which is not the name of a rendered picture; {remedy}", other.file);
+        return unsuitable(format!("lists {:?}, which is not the name of a rendered picture", other.file));
     }
     let there = |file: &String| folder.join(file).symlink_metadata().is_ok();
     Ok(list.pictures.into_iter().map(|p| p.file).filter(there).collect())
@@ -162,8 +169,8 @@ fn earlier_pictures(folder: &Path) -> anyhow::Result<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pictures::Background;
-    use crate::train_run::folder_lock::LOCK_FILE;
+    use crate::Background;
+    use ghand_files::folder_lock::LOCK_FILE;
 
     fn shots(frames: usize, views: Option<usize>) -> Vec<Shot> {
         let shot = |frame, view| Shot { frame: Some(frame), view, ..Shot::default() };
@@ -175,7 +182,7 @@ mod tests {
             .collect()
     }
 
-    fn fill(path: &Path, format: StillFormat, shots: &[Shot]) -> anyhow::Result<usize> {
+    fn fill(path: &Path, format: StillFormat, shots: &[Shot]) -> Result<usize, PictureError> {
         let mut folder = Folder::new(path, format, shots)?;
         for number in 0..shots.len() {
             folder.add(number, Picture::blank([1, 1], Background::Transparent, format))?;

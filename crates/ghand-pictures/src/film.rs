@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::Picture;
-use super::ffmpeg::PipedFilm;
-use super::film_options::FilmOptions;
-use super::format::FilmFormat;
-use super::gif::GifFilm;
+use crate::ffmpeg::PipedFilm;
+use crate::film_options::FilmOptions;
+use crate::format::FilmFormat;
+use crate::gif::GifFilm;
+use crate::{Picture, PictureError};
 
 /// Duration of one turn around a hand or scene that does not move, seconds, if there are enough pictures.
 pub const LONGEST_TURN_SECONDS: f64 = 4.0;
@@ -31,7 +31,7 @@ impl Film {
     ///
     /// # Errors
     /// One sentence on what the format cannot do, or that ffmpeg is missing.
-    pub fn start(options: FilmOptions) -> anyhow::Result<Film> {
+    pub fn start(options: FilmOptions) -> Result<Film, PictureError> {
         Ok(match options.format {
             FilmFormat::Gif => Film::Gif(GifFilm::start(options)?),
             FilmFormat::Webm | FilmFormat::Mp4 => Film::Piped(PipedFilm::start(options)?),
@@ -50,7 +50,7 @@ impl Film {
     ///
     /// # Errors
     /// An error of the encoder.
-    pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
+    pub fn add(&mut self, picture: &Picture) -> Result<(), PictureError> {
         match self {
             Film::Gif(film) => film.add(picture),
             Film::Piped(film) => film.add(picture),
@@ -61,7 +61,7 @@ impl Film {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn write(self, path: &Path) -> anyhow::Result<()> {
+    pub fn write(self, path: &Path) -> Result<(), PictureError> {
         match self {
             Film::Gif(film) => film.write(path),
             Film::Piped(film) => film.write(path),

@@ -2,19 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use clap::Args;
-
-use super::format::{FilmFormat, Format, StillFormat};
-
-/// The option `--format`.
-#[derive(Debug, Clone, Copy, Default, Args)]
-pub struct FormatArgs {
-    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else
-    /// png]
-    #[arg(long, value_name = "FORMAT", value_parser = Format::parse)]
-    format: Option<Format>,
-}
+use crate::PictureError;
+use crate::format::{FilmFormat, Format, StillFormat};
 
 /// Where pictures go.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,6 +17,41 @@ pub enum Destination {
 }
 
 impl Destination {
+    /// Where the pictures go: to the file if `out` ends in a format's name, else to the folder, which need not exist
+    /// yet. A film in a folder is called `name`. `format` is the one that was asked for, if any.
+    ///
+    /// # Errors
+    /// [`PictureError::Unsuitable`], which says how `--out` may end, or that it contradicts `--format`.
+    pub fn new(out: &Path, format: Option<Format>, name: &str) -> Result<Destination, PictureError> {
+        let unsuitable = |problem: String| Err(PictureError::Unsuitable(format!("--out {}: {problem}", out.display())));
+        let is_folder = out.is_dir() || out.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
+        if is_folder || out.extension().is_none() {
+            if out.exists() && !out.is_dir() {
+                return unsuitable(
+                    "is a file, not a folder; give a folder, or a file that ends in .png or .gif".into(),
+                );
+            }
+            return Ok(match format.unwrap_or(Format::Still(StillFormat::Png)) {
+                Format::Still(format) => Destination::Folder(out.into(), format),
+                Format::Film(film) => {
+                    Destination::Film(out.join(format!("{name}.{}", Format::Film(film).ending())), film)
+                }
+            });
+        }
+        let Some(of_name) = Format::of(out) else {
+            return unsuitable(
+                "must end in .png, .exr, .gif, .webm or .mp4; a folder with a dot in its name ends in /".into(),
+            );
+        };
+        if let Some(wanted) = format.filter(|wanted| *wanted != of_name) {
+            return unsuitable(format!("ends in .{}, but --format is {}", of_name.ending(), wanted.ending()));
+        }
+        Ok(match of_name {
+            Format::Still(format) => Destination::Picture(out.into(), format),
+            Format::Film(format) => Destination::Film(out.into(), format),
+        })
+    }
+
     /// The file that is written, if it is one.
     pub fn file(&self) -> Option<&Path> {
         match self {
@@ -37,47 +61,12 @@ impl Destination {
     }
 }
 
-impl FormatArgs {
-    /// Where the pictures go: to the file if `out` ends in a format's name, else to the folder, which need not exist
-    /// yet. A film in a folder is called `name`.
-    ///
-    /// # Errors
-    /// An error that says how `--out` may end, or that it contradicts `--format`.
-    pub fn destination(self, out: &Path, name: &str) -> anyhow::Result<Destination> {
-        let shown = out.display();
-        let is_folder = out.is_dir() || out.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
-        if is_folder || out.extension().is_none() {
-            if out.exists() && !out.is_dir() {
-                bail!("--out {shown}: is a file, not a folder; give a folder, or a file that ends in .png or .gif");
-            }
-            return Ok(match self.format.unwrap_or(Format::Still(StillFormat::Png)) {
-                Format::Still(format) => Destination::Folder(out.into(), format),
-                Format::Film(film) => {
-                    Destination::Film(out.join(format!("{name}.{}", Format::Film(film).ending())), film)
-                }
-            });
-        }
-        let Some(format) = Format::of(out) else {
-            bail!(
-                "--out {shown}: must end in .png, .exr, .gif, .webm or .mp4; a folder with a dot in its name ends in /"
-            );
-        };
-        if let Some(wanted) = self.format.filter(|wanted| *wanted != format) {
-            bail!("--out {shown}: ends in .{}, but --format is {}", format.ending(), wanted.ending());
-        }
-        Ok(match format {
-            Format::Still(format) => Destination::Picture(out.into(), format),
-            Format::Film(format) => Destination::Film(out.into(), format),
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn destination(out: &Path, format: Option<&str>) -> anyhow::Result<Destination> {
-        FormatArgs { format: format.map(|f| Format::parse(f).unwrap()) }.destination(out, "count")
+    fn destination(out: &Path, format: Option<&str>) -> Result<Destination, PictureError> {
+        Destination::new(out, format.map(|f| Format::parse(f).unwrap()), "count")
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Properties of a film, for all encoders.
 
-use super::Background;
-use super::format::FilmFormat;
+use crate::Background;
+use crate::format::FilmFormat;
 
 /// Properties of a film.
 #[derive(Debug, Clone, Copy)]

@@ -3,13 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use anyhow::{Context, bail};
 use color_quant::NeuQuant;
 use ghand_files::atomic_file::write_atomically;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
 
-use super::film_options::FilmOptions;
-use super::{Background, Picture};
+use crate::film_options::FilmOptions;
+use crate::{Background, Picture, PictureError};
 
 /// Browsers show frames shorter than two hundredths of a second for ten hundredths.
 const FASTEST: f64 = 50.0;
@@ -32,15 +31,17 @@ impl GifFilm {
     ///
     /// # Errors
     /// One sentence if it would be too fast.
-    pub fn start(options: FilmOptions) -> anyhow::Result<GifFilm> {
+    pub fn start(options: FilmOptions) -> Result<GifFilm, PictureError> {
         if options.fps > FASTEST {
-            bail!(
+            return Err(PictureError::Unsuitable(format!(
                 "a GIF shows at most {FASTEST} pictures per second, not {}; give a smaller --fps, or use .webm",
                 options.fps
-            );
+            )));
         }
         let [width, height] = options.size.map(u16::try_from);
-        let (Ok(width), Ok(height)) = (width, height) else { bail!("a GIF has at most 65535 columns and rows") };
+        let (Ok(width), Ok(height)) = (width, height) else {
+            return Err(PictureError::Unsuitable("a GIF has at most 65535 columns and rows".into()));
+        };
         let mut encoder = Encoder::new(Vec::new(), width, height, &[])?;
         encoder.set_repeat(Repeat::Infinite)?;
         Ok(GifFilm { encoder, options, count: 0 })
@@ -50,7 +51,7 @@ impl GifFilm {
     ///
     /// # Errors
     /// An error of the encoder.
-    pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
+    pub fn add(&mut self, picture: &Picture) -> Result<(), PictureError> {
         let pixels = picture.to_rgba8();
         let transparent = self.options.background == Background::Transparent;
         let Indexed { palette, indices } = indexed(&pixels, self.options.background);
@@ -76,10 +77,9 @@ impl GifFilm {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn write(self, path: &Path) -> anyhow::Result<()> {
-        let context = || format!("{}: cannot write the GIF", path.display());
-        let bytes = self.encoder.into_inner().with_context(context)?;
-        write_atomically(path, &bytes).with_context(context)
+    pub fn write(self, path: &Path) -> Result<(), PictureError> {
+        let bytes = self.encoder.into_inner()?;
+        write_atomically(path, &bytes).map_err(PictureError::file(path, "cannot write the GIF"))
     }
 }
 
@@ -126,10 +126,10 @@ fn indexed(pixels: &[[u8; 4]], background: Background) -> Indexed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pictures::format::FilmFormat;
+    use crate::format::FilmFormat;
     use ghand_render::splat::Image;
 
-    fn film(size: [u32; 2], background: Background, fps: f64) -> anyhow::Result<GifFilm> {
+    fn film(size: [u32; 2], background: Background, fps: f64) -> Result<GifFilm, PictureError> {
         GifFilm::start(FilmOptions { format: FilmFormat::Gif, size, background, fps })
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::bail;
+use crate::PictureError;
 
 /// Formats of single pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,10 +68,10 @@ impl StillFormat {
     ///
     /// # Errors
     /// An error that names the option and the file.
-    pub fn of(path: &Path, option: &str) -> anyhow::Result<StillFormat> {
+    pub fn of(path: &Path, option: &str) -> Result<StillFormat, PictureError> {
         match Format::of(path) {
             Some(Format::Still(format)) => Ok(format),
-            _ => bail!("{option} {}: must end in .png or .exr", path.display()),
+            _ => Err(PictureError::Unsuitable(format!("{option} {}: must end in .png or .exr", path.display()))),
         }
     }
 }

@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
 use ghand_files::atomic_file::check_writable;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
-use super::film::Film;
-use super::film_options::FilmOptions;
-use super::folder::Folder;
-use super::{Background, Destination, Picture, StillFormat};
+use crate::film::Film;
+use crate::film_options::FilmOptions;
+use crate::folder::Folder;
+use crate::{Background, Destination, Picture, PictureError, StillFormat};
 
 /// The content of a picture in a series.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -56,19 +55,20 @@ impl Series {
         size: [u32; 2],
         background: Background,
         fps: f64,
-    ) -> anyhow::Result<Series> {
+    ) -> Result<Series, PictureError> {
         if let Destination::Picture(path, _) | Destination::Film(path, _) = destination {
-            check_writable(path).with_context(|| format!("--out {}: cannot be written", path.display()))?;
+            let option = PathBuf::from(format!("--out {}", path.display()));
+            check_writable(path).map_err(PictureError::file(&option, "cannot be written"))?;
         }
         let mut still = StillFormat::Png;
         let sink = match destination {
             Destination::Picture(path, format) => {
                 if shots.len() != 1 {
-                    bail!(
+                    return Err(PictureError::Unsuitable(format!(
                         "--out {}: is one picture, but there are {} to write; give a folder, or a film such as .gif",
                         path.display(),
                         shots.len()
-                    );
+                    )));
                 }
                 still = *format;
                 Sink::Picture(path.clone())
@@ -84,7 +84,8 @@ impl Series {
         };
         // Draws nothing if stderr is not a terminal.
         let bar = if shots.len() > 1 { ProgressBar::new(shots.len() as u64) } else { ProgressBar::hidden() };
-        bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} pictures {elapsed} (left {eta})")?);
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures {elapsed} (left {eta})");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         Ok(Series { sink, size, background, format: still, count: shots.len(), next: 0, bar })
     }
 
@@ -102,7 +103,7 @@ impl Series {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn add(&mut self, picture: Picture) -> anyhow::Result<()> {
+    pub fn add(&mut self, picture: Picture) -> Result<(), PictureError> {
         match &mut self.sink {
             Sink::Picture(path) => picture.write(path)?,
             Sink::Film(_, film, _) => film.add(&picture)?,
@@ -117,7 +118,7 @@ impl Series {
     ///
     /// # Errors
     /// An error that names the file.
-    pub fn finish(self) -> anyhow::Result<String> {
+    pub fn finish(self) -> Result<String, PictureError> {
         self.bar.finish_and_clear();
         let ([width, height], count) = (self.size, self.count);
         Ok(match self.sink {

@@ -1,11 +1,37 @@
 //! The right to write a folder or a file, so that one process at a time does.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use ghand_files::temporary::{Registered, Temporary};
+use crate::folder_lock::{Attempt, FolderLock, LOCK_FILE, LockError};
+use crate::temporary::{Registered, Temporary};
 
-use crate::train_run::folder_lock::{Attempt, FolderLock, LOCK_FILE};
+/// Why something could not be claimed.
+#[derive(Debug, thiserror::Error)]
+pub enum ClaimError {
+    /// It has no name, such as `/`.
+    #[error("{}: has no name", .0.display())]
+    NoName(PathBuf),
+    /// Its folder cannot be made.
+    #[error("{}: cannot create the folder", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The error of the file system.
+        source: io::Error,
+    },
+    /// The lock's file cannot be used.
+    #[error(transparent)]
+    Lock(#[from] LockError),
+    /// Another process writes there.
+    #[error("{}: another command is writing there ({holder}); wait until it ends, or choose another --out", path.display())]
+    Taken {
+        /// The folder or file.
+        path: PathBuf,
+        /// The other process.
+        holder: String,
+    },
+}
 
 /// A folder, or a file, that only this process writes. When dropped or ended by a signal, the lock's file goes, and the
 /// folders that were made and are still empty.
@@ -21,7 +47,7 @@ impl Claim {
     ///
     /// # Errors
     /// An error that names the folder, if it cannot be made or another process writes into it.
-    pub fn folder(path: &Path) -> anyhow::Result<Claim> {
+    pub fn folder(path: &Path) -> Result<Claim, ClaimError> {
         Claim::of(path, path, LOCK_FILE.into())
     }
 
@@ -29,28 +55,25 @@ impl Claim {
     ///
     /// # Errors
     /// An error that names it, if its folder cannot be made or another process writes it.
-    pub fn beside(path: &Path) -> anyhow::Result<Claim> {
-        let name = path.file_name().with_context(|| format!("{}: has no name", path.display()))?;
+    pub fn beside(path: &Path) -> Result<Claim, ClaimError> {
+        let name = path.file_name().ok_or_else(|| ClaimError::NoName(path.into()))?;
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Claim::of(path, parent, PathBuf::from(format!(".{}.lock", name.to_string_lossy())))
     }
 
-    fn of(path: &Path, folder: &Path, lock: PathBuf) -> anyhow::Result<Claim> {
+    fn of(path: &Path, folder: &Path, lock: PathBuf) -> Result<Claim, ClaimError> {
         let missing: Vec<&Path> =
             folder.ancestors().filter(|a| !a.as_os_str().is_empty()).take_while(|a| !a.exists()).collect();
         let known = |folder: &&Path| Registered::new(Temporary::EmptyFolder(folder.to_path_buf()));
         let mut made: Vec<Registered> = missing.iter().rev().map(known).collect();
-        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot create the folder", folder.display()))?;
+        std::fs::create_dir_all(folder).map_err(|source| ClaimError::Folder { path: folder.into(), source })?;
         let lock = folder.join(lock);
         match FolderLock::attempt_file(&lock)? {
             Attempt::Locked(held) => {
                 made.push(Registered::new(Temporary::File(lock)));
                 Ok(Claim { made, lock: Some(held) })
             }
-            Attempt::Taken(holder) => bail!(
-                "{}: another command is writing there ({holder}); wait until it ends, or choose another --out",
-                path.display()
-            ),
+            Attempt::Taken(holder) => Err(ClaimError::Taken { path: path.into(), holder }),
         }
     }
 }

@@ -5,14 +5,13 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 
-use anyhow::{Context, anyhow, bail};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::temporary::{Registered, Temporary};
 use tempfile::TempPath;
 
-use super::film_options::FilmOptions;
-use super::format::FilmFormat;
-use super::{Background, Picture};
+use crate::film_options::FilmOptions;
+use crate::format::FilmFormat;
+use crate::{Background, Picture, PictureError};
 
 const PROGRAM: &str = "ffmpeg";
 const REMEDY: &str =
@@ -33,17 +32,20 @@ impl PipedFilm {
     ///
     /// # Errors
     /// One sentence if it is not installed, or the format cannot be transparent.
-    pub fn start(options: FilmOptions) -> anyhow::Result<PipedFilm> {
+    pub fn start(options: FilmOptions) -> Result<PipedFilm, PictureError> {
         if options.format == FilmFormat::Mp4 && options.background == Background::Transparent {
-            bail!("--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures");
+            return Err(PictureError::Unsuitable(
+                "--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures"
+                    .into(),
+            ));
         }
-        let file = |what: &str| format!("cannot create a temporary file for {what}");
+        let file = |what| move |source| PictureError::Temporary { what, source };
         // MP4 is not written sequentially.
-        let encoded = tempfile::Builder::new().prefix("ghand-").tempfile().with_context(|| file("the film"))?;
+        let encoded = tempfile::Builder::new().prefix("ghand-").tempfile().map_err(file("the film"))?;
         let encoded = encoded.into_temp_path();
         let known = Registered::new(Temporary::File(encoded.to_path_buf()));
-        let complaints = tempfile::tempfile().with_context(|| file("ffmpeg's messages"))?;
-        let stderr = complaints.try_clone().with_context(|| file("ffmpeg's messages"))?;
+        let complaints = tempfile::tempfile().map_err(file("ffmpeg's messages"))?;
+        let stderr = complaints.try_clone().map_err(file("ffmpeg's messages"))?;
         let child = Command::new(PROGRAM)
             .args(arguments(&options))
             .arg(&encoded)
@@ -52,8 +54,10 @@ impl PipedFilm {
             .stderr(stderr)
             .spawn();
         let mut child = child.map_err(|error| match error.kind() {
-            ErrorKind::NotFound => anyhow!("webm and mp4 need ffmpeg, which is not installed; {REMEDY}"),
-            _ => anyhow!("ffmpeg cannot be started: {error}; {REMEDY}"),
+            ErrorKind::NotFound => {
+                PictureError::Ffmpeg(format!("webm and mp4 need ffmpeg, which is not installed; {REMEDY}"))
+            }
+            _ => PictureError::Ffmpeg(format!("ffmpeg cannot be started: {error}; {REMEDY}")),
         })?;
         let pictures = child.stdin.take();
         Ok(PipedFilm { child, pictures, complaints, encoded, _known: known })
@@ -63,7 +67,7 @@ impl PipedFilm {
     ///
     /// # Errors
     /// The message of ffmpeg, if it has ended.
-    pub fn add(&mut self, picture: &Picture) -> anyhow::Result<()> {
+    pub fn add(&mut self, picture: &Picture) -> Result<(), PictureError> {
         let sent = match &mut self.pictures {
             Some(pipe) => pipe.write_all(picture.to_rgba8().as_flattened()),
             None => Ok(()),
@@ -83,24 +87,27 @@ impl PipedFilm {
     ///
     /// # Errors
     /// The message of ffmpeg, or an error that names the file.
-    pub fn write(mut self, path: &Path) -> anyhow::Result<()> {
+    pub fn write(mut self, path: &Path) -> Result<(), PictureError> {
         // The end of the pictures.
         self.pictures = None;
-        let status = self.child.wait().context("cannot wait for ffmpeg")?;
+        let status = self.child.wait();
+        let status = status.map_err(|error| PictureError::Ffmpeg(format!("cannot wait for ffmpeg: {error}")))?;
         if !status.success() {
             return Err(self.failure(&status.to_string()));
         }
-        let context = || format!("{}: cannot write the film", path.display());
-        let bytes = std::fs::read(&self.encoded).with_context(context)?;
-        write_atomically(path, &bytes).with_context(context)
+        let bytes = std::fs::read(&self.encoded);
+        bytes
+            .and_then(|bytes| write_atomically(path, &bytes))
+            .map_err(PictureError::file(path, "cannot write the film"))
     }
 
-    fn failure(&mut self, otherwise: &str) -> anyhow::Error {
+    fn failure(&mut self, otherwise: &str) -> PictureError {
         let mut text = String::new();
         let _ = self.complaints.seek(SeekFrom::Start(0));
         let _ = self.complaints.read_to_string(&mut text);
         let first = text.lines().map(str::trim).find(|line| !line.is_empty());
-        anyhow!("ffmpeg cannot encode the film: {}; {REMEDY}", first.unwrap_or(otherwise))
+        let first = first.unwrap_or(otherwise);
+        PictureError::Ffmpeg(format!("ffmpeg cannot encode the film: {first}; {REMEDY}"))
     }
 }
 

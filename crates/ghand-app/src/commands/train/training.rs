@@ -1,0 +1,150 @@
+//! The training of a run of `train`, as its user sees it.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use ghand_render::Gpu;
+use ghand_train::{Align, Checkpoints, Simplify, TrainError, Trained, Trainer};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::TrainArgs;
+use super::inputs::Inputs;
+use super::plan::Plan;
+use crate::cli::Stopped;
+use crate::say;
+use crate::train_run::interruption::Interruption;
+use crate::train_run::live_files::write_live_files;
+use crate::train_run::live_viewer::LiveViewer;
+
+/// Lines of progress that a run prints without a terminal for a progress bar.
+const PROGRESS_LINES: u64 = 20;
+/// Longest time between two lines.
+const LONGEST_SILENCE: Duration = Duration::from_secs(30);
+
+/// Least time between two writings of the files that show how the run goes.
+const LIVE_EVERY: Duration = Duration::from_secs(10);
+
+/// Trains, from the last checkpoint on if the run goes on, and says what came of it.
+pub(super) fn train(
+    args: &TrainArgs,
+    plan: &Plan,
+    inputs: &Inputs,
+    gpu: &Gpu,
+    interruption: &Interruption,
+) -> anyhow::Result<Trained> {
+    let Plan { folder, record, .. } = plan;
+    let settings = &record.settings;
+    let mut trainer = Trainer::new(gpu, &inputs.start, &record.split, settings)?.with_lpips(inputs.lpips.clone());
+    let gaussians = match settings.simplify {
+        Simplify::Off => format!("{} Gaussians", trainer.gaussians()),
+        Simplify::Auto => "as many Gaussians as they require".into(),
+    };
+    say!(
+        "training: {} cameras, {} frames, {} images, {gaussians}, {} iterations",
+        inputs.train_split.cameras.len(),
+        inputs.train_split.frames.len(),
+        inputs.train_split.views.len(),
+        settings.iterations
+    );
+    if plan.resumed
+        && let Some(checkpoint) = Checkpoints::latest(&folder.checkpoints())?
+    {
+        trainer = trainer.resume(checkpoint)?;
+    }
+    if inputs.capture.splits.contains_key(plan.test_split()) {
+        trainer = trainer.watch(plan.test_split())?;
+    }
+    if trainer.reduction() > 1 {
+        log::warn!(
+            "images are trained on at 1/{} of their size, because this graphics device takes no larger ones; they are \
+             compared at full size",
+            trainer.reduction()
+        );
+    }
+    match trainer.resumed_at() {
+        Some(iteration) => say!("going on after {iteration} iterations"),
+        None => {
+            folder.end(false);
+            record.save(&folder.record())?;
+            if settings.align == Align::Contours {
+                say!("aligning poses and the template's proportions with the masks first");
+            }
+        }
+    }
+    interruption.stop_first();
+    let checkpoints = Checkpoints::new(&folder.checkpoints(), plan.checkpoint_every, plan.keep_checkpoints);
+    let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
+    let viewer = if args.viewer { LiveViewer::open(folder.path(), &folder.checkpoints()) } else { None };
+    let trained = train_visibly(trainer, settings.iterations, &folder.checkpoints(), viewer).map_err(|error| {
+        if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {
+            folder.end(false);
+        }
+        match (error.downcast::<Stopped>(), folder.how_to_resume()) {
+            (Ok(Stopped(line)), Some(hint)) => Stopped(format!("{line}; {hint}")).into(),
+            (Ok(stopped), None) => stopped.into(),
+            (Err(error), _) => error,
+        }
+    })?;
+    if trained.stopped {
+        let progress = plan.progress(trained.iterations);
+        say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
+    }
+    if let Some(simplification) = &trained.simplification {
+        say!("{}", simplification.summary());
+    }
+    if trained.skipped_steps > 0 {
+        say!("{} steps were skipped, because a gradient in them was not finite", trained.skipped_steps);
+    }
+    Ok(trained)
+}
+
+/// Trains with a progress bar or, without a terminal, with lines, keeps the files in `live` up to date, and shows the avatar in
+/// the viewer, if there is one.
+fn train_visibly(
+    trainer: Trainer,
+    iterations: u64,
+    live: &Path,
+    viewer: Option<LiveViewer>,
+) -> anyhow::Result<Trained> {
+    let bar = ProgressBar::new(iterations).with_position(trainer.resumed_at().unwrap_or(0));
+    bar.reset_eta();
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {per_sec} {elapsed} (left {eta})")?);
+    let start = Instant::now();
+    let (mut last_line, mut last_stage, mut last_written) = (start, 0, start);
+    let mut previews = vec![];
+    let trainer = match viewer {
+        Some(viewer) => trainer.show_to(LIVE_EVERY, move |avatar| viewer.show(avatar)),
+        None => trainer,
+    };
+    let trained = trainer.train(|p| {
+        if let Some(trial) = p.trial {
+            bar.suspend(|| say!("trial, {trial}"));
+            return;
+        }
+        let loss = p.l1.map_or(String::new(), |l1| format!(" L1 {l1:.4}"));
+        let held_out = p.curve.iter().rev().find_map(|point| point.held_out_psnr);
+        let held_out = held_out.map_or(String::new(), |psnr| format!(" held out {psnr:.2} dB"));
+        let message = format!("stage {}{loss}{held_out}", p.stage);
+        if !p.previews.is_empty() {
+            previews = p.previews.to_vec();
+        }
+        if last_written.elapsed() > LIVE_EVERY {
+            last_written = Instant::now();
+            // They are only for looking at.
+            write_live_files(live, p.curve, &previews).unwrap_or_else(|error| log::debug!("{error}"));
+        }
+        let due = p.iteration % (iterations / PROGRESS_LINES).max(1) == 0 || last_line.elapsed() > LONGEST_SILENCE;
+        if bar.is_hidden() && (due || p.stage != last_stage) {
+            say!("{}/{iterations} {message} {:.0} s", p.iteration, start.elapsed().as_secs_f64());
+            last_stage = p.stage;
+            last_line = Instant::now();
+        }
+        bar.set_position(p.iteration);
+        bar.set_message(message);
+    });
+    bar.finish_and_clear();
+    trained.map_err(|error| match error {
+        TrainError::Stopped { .. } => Stopped(error.to_string()).into(),
+        error => error.into(),
+    })
+}

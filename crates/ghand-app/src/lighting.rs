@@ -1,0 +1,88 @@
+//! The light in which an avatar is shown.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail};
+use ghand_avatar::{Avatar, Light};
+use ghand_files::input_file;
+use image::{ImageFormat, ImageReader};
+
+/// Most bytes of a panorama: 16k x 8k pixels in half precision.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Where the light comes from.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum LightSource {
+    /// The light of the avatar's capture, which it has anyway.
+    #[default]
+    Capture,
+    /// A studio.
+    Studio,
+    /// A panorama of all directions, a file.
+    Panorama(PathBuf),
+}
+
+/// The light in which an avatar is shown.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lighting {
+    /// The light.
+    pub source: LightSource,
+    /// How far it is turned about the vertical, degrees.
+    pub turn: f64,
+}
+
+impl Lighting {
+    /// The file of the light, if it is not one by name.
+    pub fn input(&self) -> Option<&Path> {
+        match &self.source {
+            LightSource::Panorama(path) => Some(path),
+            LightSource::Capture | LightSource::Studio => None,
+        }
+    }
+
+    /// Whether the avatar's own light is wanted, as it is.
+    pub fn is_default(&self) -> bool {
+        *self == Lighting::default()
+    }
+
+    /// Puts an avatar into the light.
+    ///
+    /// # Errors
+    /// An error that names the file and its problem, or says that the avatar's light is part of its colours.
+    pub fn apply_to(&self, avatar: &mut Avatar) -> anyhow::Result<()> {
+        if self.is_default() {
+            return Ok(());
+        }
+        let Some(lit) = &mut avatar.light else {
+            bail!(
+                "--light: the avatar's colours contain the light of its capture; train it again with \
+                 --set light=transfer"
+            );
+        };
+        let light = match &self.source {
+            LightSource::Capture => lit.light.clone(),
+            LightSource::Studio => Light::studio(),
+            LightSource::Panorama(path) => panorama(path)?,
+        };
+        lit.light = light.turned(self.turn.to_radians());
+        Ok(())
+    }
+}
+
+/// The light of a panorama's file.
+fn panorama(path: &Path) -> anyhow::Result<Light> {
+    let name = path.display();
+    let format = ImageFormat::from_path(path).ok();
+    if !matches!(format, Some(ImageFormat::OpenExr | ImageFormat::Hdr)) {
+        bail!("--light: `{name}` must be `capture`, `studio`, or a panorama whose name ends in .exr or .hdr");
+    }
+    let bytes = input_file::read(path, MOST_BYTES).with_context(|| format!("{name}: cannot read the panorama"))?;
+    let bytes = bytes.ok_or_else(|| anyhow!("{name}: has more than 1 GiB; reduce the panorama"))?;
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    reader.set_format(format.unwrap_or(ImageFormat::OpenExr));
+    let image = reader.decode().map_err(|error| anyhow!("{name}: is no readable panorama: {error}"))?.into_rgb32f();
+    let pixels: Vec<[f32; 3]> = image.pixels().map(|pixel| pixel.0).collect();
+    Light::of_panorama(image.width() as usize, image.height() as usize, &pixels)
+        .map_err(|error| anyhow!("{name}: {error}"))
+}
