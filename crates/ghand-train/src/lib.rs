@@ -1,5 +1,5 @@
-//! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
-//! beat), and the report.
+//! Training of hand avatars: settings, the training step, and evaluation on held-out views against the floor, the baseline
+//! to beat.
 
 pub mod checkpoint;
 pub mod checkpoints;
@@ -11,7 +11,6 @@ mod memory_check;
 mod outline_band;
 pub mod pose_prior;
 pub mod presets;
-pub mod report;
 mod setting_rules;
 pub mod settings;
 mod shown_gaussians;
