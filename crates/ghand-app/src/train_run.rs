@@ -7,6 +7,7 @@ pub mod interruption;
 pub mod live_files;
 pub mod live_viewer;
 pub mod report_page;
+pub mod report_picture;
 pub mod results;
 pub mod run_folder;
 pub mod run_record;

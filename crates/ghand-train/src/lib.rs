@@ -1,5 +1,5 @@
-//! Training of hand avatars: settings, the training step, evaluation on held-out views, the floor (the baseline to
-//! beat), and the report.
+//! Training of hand avatars: settings, the training step, and evaluation on held-out views against the floor, the baseline
+//! to beat.
 
 pub mod checkpoint;
 pub mod checkpoints;
@@ -9,7 +9,6 @@ mod lpips_term;
 mod memory_check;
 pub mod pose_prior;
 pub mod presets;
-pub mod report;
 mod setting_rules;
 pub mod settings;
 mod shown_gaussians;

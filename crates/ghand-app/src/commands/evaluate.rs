@@ -15,7 +15,6 @@ use ghand_fit::protocol::{PosedView, aligned_views, cross_views, given_views, ma
 use ghand_pictures::write_png;
 use ghand_train::Protocol;
 use ghand_train::evaluate::ImageMetrics;
-use ghand_train::report::report;
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;
@@ -27,6 +26,7 @@ use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
+use crate::train_run::report_picture::report;
 use crate::train_run::results::save_metrics;
 use crate::train_run::run_folder::RunFolder;
 use crate::train_run::training_poses::{poses_of_split, true_poses};

@@ -6,13 +6,13 @@ use ghand_fit::light_fit::LightFit;
 use ghand_fit::protocol::given_views;
 use ghand_render::Gpu;
 use ghand_train::evaluate::Metrics;
-use ghand_train::report::report;
 use ghand_train::{Protocol, Trained};
 use image::RgbImage;
 
 use super::inputs::Inputs;
 use super::plan::Plan;
 use crate::train_run::evaluation::{TestImages, evaluate_images, pose_figures};
+use crate::train_run::report_picture::report;
 
 /// The figures and pictures of a run.
 pub(super) struct Evaluated {

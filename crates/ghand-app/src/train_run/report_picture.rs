@@ -1,10 +1,9 @@
 //! The report picture: truth, rendering, error and floor of several test views, with captions.
 
-use image::{Rgb, RgbImage};
-
-use crate::evaluate::EvaluatedView;
 use ghand_measure::hand_box::Square;
 use ghand_pictures::draw_text::{LINE, letter_width, write};
+use ghand_train::evaluate::EvaluatedView;
+use image::{Rgb, RgbImage};
 
 /// Gap between columns, pixels.
 const GAP: u32 = 4;
