@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test viewer check
+.PHONY: help setup demo test viewer check libraries
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -14,7 +14,7 @@ with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
 	fi;
 
 help: ## This list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
@@ -39,3 +39,7 @@ check: ## Formatting and lints
 	@cargo fmt --all --check
 	@cargo clippy --workspace --all-targets -- -D warnings
 	@cargo clippy --workspace --all-targets --features gpu-networks -- -D warnings
+
+libraries: ## Build the crates for browsers, and pack the splatter for other programs
+	@bash scripts/check_wasm.sh
+	@cargo package --quiet -p ghand-core -p ghand-render --allow-dirty
