@@ -548,7 +548,7 @@ impl<'a> Reader<'a> {
             false => DQuat::IDENTITY,
         };
         if !turn.is_normalized() {
-            return Err(self.invalid("light.turn", "is no unit quaternion; train the avatar again"));
+            return Err(self.invalid("light.turn", "is not a unit quaternion; train the avatar again"));
         }
         let (_, on) = self.tensor::<u32>("light.faces", Dtype::U32, &[Some(count)])?;
         if let Some(face) = on.iter().find(|face| **face as usize >= faces) {

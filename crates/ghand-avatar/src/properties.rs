@@ -101,7 +101,7 @@ pub trait TrainableModel: PropertyModel {
     ) -> Result<(), RenderError>;
 
     /// Says whether forward passes from now on have a backward pass, as they have once training is prepared. Others can
-    /// leave out what only that needs.
+    /// omit what only that needs.
     fn expect_backward(&mut self, _expected: bool) {}
 
     /// Propagates the gradients of the properties to the parameters, and adds the pose's gradient through the model to

@@ -65,11 +65,11 @@ pub struct SplatOptions {
     pub depth: bool,
     /// Whether each Gaussian's largest weight in a pixel is found along with the image.
     pub largest_weights: bool,
-    /// What is neglected.
+    /// Which contributions are skipped.
     pub cut_offs: CutOffs,
 }
 
-/// What a splatter neglects. The default is for training: only what no display shows.
+/// Contributions below these are skipped. The default is for training: it skips only what no display shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct CutOffs {
     /// A Gaussian is not blended into pixels that it covers by less than this, 255ths; 1 to 254.

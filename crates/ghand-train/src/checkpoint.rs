@@ -1,4 +1,4 @@
-//! A checkpoint: all that a run needs to go on as if it had not been interrupted.
+//! A checkpoint: all that a run needs to continue as if it had not been interrupted.
 //!
 //! The file is [`MAGIC`], the format's version and a CRC-32 of the rest (little-endian u32 each), then CBOR.
 
@@ -124,7 +124,7 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds one to the present window. Those that are not finite are left out.
+    /// Adds one to the present window. Those that are not finite are skipped.
     pub(crate) fn add(&mut self, loss: f64) {
         if loss.is_finite() {
             self.sum += loss;

@@ -33,7 +33,7 @@ impl Checkpoints {
         self.saved.elapsed() >= self.every
     }
 
-    /// Saves a checkpoint. A failure, such as a full disk, is no reason to stop training: it is told once, and the next
+    /// Saves a checkpoint. A failure, such as a full disk, does not stop training: it is reported once, and the next
     /// one is tried when it is due. Returns whether it was saved.
     pub fn save(&mut self, checkpoint: &Checkpoint) -> bool {
         self.saved = Instant::now();
@@ -71,7 +71,7 @@ impl Checkpoints {
         }
     }
 
-    /// The newest checkpoint of a folder that is whole; `None` without any. Each damaged one is told.
+    /// The newest checkpoint of a folder that is whole; `None` without any. Each damaged one is reported.
     ///
     /// What a killed program was writing there is removed.
     ///

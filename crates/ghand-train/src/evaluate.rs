@@ -108,7 +108,7 @@ pub fn evaluate(
 }
 
 /// As [`evaluate`], for the images and poses of any protocol. Both avatar and floor are drawn in these poses. The protocol
-/// `handavatar` leaves out images with empty masks.
+/// `handavatar` skips images with empty masks.
 ///
 /// # Errors
 /// [`EvaluateError`] if an image is unusable or the device failed.
@@ -243,7 +243,7 @@ pub struct Metrics {
     pub seconds: f64,
     /// Training iterations done.
     pub iterations: u64,
-    /// Whether the run was told to stop before all its iterations were done.
+    /// Whether the run was stopped before all its iterations were done.
     pub stopped_early: bool,
     /// Training steps that changed nothing, since a gradient was not finite.
     pub skipped_steps: u64,

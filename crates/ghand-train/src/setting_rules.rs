@@ -52,7 +52,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
     })
 }
 
-/// Settings that were removed in 0.2: name, the default that they had, and why they went.
+/// Settings that were removed in 0.2: name, the default that they had, and why they were removed.
 const REMOVED: [(&str, &str, &str); 23] = [
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),

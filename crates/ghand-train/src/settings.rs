@@ -20,7 +20,7 @@ pub enum Align {
     Contours,
     /// As in the paper: a first stage of training refines them with a simple avatar.
     Paper,
-    /// Not at all.
+    /// They stay as given.
     Off,
 }
 
@@ -107,7 +107,7 @@ pub struct TrainSettings {
     pub network: Network,
     /// The parts of the method that the avatar has.
     pub components: Components,
-    /// Whether resolution, bases and components are as set, or as few as frames left out require.
+    /// Whether resolution, bases and components are as set, or as few as held-out frames require.
     pub simplify: Simplify,
     /// Images of a frame in each iteration, with `model=network`: they share one pass of the networks.
     pub images_per_step: usize,
@@ -203,7 +203,7 @@ const RATE_REGRESSOR: f64 = 1e-6;
 /// How `align=paper` refines poses in stage 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PoseStage {
-    /// Part of the iterations that belongs to it.
+    /// Its part of the iterations.
     pub part: f64,
     /// How often the poses are pulled towards a prior fitted to them: evenly over the stage, first at its start.
     pub prior_rounds: u64,

@@ -22,9 +22,9 @@ use ghand_fit::texel_frames::evenly;
 
 /// Less than this in each channel of each pixel is shown by no display.
 const LEAST_WEIGHT: f32 = 1.0 / 255.0;
-/// Most training poses that are looked at from all sides.
+/// Most training poses that are drawn from all sides.
 const POSES: usize = 12;
-/// One in so many of the directions of a light is looked from.
+/// One in this many of the directions of a light is a view.
 const DIRECTION_STEP: usize = 4;
 /// Edge of the pictures from there, pixels.
 const SIDE: u32 = 256;

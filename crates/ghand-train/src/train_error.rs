@@ -91,7 +91,7 @@ pub enum TrainError {
         /// The likely reason and what to do.
         remedy: String,
     },
-    /// The run was told to stop before there was an avatar.
+    /// A stop was requested before there was an avatar.
     #[error(
         "stopped after {iteration} of {iterations} iterations, before stage 2, which makes the avatar: there is no \
          avatar to save yet"

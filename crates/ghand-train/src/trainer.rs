@@ -99,9 +99,9 @@ pub struct Trained {
     pub settings: TrainSettings,
     /// What `simplify=auto` tried.
     pub simplification: Option<Simplification>,
-    /// Iterations done, of both stages: fewer than in the settings if the run was told to stop, or its time was over.
+    /// Iterations done, of both stages: fewer than in the settings if a stop was requested, or its time was over.
     pub iterations: u64,
-    /// Whether it was told to stop.
+    /// Whether a stop was requested.
     pub stopped: bool,
     /// Steps without a finite gradient, of both stages, which changed nothing.
     pub skipped_steps: u64,
@@ -188,9 +188,9 @@ const CROP_MARGIN: u32 = 16;
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
 
-/// A larger part of the hand's pixels that is burnt out or black is told.
+/// A larger part of the hand's pixels that is burnt out or black is reported.
 const MOST_EXTREME: f64 = 0.1;
-/// Frames whose brightness differs by more than this (standard deviation of the logarithm) are told.
+/// Frames whose brightness differs by more than this (standard deviation of the logarithm) are reported.
 const UNSTEADY: f64 = 0.06;
 
 impl<'a> Trainer<'a> {
@@ -251,7 +251,7 @@ impl<'a> Trainer<'a> {
         Trainer { run: Run { stop: Some(stop), ..self.run }, ..self }
     }
 
-    /// Compares the avatar now and then with some images of another split. That changes nothing of what is learned. The
+    /// Compares the avatar with some images of another split ten times in a run. What is learned stays the same. The
     /// split may have no images. Their poses are the capture's; where the capture has no exact poses and the training poses
     /// are aligned, those by the protocol `masks` ([`Trained::held_out`]).
     ///
@@ -278,13 +278,13 @@ impl<'a> Trainer<'a> {
     }
 
     /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
-    /// That changes nothing of what is learned.
+    /// What is learned stays the same.
     #[must_use]
     pub fn show_to(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
         Trainer { run: Run { onlooker: Some(Onlooker::new(every, show)), ..self.run }, ..self }
     }
 
-    /// Saves checkpoints while it runs: when one is due, when the run is told to stop, and at its end.
+    /// Saves checkpoints while it runs: when one is due, when a stop is requested, and at its end.
     #[must_use]
     pub fn save_to(self, checkpoints: Checkpoints) -> Trainer<'a> {
         Trainer { run: Run { checkpoints: Some(checkpoints), ..self.run }, ..self }
@@ -340,7 +340,7 @@ impl<'a> Trainer<'a> {
         Ok(self)
     }
 
-    /// Iterations of an earlier run that this one goes on from.
+    /// Iterations of an earlier run that this one continues.
     pub fn resumed_at(&self) -> Option<u64> {
         self.run.state.as_ref().map(|state| state.iterations_done)
     }
@@ -484,7 +484,7 @@ impl Problem {
         least_reduction([0, 1].map(|axis| largest[axis].max(watched[axis])), ImageLoss::most_pixels(gpu))
     }
 
-    /// Finds what the images say of exposures and light, and corrects the images accordingly.
+    /// Estimates exposures and light from the images, and corrects the images accordingly.
     fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
         let TrainSettings { light, gloss, exposure, .. } = self.settings;
         if (light, exposure) == (LightChoice::Off, ExposureChoice::Off) {
@@ -639,7 +639,7 @@ impl Problem {
     }
 }
 
-/// A number that says which images in which poses are trained on.
+/// A number that identifies the training images and their poses.
 fn training_set(capture: &Capture, split: &Split) -> u32 {
     let poses: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     crc32fast::hash(format!("{:?} {:?} {poses:?}", split.views, capture.cameras).as_bytes())

@@ -50,8 +50,8 @@ pub struct TrainArgs {
     /// Replace the results of an earlier run in the folder.
     #[arg(long, conflicts_with = "resume")]
     force: bool,
-    /// Go on with the interrupted run in --out [default: the last one], as it was started; other options may be left out.
-    /// Without one there, begin if --capture is given.
+    /// Continue the interrupted run in --out [default: the last one], as it was started; other options may be omitted.
+    /// Without one there, start if --capture is given.
     #[arg(long)]
     resume: bool,
     /// Show the avatar in the viewer while it is trained, with the curve of its loss and images held out
@@ -59,7 +59,7 @@ pub struct TrainArgs {
     viewer: bool,
     #[command(flatten)]
     settings: SettingsArgs,
-    /// Time between two checkpoints, from which an interrupted run goes on [default: 1m]
+    /// Time between two checkpoints, from which an interrupted run continues [default: 1m]
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     checkpoint_every: Option<Duration>,
     /// Keep a checkpoint of every so many iterations, beside the last two, and after the run [default: 0, none]

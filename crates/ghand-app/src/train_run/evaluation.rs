@@ -155,7 +155,7 @@ fn print_alignment(figures: &AlignmentFigures) {
     }
     if let Some(calibration) = &figures.calibration {
         say!(
-            "           cameras refined ({}): images left out overlap the hand by {:.3}, {:.3} as given",
+            "           cameras refined ({}): held-out images overlap the hand by {:.3}, {:.3} as given",
             calibration.refined.join(", "),
             calibration.left_out_refined,
             calibration.left_out_given
@@ -195,7 +195,7 @@ fn print_exposure(fit: &ExposureFit) {
         "are alike enough: nothing is corrected".into()
     };
     say!("exposures: cameras {done}");
-    say!("           squared difference x 1000 between cameras in frames left out: {without:.2}, {with:.2} corrected");
+    say!("           squared difference x 1000 between cameras in held-out frames: {without:.2}, {with:.2} corrected");
 }
 
 fn print_light(report: &LightReport) {
@@ -204,7 +204,7 @@ fn print_light(report: &LightReport) {
     let LightFigures { none, lamps, transfer } = report.squared_error_left_out;
     say!("light: {kind}; found in {:.0} s", report.seconds);
     say!(
-        "       squared error x 1000 of frames left out: {:.2} without, {:.2} few lamps in an even sky, {:.2} all directions",
+        "       squared error x 1000 of held-out frames: {:.2} without, {:.2} few lamps in an even sky, {:.2} all directions",
         1e3 * none,
         1e3 * lamps,
         1e3 * transfer
@@ -217,7 +217,7 @@ fn print_light(report: &LightReport) {
     }
     if let Some(gloss) = &report.gloss {
         say!(
-            "       gloss of roughness {} and mean strength {:.2} leaves {:.0} % of how images of a frame left out differ",
+            "       gloss of roughness {} and mean strength {:.2} leaves {:.0} % of how images of a held-out frame differ",
             gloss.roughness,
             gloss.mean_strength,
             1e2 * gloss.squared_difference_left

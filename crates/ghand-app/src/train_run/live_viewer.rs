@@ -23,7 +23,7 @@ impl LiveViewer {
     pub fn open(folder: &Path, checkpoints: &Path) -> Option<LiveViewer> {
         // The error's remedy is that of the viewer.
         if check_display().is_err() {
-            log::warn!("--viewer: there is no display, so the run goes on without the viewer");
+            log::warn!("--viewer: there is no display, so the run continues without the viewer");
             return None;
         }
         Some(LiveViewer::with_program(viewer_program(), folder, checkpoints))
@@ -49,7 +49,7 @@ impl LiveViewer {
 
 impl Drop for LiveViewer {
     fn drop(&mut self) {
-        // The thread ends when there is no more to come.
+        // The thread ends when the channel is closed.
         self.avatars = None;
         if let Some(writer) = self.writer.take() {
             let _ = writer.join();
@@ -80,7 +80,7 @@ fn start(program: &Path, folder: &Path) {
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     if let Err(error) = command.spawn() {
         log::warn!(
-            "--viewer: {}: cannot be started: {error}; the run goes on without it (`cargo build --bin viewer` builds it)",
+            "--viewer: {}: cannot be started: {error}; the run continues without it (`cargo build --bin viewer` builds it)",
             program.display()
         );
     }

@@ -152,7 +152,7 @@ fn simplification_table(found: &Simplification) -> Markup {
     html! {
         h2 { "What the images require" }
         p {
-            "Trials of " (found.iterations) " iterations that left out " (found.frames_left_out) " frames, judged by "
+            "Trials of " (found.iterations) " iterations that held out " (found.frames_left_out) " frames, judged by "
             (found.images) " images of these. The avatar has what is printed in bold; the first line is as set."
         }
         table {
@@ -169,7 +169,7 @@ fn simplification_table(found: &Simplification) -> Markup {
             }
         }
         @if found.never_shown > 0 {
-            p { (found.never_shown) " of its Gaussians were left out in the end: no image shows them, nor other views of the hand." }
+            p { (found.never_shown) " of its Gaussians were removed in the end: no image or other view of the hand shows them." }
         }
     }
 }

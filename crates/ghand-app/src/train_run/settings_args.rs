@@ -18,7 +18,7 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
     /// What gives the Gaussians their properties: `direct`, free tables, or `network`, the paper's networks; `auto` is the
-    /// preset's, with as few Gaussians, bases and components as frames left out of short trainings require (simplify=auto)
+    /// preset's, with as few Gaussians, bases and components as frames held out of short trainings require (simplify=auto)
     #[arg(long, value_name = "NAME", value_parser = ["direct", "network", "auto"])]
     model: Option<String>,
     /// TOML file of settings, which change the preset's; as --print-config prints them
@@ -89,7 +89,7 @@ impl SettingsArgs {
         Ok(settings)
     }
 
-    /// The settings. Those of `align` may be chosen by how the run starts, unless file or options say so.
+    /// The settings. The start of the run may choose `align`, unless file or options set it.
     ///
     /// # Errors
     /// An error that names the file, the setting and what is allowed.

@@ -4,7 +4,7 @@ use crate::deform::baked::GROUP;
 
 use crate::template::Template;
 
-/// Skinning weights below this are left out; the others take their place.
+/// Skinning weights below this are dropped; the others take their place.
 const SMALLEST_WEIGHT: f64 = 0.004;
 /// Most joints of a Gaussian.
 const MOST_JOINTS: usize = 6;
@@ -55,7 +55,7 @@ fn stored_weights(template: &Template, p: usize) -> Vec<(usize, u16)> {
         (0..template.joint_count()).map(|k| (k, f64::from(template.weights[k * count + p]))).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     all.truncate(MOST_JOINTS);
-    // The largest stays, whatever it is.
+    // The largest always stays.
     let mut kept: Vec<(usize, f64)> = all.iter().take(1).copied().collect();
     kept.extend(all.into_iter().skip(1).filter(|(_, w)| *w >= SMALLEST_WEIGHT));
     let sum: f64 = kept.iter().map(|(_, w)| w).sum();

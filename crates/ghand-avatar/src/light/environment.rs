@@ -8,7 +8,7 @@ use super::{Light, LightKind};
 /// Up in the world: cameras follow OpenCV, whose y axis points down.
 const UP: DVec3 = DVec3::NEG_Y;
 
-/// Why a panorama is no light.
+/// Why a panorama cannot be a light.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PanoramaError {
     /// It is not twice as wide as high.
@@ -71,7 +71,7 @@ impl Light {
     /// set to 1, which is that of the capture's light.
     ///
     /// # Errors
-    /// [`PanoramaError`] says what is wrong with it.
+    /// [`PanoramaError`] names its fault.
     pub fn of_panorama(width: usize, height: usize, pixels: &[[f32; 3]]) -> Result<Light, PanoramaError> {
         if height == 0 || width != 2 * height || pixels.len() != width * height {
             return Err(PanoramaError::Shape { width, height });

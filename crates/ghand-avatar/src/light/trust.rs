@@ -1,8 +1,8 @@
 //! How far the light of a capture may be trusted.
 //!
-//! Images tell how much light falls on the normals that they show. What falls on others, such as on a palm in a capture of
-//! the back of a hand, is a guess. There the light falls back to the mean over what the images show, smoothly:
-//! skin there is as bright as skin in the images is on average.
+//! Images determine how much light falls on the normals that they show. What falls on others, such as on a palm in a
+//! capture of the back of a hand, is a guess. There the light falls back to the mean over what the images show,
+//! smoothly: skin there is as bright as skin in the images is on average.
 
 use ghand_core::light::{DIRECTION_COUNT, cosine_transfer, directions, harmonics};
 use glam::{DQuat, DVec3};

@@ -1,4 +1,4 @@
-//! Numbers of a scene that are probably not what its format says.
+//! Numbers of a scene that probably contradict its format.
 
 use ghand_render::splat::SplatModel;
 use glam::DVec3;
@@ -6,8 +6,8 @@ use glam::DVec3;
 use super::SplatScene;
 
 impl SplatScene {
-    /// Sentences on numbers that are probably not stored as the format says: sizes that are no logarithms, opacities that are
-    /// no logits.
+    /// Sentences on numbers that probably contradict the format: sizes that are not logarithms, opacities that are not
+    /// logits.
     pub fn suspicions(&self) -> Vec<String> {
         let mut found = vec![];
         if let Some(extent) = self.extent().filter(|extent| self.has_plain_sizes(*extent)) {

@@ -1,4 +1,4 @@
-//! Whoever looks on while an avatar is trained.
+//! A preview of the avatar while it is trained.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ use ghand_avatar::Avatar;
 /// Takes an avatar.
 type Show<'a> = Box<dyn FnMut(Avatar) + 'a>;
 
-/// Gets the avatar as it is now and then.
+/// Receives a copy of the avatar, at most once per interval.
 pub(super) struct Onlooker<'a> {
     every: Duration,
     shown: Option<Instant>,
@@ -19,7 +19,7 @@ impl<'a> Onlooker<'a> {
         Onlooker { every, shown: None, show: Box::new(show) }
     }
 
-    /// Whether the last avatar is old; at first there is none.
+    /// Whether the interval since the last avatar has passed, or none was shown yet.
     pub fn is_due(&self) -> bool {
         self.shown.is_none_or(|shown| shown.elapsed() >= self.every)
     }

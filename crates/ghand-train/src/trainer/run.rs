@@ -1,4 +1,4 @@
-//! What changes while a run goes on, beside what is learned.
+//! What changes during a run, beside what is learned.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -8,7 +8,7 @@ use super::onlooker::Onlooker;
 use crate::checkpoint::{Checkpoint, CurvePoint, StageState};
 use crate::checkpoints::Checkpoints;
 
-/// A run: what it has measured and saved, who looks on, and whether it is to stop.
+/// A run: what it has measured and saved, its preview, and whether a stop was requested.
 pub(super) struct Run<'a> {
     pub curve: Vec<CurvePoint>,
     pub stop: Option<&'a AtomicBool>,

@@ -1,7 +1,7 @@
 //! An avatar as simple as its images allow (`simplify=auto`).
 //!
-//! Short trainings leave some frames out and are judged by the images of these. The first is as set; then one part after
-//! the other is left out or made smaller, as long as that costs little.
+//! Short trainings hold some frames out and are judged by the images of these. The first is as set; then one part after
+//! the other is removed or made smaller, as long as that costs little.
 
 use std::fmt;
 use std::sync::atomic::AtomicBool;
@@ -24,7 +24,7 @@ use ghand_fit::texel_frames::evenly;
 use ghand_fit::views::TrainViews;
 use ghand_measure::outline::bent_outline;
 
-/// One frame in so many is left out, if there are enough.
+/// One in this many frames is held out, if there are enough.
 const HOLD_OUT: usize = 4;
 /// Fewer frames cannot be divided: the avatar is as set.
 const LEAST_FRAMES: usize = 4;
@@ -33,10 +33,10 @@ const JUDGED_IMAGES: usize = 24;
 /// A trial has this part of the run's iterations, within these bounds.
 const PART_OF_RUN: u64 = 6;
 const ITERATIONS: [u64; 2] = [40, 250];
-/// What all that is left out may cost together in a trial, dB. Long runs have lost up to a quarter more by it.
+/// Most that all removals together may cost in a trial, dB. Long runs have lost up to a quarter more.
 const MOST_LOSS: f64 = 0.15;
-/// Loose coverage with bent fingers, which the images left out need not show: a trial is not taken if it has more than this and
-/// more than so many times what the first one has.
+/// Loose coverage with bent fingers, which the held-out images need not show: a trial is rejected if it has more than
+/// `MOST_LOOSE`, and more than `MORE_LOOSE` times what the first one has.
 const MOST_LOOSE: f64 = 2e-3;
 const MORE_LOOSE: f64 = 1.2;
 /// The part of a run's limited time after which no further trial begins.
@@ -46,7 +46,7 @@ const COARSER: f64 = 0.85;
 const COARSEST: u32 = 16;
 /// Merged are the texels that no image shows, then these parts of those that images show, the smallest there first.
 const MERGED: [f64; 3] = [0.25, 0.5, 0.75];
-/// One in so many texels must be hidden to be worth a trial.
+/// One in this many texels must be hidden to be worth a trial.
 const LEAST_HIDDEN: usize = 50;
 
 /// A short training.
@@ -56,7 +56,7 @@ pub struct Trial {
     pub changes: Vec<String>,
     /// Number of Gaussians.
     pub gaussians: usize,
-    /// Mean PSNR of the images left out, dB.
+    /// Mean PSNR of the held-out images, dB.
     pub psnr: f64,
     /// [Loose coverage](ghand_measure::outline) with bent fingers, relative to the hand; `None` if the model has no named poses.
     #[serde(default)]
@@ -79,7 +79,7 @@ impl fmt::Display for Trial {
 /// What was tried, and what was taken of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Simplification {
-    /// Number of frames left out.
+    /// Number of held-out frames.
     pub frames_left_out: usize,
     /// Number of their images by which the trials were judged.
     pub images: usize,
@@ -89,7 +89,7 @@ pub struct Simplification {
     pub trials: Vec<Trial>,
     /// Index of the one that was taken.
     pub taken: usize,
-    /// Number of Gaussians that were left out after training because nothing shows them.
+    /// Number of Gaussians that were removed after training because nothing shows them.
     #[serde(default)]
     pub never_shown: usize,
 }
@@ -117,7 +117,7 @@ impl Simplification {
         let what = if taken.changes.is_empty() { "as set".into() } else { taken.changes.join(", ") };
         format!(
             "as the images require: {what}; {} Gaussians instead of {}{hidden}, {:.1} ms an iteration instead of {:.1}, \
-             {:.1} MB instead of {:.1}, {:+.2} dB in {} images of {} frames left out",
+             {:.1} MB instead of {:.1}, {:+.2} dB in {} images of {} held-out frames",
             taken.gaussians,
             set.gaussians,
             taken.iteration_ms,
@@ -131,7 +131,7 @@ impl Simplification {
     }
 }
 
-/// Iterations of a trial in a run of so many.
+/// Iterations of a trial in a run of `run` iterations.
 fn trial_iterations(run: u64) -> u64 {
     (run / PART_OF_RUN).clamp(ITERATIONS[0], ITERATIONS[1])
 }

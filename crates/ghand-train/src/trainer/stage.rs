@@ -55,7 +55,7 @@ pub(super) struct StageResult {
     pub poses: Vec<Pose>,
     /// Iterations of this stage.
     pub iterations: u64,
-    /// Whether it was told to stop.
+    /// Whether a stop was requested.
     pub stopped: bool,
     /// Its steps without a finite gradient, which changed nothing.
     pub skipped_steps: u64,
@@ -213,7 +213,7 @@ impl Problem {
             }
             seen = Some(weights);
         }
-        // A run that was told to stop may be where the loss rises before it falls.
+        // Where a stop was requested, the loss may still rise before it falls.
         if !told_to_stop {
             check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         }
@@ -233,7 +233,7 @@ impl Problem {
         })
     }
 
-    /// Shows the avatar that a step has learned so far, if somebody looks on and the last one is old. `start` is the
+    /// Shows the avatar that a step has learned so far, if there is a preview and the last one is old. `start` is the
     /// stage's first avatar.
     fn show_onlooker(
         &self,

@@ -11,7 +11,7 @@ const PREFETCHED: usize = 16;
 /// Multiples of the golden section are spread evenly over the numbers between 0 and 1.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// The order follows from the seed and the weights alone, so that a run which goes on need only repeat it.
+/// The order follows from the seed and the weights alone, so that a resumed run need only repeat it.
 pub(super) struct ViewOrder<'a> {
     views: &'a TrainViews,
     /// Views of one frame in each step.
@@ -26,7 +26,7 @@ pub(super) struct ViewOrder<'a> {
 
 impl<'a> ViewOrder<'a> {
     /// Up to `together` views of a frame come together, each view in a part `weights` of the passes. The first `skipped`
-    /// steps are left out.
+    /// steps are skipped.
     pub fn new(views: &'a TrainViews, weights: Vec<f64>, seed: u64, together: usize, skipped: u64) -> ViewOrder<'a> {
         let (rng, order) = (ChaCha8Rng::seed_from_u64(seed), vec![]);
         let mut order = ViewOrder { views, together, rng, turns: Turns::new(weights), order, frames: vec![] };

@@ -1,4 +1,4 @@
-//! What a run of `train` does, and where: by its options, or by the record of the run that it goes on with.
+//! What a run of `train` does, and where: by its options, or by the record of the run that it resumes.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -102,7 +102,7 @@ impl TrainArgs {
         })
     }
 
-    /// The run in a folder, and whether it goes on; `None` if it has ended.
+    /// The run in a folder, and whether it is resumed; `None` if it has ended.
     fn record_in(&self, folder: &RunFolder) -> anyhow::Result<Option<(RunRecord, bool)>> {
         let asked = self.record()?;
         if !self.resume {
@@ -141,8 +141,8 @@ impl TrainArgs {
             && let Some((key, then, now)) = record.settings.first_difference(&asked.settings)
         {
             bail!(
-                "--resume: the setting `{key}` was {then} when the run in {} began, and is {now} now; leave out the options \
-                 of settings",
+                "--resume: the setting `{key}` is {now}, but the run in {} was started with {then}; omit the options of \
+                 settings",
                 folder.path().display()
             );
         }

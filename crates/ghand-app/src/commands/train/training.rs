@@ -24,7 +24,7 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 /// Least time between two writings of the files that show how the run goes.
 const LIVE_EVERY: Duration = Duration::from_secs(10);
 
-/// Trains, from the last checkpoint on if the run goes on, and says what came of it.
+/// Trains, from the last checkpoint on if the run is resumed, and prints the outcome.
 pub(super) fn train(
     args: &TrainArgs,
     plan: &Plan,

@@ -7,7 +7,7 @@ use ghand_render::RenderError;
 const MOMENTUM: f32 = 0.05;
 
 /// How many times its usual norm a gradient may have. Tables need no limit: Adam moves a number by no more than 3.2 times
-/// its rate, whatever its gradient.
+/// its rate, for any gradient.
 const LONGEST: f32 = 10.0;
 
 /// What norm the gradient of all parameters together usually has.

@@ -78,7 +78,7 @@ pub(crate) fn gaussian_uvs(model: &HandModel, uv_resolution: u32) -> Result<Vec<
 
 /// Corners between which a bilinear sample lies, as texels of a map of `side` x `side`, and how much each counts.
 pub(super) fn bilinear(uv: DVec2, side: usize) -> [(usize, f64); 4] {
-    // Texel centres are at whole numbers; beyond the outermost the map goes on as it ends.
+    // Texel centres are at whole numbers; beyond the outermost the map continues with its last value.
     let at = (uv * side as f64 - 0.5).clamp(DVec2::ZERO, DVec2::splat((side - 1) as f64));
     let low = at.floor().min(DVec2::splat(side.saturating_sub(2) as f64));
     let part = at - low;
