@@ -1,5 +1,5 @@
 //! Draws an avatar into the render pass of another program, which has its own device, its own meshes and its own depth:
-//! here a board with a slit, through which the fingers reach. Writes `pass.png`.
+//! here a board, through which the hand reaches. Writes `pass.png`.
 //!
 //!     cargo run --example draw_into_a_pass [AVATAR.ghand]
 

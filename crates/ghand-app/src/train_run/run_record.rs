@@ -45,6 +45,9 @@ pub struct RunRecord {
     /// Of every how many iterations a checkpoint is kept, if it was given.
     #[serde(default)]
     pub keep_checkpoints: Option<u64>,
+    /// An option of ghand 0.1 that was removed.
+    #[serde(default, skip_serializing)]
+    pub quality: Option<String>,
 }
 
 impl RunRecord {
@@ -59,7 +62,13 @@ impl RunRecord {
         let name = path.display();
         let bytes = input_file::read(path, LARGEST_RECORD).with_context(|| format!("{name}: cannot be read"))?;
         let bytes = bytes.ok_or_else(|| anyhow!("{name}: is too large for the record of a run"))?;
-        let record = serde_json::from_slice(&bytes).map_err(|error| anyhow!("{name}: {}", plain_json_error(&error)))?;
+        let record: RunRecord =
+            serde_json::from_slice(&bytes).map_err(|error| anyhow!("{name}: {}", plain_json_error(&error)))?;
+        if let Some(quality) = &record.quality {
+            log::warn!(
+                "{name}: --quality {quality} was removed in 0.2 and is ignored; `viewer --baked` bakes what it shows"
+            );
+        }
         Ok(Some(record))
     }
 
@@ -105,6 +114,8 @@ mod tests {
         assert_eq!(record.checkpoint_every, Some(Duration::from_millis(100)));
         record.save(&path).unwrap();
         let again: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(record.quality.as_deref(), Some("balanced"));
+        json.as_object_mut().unwrap().remove("quality");
         assert_eq!(again, json);
         json["captures"] = Value::Null;
         std::fs::write(&path, json.to_string()).unwrap();

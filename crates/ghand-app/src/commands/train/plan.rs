@@ -99,6 +99,7 @@ impl TrainArgs {
             ignore_checks: self.ignore_checks,
             checkpoint_every: self.checkpoint_every,
             keep_checkpoints: self.keep_checkpoints,
+            quality: None,
         })
     }
 
