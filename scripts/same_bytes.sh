@@ -105,7 +105,8 @@ hashes_of() {
 old=$(hashes_of "$1")
 new=$(hashes_of "$2")
 count=$(wc -l <"$new")
-if diff "$old" "$new" | grep '^[<>]'; then
+if ! differences=$(diff "$old" "$new"); then
+    grep '^[<>]' <<<"$differences"
     echo "same_bytes: $1 and $2 differ" >&2
     exit 1
 fi

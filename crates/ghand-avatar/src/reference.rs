@@ -11,7 +11,6 @@ use crate::deform::baked::BakedTables;
 use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
 use ghand_core::posing::pose_hand;
-#[cfg(feature = "networks")]
 use ghand_core::skinning::{Skinning, skin_normals};
 use ghand_core::{InvalidHandModel, Pose};
 use ghand_hand_model::HandModelError;
