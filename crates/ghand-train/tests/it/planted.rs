@@ -161,8 +161,9 @@ fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
     let (full, with) = planted.train(&settings(Components::Full));
     let residual = rms(planted.seen(&full).into_iter().flat_map(|p| effective_weights(&full.avatar, p)));
     println!("plain skinning: hgbs {hgbs:.2} dB, full {with:.2} dB; residual weights of {residual:.4}");
-    assert!(with < hgbs + 0.3, "hgbs {hgbs} dB, full {with} dB");
-    assert!(residual < 0.01, "residual weights of {residual}");
+    // Measured: 42.99 and 41.59 dB, 0.0054.
+    assert!((hgbs - 2.0..hgbs + 0.3).contains(&with), "hgbs {hgbs} dB, full {with} dB");
+    assert!(residual < 0.007, "residual weights of {residual}");
 }
 
 #[test]
@@ -196,8 +197,9 @@ fn where_the_weights_are_other_ones_they_are_recovered() {
     println!(
         "perturbed weights: hgbs {hgbs:.2} dB, weights {with:.2} dB, full {full:.2} dB; weights off by {error:.4} of {size:.4}"
     );
-    assert!(with > hgbs && full > hgbs, "hgbs {hgbs} dB, weights {with} dB, full {full} dB");
-    assert!(error < 0.9 * size, "weights off by {error} of {size}");
+    // Measured: 39.00, 39.62 and 39.62 dB; off by 0.86 of the size, where without learning it is all.
+    assert!(with.min(full) > hgbs + 0.4, "hgbs {hgbs} dB, weights {with} dB, full {full} dB");
+    assert!(error < 0.88 * size, "weights off by {error} of {size}");
 }
 
 #[test]
@@ -244,5 +246,6 @@ fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
         1e3 * of_bases,
         1e3 * size
     );
-    assert!(of_bases < 0.8 * size, "offsets off by {of_bases} m of {size} m");
+    // Measured: 0.46.
+    assert!(of_bases < 0.55 * size, "offsets off by {of_bases} m of {size} m");
 }
