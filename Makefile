@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test viewer check
+.PHONY: help setup demo test test-long viewer check deny
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -14,7 +14,7 @@ with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
 	fi;
 
 help: ## This list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
@@ -32,6 +32,9 @@ test: setup ## Run all tests
 	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
 	exit $$status
 
+test-long: ## Run all tests, with several times as many random cases
+	@GHAND_LONG_TESTS=1 $(MAKE) test
+
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
 
@@ -39,3 +42,6 @@ check: ## Formatting and lints
 	@cargo fmt --all --check
 	@cargo clippy --workspace --all-targets -- -D warnings
 	@cargo clippy --workspace --all-targets --features gpu-networks -- -D warnings
+
+deny: ## Licences, advisories and duplicates of dependencies (needs cargo-deny)
+	@cargo deny check
