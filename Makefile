@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test viewer check libraries
+.PHONY: help setup demo test test-long viewer check libraries deny
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -14,7 +14,7 @@ with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
 	fi;
 
 help: ## This list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
@@ -32,6 +32,9 @@ test: setup ## Run all tests
 	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
 	exit $$status
 
+test-long: ## Run all tests, with several times as many random cases
+	@GHAND_LONG_TESTS=1 $(MAKE) test
+
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
 
@@ -43,3 +46,6 @@ check: ## Formatting and lints
 libraries: ## Build the crates for browsers, and pack the splatter for other programs
 	@bash scripts/check_wasm.sh
 	@cargo package --quiet -p ghand-core -p ghand-render --allow-dirty
+
+deny: ## Licences, advisories and duplicates of dependencies (needs cargo-deny)
+	@cargo deny check

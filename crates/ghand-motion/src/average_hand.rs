@@ -47,3 +47,17 @@ pub(crate) fn average_hand(side: Side) -> Result<RestSkeleton, PoseError> {
     let joints = JOINTS.map(|joint| joint * mirror);
     RestSkeleton::from_rest_pose("average hand", side, &names, &PARENTS, &joints, TIPS.map(|tip| tip * mirror))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_hands::procedural;
+
+    #[test]
+    fn it_is_the_skeleton_of_the_procedural_hand() {
+        for side in [Side::Right, Side::Left] {
+            let hand = RestSkeleton::of(procedural(side)).unwrap();
+            assert_eq!(average_hand(side).unwrap(), RestSkeleton { name: "average hand".into(), ..hand });
+        }
+    }
+}

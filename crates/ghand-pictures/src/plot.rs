@@ -285,12 +285,15 @@ mod tests {
     #[test]
     fn plots_without_points_and_with_one_are_drawn() {
         let empty = LinePlot { title: "none".into(), axes: Default::default(), series: vec![] };
-        empty.to_image().unwrap();
+        // Its title.
+        assert!(dark(&empty.to_image().unwrap()) > 50);
         for value in [0.0, -3.0, f64::NAN] {
             let series = vec![Series { name: "a".into(), points: vec![(1.0, value)] }];
-            LinePlot { series, ..empty.clone() }.to_svg().unwrap();
+            let svg = LinePlot { series, ..empty.clone() }.to_svg().unwrap();
+            assert!(svg.contains("none") && !svg.contains("NaN"), "{svg}");
             let rows = vec![("a".to_owned(), [value; 3])];
-            IntervalPlot { title: "a".into(), axis: "dB".into(), rows }.to_image().unwrap();
+            let image = IntervalPlot { title: "a".into(), axis: "dB".into(), rows }.to_image().unwrap();
+            assert!(dark(&image) > 50);
         }
     }
 }

@@ -38,7 +38,7 @@ const SHAPES: [[f64; 5]; 9] = [
 
 /// Bends of the thumb's joints where it is closed, radians.
 const LARGEST_BENDS_OF_THUMB: [f64; 3] = [0.45, 0.50, 0.80];
-/// How much farther than the procedural hand's a person's fingers close.
+/// How much farther than another hand's a person's fingers close.
 const HUMAN_BEND: f64 = 1.15;
 /// The part of the angle between fingers that is gone where their knuckles are bent at right angles.
 const CONVERGENCE: f64 = 0.5;
@@ -62,7 +62,7 @@ impl Gesture {
                 [vary(rng, 1.15 * closed), vary(rng, 0.04 + 1.40 * closed), vary(rng, 0.03 + 0.85 * closed)]
             });
             // Fingers at the edge spread most; closed fingers cannot.
-            // The procedural hand's wrist is at the origin up to rounding, which should not change its motions.
+            // A wrist that is at the origin up to rounding should not change the motions.
             let wrist = if anatomy.folded_thumb.is_some() { anatomy.wrist.z } else { 0.0 };
             let across = finger.points[0].z - wrist;
             let side = if finger.is_thumb { 0.0 } else { across / (0.035 * anatomy.scale) };
@@ -109,7 +109,7 @@ impl Gesture {
         pose
     }
 
-    /// Rotations of finger `i` of the procedural hand.
+    /// Rotations of finger `i` of a hand that is not the built-in one.
     fn mannequin_finger(&self, finger: &Finger, i: usize) -> [DVec3; 3] {
         [0, 1, 2].map(|k| {
             let mut turn = rotation_from_axis_angle(finger.bend_axis(k) * self.bends[i][k]);

@@ -1,6 +1,7 @@
 //! The examples run and write the files that they announce.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -15,7 +16,14 @@ fn run(name: &str, writes: &str, says: &str) {
     let output = Command::new(example(name)).current_dir(folder.path()).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && text.contains(says), "{name}: {text}");
-    assert!(folder.path().join(writes).metadata().unwrap().len() > 1000, "{name}: {writes}");
+    let path = folder.path().join(writes);
+    if writes.ends_with(".png") {
+        let colors: HashSet<[u8; 3]> = image::open(path).unwrap().into_rgb8().pixels().map(|pixel| pixel.0).collect();
+        assert!(colors.len() > 100, "{name}: {writes} has {} colours", colors.len());
+    } else {
+        let avatar = ghand::avatar::Avatar::load(&path).unwrap();
+        assert!(avatar.seen.is_some(), "{name}: {writes} is not trained");
+    }
 }
 
 #[test]

@@ -221,18 +221,6 @@ fn a_file_truncated_anywhere_is_an_error_not_a_panic() {
 }
 
 #[test]
-fn a_file_with_any_byte_changed_never_panics() {
-    let glb = SmallHand::new().glb();
-    for at in 0..glb.len() {
-        for value in [255, glb[at] ^ 1] {
-            let mut damaged = glb.clone();
-            damaged[at] = value;
-            let _ = read_bytes(&damaged);
-        }
-    }
-}
-
-#[test]
 fn a_missing_file_is_named() {
     let message = read_gltf(Path::new("no/such/hand.glb")).unwrap_err().to_string();
     assert!(message.contains("no/such/hand.glb"), "{message}");

@@ -133,6 +133,9 @@ mod tests {
 
     #[test]
     fn a_plot_without_panels_or_names_is_drawn() {
-        PanelPlot { title: "none".into(), names: vec![], panels: vec![] }.to_image().unwrap();
+        let plot = PanelPlot { title: "none".into(), names: vec![], panels: vec![] };
+        let image = plot.to_image().unwrap();
+        assert_eq!([image.width(), image.height()], plot.size());
+        assert!(plot.to_svg().unwrap().contains("none"));
     }
 }

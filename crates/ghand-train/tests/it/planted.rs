@@ -158,8 +158,9 @@ fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
     let (full, with) = planted.train(&settings(Components::Full));
     let residual = rms(planted.seen(&full).into_iter().flat_map(|p| effective_weights(&full.avatar, p)));
     println!("plain skinning: hgbs {hgbs:.2} dB, full {with:.2} dB; residual weights of {residual:.4}");
-    assert!(with < hgbs + 0.3, "hgbs {hgbs} dB, full {with} dB");
-    assert!(residual < 0.01, "residual weights of {residual}");
+    // Measured: 42.99 and 41.59 dB, 0.0054.
+    assert!((hgbs - 2.0..hgbs + 0.3).contains(&with), "hgbs {hgbs} dB, full {with} dB");
+    assert!(residual < 0.007, "residual weights of {residual}");
 }
 
 #[test]
@@ -238,5 +239,6 @@ fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
         1e3 * of_bases,
         1e3 * size
     );
-    assert!(of_bases < 0.8 * size, "offsets off by {of_bases} m of {size} m");
+    // Measured: 0.46.
+    assert!(of_bases < 0.55 * size, "offsets off by {of_bases} m of {size} m");
 }
