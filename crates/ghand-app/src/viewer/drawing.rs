@@ -14,7 +14,7 @@ use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
-use crate::commands::explain::pose_properties::PoseProperties;
+use ghand_avatar::pose_properties::PoseProperties;
 use crate::viewer::frame_times::STAGES;
 use crate::viewer::picture::PictureInputs;
 

@@ -12,7 +12,7 @@ use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
-use crate::commands::explain::pose_properties::PoseProperties;
+use ghand_avatar::pose_properties::PoseProperties;
 use crate::viewer::drawing::{Drawing, GaussianColors};
 use crate::viewer::frame_times::{FrameTimes, STAGES, StageTimes};
 use crate::viewer::subject::Subject;

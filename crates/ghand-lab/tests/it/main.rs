@@ -6,4 +6,5 @@ mod common;
 
 mod ablate;
 mod bench;
+mod explain;
 mod stress;

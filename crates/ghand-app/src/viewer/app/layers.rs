@@ -6,7 +6,7 @@ use ghand_core::Pose;
 use ghand_render::RenderError;
 use glam::DVec3;
 
-use crate::commands::explain::pose_properties::PoseProperties;
+use ghand_avatar::pose_properties::PoseProperties;
 use crate::viewer::app::Viewer;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::layer::{Layer, LayerInputs};

@@ -8,7 +8,7 @@ use ghand_render::viridis::viridis;
 use glam::DVec3;
 
 use super::*;
-use crate::commands::explain::color_scale::diverging;
+use ghand_pictures::color_scale::diverging;
 use crate::viewer::layer::Layer;
 use crate::viewer::picture::tests::pixels;
 
