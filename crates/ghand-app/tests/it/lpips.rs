@@ -110,6 +110,4 @@ fn an_unusable_file_of_weights_is_one_sentence() {
         assert_one_sentence(&evaluate(path, "out", &["--lpips", file]), &["--lpips", file, problem]);
         assert!(!path.join("out").exists());
     }
-    let library = ["--poses", "library", "--lpips", "squeeze.safetensors"];
-    assert_one_sentence(&evaluate(path, "out", &library), &["--poses", "--lpips"]);
 }
