@@ -2,16 +2,16 @@
 """Makes a file of LPIPS weights for `--lpips` of `train` and `ghand evaluate`.
 
     pip install lpips torchvision
-    python scripts/lpips_weights.py --net alex --out alex.safetensors
+    python scripts/lpips_weights.py --out alex.safetensors
 
-The backbone's weights are torchvision's, which it downloads when it is first asked for them; the linear layers are those
-of the `lpips` package, version 0.1. With `--backbone FILE` (torchvision's `.pth` file of AlexNet, VGG16 or
-SqueezeNet 1.1) neither torch nor torchvision is needed, with `--linear FILE` the package `lpips` is not needed: only
-NumPy. Both kinds of weights have licences of their own; neither is part of this project.
+AlexNet's weights are torchvision's, which it downloads when it is first asked for them; the linear layers are those of
+the `lpips` package, version 0.1. With `--backbone FILE` (torchvision's `.pth` file of AlexNet) neither torch nor
+torchvision is needed, with `--linear FILE` the package `lpips` is not needed: only NumPy. Both kinds of weights have
+licences of their own; neither is part of this project.
 
 The file is a safetensors file, all F32: the convolutions under torchvision's names (`features.0.weight`,
-`features.0.bias`, ...; `features.3.squeeze.weight`, ... of SqueezeNet), the channel weights of each compared layer as
-`linear.0`, ..., and optionally `lpips_backbone` and `lpips_version` (`0.1`) in the metadata.
+`features.0.bias`, ...), the channel weights of each compared layer as `linear.0`, ..., and optionally `lpips_backbone`
+(`alex`) and `lpips_version` (`0.1`) in the metadata.
 """
 
 import argparse
@@ -28,18 +28,8 @@ from pathlib import Path
 import numpy as np
 
 # Indices of the convolutions in torchvision's `features`, and channels of the compared layers.
-CONVOLUTIONS = {
-    "alex": ["0", "3", "6", "8", "10"],
-    "vgg": ["0", "2", "5", "7", "10", "12", "14", "17", "19", "21", "24", "26", "28"],
-    "squeeze": ["0"]
-    + [f"{k}.{part}" for k in (3, 4, 6, 7, 9, 10, 11, 12) for part in ("squeeze", "expand1x1", "expand3x3")],
-}
-CHANNELS = {
-    "alex": [64, 192, 384, 256, 256],
-    "vgg": [64, 128, 256, 512, 512],
-    "squeeze": [64, 128, 256, 384, 384, 512, 512],
-}
-TORCHVISION_NAMES = {"alex": "alexnet", "vgg": "vgg16", "squeeze": "squeezenet1_1"}
+CONVOLUTIONS = ["0", "3", "6", "8", "10"]
+CHANNELS = [64, 192, 384, 256, 256]
 STORAGES = {"FloatStorage": "<f4", "DoubleStorage": "<f8", "HalfStorage": "<f2", "LongStorage": "<i8"}
 
 
@@ -133,25 +123,24 @@ def read_tensors(path):
     return tensors
 
 
-def backbone_tensors(net, path):
+def backbone_tensors(path):
     if path is not None:
         return path, read_tensors(path)
     try:
         import torchvision
     except ImportError as error:
         raise WrongFile(f"torchvision cannot be imported ({error}): pip install torchvision, or give --backbone") from error
-    name = TORCHVISION_NAMES[net]
-    model = getattr(torchvision.models, name)(weights="IMAGENET1K_V1")
-    return f"torchvision's {name}", {key: value.numpy() for key, value in model.state_dict().items()}
+    model = torchvision.models.alexnet(weights="IMAGENET1K_V1")
+    return "torchvision's alexnet", {key: value.numpy() for key, value in model.state_dict().items()}
 
 
-def linear_tensors(net, path):
+def linear_tensors(path):
     if path is None:
         # Found without importing the package, which would need torch.
         package = importlib.util.find_spec("lpips")
         if package is None or package.origin is None:
             raise WrongFile("the package lpips is not installed: pip install lpips, or give --linear")
-        path = Path(package.origin).parent / "weights" / "v0.1" / f"{net}.pth"
+        path = Path(package.origin).parent / "weights" / "v0.1" / "alex.pth"
     return path, read_tensors(path)
 
 
@@ -183,33 +172,32 @@ def write_safetensors(path, tensors, metadata):
     os.replace(part, path)
 
 
-def convert(net, backbone, linear, out):
-    source, from_backbone = backbone_tensors(net, backbone)
+def convert(backbone, linear, out):
+    source, from_backbone = backbone_tensors(backbone)
     tensors = {}
-    for name in CONVOLUTIONS[net]:
+    for name in CONVOLUTIONS:
         for part in ("weight", "bias"):
             key = f"features.{name}.{part}"
             tensors[key] = tensor(source, from_backbone, key)
-    source, from_linear = linear_tensors(net, linear)
-    for tap, channels in enumerate(CHANNELS[net]):
+    source, from_linear = linear_tensors(linear)
+    for tap, channels in enumerate(CHANNELS):
         weights = tensor(source, from_linear, f"lin{tap}.model.1.weight", (1, channels, 1, 1))
         tensors[f"linear.{tap}"] = weights.reshape(channels)
-    write_safetensors(out, tensors, {"lpips_backbone": net, "lpips_version": "0.1"})
+    write_safetensors(out, tensors, {"lpips_backbone": "alex", "lpips_version": "0.1"})
     return sum(array.size for array in tensors.values())
 
 
 def main():
     parser = argparse.ArgumentParser(description="Makes a file of LPIPS weights for ghand.")
-    parser.add_argument("--net", choices=sorted(CHANNELS), required=True, help="the backbone")
     parser.add_argument("--out", type=Path, required=True, help="the safetensors file to write")
     parser.add_argument("--backbone", type=Path, help="torchvision's .pth file [default: torchvision downloads it]")
-    parser.add_argument("--linear", type=Path, help="the lpips package's weights/v0.1/NET.pth [default: as installed]")
+    parser.add_argument("--linear", type=Path, help="the lpips package's weights/v0.1/alex.pth [default: as installed]")
     args = parser.parse_args()
     try:
-        count = convert(args.net, args.backbone, args.linear, args.out)
+        count = convert(args.backbone, args.linear, args.out)
     except (WrongFile, OSError) as error:
         sys.exit(f"error: {error}")
-    print(f"{args.out}: {count} weights of `{args.net}`")
+    print(f"{args.out}: {count} weights of AlexNet")
 
 
 if __name__ == "__main__":

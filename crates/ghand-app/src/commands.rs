@@ -3,7 +3,6 @@
 pub mod bake;
 pub mod capture;
 pub mod evaluate;
-pub mod explain;
 pub mod export;
 pub mod inspect;
 pub mod pose;

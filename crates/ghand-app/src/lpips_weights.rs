@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ghand_capture::Capture;
-use ghand_measure::lpips::Lpips;
+use ghand_measure::lpips::{BACKBONE, Lpips};
 use serde::{Deserialize, Serialize};
 
 use crate::say;
@@ -36,7 +36,7 @@ impl LpipsWeights {
             return Ok(None);
         };
         let lpips = Lpips::load(path).context("--lpips")?;
-        say!("LPIPS: backbone `{}`, from {}", lpips.backbone(), path.display());
+        say!("LPIPS: backbone `{BACKBONE}`, from {}", path.display());
         Ok(Some(Arc::new(lpips)))
     }
 }

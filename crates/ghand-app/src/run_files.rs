@@ -12,10 +12,6 @@ pub const METRICS_FILE: &str = "metrics.json";
 pub const REPORT_FILE: &str = "report.png";
 /// The template's outlines before and after the alignment, in a run's folder.
 pub const ALIGN_FILE: &str = "align.png";
-/// The figures on the pose library, in an evaluation's folder.
-pub const CLEANLINESS_FILE: &str = "cleanliness.json";
-/// The picture of the pose library, in an evaluation's folder.
-pub const CLEANLINESS_SHEET: &str = "cleanliness.png";
 /// The settings of a run, in its folder; `train --config` takes them.
 pub const CONFIG_FILE: &str = "config.toml";
 /// A run on one page.
@@ -27,7 +23,7 @@ pub const CURVES_PLOT: &str = "curves.png";
 /// Images held out above the avatar.
 pub const PREVIEW: &str = "preview.png";
 /// All results of a run or an evaluation.
-pub const RESULTS: [&str; 13] = [
+pub const RESULTS: [&str; 11] = [
     AVATAR_FILE,
     CAMERAS_FILE,
     CONFIG_FILE,
@@ -39,8 +35,6 @@ pub const RESULTS: [&str; 13] = [
     CURVES_TABLE,
     CURVES_PLOT,
     PREVIEW,
-    CLEANLINESS_FILE,
-    CLEANLINESS_SHEET,
 ];
 /// The folder in a run's folder that has what an interrupted run needs to go on.
 pub const CHECKPOINTS: &str = "checkpoints";

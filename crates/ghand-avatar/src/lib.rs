@@ -11,6 +11,7 @@ pub mod light;
 pub mod local_thickness;
 pub mod neighbors;
 pub mod ply;
+pub mod pose_properties;
 pub mod posed_avatar;
 pub mod posed_hand;
 pub mod properties;

@@ -7,7 +7,7 @@
 )]
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use ghand_measure::lpips::{Backbone, Lpips, Pair};
+use ghand_measure::lpips::{Lpips, Pair};
 
 /// Width and height of the crops.
 const SIZES: [[u32; 2]; 2] = [[200, 300], [334, 512]];
@@ -18,19 +18,17 @@ fn picture([width, height]: [u32; 2], seed: u32) -> Vec<[f32; 3]> {
 }
 
 fn benchmark(c: &mut Criterion) {
-    for backbone in Backbone::ALL {
-        let lpips = Lpips::random(backbone);
-        for size in SIZES {
-            let (picture, truth) = (picture(size, 0), picture(size, 1));
-            let pair = Pair { size, picture: &picture, truth: &truth };
-            let [width, height] = size;
-            c.bench_function(&format!("lpips/{backbone} {width}x{height}, distance"), |bencher| {
-                bencher.iter(|| lpips.distance(&pair).unwrap());
-            });
-            c.bench_function(&format!("lpips/{backbone} {width}x{height}, distance and gradient"), |bencher| {
-                bencher.iter(|| lpips.distance_and_gradient(&pair).unwrap());
-            });
-        }
+    let lpips = Lpips::random();
+    for size in SIZES {
+        let (picture, truth) = (picture(size, 0), picture(size, 1));
+        let pair = Pair { size, picture: &picture, truth: &truth };
+        let [width, height] = size;
+        c.bench_function(&format!("lpips/{width}x{height}, distance"), |bencher| {
+            bencher.iter(|| lpips.distance(&pair).unwrap());
+        });
+        c.bench_function(&format!("lpips/{width}x{height}, distance and gradient"), |bencher| {
+            bencher.iter(|| lpips.distance_and_gradient(&pair).unwrap());
+        });
     }
 }
 

@@ -1,7 +1,5 @@
 //! How well pictures agree with images: PSNR, SSIM, LPIPS, and where on the hand errors are.
 
-pub mod cleanliness;
-pub mod cleanliness_sheet;
 pub mod error_bands;
 pub mod hand_box;
 #[cfg(feature = "networks")]

@@ -1,11 +1,11 @@
-//! LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look, from the features of a network that was
+//! LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look, from the features of AlexNet, which was
 //! trained to recognise objects. The weights come from a file of the user: `scripts/lpips_weights.py` makes it.
 //!
-//! Both pictures go through a backbone. At some of its layers the features of each pixel are made unit vectors over the
+//! Both pictures go through AlexNet. Behind each convolution the features of each pixel are made unit vectors over the
 //! channels; their squared differences, times a weight for each channel, are averaged over the pixels and summed over
-//! the layers.
+//! the convolutions.
 
-mod backbone;
+mod alexnet;
 mod head;
 mod network;
 mod pair;
@@ -15,8 +15,7 @@ mod weights;
 
 use std::path::Path;
 
-pub use backbone::Backbone;
-pub use pair::{LpipsError, Pair};
+pub use pair::{BACKBONE, LpipsError, Pair, SMALLEST_SIDE};
 pub use weights::LpipsFileError;
 
 use burn_tensor::Tensor;
@@ -25,20 +24,18 @@ use head::Comparison;
 use network::{Network, values};
 use weights::Weights;
 
-/// A backbone with its linear layers.
+/// AlexNet with its linear layers.
 #[derive(Debug)]
 pub struct Lpips {
-    backbone: Backbone,
     network: Network,
     /// A weight per channel of each compared layer.
     linear: Vec<Vec<f32>>,
 }
 
 impl Lpips {
-    /// Reads a safetensors file with the convolutions of one backbone under torchvision's names
-    /// (`features.0.weight`, `[outputs][inputs][kernel][kernel]`; `features.0.bias`; ...) and a linear layer for each
-    /// compared layer (`linear.0`, `[channels]`; ...), all F32. The metadata `lpips_backbone` names the backbone (`alex`,
-    /// `vgg` or `squeeze`); without it, the tensors tell.
+    /// Reads a safetensors file with AlexNet's convolutions under torchvision's names (`features.0.weight`,
+    /// `[outputs][inputs][kernel][kernel]`; `features.0.bias`; ...) and a linear layer for each (`linear.0`,
+    /// `[channels]`; ...), all F32. If its metadata has `lpips_backbone`, it must be [`BACKBONE`].
     ///
     /// # Errors
     /// [`LpipsFileError`] names the file, the tensor and what is wrong with it.
@@ -47,18 +44,12 @@ impl Lpips {
     }
 
     /// With random weights: distances have no meaning, but cost as much as others.
-    pub fn random(backbone: Backbone) -> Lpips {
-        Lpips::new(Weights::random(backbone))
+    pub fn random() -> Lpips {
+        Lpips::new(Weights::random())
     }
 
     fn new(weights: Weights) -> Lpips {
-        let backbone = weights.backbone;
-        Lpips { backbone, network: Network::new(backbone, &weights), linear: weights.linear }
-    }
-
-    /// The backbone.
-    pub fn backbone(&self) -> Backbone {
-        self.backbone
+        Lpips { network: Network::new(&weights), linear: weights.linear }
     }
 
     /// Whether images of this size are large enough.
@@ -66,9 +57,8 @@ impl Lpips {
     /// # Errors
     /// [`LpipsError::TooSmall`] if they are not.
     pub fn check_size(&self, [width, height]: [u32; 2]) -> Result<(), LpipsError> {
-        let smallest = self.backbone.smallest_side();
-        match (width.min(height) as usize) < smallest {
-            true => Err(LpipsError::TooSmall { width, height, smallest, backbone: self.backbone }),
+        match width.min(height) < SMALLEST_SIDE {
+            true => Err(LpipsError::TooSmall { width, height }),
             false => Ok(()),
         }
     }

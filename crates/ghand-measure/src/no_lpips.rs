@@ -1,23 +1,19 @@
 //! LPIPS of a program that was built without the feature `networks`: there is none.
 
-#[allow(dead_code, reason = "nothing is read into it")]
-#[path = "lpips/backbone.rs"]
-mod backbone;
 #[path = "lpips/pair.rs"]
 mod pair;
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
-pub use backbone::Backbone;
-pub use pair::{LpipsError, Pair};
+pub use pair::{BACKBONE, LpipsError, Pair, SMALLEST_SIDE};
 
 /// Why there is no LPIPS.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}: this program was built without LPIPS; build it with `--features networks`, or leave out --lpips")]
 pub struct LpipsFileError(PathBuf);
 
-/// A backbone with its weights. There is none.
+/// AlexNet with its weights. There is none.
 #[derive(Debug)]
 pub struct Lpips(Infallible);
 
@@ -28,11 +24,6 @@ impl Lpips {
     /// [`LpipsFileError`] says why.
     pub fn load(path: &Path) -> Result<Lpips, LpipsFileError> {
         Err(LpipsFileError(path.into()))
-    }
-
-    /// The backbone.
-    pub fn backbone(&self) -> Backbone {
-        match self.0 {}
     }
 
     /// Whether images of this size are large enough.

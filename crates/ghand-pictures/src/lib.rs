@@ -1,5 +1,6 @@
 //! Pictures as files: single ones, folders of them, films; plots, and letters in pictures.
 
+pub mod color_scale;
 pub mod draw_text;
 pub mod plot;
 

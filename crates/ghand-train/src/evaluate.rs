@@ -19,7 +19,7 @@ use ghand_fit::light_fit::LightReport;
 use ghand_fit::protocol::{PosedView, Protocol, given_views};
 use ghand_measure::error_bands::MeanBandErrors;
 use ghand_measure::hand_box::{HandBox, SIDE};
-use ghand_measure::lpips::{Backbone, Lpips, LpipsError};
+use ghand_measure::lpips::{BACKBONE, Lpips, LpipsError};
 use ghand_measure::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
 
 /// Why an evaluation failed.
@@ -85,8 +85,8 @@ pub struct Evaluation {
     pub avatar: ImageSimilarity,
     /// Similarity of the floor's pictures to the truth.
     pub floor: ImageSimilarity,
-    /// The backbone of LPIPS, if there were weights for it.
-    pub lpips_backbone: Option<Backbone>,
+    /// The network of LPIPS, if there were weights for it.
+    pub lpips_backbone: Option<&'static str>,
 }
 
 /// Renders every view of a split in the capture's own poses and compares avatar and floor with the truth. `each` is
@@ -187,7 +187,7 @@ pub fn evaluate_views(
     }
     let count = similarities[0].len();
     let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
-    Ok(Evaluation { views: count, avatar, floor, lpips_backbone: lpips.map(Lpips::backbone) })
+    Ok(Evaluation { views: count, avatar, floor, lpips_backbone: lpips.map(|_| BACKBONE) })
 }
 
 /// The pixels, row-major, where the template's end at the wrist and the arm behind it may be: where a mask ends there is its
@@ -262,9 +262,9 @@ pub struct ImageMetrics {
     pub split: String,
     /// Number of evaluated images.
     pub frames: usize,
-    /// The backbone of LPIPS; absent without weights for it.
+    /// The network of LPIPS; absent without weights for it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub lpips_backbone: Option<Backbone>,
+    pub lpips_backbone: Option<&'static str>,
     /// The avatar's figures.
     #[serde(flatten)]
     pub avatar: SimilarityMetrics,

@@ -6,9 +6,9 @@ use ghand_render::splat::Splatter;
 use ghand_render::{Gpu, RenderError, buffers};
 
 use ghand_fit::views::TrainView;
-use ghand_measure::lpips::{Lpips, LpipsError, Pair};
+use ghand_measure::lpips::{Lpips, LpipsError, Pair, SMALLEST_SIDE};
 
-/// The display value of pixels that are added to crops smaller than the backbone can process.
+/// The display value of pixels that are added to crops smaller than LPIPS can process.
 const PADDING: f32 = 0.5;
 
 /// LPIPS between the splatted image and a view, computed on the host.
@@ -17,7 +17,7 @@ pub(crate) struct LpipsTerm {
     lpips: Arc<Lpips>,
 }
 
-/// The splatted image and the view's, both padded to a size that the backbone can process.
+/// The splatted image and the view's, both padded to a size that LPIPS can process.
 struct Padded {
     size: [u32; 2],
     picture: Vec<[f32; 3]>,
@@ -25,9 +25,9 @@ struct Padded {
 }
 
 impl Padded {
-    fn new(view: &TrainView, image: &[[f32; 4]], smallest: u32) -> Padded {
+    fn new(view: &TrainView, image: &[[f32; 4]]) -> Padded {
         let [width, height] = view.size;
-        let size = view.size.map(|side| side.max(smallest));
+        let size = view.size.map(|side| side.max(SMALLEST_SIDE));
         let pixels = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
         let source = |(x, y): (u32, u32)| (x < width && y < height).then_some((y * width + x) as usize);
         let [mut picture, mut truth] = [Vec::new(), Vec::new()];
@@ -58,7 +58,7 @@ impl LpipsTerm {
 
     fn padded(&self, gpu: &Gpu, splatter: &Splatter, view: &TrainView) -> Result<Padded, RenderError> {
         let image = splatter.read_image(gpu)?.rgba;
-        Ok(Padded::new(view, &image, self.lpips.backbone().smallest_side() as u32))
+        Ok(Padded::new(view, &image))
     }
 
     /// LPIPS of the last frame, which shows `view`, over its crop.

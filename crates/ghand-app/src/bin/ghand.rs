@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bake, capture, evaluate, explain, export, inspect, pose, render, splat};
+use ghand_app::commands::{bake, capture, evaluate, export, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -24,8 +24,6 @@ enum Command {
     Export(export::ExportArgs),
     /// Compare an avatar with images of a capture that training did not see
     Evaluate(evaluate::EvaluateArgs),
-    /// Show what an avatar has learned: shape bases, coefficients, residual weights and skeleton
-    Explain(explain::ExplainArgs),
     /// Make a small, fast avatar for playing from any avatar
     Bake(bake::BakeArgs),
     /// Make a synthetic capture, with known poses
@@ -40,6 +38,8 @@ enum Command {
     Ablate(Moved),
     #[command(hide = true)]
     Bench(Moved),
+    #[command(hide = true)]
+    Explain(Moved),
     #[command(hide = true)]
     Stress(Moved),
     #[command(hide = true)]
@@ -65,7 +65,6 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &arguments.adapter),
         Command::Export(args) => export::run(args, &arguments.adapter),
         Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
-        Command::Explain(args) => explain::run(args, &arguments.adapter),
         Command::Bake(args) => bake::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
@@ -73,6 +72,7 @@ fn main() -> ExitCode {
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Ablate(args) => args.refused("ablate"),
         Command::Bench(args) => args.refused("bench"),
+        Command::Explain(args) => args.refused("explain"),
         Command::Stress(args) => args.refused("stress"),
         Command::Tradeoff(args) => args.refused("tradeoff"),
     })

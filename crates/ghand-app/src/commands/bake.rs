@@ -1,5 +1,6 @@
 //! `ghand bake`: makes a small, fast avatar for playing from any avatar.
 
+pub mod hand_painter;
 mod judge;
 mod pictures;
 pub mod pose_set;

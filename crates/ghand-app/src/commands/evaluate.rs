@@ -1,7 +1,5 @@
 //! `ghand evaluate`: compares an avatar with images of a capture.
 
-mod pose_library;
-
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -40,12 +38,11 @@ pub struct EvaluateArgs {
     #[command(flatten)]
     capture: CaptureArgs,
     /// Split to evaluate on
-    #[arg(long, default_value = DEFAULT_SPLIT)]
+    #[arg(long, default_value = "test")]
     split: String,
-    /// Measure how clean the avatar looks in the named poses from all around, which no image shows: the part of its
-    /// pixels with colours that the training images lack, and its fine detail relative to theirs
-    #[arg(long, value_enum, conflicts_with_all = ["protocol", "training_poses", "lpips"])]
-    poses: Option<PosesArg>,
+    // What it did is a command of `ghand-lab`.
+    #[arg(long, hide = true)]
+    poses: Option<String>,
     /// In which poses avatar and floor are drawn [default: given if the capture has exact poses, else masks]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolArg>,
@@ -58,23 +55,12 @@ pub struct EvaluateArgs {
     training_poses: Option<PathBuf>,
     #[command(flatten)]
     lpips: LpipsArgs,
-    /// Folder for metrics.json and report.png; with --poses library for cleanliness.json and cleanliness.png, and not
-    /// required
+    /// Folder for metrics.json and report.png
     #[arg(long, value_name = "DIR", required_unless_present = "poses")]
     out: Option<PathBuf>,
     /// Replace earlier results in the folder
     #[arg(long)]
     force: bool,
-}
-
-/// The default of `--split`.
-const DEFAULT_SPLIT: &str = "test";
-
-/// Poses that no image shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PosesArg {
-    /// The hand model's named poses
-    Library,
 }
 
 /// [`Protocol`] as an option.
@@ -106,14 +92,13 @@ struct EvaluationFile {
     training_poses: Option<String>,
 }
 
-/// Compares the avatar with all images of a split and writes the results to a folder; or measures it in the named poses.
+/// Compares the avatar with all images of a split and writes the results to a folder.
 ///
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if args.poses == Some(PosesArg::Library) {
-        check_out(args)?;
-        return pose_library::run(args, adapter);
+    if args.poses.is_some() {
+        bail!("--poses: is a command of the laboratory: ghand-lab cleanliness {} --capture DIR", args.avatar.display());
     }
     check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
@@ -219,7 +204,10 @@ fn refined_poses_file(args: &EvaluateArgs) -> Option<PathBuf> {
 }
 
 /// Poses of the capture must be poses of the avatar.
-fn check_joints(avatar: &Avatar, path: &Path, capture: &Capture) -> anyhow::Result<()> {
+///
+/// # Errors
+/// An error that names the avatar's file `path`, if its side or its joints are not those of the capture's hand.
+pub fn check_joints(avatar: &Avatar, path: &Path, capture: &Capture) -> anyhow::Result<()> {
     check_sides(&path.display().to_string(), avatar.template.side, capture)?;
     let [own, other] = [&avatar.template.joint_names, &capture.hand_model.joint_names];
     if own != other || avatar.template.parents != capture.hand_model.parents {

@@ -2,14 +2,14 @@
 
 use clap::ValueEnum;
 use ghand_avatar::Avatar;
+use ghand_avatar::pose_properties::{PoseProperties, centred};
 use ghand_avatar::properties::PropertyTables;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
 use ghand_core::{Camera, Pose};
+use ghand_pictures::color_scale::quantile;
 use glam::DVec3;
 
-use crate::commands::explain::pose_properties::{PoseProperties, centred};
-use crate::commands::explain::statistics::quantile;
 use crate::viewer::legend::{ColorMap, Legend};
 
 /// What the colours show.

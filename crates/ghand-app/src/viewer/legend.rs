@@ -1,10 +1,9 @@
 //! Legends over the view: what colours mean, in numbers with a unit.
 
 use egui::{Align2, Area, Color32, FontId, Frame, Id, Mesh, Pos2, Rect, RichText, Role, Sense, Ui, WidgetInfo};
+use ghand_pictures::color_scale::diverging;
 use ghand_render::viridis::viridis;
 use glam::DVec3;
-
-use crate::commands::explain::color_scale::diverging;
 
 /// Size of the bar of colours, points.
 const BAR: egui::Vec2 = egui::vec2(210.0, 12.0);

@@ -12,10 +12,10 @@ use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
-use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::drawing::{Drawing, GaussianColors};
 use crate::viewer::frame_times::{FrameTimes, STAGES, StageTimes};
 use crate::viewer::subject::Subject;
+use ghand_avatar::pose_properties::PoseProperties;
 
 /// Format of the texture: display values, as the user interface expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Output;
 
 use crate::common::{assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
-use ghand_avatar::{Avatar, PropertyTables};
+use ghand_avatar::Avatar;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
@@ -207,94 +207,13 @@ fn start_poses_that_cannot_be_used_are_one_sentence() {
     refused("truth", &["--poses truth", "capture", "no exact poses"]);
 }
 
-/// The avatar with all its colours replaced by bright green.
-fn paint_green(folder: &Path) {
-    let mut avatar = Avatar::load(&folder.join("run/avatar.ghand")).unwrap();
-    let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
-    let count = avatar.template.len();
-    tables.set_base_colors(&vec![[0.01, 0.99, 0.01]; count]);
-    // One Gaussian in two hundred lies some centimetres beside its place.
-    tables.shape_basis.iter_mut().take(3 * count).step_by(200).for_each(|offset| *offset += 0.04);
-    avatar.light = None;
-    std::fs::create_dir(folder.join("green")).unwrap();
-    avatar.save(&folder.join("green/avatar.ghand")).unwrap();
-}
-
 #[test]
-fn the_pose_library_shows_how_clean_an_avatar_is() {
+fn what_evaluate_lacks_is_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
-    small_capture(&folder.path().join("capture"));
-    assert_trained(&train(folder.path(), "run", &[]));
-    let library = ["--poses", "library"];
-    let said = assert_evaluated(&evaluate(folder.path(), "clean", &library));
-    assert!(said.contains("12 named poses from 24 views") && said.contains("thumbs-up"), "{said}");
-    assert_eq!(listing(&folder.path().join("clean")), ["cleanliness.json", "cleanliness.png"]);
-    let results = |out: &str| json(&folder.path().join(out).join("cleanliness.json"));
-    let clean = results("clean");
-    let number = |value: &Value| value.as_f64().filter(|v| v.is_finite()).unwrap_or_else(|| panic!("{value}"));
-    let share = |value: &Value| Some(number(value)).filter(|share| (0.0..=1.0).contains(share)).unwrap();
-    let [poses, views] = ["poses", "views"].map(|field| clean[field].as_array().unwrap());
-    assert_eq!((poses.len(), views.len()), (12, 24));
-    for figures in poses.iter().chain([&clean]) {
-        share(&figures["outside_share"]);
-        assert!(share(&figures["see_through_share"]) < 0.5, "{figures}");
-        assert!(number(&figures["detail"]) > 0.0 && number(&figures["albedo_detail"]) > 0.0, "{figures}");
-        // After a few iterations Gaussians are some millimetres wide.
-        assert!(share(&figures["loose_share"]) < 0.25 && number(&figures["roughness"]) > 0.0, "{figures}");
-    }
-    views.iter().for_each(|view| assert!(share(&view["outside_share"]) <= 1.0));
-    for (worst, figure) in [("loose", "loose_share"), ("rough", "roughness")] {
-        let worst = &clean["worst"][worst];
-        let of_pose = poses.iter().find(|pose| pose["pose"] == worst["pose"]).unwrap();
-        assert!(number(&worst[figure]) >= number(&of_pose[figure]) && worst["direction"].is_array(), "{worst}");
-    }
-    let held_out = &clean["held_out"];
-    assert_eq!((&held_out["split"], &held_out["images"]), (&"test".into(), &1.into()));
-    assert!(
-        share(&held_out["outside_share"]) < 0.05 && (0.2..5.0).contains(&number(&held_out["detail"])),
-        "{held_out}"
-    );
-    let (width, height) = image::image_dimensions(folder.path().join("clean/cleanliness.png")).unwrap();
-    assert!(width > 200 && height > 200, "{width} x {height}");
-
-    // Colours that no image shows, and loose Gaussians.
-    paint_green(folder.path());
-    let green = ["evaluate", "green/avatar.ghand", "--capture", "capture", "--poses", "library", "--out", "green-out"];
-    assert_evaluated(&run(GHAND, folder.path(), &green));
-    let painted = results("green-out");
-    let [own_loose, loose] = [&clean, &painted].map(|file| share(&file["loose_share"]));
-    assert!(loose > own_loose + 1e-4, "{own_loose} of the avatar is loose, {loose} of one with loose Gaussians");
-    let [own, painted] = [clean, painted].map(|file| share(&file["outside_share"]));
-    assert!(painted > 0.99 && own < 0.5 * painted, "{own} of the avatar's pixels, {painted} of the green one's");
-
-    // The figures alone need no folder; results are replaced only on request.
-    assert_evaluated(&run(GHAND, folder.path(), &green[..6]));
-    assert_one_sentence(&evaluate(folder.path(), "clean", &library), &["clean/cleanliness.", "--force"]);
-}
-
-#[test]
-fn what_the_pose_library_lacks_is_one_sentence() {
-    let folder = tempfile::tempdir().unwrap();
-    small_capture(&folder.path().join("capture"));
-    assert_trained(&train(folder.path(), "run", &[]));
-    let refused = |more: &[&str], parts: &[&str]| {
-        assert_one_sentence(&evaluate(folder.path(), "out", &[&["--poses", "library"], more].concat()), parts);
-        assert!(!folder.path().join("out").exists());
-    };
-    refused(&["--split", "exam"], &["exam", "train5"]);
-    refused(&["--train-split", "exam"], &["exam", "train5"]);
-    for other in [["--protocol", "given"], ["--training-poses", "poses.json"]] {
-        let output = evaluate(folder.path(), "out", &[&["--poses", "library"], &other[..]].concat());
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && told.contains("--poses") && told.contains(other[0]), "{told}");
-    }
-    let output = run(GHAND, folder.path(), &["evaluate", "run/avatar.ghand", "--capture", "capture"]);
+    let library = ["evaluate", "a.ghand", "--capture", "C", "--poses", "library"];
+    assert_one_sentence(&run(GHAND, folder.path(), &library), &["laboratory: ghand-lab cleanliness a.ghand"]);
+    let output = run(GHAND, folder.path(), &library[..4]);
     assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("--out"));
-    change_json(&folder.path().join("capture/capture.json"), |capture| {
-        capture.as_object_mut().unwrap().remove("mask_path");
-    });
-    // Masks are made, then.
-    assert!(evaluate(folder.path(), "out", &["--poses", "library"]).status.success());
 }
 
 #[test]

@@ -11,29 +11,23 @@ use serde_json::{Value, json};
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
-/// A file of SqueezeNet 1.1 with random weights, written without the library that reads it.
+/// A file of AlexNet with random weights, written without the library that reads it.
 fn save_weights(path: &Path) {
-    let mut convolutions = vec![("features.0".to_owned(), [64, 3, 3])];
-    let fires = [(3, 64, 16, 64), (4, 128, 16, 64), (6, 128, 32, 128), (7, 256, 32, 128)];
-    let more = [(9, 256, 48, 192), (10, 384, 48, 192), (11, 384, 64, 256), (12, 512, 64, 256)];
-    for (index, inputs, squeezed, expanded) in fires.into_iter().chain(more) {
-        convolutions.push((format!("features.{index}.squeeze"), [squeezed, inputs, 1]));
-        convolutions.push((format!("features.{index}.expand1x1"), [expanded, squeezed, 1]));
-        convolutions.push((format!("features.{index}.expand3x3"), [expanded, squeezed, 3]));
-    }
+    let convolutions =
+        [(0, [64, 3, 11]), (3, [192, 64, 5]), (6, [384, 192, 3]), (8, [256, 384, 3]), (10, [256, 256, 3])];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let (mut header, mut data) = (json!({"__metadata__": {"lpips_backbone": "squeeze"}}), Vec::<u8>::new());
+    let (mut header, mut data) = (json!({"__metadata__": {"lpips_backbone": "alex"}}), Vec::<u8>::new());
     let mut add = |name: String, shape: &[usize], least: f32, most: f32| {
         let start = data.len();
         (0..shape.iter().product()).for_each(|_| data.extend(rng.random_range(least..most).to_le_bytes()));
         header[name] = json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]});
     };
-    for (name, [outputs, inputs, kernel]) in convolutions {
+    for (index, [outputs, inputs, kernel]) in convolutions {
         let most = (6.0 / (inputs * kernel * kernel) as f32).sqrt();
-        add(format!("{name}.weight"), &[outputs, inputs, kernel, kernel], -most, most);
-        add(format!("{name}.bias"), &[outputs], -0.1, 0.1);
+        add(format!("features.{index}.weight"), &[outputs, inputs, kernel, kernel], -most, most);
+        add(format!("features.{index}.bias"), &[outputs], -0.1, 0.1);
     }
-    for (tap, channels) in [64, 128, 256, 384, 384, 512, 512].into_iter().enumerate() {
+    for (tap, channels) in [64, 192, 384, 256, 256].into_iter().enumerate() {
         add(format!("linear.{tap}"), &[channels], 0.0, 1.0);
     }
     let header = header.to_string().into_bytes();
@@ -58,13 +52,13 @@ fn lpips_is_a_figure_with_its_file_and_one_line_without() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     small_capture(&path.join("capture"));
-    save_weights(&path.join("squeeze.safetensors"));
+    save_weights(&path.join("alex.safetensors"));
 
-    let [said, told] = assert_trained(&train(path, "run", &["--lpips", "squeeze.safetensors"]));
-    assert!(said.contains("LPIPS: backbone `squeeze`, from squeeze.safetensors\n"), "{said}{told}");
-    assert!(said.contains("LPIPS (squeeze)\n"), "{said}");
+    let [said, told] = assert_trained(&train(path, "run", &["--lpips", "alex.safetensors"]));
+    assert!(said.contains("LPIPS: backbone `alex`, from alex.safetensors\n"), "{said}{told}");
+    assert!(said.contains("LPIPS (alex)\n"), "{said}");
     let with = metrics(path, "run");
-    assert_eq!(with["lpips_backbone"], "squeeze");
+    assert_eq!(with["lpips_backbone"], "alex");
     for value in [&with["lpips"], &with["floor"]["lpips"]] {
         assert!(value.as_f64().is_some_and(|value| value > 0.0), "{with}");
     }
@@ -79,9 +73,9 @@ fn lpips_is_a_figure_with_its_file_and_one_line_without() {
     let avatar = |out: &str| std::fs::read(path.join(out).join("avatar.ghand")).unwrap();
     assert!(avatar("run") != avatar("without"), "LPIPS has no effect on training");
 
-    let output = evaluate(path, "again", &["--lpips", "squeeze.safetensors"]);
+    let output = evaluate(path, "again", &["--lpips", "alex.safetensors"]);
     let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && output.stderr.is_empty() && said.contains("LPIPS (squeeze)\n"), "{said}");
+    assert!(output.status.success() && output.stderr.is_empty() && said.contains("LPIPS (alex)\n"), "{said}");
     let again = metrics(path, "again");
     assert_eq!([&again["lpips"], &again["floor"]["lpips"]], [&with["lpips"], &with["floor"]["lpips"]]);
     let output = evaluate(path, "none", &[]);
@@ -96,13 +90,13 @@ fn an_unusable_file_of_weights_is_one_sentence() {
     let path = folder.path();
     small_capture(&path.join("capture"));
     assert_trained(&train(path, "run", &[]));
-    save_weights(&path.join("squeeze.safetensors"));
-    let bytes = std::fs::read(path.join("squeeze.safetensors")).unwrap();
+    save_weights(&path.join("alex.safetensors"));
+    let bytes = std::fs::read(path.join("alex.safetensors")).unwrap();
     std::fs::write(path.join("short.safetensors"), &bytes[..bytes.len() / 2]).unwrap();
     for (file, problem) in [
         ("missing.safetensors", "cannot read the LPIPS weights"),
         ("short.safetensors", "truncated"),
-        ("run/avatar.ghand", "nor the tensors of AlexNet, VGG16 or SqueezeNet 1.1"),
+        ("run/avatar.ghand", "features.0.weight: is missing"),
         ("capture/capture.json", "is not a safetensors file"),
         ("capture", "it is a folder"),
     ] {
@@ -110,6 +104,4 @@ fn an_unusable_file_of_weights_is_one_sentence() {
         assert_one_sentence(&evaluate(path, "out", &["--lpips", file]), &["--lpips", file, problem]);
         assert!(!path.join("out").exists());
     }
-    let library = ["--poses", "library", "--lpips", "squeeze.safetensors"];
-    assert_one_sentence(&evaluate(path, "out", &library), &["--poses", "--lpips"]);
 }

@@ -26,7 +26,6 @@ mod ends;
 #[cfg(target_os = "linux")]
 mod environment;
 mod evaluate;
-mod explain;
 mod hand_models;
 mod inspect;
 mod live;

@@ -6,4 +6,7 @@ mod common;
 
 mod ablate;
 mod bench;
+mod cleanliness;
+mod explain;
+mod light_where_nobody_looked;
 mod stress;

@@ -1,12 +1,12 @@
-//! The backbones in Burn, on the host.
+//! AlexNet in Burn, on the host.
 
 use burn_tensor::activation::relu;
 use burn_tensor::module::{conv2d, max_pool2d};
-use burn_tensor::ops::{ConvOptions, MaxPoolOptions, PadMode};
+use burn_tensor::ops::{ConvOptions, MaxPoolOptions};
 use burn_tensor::{Device, Tensor, TensorData};
 
 use super::LpipsError;
-use super::backbone::{Backbone, Conv, Layer};
+use super::alexnet::{CONVOLUTIONS, Conv, POOL_KERNEL, POOL_STRIDE};
 use super::weights::Weights;
 
 /// Subtracted from values in `[-1, 1]`, by channel, before they are divided by [`SCALE`].
@@ -20,16 +20,15 @@ struct Parameters {
     bias: Tensor<1>,
 }
 
-/// A backbone with its weights.
+/// AlexNet with its weights.
 #[derive(Debug)]
 pub(super) struct Network {
-    layers: Vec<Layer>,
-    /// In the order of the layers.
+    /// In the order of [`CONVOLUTIONS`].
     parameters: Vec<Parameters>,
     device: Device,
 }
 
-/// The value that a backbone takes in place of a display value in `[0, 1]`.
+/// The value that the network takes in place of a display value in `[0, 1]`.
 fn network_value(channel: usize, value: f32) -> f32 {
     (2.0 * value - 1.0 - SHIFT[channel]) / SCALE[channel]
 }
@@ -39,19 +38,18 @@ pub(super) fn values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, Lpip
 }
 
 impl Network {
-    pub fn new(backbone: Backbone, weights: &Weights) -> Network {
+    pub fn new(weights: &Weights) -> Network {
         let device = Device::flex();
-        let parameters =
-            backbone.convolutions().into_iter().zip(&weights.convolutions).map(|(conv, [weight, bias])| {
-                let Conv { inputs, outputs, kernel, .. } = conv;
-                let weight = TensorData::new(weight.clone(), [outputs, inputs, kernel, kernel]);
-                let bias = TensorData::new(bias.clone(), [outputs]);
-                Parameters { weight: Tensor::from_data(weight, &device), bias: Tensor::from_data(bias, &device) }
-            });
-        Network { layers: backbone.layers(), parameters: parameters.collect(), device }
+        let parameters = CONVOLUTIONS.into_iter().zip(&weights.convolutions).map(|(conv, [weight, bias])| {
+            let Conv { inputs, outputs, kernel, .. } = conv;
+            let weight = TensorData::new(weight.clone(), [outputs, inputs, kernel, kernel]);
+            let bias = TensorData::new(bias.clone(), [outputs]);
+            Parameters { weight: Tensor::from_data(weight, &device), bias: Tensor::from_data(bias, &device) }
+        });
+        Network { parameters: parameters.collect(), device }
     }
 
-    /// A picture of display values as the backbone's input, `[1][3][height][width]`.
+    /// A picture of display values as the network's input, `[1][3][height][width]`.
     pub fn input(&self, [width, height]: [usize; 2], picture: &[[f32; 3]]) -> Tensor<4> {
         let planes = (0..3).flat_map(|c| picture.iter().map(move |pixel| network_value(c, pixel[c])));
         Tensor::from_data(TensorData::new(planes.collect::<Vec<f32>>(), [1, 3, height, width]), &self.device)
@@ -60,26 +58,13 @@ impl Network {
     /// The features that are compared, `[1][channels][rows][columns]` each.
     pub fn features(&self, mut x: Tensor<4>) -> Vec<Tensor<4>> {
         let mut taps = Vec::new();
-        let mut parameters = self.parameters.iter();
-        let mut convolve = |conv: &Conv, x: Tensor<4>| match parameters.next() {
-            Some(own) => {
-                let options = ConvOptions::new([conv.stride; 2], [conv.padding; 2], [1; 2], 1);
-                relu(conv2d(x, own.weight.clone(), Some(own.bias.clone()), options))
+        for (conv, own) in CONVOLUTIONS.iter().zip(&self.parameters) {
+            if conv.is_pooled {
+                x = max_pool2d(x, MaxPoolOptions::new([POOL_KERNEL; 2]).with_stride([POOL_STRIDE; 2]));
             }
-            None => x,
-        };
-        for layer in &self.layers {
-            match layer {
-                Layer::Conv(conv) => x = convolve(conv, x),
-                Layer::Fire(parts) => {
-                    let [squeeze, expand1, expand3] = parts.as_ref();
-                    let squeezed = convolve(squeeze, x);
-                    let one = convolve(expand1, squeezed.clone());
-                    x = Tensor::cat(vec![one, convolve(expand3, squeezed)], 1);
-                }
-                Layer::Pool { kernel, ceil } => x = pooled(x, *kernel, *ceil),
-                Layer::Tap { .. } => taps.push(x.clone()),
-            }
+            let options = ConvOptions::new([conv.stride; 2], [conv.padding; 2], [1; 2], 1);
+            x = relu(conv2d(x, own.weight.clone(), Some(own.bias.clone()), options));
+            taps.push(x.clone());
         }
         taps
     }
@@ -109,13 +94,4 @@ impl Network {
         }
         Ok(gradient)
     }
-}
-
-/// The maximum over windows, every two pixels. Features are not negative, so zeros beyond the edge change no maximum.
-fn pooled(x: Tensor<4>, kernel: usize, ceil: bool) -> Tensor<4> {
-    let [_, _, rows, columns] = x.dims();
-    let beyond = |side: usize| usize::from(ceil && (side + kernel) % 2 == 1);
-    let [right, bottom] = [beyond(columns), beyond(rows)];
-    let x = if right + bottom > 0 { x.pad((0, right, 0, bottom), PadMode::Constant(0.0)) } else { x };
-    max_pool2d(x, MaxPoolOptions::new([kernel; 2]).with_stride([2, 2]))
 }

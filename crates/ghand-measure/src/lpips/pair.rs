@@ -1,6 +1,9 @@
 //! What LPIPS compares, and why it cannot.
 
-use super::Backbone;
+/// The network whose features are compared, as the `lpips` package and the weights' file call it.
+pub const BACKBONE: &str = "alex";
+/// Smallest width and height of an image, pixels: with smaller ones AlexNet's second maximum has no window.
+pub const SMALLEST_SIDE: u32 = 31;
 
 /// Why two pictures could not be compared.
 #[derive(Debug, thiserror::Error)]
@@ -15,20 +18,16 @@ pub enum LpipsError {
         /// Number of pixels there are.
         pixels: usize,
     },
-    /// A picture is smaller than the backbone can process.
+    /// A picture is smaller than the network can process.
     #[error(
-        "LPIPS needs at least {smallest} x {smallest} pixels with the backbone `{backbone}`, but the image has {width} x \
-         {height}; use larger images or omit --lpips"
+        "LPIPS needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, but the image has {width} x {height}; use larger \
+         images or omit --lpips"
     )]
     TooSmall {
         /// Width, pixels.
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// Smallest side, pixels.
-        smallest: usize,
-        /// The backbone.
-        backbone: Backbone,
     },
     /// A tensor could not be read.
     #[error("the LPIPS network failed: {0}")]

@@ -1,4 +1,4 @@
-//! The file with the weights of a backbone and of the linear layers.
+//! The file with the weights of AlexNet and of the linear layers.
 
 use std::path::{Path, PathBuf};
 
@@ -6,9 +6,10 @@ use ghand_files::input_file;
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 
-use super::backbone::Backbone;
+use super::BACKBONE;
+use super::alexnet::CONVOLUTIONS;
 
-/// Maximum file size, bytes; VGG's features have 59 million.
+/// Maximum file size, bytes; the `lpips` package's largest network has 59 million.
 const LARGEST_FILE: u64 = 1 << 27;
 /// Key of the backbone's name in the file's metadata.
 const BACKBONE_KEY: &str = "lpips_backbone";
@@ -42,10 +43,9 @@ pub enum LpipsFileError {
     },
 }
 
-/// The weights of one backbone and its linear layers.
+/// The weights of AlexNet and its linear layers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Weights {
-    pub backbone: Backbone,
     /// Weight `[outputs][inputs][kernel][kernel]` and bias of each convolution.
     pub convolutions: Vec<[Vec<f32>; 2]>,
     /// A weight per channel of each compared layer.
@@ -75,20 +75,20 @@ impl Weights {
 
     /// Random weights, the same ones each time; `reference.py` of the tests makes them, too. They keep the size of the
     /// features from layer to layer.
-    pub fn random(backbone: Backbone) -> Weights {
+    pub fn random() -> Weights {
         let mut tensor = 0;
         let mut uniform = |count: usize, least: f64, most: f64| -> Vec<f32> {
             tensor += 1;
             (0..count).map(|k| (least + (most - least) * random_unit(tensor, k as u32)) as f32).collect()
         };
-        let convolutions = backbone.convolutions().into_iter().map(|conv| {
+        let convolutions = CONVOLUTIONS.iter().map(|conv| {
             let [weight, _] = conv.shapes();
             let most = (6.0 / (conv.inputs * conv.kernel * conv.kernel) as f64).sqrt();
             [uniform(weight.iter().product(), -most, most), uniform(conv.outputs, -0.1, 0.1)]
         });
         let convolutions = convolutions.collect();
-        let linear = backbone.tap_channels().into_iter().map(|channels| uniform(channels, 0.0, 1.0)).collect();
-        Weights { backbone, convolutions, linear }
+        let linear = CONVOLUTIONS.iter().map(|conv| uniform(conv.outputs, 0.0, 1.0)).collect();
+        Weights { convolutions, linear }
     }
 
     fn parse(bytes: &[u8]) -> Result<Weights, Wrong> {
@@ -99,22 +99,20 @@ impl Weights {
         if let Some(version) = named(VERSION_KEY).filter(|version| *version != VERSION) {
             return Err(wrong(VERSION_KEY, format!("is {version:?}, expected {VERSION:?}")));
         }
-        let backbone = match named(BACKBONE_KEY) {
-            Some(name) => Backbone::ALL.into_iter().find(|backbone| backbone.name() == name).ok_or_else(|| {
-                wrong(BACKBONE_KEY, format!("is {name:?}, expected \"alex\", \"vgg\" or \"squeeze\""))
-            })?,
-            None => recognised(&tensors)?,
-        };
-        let mut convolutions = Vec::new();
-        for conv in backbone.convolutions() {
-            let [weight, bias] = conv.shapes();
-            let read =
-                |part: &str, shape: &[usize]| floats(&tensors, &format!("{}.{part}", conv.name), shape, backbone);
-            convolutions.push([read("weight", &weight)?, read("bias", &bias)?]);
+        if let Some(name) = named(BACKBONE_KEY).filter(|name| *name != BACKBONE) {
+            return Err(wrong(
+                BACKBONE_KEY,
+                format!("is {name:?}, but LPIPS is computed with AlexNet, {BACKBONE:?}, only"),
+            ));
         }
-        let linear = backbone.tap_channels().into_iter().enumerate();
-        let linear = linear.map(|(tap, channels)| floats(&tensors, &format!("linear.{tap}"), &[channels], backbone));
-        Ok(Weights { backbone, convolutions, linear: linear.collect::<Result<_, _>>()? })
+        let (mut convolutions, mut linear) = (Vec::new(), Vec::new());
+        for (tap, conv) in CONVOLUTIONS.iter().enumerate() {
+            let [weight, bias] = conv.shapes();
+            let read = |part: &str, shape: &[usize]| floats(&tensors, &format!("{}.{part}", conv.name()), shape);
+            convolutions.push([read("weight", &weight)?, read("bias", &bias)?]);
+            linear.push(floats(&tensors, &format!("linear.{tap}"), &[conv.outputs])?);
+        }
+        Ok(Weights { convolutions, linear })
     }
 }
 
@@ -136,33 +134,14 @@ fn wrong(field: &str, problem: String) -> Wrong {
     Wrong { field: field.into(), problem }
 }
 
-/// The backbone of a file that does not name it: each has tensors that the others lack.
-fn recognised(tensors: &SafeTensors) -> Result<Backbone, Wrong> {
-    let marks = [
-        ("features.12.squeeze.weight", Backbone::Squeeze),
-        ("features.28.weight", Backbone::Vgg),
-        ("features.8.weight", Backbone::Alex),
-    ];
-    let found = marks.into_iter().find(|(name, _)| tensors.tensor(name).is_ok());
-    found.map(|(_, backbone)| backbone).ok_or_else(|| {
-        let problem =
-            format!("has neither `{BACKBONE_KEY}` in its metadata nor the tensors of AlexNet, VGG16 or SqueezeNet 1.1");
-        wrong("file", problem)
-    })
-}
-
 /// The values of a tensor.
-fn floats(tensors: &SafeTensors, name: &str, shape: &[usize], backbone: Backbone) -> Result<Vec<f32>, Wrong> {
+fn floats(tensors: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, Wrong> {
     let tensor = tensors
         .tensor(name)
-        .map_err(|_| wrong(name, format!("is missing, but the backbone `{backbone}` has it with shape {shape:?}")))?;
+        .map_err(|_| wrong(name, format!("is missing, but AlexNet for LPIPS has it with shape {shape:?}")))?;
     if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
-        let problem = format!(
-            "is {:?} {:?}, but for the backbone `{backbone}` it must be F32 {shape:?}",
-            tensor.dtype(),
-            tensor.shape()
-        );
-        return Err(wrong(name, problem));
+        let found = format!("is {:?} {:?}", tensor.dtype(), tensor.shape());
+        return Err(wrong(name, format!("{found}, but AlexNet for LPIPS has F32 {shape:?}")));
     }
     let mut values = vec![0.0f32; tensor.data().len() / size_of::<f32>()];
     bytemuck::cast_slice_mut::<f32, u8>(&mut values).copy_from_slice(tensor.data());

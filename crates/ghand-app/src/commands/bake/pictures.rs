@@ -3,15 +3,15 @@
 use ghand_avatar::{Avatar, PosedHand, Scene};
 use ghand_core::{HandModel, Pose};
 use ghand_measure::metrics::quantize;
+use ghand_pictures::color_scale::{ColorScale, Colors};
 use ghand_pictures::plot::label;
 use ghand_render::Gpu;
 use ghand_render::splat::{Image, Purpose};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
+use super::hand_painter::{Dots, HandPainter, palm_and_back};
 use super::pose_set::NamedPose;
-use crate::commands::explain::color_scale::{ColorScale, Colors};
-use crate::commands::explain::hand_painter::{Dots, HandPainter, palm_and_back};
 use ghand_avatar::framing::turntable;
 
 const SIZE: [u32; 2] = [334, 512];

@@ -6,7 +6,6 @@ use ghand_core::Pose;
 use ghand_render::RenderError;
 use glam::DVec3;
 
-use crate::commands::explain::pose_properties::PoseProperties;
 use crate::viewer::app::Viewer;
 use crate::viewer::drawing::GaussianColors;
 use crate::viewer::layer::{Layer, LayerInputs};
@@ -15,6 +14,7 @@ use crate::viewer::number_slider::number_slider;
 use crate::viewer::overlay::Overlay;
 use crate::viewer::picture::PictureInputs;
 use crate::viewer::subject::Subject;
+use ghand_avatar::pose_properties::PoseProperties;
 
 /// What is shown of the subject.
 #[derive(Default)]

@@ -16,8 +16,8 @@ jax.config.update("jax_enable_x64", True)
 
 SHIFT = np.array([-0.030, -0.088, -0.188])
 SCALE = np.array([0.458, 0.448, 0.450])
-# Width and height: even and odd sides, and for each backbone the smallest that it can process.
-SIZES = {"alex": [(31, 31), (40, 35)], "vgg": [(16, 16), (27, 34)], "squeeze": [(17, 17), (33, 38)]}
+# Width and height: even and odd sides, and the smallest that AlexNet can process.
+SIZES = [(31, 31), (40, 35)]
 
 
 def random_unit(tensor, count):
@@ -51,13 +51,8 @@ def conv(x, parameters, stride=1, padding=0):
     return jax.nn.relu(y + bias[None, :, None, None])
 
 
-def max_pool(x, kernel, ceil):
-    def right(side):
-        outputs = (-(-(side - kernel) // 2) if ceil else (side - kernel) // 2) + 1
-        return max(0, (outputs - 1) * 2 + kernel - side)
-
-    pads = [(0, 0), (0, 0), (0, right(x.shape[2])), (0, right(x.shape[3]))]
-    return lax.reduce_window(x, -jnp.inf, lax.max, (1, 1, kernel, kernel), (1, 1, 2, 2), pads)
+def max_pool(x):
+    return lax.reduce_window(x, -jnp.inf, lax.max, (1, 1, 3, 3), (1, 1, 2, 2), "VALID")
 
 
 def alex(random):
@@ -66,66 +61,15 @@ def alex(random):
 
     def features(x):
         first = conv(x, layers[0], 4, 2)
-        second = conv(max_pool(first, 3, False), layers[1], 1, 2)
-        third = conv(max_pool(second, 3, False), layers[2], 1, 1)
+        second = conv(max_pool(first), layers[1], 1, 2)
+        third = conv(max_pool(second), layers[2], 1, 1)
         fourth = conv(third, layers[3], 1, 1)
         return [first, second, third, fourth, conv(fourth, layers[4], 1, 1)]
 
     return features
 
 
-def vgg(random):
-    widths = [[64, 64], [128, 128], [256, 256, 256], [512, 512, 512], [512, 512, 512]]
-    blocks, inputs = [], 3
-    for block in widths:
-        blocks.append([])
-        for outputs in block:
-            blocks[-1].append(random.conv(inputs, outputs, 3))
-            inputs = outputs
-
-    def features(x):
-        taps = []
-        for k, block in enumerate(blocks):
-            x = max_pool(x, 2, False) if k else x
-            for layer in block:
-                x = conv(x, layer, 1, 1)
-            taps.append(x)
-        return taps
-
-    return features
-
-
-def squeeze(random):
-    first = random.conv(3, 64, 3)
-    widths = [(64, 16, 64), (128, 16, 64), (128, 32, 128), (256, 32, 128), (256, 48, 192), (384, 48, 192)]
-    widths += [(384, 64, 256), (512, 64, 256)]
-    fires = []
-    for inputs, squeezed, expanded in widths:
-        parts = [random.conv(inputs, squeezed, 1), random.conv(squeezed, expanded, 1)]
-        fires.append([*parts, random.conv(squeezed, expanded, 3)])
-
-    def fire(x, parts):
-        x = conv(x, parts[0])
-        return jnp.concatenate([conv(x, parts[1]), conv(x, parts[2], 1, 1)], axis=1)
-
-    def features(x):
-        x = conv(x, first, 2)
-        taps = [x]
-        for k, parts in enumerate(fires):
-            x = fire(max_pool(x, 3, True) if k in (0, 2, 4) else x, parts)
-            if k not in (0, 2):
-                taps.append(x)
-        return taps
-
-    return features
-
-
-BACKBONES = {"alex": alex, "vgg": vgg, "squeeze": squeeze}
-CHANNELS = {
-    "alex": [64, 192, 384, 256, 256],
-    "vgg": [64, 128, 256, 512, 512],
-    "squeeze": [64, 128, 256, 384, 384, 512, 512],
-}
+CHANNELS = [64, 192, 384, 256, 256]
 
 
 def picture(size, seed):
@@ -145,26 +89,23 @@ def unit(x):
 
 def main():
     tensors = {}
-    for name, sizes in SIZES.items():
-        random = Random()
-        features = BACKBONES[name](random)
-        linear = [random.uniform((channels,), 0.0, 1.0) for channels in CHANNELS[name]]
+    random = Random()
+    features = alex(random)
+    linear = [random.uniform((channels,), 0.0, 1.0) for channels in CHANNELS]
 
-        def network_input(image):
-            return (((2 * image - 1) - SHIFT) / SCALE).transpose(2, 0, 1)[None]
+    def network_input(image):
+        return (((2 * image - 1) - SHIFT) / SCALE).transpose(2, 0, 1)[None]
 
-        def distance(image, truth):
-            taps = zip(features(network_input(image)), features(network_input(truth)), linear)
-            return sum(
-                jnp.mean(jnp.sum(w[None, :, None, None] * (unit(a) - unit(b)) ** 2, axis=1)) for a, b, w in taps
-            )
+    def distance(image, truth):
+        taps = zip(features(network_input(image)), features(network_input(truth)), linear)
+        return sum(jnp.mean(jnp.sum(w[None, :, None, None] * (unit(a) - unit(b)) ** 2, axis=1)) for a, b, w in taps)
 
-        for size in sizes:
-            value, gradient = jax.value_and_grad(distance)(picture(size, 0), picture(size, 1))
-            key = f"{name}.{size[0]}x{size[1]}"
-            print(key, float(value), float(jnp.abs(gradient).max()))
-            tensors[f"{key}.distance"] = np.array([value], np.float32)
-            tensors[f"{key}.gradient"] = np.array(gradient, np.float32)
+    for size in SIZES:
+        value, gradient = jax.value_and_grad(distance)(picture(size, 0), picture(size, 1))
+        key = f"alex.{size[0]}x{size[1]}"
+        print(key, float(value), float(jnp.abs(gradient).max()))
+        tensors[f"{key}.distance"] = np.array([value], np.float32)
+        tensors[f"{key}.gradient"] = np.array(gradient, np.float32)
     header, data = {}, b""
     for key, array in tensors.items():
         start, data = len(data), data + array.tobytes()

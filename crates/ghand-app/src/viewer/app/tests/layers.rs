@@ -8,9 +8,9 @@ use ghand_render::viridis::viridis;
 use glam::DVec3;
 
 use super::*;
-use crate::commands::explain::color_scale::diverging;
 use crate::viewer::layer::Layer;
 use crate::viewer::picture::tests::pixels;
+use ghand_pictures::color_scale::diverging;
 
 const SKIN: [f64; 3] = [0.8, 0.6, 0.5];
 /// Shares of all skinning weights of the first two joints.

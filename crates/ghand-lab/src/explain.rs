@@ -1,15 +1,13 @@
-//! `ghand explain`: pictures and numbers of what an avatar has learned: shape bases, blend coefficients, residual skinning
+//! `ghand-lab explain`: pictures and numbers of what an avatar has learned: shape bases, blend coefficients, residual skinning
 //! weights and the residual skeleton.
 
-pub(crate) mod color_scale;
+mod explained;
 mod figures;
-pub(super) mod hand_painter;
 mod output;
 mod page;
-pub(crate) mod pose_properties;
 mod sections;
 mod skeleton_picture;
-pub(crate) mod statistics;
+mod statistics;
 mod surface_normals;
 
 use std::path::PathBuf;
@@ -21,15 +19,15 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::PoseFrame;
 use ghand_render::Gpu;
 
-use crate::cli::AdapterArgs;
-use crate::pose_choice::{PoseReadingArgs, pose_by_name};
-use crate::say;
+use explained::Explained;
 use figures::Figures;
+use ghand_app::cli::AdapterArgs;
+use ghand_app::pose_choice::{PoseReadingArgs, pose_by_name};
+use ghand_app::say;
 use output::OutputFolder;
 use page::{Section, sheet};
-use pose_properties::Explained;
 
-/// Command line of `ghand explain`.
+/// Command line of `ghand-lab explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
     /// The avatar, a .ghand file

@@ -2,7 +2,7 @@
 //!
 //! A part is the mean over a square of 5 x 5 pixels deep in the hand, so that neither noise nor the outline counts.
 
-use super::{DEEP, HandPicture, REACH, luminance};
+use super::figures::{DEEP, HandPicture, REACH, luminance};
 
 /// Steps of luminance and saturation, 0..1.
 const STEPS: usize = 256;

@@ -1,12 +1,10 @@
 //! Colours of numbers on a hand, and their legend.
 
-use ghand_pictures::plot::{label, label_width};
 use ghand_render::viridis::viridis;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
-use super::page::{INK, PAPER, SMALL};
-use super::statistics::quantile;
+use crate::plot::{label, label_width};
 
 /// From nothing to much, or from below zero to above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +21,10 @@ const MIDDLE: DVec3 = DVec3::new(0.88, 0.88, 0.88);
 const ABOVE: DVec3 = DVec3::new(0.82, 0.33, 0.0);
 /// The part of the numbers that the colours tell apart. The largest, often single Gaussians, share the last colour.
 const SHOWN: f64 = 0.995;
+/// Colours of the legend and its text, and height of its letters, pixels.
+const PAPER: [u8; 3] = [255; 3];
+const INK: [u8; 3] = [40, 40, 46];
+const LETTERS: f64 = 14.0;
 /// Width of the legend's bar, and of its picture, pixels.
 const BAR: u32 = 16;
 const WIDTH: u32 = 84;
@@ -59,7 +61,7 @@ impl ColorScale {
     pub fn legend(&self, height: u32) -> RgbImage {
         let mut picture = RgbImage::from_pixel(WIDTH, height, Rgb(PAPER));
         let (top, bottom) = (34, height.saturating_sub(12).max(36));
-        label(&mut picture, [6, 0], SMALL, Rgb(INK), self.unit);
+        label(&mut picture, [6, 0], LETTERS, Rgb(INK), self.unit);
         let low = if self.colors == Colors::Viridis { 0.0 } else { -self.limit };
         for y in top..bottom {
             let t = f64::from(bottom - 1 - y) / f64::from(bottom - 1 - top);
@@ -76,8 +78,8 @@ impl ColorScale {
                 _ => "",
             };
             let text = format!("{sign}{}", short(value));
-            label(&mut picture, [13 + BAR as i32, y as i32 - 11], SMALL, Rgb(INK), &text);
-            debug_assert!(label_width(SMALL, &text) < WIDTH);
+            label(&mut picture, [13 + BAR as i32, y as i32 - 11], LETTERS, Rgb(INK), &text);
+            debug_assert!(label_width(LETTERS, &text) < WIDTH);
         }
         picture
     }
@@ -86,6 +88,14 @@ impl ColorScale {
 /// The diverging colour of a number from -1 to 1, display values; numbers beyond have the colours of the ends.
 pub fn diverging(t: f64) -> DVec3 {
     MIDDLE.lerp(if t < 0.0 { BELOW } else { ABOVE }, t.abs().min(1.0))
+}
+
+/// The number below which this fraction of the numbers is; 0 without numbers.
+pub fn quantile(values: impl Iterator<Item = f64>, fraction: f64) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(0.0)
 }
 
 /// The next larger one of 1, 1.5, 2, 3, 4, 5, 6, 8 and 10 times a power of ten.
@@ -111,6 +121,13 @@ pub fn short(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn known_numbers_have_known_quantiles() {
+        let values = [9.0, 3.0, 5.0, 7.0, 1.0];
+        assert_eq!([0.0, 0.5, 1.0].map(|f| quantile(values.into_iter(), f)), [1.0, 5.0, 9.0]);
+        assert_eq!(quantile(std::iter::empty(), 0.5), 0.0);
+    }
 
     #[test]
     fn limits_and_labels_are_round_numbers() {

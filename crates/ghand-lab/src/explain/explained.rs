@@ -1,9 +1,9 @@
-//! The properties of an avatar in poses, read from the device, and what the deformation makes of them.
+//! An avatar with its properties in some poses, and what the deformation makes of them.
 
 use std::collections::HashMap;
 
 use anyhow::Context as _;
-use ghand_avatar::deform::Properties;
+use ghand_avatar::pose_properties::{PoseProperties, centred, vectors};
 use ghand_avatar::{Avatar, PosedHand};
 use ghand_core::Pose;
 use ghand_core::blend_shapes::CoefficientLayout;
@@ -12,7 +12,7 @@ use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints};
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_normals};
 use ghand_hand_model::surface::sample_surface;
 use ghand_motion::PoseFrame;
-use ghand_render::{Gpu, RenderError, buffers};
+use ghand_render::Gpu;
 use glam::DVec3;
 
 /// An avatar with its properties in some poses.
@@ -55,63 +55,11 @@ pub struct ExplainedPose {
     pub joint_offsets: Vec<DVec3>,
 }
 
-/// The properties in one pose, as on the device but in f64.
-#[derive(Debug, Clone)]
-pub struct PoseProperties {
-    /// Shape bases S, `[n][N]`, metres.
-    pub shape_basis: Vec<DVec3>,
-    /// Coefficients, `[n][rows][N]`.
-    pub coefficients: Vec<f32>,
-    /// Numbers of a coefficient.
-    pub rows: usize,
-    /// Residual skinning weights, `[n_b][N]`; zero if skinning is plain.
-    pub residual_weights: Vec<f64>,
-    /// Skeleton regressor, `[n_b][N]`; zero if skinning is plain.
-    pub regressor: Vec<f64>,
-}
-
-impl PoseProperties {
-    /// Reads them once an avatar is posed, and waits for them.
-    ///
-    /// # Errors
-    /// [`RenderError`] if the device failed.
-    pub fn read(gpu: &Gpu, p: &Properties) -> Result<PoseProperties, RenderError> {
-        let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
-        let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
-        let rows = p.sizes.coefficients.rows();
-        // Plain skinning is that with residual weights of 0.
-        let residual = |buffer: &wgpu::Buffer| match p.sizes.plain_skinning {
-            true => Ok(vec![0.0; joints * n]),
-            false => buffers::read(gpu, buffer, joints * n).map(wide),
-        };
-        Ok(PoseProperties {
-            shape_basis: vectors(&wide(buffers::read(gpu, &p.shape_basis, 3 * bases * n)?), n),
-            coefficients: buffers::read(gpu, &p.coefficients, rows * bases * n)?,
-            rows,
-            residual_weights: residual(&p.residual_weights)?,
-            regressor: residual(&p.regressor)?,
-        })
-    }
-}
-
-/// Vectors from rows of components `[k][3][N]`.
-fn vectors(values: &[f64], count: usize) -> Vec<DVec3> {
-    let rows = values.chunks_exact(3 * count.max(1));
-    rows.flat_map(|row| (0..count).map(|p| DVec3::new(row[p], row[count + p], row[2 * count + p]))).collect()
-}
-
 /// Coefficients with three components `[n][N]`, whatever their layout.
 fn coefficient_vectors(values: &[f32], rows: usize, count: usize) -> Vec<DVec3> {
     let at = |row: &[f32], p: usize, c: usize| f64::from(row[if rows == 3 { c * count + p } else { p }]);
     let bases = values.chunks_exact(rows * count.max(1));
     bases.flat_map(|row| (0..count).map(move |p| DVec3::from([0, 1, 2].map(|c| at(row, p, c))))).collect()
-}
-
-/// Weights `[n_b][N]` less their mean over the joints.
-pub fn centred(weights: &[f64], count: usize, joints: usize) -> Vec<f64> {
-    let mean = |p: usize| (0..joints).map(|k| weights[k * count + p]).sum::<f64>() / joints.max(1) as f64;
-    let means: Vec<f64> = (0..count).map(mean).collect();
-    weights.iter().enumerate().map(|(i, weight)| weight - means[i % count.max(1)]).collect()
 }
 
 /// The normals of the texels that an avatar's Gaussians are, which may be some of its hand model's.

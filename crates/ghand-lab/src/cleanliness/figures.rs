@@ -1,17 +1,15 @@
 //! How clean pictures of a hand are that nothing can be compared with: whether their colours occur in the training images,
-//! whether their fine detail is as strong as there, and whether any part is darker or more saturated ([`tones`]).
-
-mod tones;
+//! whether their fine detail is as strong as there, and whether any part is darker or more saturated ([`super::tones`]).
 
 use ghand_capture::{Split, SplitView};
+use ghand_measure::error_bands::depths;
+use ghand_measure::metrics::quantize;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::error_bands::depths;
-use crate::metrics::quantize;
-use tones::{ToneSums, Tones};
+use super::tones::{ToneSums, Tones};
 
 /// Bins of a colour channel, 8 grey levels wide.
 const BINS: usize = 32;
@@ -20,20 +18,20 @@ const RARE: f64 = 1e-5;
 /// Depth below the outline up to which the background may mix into a pixel, pixels.
 const RIM: f64 = 2.0;
 /// Half the width of the square that detail is compared with, pixels.
-const REACH: usize = 2;
+pub(super) const REACH: usize = 2;
 /// Least depth of a pixel whose square has no pixel in the rim: the square's corners are 2.8 pixels away.
-const DEEP: f64 = RIM + 3.0;
+pub(super) const DEEP: f64 = RIM + 3.0;
 /// Least coverage of a pixel that shows the hand alone.
 const OPAQUE: f32 = 0.95;
 
 /// A picture of a hand.
 #[derive(Debug, Clone)]
 pub struct HandPicture {
-    size: [u32; 2],
-    colors: Vec<[u8; 3]>,
+    pub(super) size: [u32; 2],
+    pub(super) colors: Vec<[u8; 3]>,
     /// Depth of each pixel below the hand's outline, pixels.
-    depths: Vec<f64>,
-    is_opaque: Vec<bool>,
+    pub(super) depths: Vec<f64>,
+    pub(super) is_opaque: Vec<bool>,
 }
 
 impl HandPicture {
@@ -162,7 +160,7 @@ impl DetailEnergy {
 }
 
 /// Luminance of display values, 0..1.
-fn luminance([r, g, b]: [f64; 3]) -> f64 {
+pub(super) fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

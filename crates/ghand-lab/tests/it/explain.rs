@@ -1,17 +1,22 @@
-//! `ghand explain` as a user runs it, on avatars whose properties are known.
+//! `ghand-lab explain` as a user runs it, on avatars whose properties are known.
 
 use std::path::Path;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar};
 #[cfg(feature = "networks")]
 use ghand_avatar::NetworkSizes;
-use ghand_avatar::{Avatar, AvatarConfig, PropertyTables};
+use ghand_avatar::deform::baked::Precision;
+use ghand_avatar::{Avatar, AvatarConfig, Bake, PropertyTables};
+use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
+use ghand_files::claim::Claim;
 use ghand_procedural_hand::ProceduralHand;
+use ghand_render::{AdapterChoice, Gpu};
+use glam::DVec3;
 use serde_json::Value;
 
-const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
+const LAB: &str = env!("CARGO_BIN_EXE_ghand-lab");
 /// Bases of the planted avatar; its second one is known.
 const BASES: usize = 2;
 /// The joint with a residual weight.
@@ -46,7 +51,7 @@ fn save_planted(folder: &Path, residual: bool) -> Avatar {
 }
 
 fn explain(folder: &Path, arguments: &[&str]) -> Value {
-    let output = run(GHAND, folder, &[&["explain"], arguments].concat());
+    let output = run(LAB, folder, &[&["explain"], arguments].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let out = arguments.iter().skip_while(|a| **a != "--out").nth(1).unwrap();
     serde_json::from_slice(&std::fs::read(folder.join(out).join("explain.json")).unwrap()).unwrap()
@@ -150,6 +155,18 @@ fn networks_with_three_numbers_per_coefficient_and_poses_of_a_motion_are_explain
     assert_eq!(report["coefficients"].as_array().unwrap().len(), 3 * poses);
 }
 
+fn baked(avatar: &Avatar) -> Avatar {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let joints = avatar.template.joint_count();
+    let bent = |k: usize| {
+        let mut pose = Pose::rest(joints);
+        pose.rotations[1 + k % (joints - 1)] = DVec3::splat(0.01 * (k + 1) as f64);
+        pose
+    };
+    let poses: Vec<Pose> = (0..40).map(bent).collect();
+    Bake::new(&gpu, avatar, &poses, 3, |_| ()).unwrap().avatar(3, Precision::U8)
+}
+
 #[test]
 fn bad_input_is_one_sentence_and_nothing_is_overwritten_without_force() {
     let folder = tempfile::tempdir().unwrap();
@@ -162,7 +179,7 @@ fn bad_input_is_one_sentence_and_nothing_is_overwritten_without_force() {
     std::fs::write(folder.path().join("late/basis-1.png"), b"mine").unwrap();
     let before = listing(folder.path());
     let check = |arguments: &[&str], parts: &[&str]| {
-        assert_one_sentence(&run(GHAND, folder.path(), &[&["explain"], arguments].concat()), parts);
+        assert_one_sentence(&run(LAB, folder.path(), &[&["explain"], arguments].concat()), parts);
         assert_eq!(listing(folder.path()), before, "{arguments:?}");
     };
     check(&["missing.ghand", "--out", "out"], &["missing.ghand"]);
@@ -172,6 +189,14 @@ fn bad_input_is_one_sentence_and_nothing_is_overwritten_without_force() {
     check(&["hand.ghand", "--out", "out", "--poses", "salute"], &["salute", "fist"]);
     check(&["hand.ghand", "--out", "out", "--poses", "none.json"], &["none.json"]);
     check(&["hand.ghand", "--out", "late"], &["late/basis-1.png", "--force"]);
+    check(&["hand.ghand", "--out", "out", "--take", "1"], &["--take"]);
+    let baked = baked(&Avatar::load(&folder.path().join("hand.ghand")).unwrap());
+    baked.save(&folder.path().join("late/baked.ghand")).unwrap();
+    check(&["late/baked.ghand", "--out", "out"], &["baked.ghand", "is baked"]);
+    std::fs::remove_file(folder.path().join("late/baked.ghand")).unwrap();
+    let claim = Claim::folder(&folder.path().join("late")).unwrap();
+    check(&["hand.ghand", "--out", "late", "--force"], &["late: another command is writing there"]);
+    drop(claim);
     assert_eq!(std::fs::read(folder.path().join("used/explain.json")).unwrap(), b"mine");
     assert_eq!(listing(&folder.path().join("late")), ["basis-1.png"]);
     explain(folder.path(), &["hand.ghand", "--out", "used", "--force"]);

@@ -1,7 +1,6 @@
 //! A hand that was seen only from its back, in light from one side: with the light that `auto` chooses no part is darker or
 //! more saturated than skin in the images, and a light that the images do not determine hardly darkens the palm.
 
-use crate::common::{make, small_options};
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
 use ghand_core::rotation::rotation_from_axis_angle;
@@ -9,9 +8,10 @@ use ghand_core::sphere::spiral_direction;
 use ghand_core::{Camera, Pose};
 use ghand_hand_model::hand_directions::hand_directions;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_measure::cleanliness::{DetailEnergy, HandPicture, KnownColors, PictureSums};
+use ghand_lab::cleanliness::figures::{DetailEnergy, HandPicture, KnownColors, PictureSums};
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{LightSetup, SyntheticOptions};
 use ghand_train::{Align, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
@@ -64,6 +64,7 @@ fn parts_beyond(gpu: &Gpu, avatar: &Avatar, root: &Pose, known: &KnownColors) ->
 fn a_palm_that_no_image_showed_is_not_dark() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let options = SyntheticOptions {
+        identity: 13,
         light: LightSetup::Side,
         views: 10,
         train_frames: 12,
@@ -71,9 +72,12 @@ fn a_palm_that_no_image_showed_is_not_dark() {
         height: 240,
         pose_noise_degrees: 0.0,
         translation_noise: 0.0,
-        ..small_options(13)
+        test_frames: 0,
+        ..Default::default()
     };
-    let (mut capture, _folder) = make(&options);
+    let folder = tempfile::tempdir().unwrap();
+    make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
+    let mut capture = Capture::open(&folder.path().join("capture")).unwrap();
     let split = seen_from_the_back(&capture);
     assert!(split.views.len() >= 20, "only {} images show the back", split.views.len());
     let mut known = KnownColors::default();

@@ -3,10 +3,11 @@
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
+use ghand_pictures::color_scale::quantile;
 use serde::Serialize;
 
-use super::pose_properties::{Explained, ExplainedPose, layout_name};
-use super::statistics::{extremes, mean_and_spread, quantile};
+use super::explained::{Explained, ExplainedPose, layout_name};
+use super::statistics::{extremes, mean_and_spread};
 
 /// Millimetres in a metre.
 pub const MM: f64 = 1e3;

@@ -5,14 +5,14 @@ use image::imageops::replace;
 use image::{Rgb, RgbImage};
 
 /// Colours of the page and its text.
-pub const PAPER: [u8; 3] = [255; 3];
-pub const INK: [u8; 3] = [40, 40, 46];
+const PAPER: [u8; 3] = [255; 3];
+const INK: [u8; 3] = [40, 40, 46];
 const FAINT: [u8; 3] = [105, 105, 112];
 /// Heights of text, pixels.
 const TITLE: f64 = 30.0;
 const HEADING: f64 = 24.0;
 const CAPTION: f64 = 17.0;
-pub const SMALL: f64 = 14.0;
+const SMALL: f64 = 14.0;
 /// Height of a line of a height of text.
 const SPACING: f64 = 1.45;
 /// Space around figures, pixels.

@@ -1,13 +1,30 @@
-//! `ghand evaluate --poses library`: how clean an avatar looks in the named poses, from all around.
+//! `ghand-lab cleanliness`: how clean an avatar looks in the named poses, from all around.
+
+mod cameras;
+pub mod figures;
+mod sheet;
+mod tones;
+
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use ghand_avatar::framing::{Footprint, all_around, direction_around, middle, posed_vertices};
+use cameras::{Footprint, all_around, direction_around};
+use clap::Args;
+use figures::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
+use ghand_app::capture_args::CaptureArgs;
+use ghand_app::cli::AdapterArgs;
+use ghand_app::commands::evaluate::check_joints;
+use ghand_app::own_inputs::refuse_capture_folder;
+use ghand_app::pose_choice::pose_by_name;
+use ghand_app::say;
+use ghand_app::train_run::interruption::Interruption;
+use ghand_app::train_run::results::save_metrics;
+use ghand_avatar::framing::{middle, posed_vertices};
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
 use ghand_core::{Camera, Pose};
+use ghand_files::claim::Claim;
 use ghand_hand_model::named_poses::POSE_NAMES;
-use ghand_measure::cleanliness::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
-use ghand_measure::cleanliness_sheet::{PoseViews, cleanliness_sheet};
 use ghand_measure::metrics::quantize;
 use ghand_measure::outline::{Outline, OutlineSums, silhouette};
 use ghand_pictures::write_png;
@@ -16,16 +33,36 @@ use ghand_render::splat::Purpose;
 use glam::{DQuat, DVec3};
 use image::{Rgb, RgbImage};
 use serde::Serialize;
+use sheet::{PoseViews, cleanliness_sheet};
 
-use super::{DEFAULT_SPLIT, EvaluateArgs, check_joints};
-use crate::cli::AdapterArgs;
-use crate::pose_choice::pose_by_name;
-use crate::run_files::{CLEANLINESS_FILE, CLEANLINESS_SHEET};
-use crate::say;
-use crate::train_run::interruption::Interruption;
-use crate::train_run::results::save_metrics;
-use crate::train_run::run_folder::RunFolder;
+/// Command line of `ghand-lab cleanliness`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("subject").args(["capture"]).required(true))]
+pub struct CleanlinessArgs {
+    /// The avatar, a .ghand file
+    avatar: PathBuf,
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Split with images that training did not see: its figures are those of a perfect avatar
+    #[arg(long, default_value = DEFAULT_SPLIT)]
+    split: String,
+    /// Split that the avatar was trained on, whose images say what skin looks like [default: as the avatar says]
+    #[arg(long)]
+    train_split: Option<String>,
+    /// Folder for cleanliness.json and cleanliness.png
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace the files of an earlier run
+    #[arg(long)]
+    force: bool,
+}
 
+/// The default of `--split`.
+const DEFAULT_SPLIT: &str = "test";
+/// The figures.
+const FIGURES_FILE: &str = "cleanliness.json";
+/// The picture.
+const SHEET_FILE: &str = "cleanliness.png";
 /// Views of each pose, evenly around the hand.
 const VIEWS: usize = 24;
 /// Most images of a split that are measured.
@@ -131,16 +168,17 @@ struct PosedSums {
 ///
 /// # Errors
 /// An error that names the file or the option and its problem.
-pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+pub fn run(args: &CleanlinessArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let avatar = Avatar::load(&args.avatar)?;
+    if let Some(out) = args.out.as_deref().filter(|_| !args.force) {
+        refuse_capture_folder("--out", out, path)?;
+        check_absent(out)?;
+    }
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let folder = args.out.as_deref().map(|out| RunFolder::named(out, args.force)).transpose()?;
     let interruption = Interruption::listen("stopped: nothing was saved")?;
-    if let Some(folder) = &folder {
-        interruption.remove_at_end(folder.leftovers());
-    }
-    let path = args.capture.capture.as_ref().context("--capture: is missing")?;
+    let _claim = args.out.as_deref().map(Claim::folder).transpose()?;
     let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
     // A capture without test images has no held-out figures.
     let (needed, optional) = match args.split == DEFAULT_SPLIT {
@@ -152,8 +190,8 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let train = capture.split(train_split)?;
     let root = mean_root(&capture, train);
     let poses: Result<Vec<Pose>, _> = POSE_NAMES.iter().map(|name| library_pose(name, &avatar, root)).collect();
-    let poses = poses.context("--poses library")?;
-    let training = measure_training(&capture, train).with_context(|| format!("{}: --poses library", path.display()))?;
+    let poses = poses?;
+    let training = measure_training(&capture, train).with_context(|| path.display().to_string())?;
     let cameras = all_around(&avatar.model, &poses.iter().collect::<Vec<_>>(), VIEWS, training.footprint);
     let posed = gpu.retry_on_device_loss("the evaluation", |gpu| {
         draw(gpu, &avatar, &poses, &cameras, capture.background, &training)
@@ -201,14 +239,22 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         training: Images { split: train_split.into(), images: training.images },
     };
     print_table(&results);
-    let Some(folder) = folder else { return Ok(()) };
-    let sheet_path = folder.file(CLEANLINESS_SHEET);
+    let Some(folder) = &args.out else { return Ok(()) };
+    let sheet_path = folder.join(SHEET_FILE);
     interruption.whole(|| -> anyhow::Result<()> {
         write_png(&sheet_path, &sheet(&results, posed))?;
-        save_metrics(&results, &folder.file(CLEANLINESS_FILE))
+        save_metrics(&results, &folder.join(FIGURES_FILE))
     })?;
     say!("picture: {}", sheet_path.display());
     Ok(())
+}
+
+/// Fails if results are there.
+fn check_absent(folder: &Path) -> anyhow::Result<()> {
+    match [FIGURES_FILE, SHEET_FILE].iter().map(|name| folder.join(name)).find(|file| file.exists()) {
+        Some(file) => bail!("{}: exists already; choose another --out, or replace it with --force", file.display()),
+        None => Ok(()),
+    }
 }
 
 /// The mean place of the hand in a split: its root's rotation (axis-angle, radians) and its translation (metres). There

@@ -1,18 +1,18 @@
 //! The figures, from the numbers of an avatar.
 
+use ghand_app::commands::bake::hand_painter::{Dots, HandPainter, PALE, around, palm_and_back};
 use ghand_avatar::Avatar;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::{Camera, Pose};
+use ghand_pictures::color_scale::{ColorScale, Colors, short};
 use ghand_pictures::plot::{IntervalPlot, Panel, PanelPlot};
 use ghand_render::Gpu;
 use glam::DVec3;
 use image::RgbImage;
 
-use super::color_scale::{ColorScale, Colors, short};
+use super::explained::{Explained, ExplainedPose};
 use super::figures::{Figures, MM, most_bent, residual_joints};
-use super::hand_painter::{Dots, HandPainter, PALE, around, palm_and_back};
 use super::page::{Cell, Figure, Section, beside, figure};
-use super::pose_properties::{Explained, ExplainedPose};
 use super::skeleton_picture::{Pen, RESIDUAL, TEMPLATE, draw_skeleton, fade};
 use super::surface_normals::moved_normals;
 
