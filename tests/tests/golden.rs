@@ -11,7 +11,7 @@ use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::named_poses::named_pose;
 use ghand_render::splat::Purpose;
-use ghand_render::{AdapterChoice, Gpu};
+use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier};
 use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{LightSetup, SyntheticOptions};
 use image::{Rgb, RgbImage};
@@ -76,14 +76,25 @@ fn drawn(gpu: &Gpu, avatar: &Avatar, pose: &str, view: usize) -> RgbImage {
 }
 
 #[test]
-fn avatars_are_drawn_as_before() {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+fn avatars_are_drawn_as_before_on_every_tier() {
     let config = AvatarConfig { antialias: true, uv_resolution: 96, ..AvatarConfig::default() };
     let right = striped(Side::Right, config.clone());
-    check("right-fist", &drawn(&gpu, &right, "fist", 0));
-    check("right-point-from-behind", &drawn(&gpu, &right, "point", 2));
-    check("left-spread", &drawn(&gpu, &striped(Side::Left, config), "spread", 0));
-    check("right-round-aliased", &drawn(&gpu, &striped(Side::Right, AvatarConfig::default()), "pinch", 1));
+    let left = striped(Side::Left, config);
+    let round = striped(Side::Right, AvatarConfig::default());
+    for tier in Tier::ALL {
+        let gpu = match Gpu::with_tier(&AdapterChoice::from_env(), tier) {
+            Ok(gpu) => gpu,
+            Err(e @ DeviceError::NoTier { .. }) => {
+                println!("skipped: {e}");
+                continue;
+            }
+            Err(e) => panic!("{e}"),
+        };
+        check("right-fist", &drawn(&gpu, &right, "fist", 0));
+        check("right-point-from-behind", &drawn(&gpu, &right, "point", 2));
+        check("left-spread", &drawn(&gpu, &left, "spread", 0));
+        check("right-round-aliased", &drawn(&gpu, &round, "pinch", 1));
+    }
 }
 
 #[test]

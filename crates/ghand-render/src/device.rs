@@ -211,4 +211,18 @@ mod tests {
         let there = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}")).info.name;
         assert!(error.contains("no such adapter") && error.contains(&there), "{error}");
     }
+
+    #[test]
+    fn the_measured_size_of_subgroups_is_one_that_the_adapter_gives() {
+        let choice = AdapterChoice::from_env();
+        let gpu = match Gpu::with_tier(&choice, Tier::CpuSubgroups) {
+            Ok(gpu) => gpu,
+            Err(e @ DeviceError::NoTier { .. }) => return println!("skipped: {e}"),
+            Err(e) => panic!("{e}"),
+        };
+        let sizes: Vec<u32> = buffers::read(&gpu, &gpu.subgroup_size(), 1).unwrap_or_else(|e| panic!("{e}"));
+        let given = gpu.info.subgroup_min_size..=gpu.info.subgroup_max_size;
+        assert!(given.contains(&sizes[0]), "{sizes:?}, {given:?}");
+        assert!(matches!(gpu.has_measured_large(Ok(vec![4])), Ok(false)));
+    }
 }

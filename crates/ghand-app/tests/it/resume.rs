@@ -119,10 +119,10 @@ fn an_interrupted_run_goes_on_as_it_was_started_and_refuses_anything_else() {
     assert_one_sentence(&train(&anew), &["interrupted run", "--resume", "--force"]);
     let resume = ["--resume", "--out", "run"];
     let other = |more: &[&str]| train(&[&resume[..], more].concat());
-    assert_one_sentence(&other(&["--seed", "6"]), &["--resume", "`align` was \"off\""]);
+    assert_one_sentence(&other(&["--seed", "6"]), &["--resume", "`align`", "started with \"off\""]);
     let same = ["--seed", "6", "--set", "align=off", "--set", "iterations=1000000"];
     let same = options(&same);
-    assert_one_sentence(&other(&same), &["`seed` was 5", "is 6 now"]);
+    assert_one_sentence(&other(&same), &["`seed` is 6", "started with 5"]);
     assert_one_sentence(&other(&["--split", "test"]), &["--split", "was started with train"]);
     assert_one_sentence(&other(&["--capture", "elsewhere"]), &["--capture", "was started with"]);
     assert_one_sentence(&other(&["--force"]), &["--force", "--resume"]);
