@@ -2,6 +2,7 @@
 //! the avatar file.
 
 pub mod avatar;
+#[cfg(feature = "bake")]
 pub mod bake;
 pub mod deform;
 pub mod file;
@@ -22,6 +23,7 @@ mod seen;
 pub mod template;
 
 pub use avatar::{Avatar, Provenance};
+#[cfg(feature = "bake")]
 pub use bake::{Bake, BakeError};
 pub use file::AvatarFileError;
 pub use light::{AvatarLight, Light, LightKind};

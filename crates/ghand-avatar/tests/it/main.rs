@@ -3,6 +3,7 @@
 
 mod common;
 
+#[cfg(feature = "bake")]
 mod baked;
 mod deform;
 mod gloss;
