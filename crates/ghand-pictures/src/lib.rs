@@ -1,7 +1,10 @@
 //! Pictures as files: single ones, folders of them, films; plots, and letters in pictures.
 
+// Plots' library reads no fonts in browsers.
+#[cfg(not(target_arch = "wasm32"))]
 pub mod color_scale;
 pub mod draw_text;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod plot;
 
 mod background;

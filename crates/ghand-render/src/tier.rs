@@ -1,5 +1,6 @@
 //! Tiers: the named combinations of kernels. What a device can do, and whether it is a processor, choose one.
 
+#[cfg(not(target_arch = "wasm32"))]
 use crate::DeviceError;
 
 /// A combination of kernels.
@@ -48,6 +49,7 @@ impl Tier {
     ///
     /// # Errors
     /// [`DeviceError::UnknownTier`] if it has another value.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn from_env() -> Result<Option<Tier>, DeviceError> {
         match std::env::var_os(Tier::VARIABLE).map(|text| text.to_string_lossy().into_owned()) {
             Some(text) if !text.is_empty() => Tier::parse(&text).map(Some).ok_or(DeviceError::UnknownTier { text }),

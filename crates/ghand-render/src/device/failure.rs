@@ -4,7 +4,6 @@
 //! it ([`Gpu::scoped`]); errors outside scopes go to a handler; and the device can be lost. The last two are recorded
 //! here, and every call that waits checks them ([`Gpu::check`]).
 
-use std::error::Error;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::device::AdapterChoice;
@@ -275,7 +274,9 @@ fn exceeded_size(_: &wgpu::Error) -> Option<String> {
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+fn causes<'a>(
+    error: &'a (dyn std::error::Error + 'static),
+) -> impl Iterator<Item = &'a (dyn std::error::Error + 'static)> {
     std::iter::successors(Some(error), |e| (*e).source())
 }
 
