@@ -1,5 +1,5 @@
 //! A hand that was seen only from its back, in light from one side: with the light that `auto` chooses no part is darker or
-//! more saturated than skin in the images, and a light that the images do not determine hardly darkens the palm.
+//! more saturated than skin in the images.
 
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
@@ -96,13 +96,4 @@ fn a_palm_that_no_image_showed_is_not_dark() {
     // Directions are chosen here, the worst of twelve persons: 0.0002 are darker and 0.003 more saturated, of which 0.086
     // were before the light's colours were drawn to each other.
     assert!(chosen[0] < 0.005 && chosen[1] < 0.01, "{chosen:?}");
-
-    let light = &avatar.light.as_ref().unwrap().light;
-    let trust_at = |towards: DVec3| {
-        let pairs = light.directions().into_iter().zip(light.trust.as_ref().unwrap().values());
-        let nearest = pairs.max_by(|(a, _), (b, _)| a.dot(towards).total_cmp(&b.dot(towards)));
-        nearest.unwrap().1[0]
-    };
-    let [of_back, of_palm] = [1.0, -1.0].map(|sign| trust_at(sign * back(&capture, &root)));
-    assert!(of_back > 0.95 && of_palm < 0.8, "{of_back} {of_palm}");
 }
