@@ -46,23 +46,64 @@ impl Host {
         Gpu::from_parts(self.adapter.clone(), self.device.clone(), self.queue.clone())
     }
 
+    /// The pixels of a pass without depth that is replaced by the scene's image over a background.
+    fn replaced(
+        &self,
+        gpu: &Gpu,
+        scene: &Scene,
+        pass: &TexturePass,
+        format: wgpu::TextureFormat,
+        background: [f32; 3],
+    ) -> Vec<[u8; 4]> {
+        let layer = pass.layer(gpu, scene.splatter()).unwrap();
+        pass.set_place(gpu, &layer, [0; 2], SIZE, background);
+        let color = self.texture(format);
+        let view = color.create_view(&Default::default());
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: None,
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            })],
+            ..Default::default()
+        });
+        pass.draw(&mut render, &layer);
+        drop(render);
+        self.read(gpu, encoder, &color)
+    }
+
+    fn texture(&self, format: wgpu::TextureFormat) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+    }
+
+    /// Submits the commands, and reads the texture that they draw to.
+    fn read(&self, gpu: &Gpu, mut encoder: wgpu::CommandEncoder, color: &wgpu::Texture) -> Vec<[u8; 4]> {
+        let count = (SIZE[0] * SIZE[1]) as usize;
+        let rows = buffers::zeroed(gpu, "rows", count);
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIZE[0]), rows_per_image: None };
+        let to = wgpu::TexelCopyBufferInfo { buffer: &rows, layout };
+        encoder.copy_texture_to_buffer(color.as_image_copy(), to, color.size());
+        self.queue.submit([encoder.finish()]);
+        buffers::read(gpu, &rows, count).unwrap()
+    }
+
     /// The pixels of a pass that clears depth to that of a wall at `wall` metres and colour to grey, then draws the scene.
     fn picture(&self, gpu: &Gpu, scene: &mut Scene, pass: &TexturePass, wall: f32, depth: DepthTarget) -> Vec<[u8; 4]> {
         let layer = pass.layer(gpu, scene.splatter()).unwrap();
         pass.set_place(gpu, &layer, [0; 2], SIZE, [0.0; 3]);
-        let texture = |format| {
-            self.device.create_texture(&wgpu::TextureDescriptor {
-                label: None,
-                size: wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            })
-        };
-        let (color, deep) = (texture(COLOR), texture(DEPTH));
+        let (color, deep) = (self.texture(COLOR), self.texture(DEPTH));
         let [color_view, depth_view] = [&color, &deep].map(|t| t.create_view(&Default::default()));
         let mut encoder = self.device.create_command_encoder(&Default::default());
         scene.encode_growing(gpu, &mut encoder).unwrap();
@@ -85,12 +126,7 @@ impl Host {
         });
         pass.draw(&mut render, &layer);
         drop(render);
-        let rows = buffers::zeroed(gpu, "rows", (SIZE[0] * SIZE[1]) as usize);
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIZE[0]), rows_per_image: None };
-        let to = wgpu::TexelCopyBufferInfo { buffer: &rows, layout };
-        encoder.copy_texture_to_buffer(color.as_image_copy(), to, color.size());
-        self.queue.submit([encoder.finish()]);
-        buffers::read(gpu, &rows, (SIZE[0] * SIZE[1]) as usize).unwrap()
+        self.read(gpu, encoder, &color)
     }
 }
 
@@ -138,6 +174,34 @@ fn splats_are_drawn_over_a_host_and_hidden_by_what_is_nearer() {
 }
 
 #[test]
+fn textures_of_linear_light_show_the_same_colours() {
+    // With all that is offered, the host's device runs the same tier as one that is opened here.
+    let limits = wgpu::Limits { max_compute_workgroup_storage_size: 32_768, ..wgpu::Limits::default() };
+    let host = Host::new(wgpu::Features::SUBGROUP, limits);
+    let gpu = host.gpu().unwrap();
+    let offered = gpu.info.subgroup_min_size >= 8 && gpu.device.features().contains(wgpu::Features::SUBGROUP);
+    assert_eq!(gpu.tier.has_subgroups(), offered);
+    let mut scene = scene(&gpu);
+    let image = scene.render(&gpu, 0, &camera(), [0.0; 3]).unwrap();
+    let background = [0.1, 0.5, 0.9];
+    let worst = |target: Target| {
+        let pass = TexturePass::new(&gpu, target).unwrap();
+        let pixels = host.replaced(&gpu, &scene, &pass, target.format, background);
+        let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * background[c]);
+        let each = image.rgba.iter().zip(pixels).flat_map(|(p, got)| {
+            over(p).into_iter().zip(got).map(|(a, b)| (255.0 * a.min(1.0) - f32::from(b)).abs()).collect::<Vec<_>>()
+        });
+        each.fold(0.0, f32::max)
+    };
+    let replace = |format| Target { replace: true, ..Target::color(format) };
+    let srgb = wgpu::TextureFormat::Rgba8UnormSrgb;
+    // Rounding, and the device's own conversion from linear light.
+    assert!(worst(replace(COLOR)) <= 0.51, "{}", worst(replace(COLOR)));
+    assert!(worst(replace(srgb)) <= 1.1, "{}", worst(replace(srgb)));
+    assert!(worst(Target { linear: false, ..replace(srgb) }) > 20.0, "colours are not compared");
+}
+
+#[test]
 fn the_callbacks_of_a_hosts_device_stay_its_own() {
     let host = Host::new(wgpu::Features::SUBGROUP, wgpu::Limits::default());
     let gpu = host.gpu().unwrap();
@@ -169,6 +233,8 @@ fn buffers_grow_without_waiting_and_asynchronous_reads_give_the_same_image() {
     assert!(patient.splatter().capacity() > scene(&gpu).splatter().capacity(), "nothing had to grow");
     let mut growing = scene(&gpu);
     growing.set_view(&gpu, &near, [0.1; 3]).unwrap();
+    // Commands that a host drops answer nothing; the next frame asks again.
+    growing.encode_growing(&gpu, &mut gpu.device.create_command_encoder(&Default::default())).unwrap();
     let frames = (0..5).map(|_| {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let grown = growing.encode_growing(&gpu, &mut encoder).unwrap();

@@ -19,6 +19,25 @@ enum Way {
     Failed,
 }
 
+/// A question to the device. If the host drops the commands instead of submitting them, nothing answers, and the next frame
+/// asks again.
+struct Question(Arc<Mutex<Way>>);
+
+impl Question {
+    fn answer(&self, way: Way) {
+        Growth::set(&self.0, way);
+    }
+}
+
+impl Drop for Question {
+    fn drop(&mut self) {
+        let mut way = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if *way == Way::Asked {
+            *way = Way::Free;
+        }
+    }
+}
+
 /// Reads counters back without waiting.
 #[derive(Debug)]
 pub struct Growth {
@@ -70,9 +89,9 @@ impl Growth {
         }
         Growth::set(&self.way, Way::Asked);
         encoder.copy_buffer_to_buffer(counters, 0, &self.staging, 0, size_of::<Counters>() as u64);
-        let way = self.way.clone();
+        let question = Question(self.way.clone());
         encoder.map_buffer_on_submit(&self.staging, wgpu::MapMode::Read, .., move |result| {
-            Growth::set(&way, if result.is_ok() { Way::Arrived } else { Way::Failed });
+            question.answer(if result.is_ok() { Way::Arrived } else { Way::Failed });
         });
     }
 }
