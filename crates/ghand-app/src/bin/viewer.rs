@@ -16,6 +16,7 @@ use ghand_app::light_args::LightArgs;
 use ghand_app::lighting::Lighting;
 use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
+use ghand_app::say;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::capture_panel::CapturePanel;
@@ -160,9 +161,10 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     if let Some(path) = &path {
         viewer.watch(path, &light);
     }
-    // Its next avatar is not baked.
-    if let Some(training) = training.filter(|_| !arguments.baked) {
-        viewer.follow_run(training);
+    match training {
+        Some(_) if arguments.baked => say!("the run is not followed: its next avatars are not baked"),
+        Some(training) => viewer.follow_run(training),
+        None => {}
     }
     if let Some(capture) = capture {
         viewer.show_capture(capture);
