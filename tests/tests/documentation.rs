@@ -1,62 +1,48 @@
-//! The tables of defaults in `docs/` are those of the code.
+//! Pages of `docs/` that are generated from the code.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use ghand_train::TrainSettings;
-use serde_json::Value;
 
-/// The second column of a table in a page, by the first, below a heading.
-fn defaults(page: &str, heading: &str) -> BTreeMap<String, String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
-    let text = std::fs::read_to_string(path).unwrap();
-    let (_, section) = text.split_once(heading).unwrap();
-    let section = section.split("\n#").next().unwrap();
-    let cells = |row: &str| row.split('|').map(|cell| cell.trim().replace('`', "")).collect::<Vec<_>>();
-    section
-        .lines()
-        .filter(|line| line.starts_with("| `"))
-        .map(|line| {
-            let row = cells(line);
-            (row[1].clone(), row[2].clone())
-        })
-        .collect()
+/// The table of settings, with the defaults.
+fn settings_table() -> String {
+    let row = |setting: ghand_train::DescribedSetting| {
+        let value = setting.value.trim_matches('"').to_owned();
+        let value = if setting.value.starts_with('"') { format!("`{value}`") } else { value };
+        format!("| `{}` | {value} | {} |\n", setting.name, setting.meaning)
+    };
+    let rows: String = TrainSettings::default().described().into_iter().map(row).collect();
+    format!("| setting | default | meaning |\n|---|---|---|\n{rows}")
 }
 
-/// Whether a cell says a value: a number in any notation, a list of them, or a word.
-fn says(cell: &str, value: &Value) -> bool {
-    match value {
-        Value::Number(number) => cell.parse::<f64>().ok() == number.as_f64(),
-        Value::Array(values) => {
-            let parts: Vec<&str> = cell.split(", ").collect();
-            parts.len() == values.len() && parts.iter().zip(values).all(|(part, value)| says(part, value))
-        }
-        Value::String(text) => cell == text,
-        Value::Bool(value) => cell.parse() == Ok(*value),
-        Value::Null | Value::Object(_) => false,
+/// Replaces what stands between two markers of a page.
+fn with_table(page: &str, table: &str) -> String {
+    let (begin, end) = ("<!-- generated: settings -->\n", "<!-- end -->\n");
+    let (before, rest) = page.split_once(begin).unwrap();
+    let (_, after) = rest.split_once(end).unwrap();
+    format!("{before}{begin}{table}{end}{after}")
+}
+
+/// `GHAND_WRITE_DOCS=1 cargo test --workspace --test documentation` writes the page.
+#[test]
+fn the_page_of_settings_is_generated() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/settings.md");
+    let page = std::fs::read_to_string(&path).unwrap();
+    let generated = with_table(&page, &settings_table());
+    if std::env::var_os("GHAND_WRITE_DOCS").is_some() {
+        std::fs::write(&path, &generated).unwrap();
+    } else {
+        assert!(page == generated, "docs/settings.md is not of this code; run with GHAND_WRITE_DOCS=1");
+    }
+    // Every setting has a meaning, and none breaks the table.
+    for setting in TrainSettings::default().described() {
+        assert!(setting.meaning.len() > 10 && !setting.meaning.contains('|'), "{setting:?}");
     }
 }
 
-fn compare(documented: &BTreeMap<String, String>, defaults: &Value) {
-    let defaults = defaults.as_object().unwrap();
-    for (name, value) in defaults {
-        let cell = documented.get(name).unwrap_or_else(|| panic!("{name} is not documented"));
-        assert!(says(cell, value), "{name} is {value}, documented as {cell}");
-    }
-    let unknown: Vec<&String> = documented.keys().filter(|name| !defaults.contains_key(*name)).collect();
-    assert!(unknown.is_empty(), "documented, but unknown: {unknown:?}");
-}
-
 #[test]
-fn documented_defaults_of_settings_are_right() {
-    let settings = serde_json::to_value(TrainSettings::default()).unwrap();
-    compare(&defaults("settings.md", "## Settings"), &settings);
-}
-
-#[test]
-fn a_wrong_default_is_found() {
-    assert!(says("2e-4", &Value::from(2e-4)) && !says("2e-3", &Value::from(2e-4)));
-    assert!(says("1, 2.5", &serde_json::json!([1.0, 2.5])) && !says("1", &serde_json::json!([1.0, 2.5])));
-    assert!(says("false", &Value::from(false)) && !says("paper", &Value::from("zero_sum")));
+fn another_table_is_found() {
+    let page = "a\n<!-- generated: settings -->\nold\n<!-- end -->\nb\n";
+    assert_eq!(with_table(page, "new\n"), page.replace("old", "new"));
 }

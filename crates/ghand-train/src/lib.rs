@@ -20,6 +20,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, CurvePoint};
 pub use checkpoints::Checkpoints;
 pub use evaluate::{Evaluation, evaluate, evaluate_views};
 pub use ghand_fit::protocol::Protocol;
+pub use presets::DescribedSetting;
 pub use settings::{
     Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,

@@ -1,5 +1,6 @@
 //! Settings in TOML: the presets, and files of one's own.
 
+use documented::DocumentedFields;
 use serde_json::Value;
 
 use crate::settings::{SettingsError, TrainSettings};
@@ -68,17 +69,42 @@ impl TrainSettings {
 
     /// All settings in TOML, in the order of their documentation.
     pub fn to_toml(&self) -> String {
+        self.described().into_iter().map(|setting| format!("{} = {}\n", setting.name, setting.value)).collect()
+    }
+
+    /// As [`to_toml`](Self::to_toml), each with its meaning as a comment.
+    pub fn to_commented_toml(&self) -> String {
+        let lines = self.described().into_iter();
+        lines.map(|setting| format!("# {}\n{} = {}\n", setting.meaning, setting.name, setting.value)).collect()
+    }
+
+    /// All settings with their values and meanings, in the order of their documentation.
+    pub fn described(&self) -> Vec<DescribedSetting> {
         let text = serde_json::to_string(self).unwrap_or_default();
         let fields = serde_json::to_value(self).unwrap_or_default();
         let mut fields: Vec<(&String, &Value)> = fields.as_object().into_iter().flatten().collect();
         fields.sort_by_key(|(key, _)| text.find(&format!("\"{key}\":")));
-        let line = |(key, value): (&String, &Value)| {
+        let described = |(key, value): (&String, &Value)| {
             // TOML has no whole numbers above 2^63.
             let large = value.as_u64().is_some_and(|number| i64::try_from(number).is_err());
-            if large { format!("{key} = \"{value}\"\n") } else { format!("{key} = {value}\n") }
+            let value = if large { format!("\"{value}\"") } else { value.to_string() };
+            let meaning = TrainSettings::get_field_docs(key).unwrap_or_default();
+            let meaning = meaning.split_whitespace().collect::<Vec<_>>().join(" ");
+            DescribedSetting { name: key.clone(), value, meaning: meaning.trim_end_matches('.').into() }
         };
-        fields.into_iter().map(line).collect()
+        fields.into_iter().map(described).collect()
     }
+}
+
+/// A setting in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DescribedSetting {
+    /// Its name.
+    pub name: String,
+    /// Its value, as in TOML.
+    pub value: String,
+    /// What it means, in Markdown on one line, without a full stop.
+    pub meaning: String,
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The settings of a training run.
 
+use documented::DocumentedFields;
 use ghand_avatar::{AvatarConfig, GaussianShape, NetworkSizes, Offsets};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::residual_skeleton::ResidualSkeleton;
@@ -93,70 +94,89 @@ pub enum Network {
     Paper,
 }
 
-/// Settings of a training run. Every field can be set as `--set field=value`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Settings of a training run. Every field can be set as `--set field=value`. The fields' documentation is that of
+/// `docs/settings.md` and of `train --print-config`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, DocumentedFields)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
-    /// Iterations of both stages together; each trains on one view.
+    /// Iterations of training; each uses one image.
     pub iterations: u64,
-    /// Seconds after which the run ends if it has not done its iterations, with rates that decay as fast; 0 for no limit.
+    /// Seconds after which the run ends if it has not done its iterations, as `--max-time`; 0 for no limit.
     pub max_seconds: f64,
-    /// What gives the Gaussians their properties.
+    /// What gives the Gaussians their properties in a pose. `direct`: free tables with a local, linear response to the
+    /// pose. `network`: the paper's networks, on the processor; several times slower in each iteration.
     pub model: Model,
-    /// Sizes of the networks, with `model=network`.
+    /// With `model=network`: `quick`: small networks. `paper`: the paper's sizes, far too slow for a processor; with
+    /// `coefficients=per_component` and `gaussians=round` they are the paper's model.
     pub network: Network,
-    /// The parts of the method that the avatar has.
+    /// The parts of the method. `baseline`: the pose gives each Gaussian its own offset, and plain skinning. `hgbs`:
+    /// blend shapes instead. `full`: also the residual skeleton with its residual skinning weights.
     pub components: Components,
-    /// Whether resolution, bases and components are as set, or as few as held-out frames require.
+    /// `auto`, or `train --model auto`: the avatar is as simple as its images allow (see Training). `off`: it is as
+    /// set.
     pub simplify: Simplify,
     /// Images of a frame in each iteration, with `model=network`: they share one pass of the networks.
     pub images_per_step: usize,
-    /// How the poses are refined before the avatar is trained.
+    /// How the poses are refined first. `contours`: together with the template's proportions, from the masks' outlines.
+    /// `paper`: by a first stage of training; with `model=network` in the paper's form (a third of the iterations),
+    /// else with 62 % of the iterations, images of half the size, a `uv_resolution` of at most 96 and a prior on
+    /// hinges. `off`: they stay as given.
     pub align: Align,
-    /// How light is taken apart from skin.
+    /// How light is taken apart from skin. `transfer`: 64 directions of light, with the hand's shadows on itself; only
+    /// few lamps in an even sky, unless all directions reduce the squared error in held-out frames by a twentieth.
+    /// `off`: colours are as the images show them. `auto`: `transfer`, if it reduces that error by a tenth.
     pub light: LightChoice,
-    /// Whether what the skin mirrors is modelled.
+    /// What skin mirrors of light from directions: one roughness, and a strength at each joint. `always`: modelled.
+    /// `off`: not modelled. `auto`: if it explains a fiftieth of how much the images of held-out frames differ.
     pub gloss: GlossChoice,
-    /// How cameras with other exposures are treated.
+    /// Exposure and white balance of the training cameras. `per_camera`: an affine map of its colours for each, so that
+    /// all cameras of a frame agree. `off`: cameras are alike. `auto`: maps, if cameras then disagree a tenth less in
+    /// held-out frames.
     pub exposure: ExposureChoice,
-    /// What Gaussians get that training hardly saw.
+    /// Gaussians that training hardly saw. `fill`: they get the properties of their neighbours on the surface, the more
+    /// the less they were seen; offsets of all are smoothed a little. `off`: they stay as they were trained.
     pub unseen: Unseen,
-    /// Seed of all random numbers.
+    /// Seed of all random numbers; `--seed N` sets it, too.
     pub seed: u64,
-    /// Resolution of the UV raster whose texels are the Gaussians.
+    /// Resolution of the UV raster; each texel on the hand is one Gaussian.
     pub uv_resolution: u32,
-    /// Blocks of 2x2 texels become one Gaussian each where no training image shows texels with edges of this length or more,
-    /// pixels, also where none shows them at all; 0 for one Gaussian for each texel. With `model=direct`.
+    /// Blocks of 2x2 texels become one Gaussian where no training image shows texels with edges of this length or more,
+    /// pixels, also where none shows them at all; 0: none. With `model=direct`.
     pub merge_below: f64,
-    /// Number of shape bases, n.
+    /// Number of shape bases.
     pub shape_bases: usize,
     /// Number of pose-dependent colour components.
     pub color_components: usize,
-    /// Shape of the Gaussians.
+    /// Shape of the Gaussians. `flat`: discs along the surface, 0.2 times as thick as wide. `round`: balls, as in the
+    /// paper.
     pub gaussians: GaussianShape,
-    /// Layout of the blend coefficients: one per basis, or one per component of each basis, as in the paper.
+    /// `per_basis`: one blend coefficient per shape basis. `per_component`: one for each of its three components, as in
+    /// the paper.
     pub coefficients: CoefficientLayout,
-    /// How the residual skinning weights are interpreted.
+    /// `zero_sum`: the mean over the joints is subtracted, so that the rest pose stays. `paper`: used as they are.
     pub residual_weights: ResidualWeights,
-    /// Position of the residual skeleton.
+    /// `anchored`: the residual joints start at the rest joints. `paper`: at the model's origin.
     pub residual_skeleton: ResidualSkeleton,
-    /// Whether the projection is antialiased.
+    /// `on`: Gaussians smaller than a pixel become fainter, not larger. The avatar's file says so, and it is shown as
+    /// it was trained; one scene cannot show avatars of both kinds.
     pub antialias: Antialias,
-    /// Weight of LPIPS, if there is a file of its weights ([`crate::Trainer::with_lpips`]).
+    /// Weight of LPIPS; without `--lpips FILE` there is no such term.
     pub lpips_weight: f64,
-    /// Weight of the roughness of the unlit colours: differences between neighbours.
+    /// Weight of differences between the unlit colours of neighbours; above 0.03 they count linearly, so that nails and
+    /// creases keep their edges.
     pub color_roughness: f64,
-    /// All rates decay exponentially to this fraction of their initial value.
+    /// All learning rates fall exponentially to this fraction.
     pub final_rate: f64,
-    /// Rate of the shape bases, metres.
+    /// Learning rate of the shape bases, metres.
     pub rate_shape_basis: f64,
-    /// Rate of the residual skinning weights.
+    /// Learning rate of the residual skinning weights; with `model=network`, of the weights of the network that gives them.
     pub rate_residual_weights: f64,
-    /// Rate of the networks' weights.
+    /// Learning rate of the networks' other weights; a gradient more than ten times as long as usual is shortened. A rate of 0 of a
+    /// property, such as `rate_residual_weights`, also keeps the part of the networks that gives it.
     pub rate_networks: f64,
-    /// Rate of the networks' feature tensor.
+    /// Learning rate of the networks' feature tensor.
     pub rate_feature_tensor: f64,
-    /// Rate of the rest joints, metres; 0 keeps the template's skeleton, as in the paper.
+    /// Learning rate of the rest joints, metres; 0 keeps the template's skeleton.
     pub rate_joints: f64,
 }
 

@@ -33,7 +33,7 @@ pub struct SettingsArgs {
     /// Longest time for training, such as 10m: rates then fall with time, and the run ends with it
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     max_time: Option<Duration>,
-    /// Print all settings as TOML, and do not train
+    /// Print all settings as TOML with their meanings, and do not train
     #[arg(long)]
     print_config: bool,
 }
@@ -72,7 +72,7 @@ impl SettingsArgs {
     /// Prints the settings if that is all that is asked for.
     pub fn are_only_printed(&self, settings: &TrainSettings) -> bool {
         if self.print_config {
-            say!("{}", settings.to_toml().trim_end());
+            say!("{}", settings.to_commented_toml().trim_end());
         }
         self.print_config
     }

@@ -183,7 +183,11 @@ fn settings_come_from_presets_and_files_and_can_be_printed() {
     let folder = tempfile::tempdir().unwrap();
     let print = |more: &[&str]| run(TRAIN, folder.path(), &[&["--print-config"], more].concat());
     let printed = text(&print(&[]).stdout);
-    assert!(printed.starts_with("iterations = 2000\n") && printed.contains("\nalign = \"contours\"\n"), "{printed}");
+    assert!(
+        printed.starts_with("# Iterations of training; each uses one image\niterations = 2000\n")
+            && printed.contains("\nalign = \"contours\"\n"),
+        "{printed}"
+    );
     let paper = text(&print(&["--preset", "paper", "--max-time", "90m", "--set", "seed=3"]).stdout);
     for line in ["iterations = 124800", "model = \"network\"", "max_seconds = 5400.0", "seed = 3"] {
         assert!(paper.lines().any(|other| other == line), "{line}: {paper}");
