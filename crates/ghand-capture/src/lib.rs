@@ -4,6 +4,7 @@
 //! contents. [`ghand_format`] reads and writes the project's own format, [`interhand`] and [`hand_appearance`] read
 //! published data sets. [`ViewStore`] decodes images in the background, [`inspection`] checks any capture.
 
+pub mod blur;
 pub mod camera_file;
 pub mod camera_list;
 pub mod camera_sampling;

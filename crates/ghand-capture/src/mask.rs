@@ -29,7 +29,7 @@ use crate::mask_values::mask_values;
 
 pub use aligned::AlignedHand;
 pub(crate) use contour::parts;
-pub use distance::squared_distances;
+pub use distance::{depths, squared_distances};
 pub use fill::covered_pixels;
 pub(crate) use made::mask_by_colors;
 pub use made::{MadeMasks, MaskMethod};

@@ -14,6 +14,7 @@ pub mod light;
 pub mod mesh;
 mod parallel;
 pub mod pose;
+pub mod pose_error;
 pub mod pose_response;
 pub mod posing;
 pub mod residual_skeleton;

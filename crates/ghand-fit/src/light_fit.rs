@@ -24,8 +24,8 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::floor::FloorError;
-use crate::texel_frames::TexelFrames;
+use crate::texels::TexelError;
+use crate::texels::frames::TexelFrames;
 use coverage::Coverage;
 use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, irradiances, squared_error};
 use observations::Observations;
@@ -183,7 +183,7 @@ fn towards(light: &Light) -> Option<[f64; 3]> {
 /// Fits the light of a split. `poses` holds the poses of its frames; they are fitted already.
 ///
 /// # Errors
-/// [`FloorError`] if an image or the model is unusable.
+/// [`TexelError`] if an image or the model is unusable.
 pub fn fit_light(
     gpu: &Gpu,
     capture: &Capture,
@@ -191,7 +191,7 @@ pub fn fit_light(
     poses: &[Pose],
     choice: LightChoice,
     gloss: GlossChoice,
-) -> Result<LightFit, FloorError> {
+) -> Result<LightFit, TexelError> {
     let seen = TexelFrames::new(gpu, capture, split, poses)?;
     Ok(fit_light_to(&seen, &capture.template, poses, choice, gloss)?)
 }

@@ -15,7 +15,7 @@ use crate::trainer::simplification::Simplification;
 use ghand_fit::alignment::Alignment;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightFit;
-use ghand_fit::protocol::PosedView;
+use ghand_measure::protocol::PosedView;
 
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";

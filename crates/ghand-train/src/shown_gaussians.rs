@@ -17,8 +17,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 use glam::DVec3;
 
 use crate::train_error::TrainError;
-use ghand_fit::floor::FloorError;
-use ghand_fit::texel_frames::evenly;
+use ghand_fit::texels::frames::evenly;
 
 /// Less than this in each channel of each pixel is shown by no display.
 const LEAST_WEIGHT: f32 = 1.0 / 255.0;
@@ -79,7 +78,7 @@ pub(crate) fn shown_gaussians(
 
 /// Lowest and highest coordinates of a hand's vertices in a pose.
 fn bounds(model: &HandModel, pose: &Pose) -> Result<[DVec3; 2], TrainError> {
-    let vertices = pose_hand(model, &[], pose).map_err(FloorError::from)?.vertices;
+    let vertices = pose_hand(model, &[], pose)?.vertices;
     let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     Ok([low, vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max)])
 }

@@ -29,13 +29,13 @@ use crate::shown_gaussians::shown_gaussians;
 use crate::train_error::TrainError;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::{ExposureFit, fit_exposure};
-use ghand_fit::floor::{FloorError, texel_colors};
 use ghand_fit::light_fit::{LightFit, fit_light_to};
-use ghand_fit::needed_texels::needed_texels;
-use ghand_fit::protocol::{PosedView, mask_views};
-use ghand_fit::texel_frames::TexelFrames;
+use ghand_fit::texels::colors::texel_colors;
+use ghand_fit::texels::frames::TexelFrames;
+use ghand_fit::texels::required::required_texels;
 use ghand_fit::views::TrainViews;
 use ghand_measure::lpips::Lpips;
+use ghand_measure::protocol::{PosedView, mask_views};
 use onlooker::Onlooker;
 use run::Run;
 use simplification::{Simplification, Trial};
@@ -512,8 +512,7 @@ impl Problem {
             self.prepared.exposure = Some(fit);
         }
         if light != LightChoice::Off {
-            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)
-                .map_err(FloorError::from)?;
+            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)?;
             let differ = fit.frames_differ();
             if differ > UNSTEADY {
                 log::warn!(
@@ -619,7 +618,7 @@ impl Problem {
     /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
         let (capture, poses) = (&self.capture, &self.prepared.poses);
-        let samples = needed_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
+        let samples = required_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
         let mut avatar =
             Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {

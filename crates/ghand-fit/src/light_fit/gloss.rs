@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::held_out;
 use super::least_squares::{non_negative, steepness};
-use crate::texel_frames::TexelFrames;
+use crate::texels::frames::TexelFrames;
 
 /// The roughnesses compared. A smoother surface would show each of the light's directions as a lamp of its own.
 pub(super) const ROUGHNESSES: [f64; 3] = [0.45, 0.55, 0.7];
@@ -77,7 +77,7 @@ pub(super) fn find(
 /// The gloss that images show of the texels, if it has a strength of 1.
 fn shown(seen: &TexelFrames, model: &HandModel, light: &Light, parts: &[Parts], roughness: f64) -> ImageGloss {
     let images = seen.images.par_iter().zip(parts).map(|(images, parts)| {
-        let image = |image: &crate::texel_frames::TexelImage| {
+        let image = |image: &crate::texels::frames::TexelImage| {
             let vertices = of_vertices(light, parts, roughness, image.eye);
             let texel = |t: usize| {
                 let corners = model.faces[seen.samples.faces[t] as usize].iter().zip(seen.samples.barycentric[t]);
@@ -227,8 +227,8 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::texel_frames::TexelImage;
-    use crate::texel_views::TexelView;
+    use crate::texels::frames::TexelImage;
+    use crate::texels::views::TexelView;
 
     /// A hand that turns under a lamp, seen from all sides, and its gloss.
     fn planted(gloss: &Gloss) -> (TexelFrames, HandModel, Vec<Pose>, Light) {

@@ -15,9 +15,10 @@ use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
 use crate::step::{Learned, Rates, Step};
 use crate::train_error::TrainError;
+use ghand_core::pose_error::moving_joints;
 use ghand_fit::views::TrainView;
 use ghand_measure::error_bands::squared_error;
-use ghand_measure::metrics::{moving_joints, psnr_of, quantize};
+use ghand_measure::metrics::{psnr_of, quantize};
 
 /// Number of views on which the loss before and after a stage is compared.
 const REFERENCE_VIEWS: usize = 8;

@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 
 use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::{HandModel, Pose};
+use ghand_fit::alignment::AlignmentError;
+use ghand_fit::alignment::pose_offsets::PoseOffsets;
+use ghand_fit::alignment::single_frames::{PoseKnowledge, SingleFrame, align_single_frames};
 use serde::{Deserialize, Serialize};
-
-use crate::alignment::AlignmentError;
-use crate::alignment::single_frames::{PoseKnowledge, SingleFrame, align_single_frames};
-use crate::pose_offsets::PoseOffsets;
 
 /// How the poses of the evaluated images are chosen. Figures of different protocols cannot be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -24,7 +23,7 @@ pub enum Protocol {
     Aligned,
     /// Poses fitted to the masks' contours of half of a frame's cameras, compared with the images of the other half.
     RefinedCross,
-    /// The capture's own poses, in squares around the hand on black ([`ghand_measure::hand_box`]), as HandAvatar is evaluated.
+    /// The capture's own poses, in squares around the hand on black ([`crate::hand_box`]), as HandAvatar is evaluated.
     #[serde(rename = "handavatar")]
     HandAvatar,
 }

@@ -1,4 +1,4 @@
-//! Evaluation on a split that training did not see.
+//! Compares an avatar with images that training did not see.
 
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, CaptureError};
@@ -10,17 +10,12 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec2;
 use serde::Serialize;
 
-use crate::settings::{Components, Model};
-use crate::trainer::simplification::Simplification;
-use ghand_fit::alignment_figures::AlignmentFigures;
-use ghand_fit::exposure::ExposureFit;
-use ghand_fit::floor::{Floor, FloorError};
-use ghand_fit::light_fit::LightReport;
-use ghand_fit::protocol::{PosedView, Protocol, given_views};
-use ghand_measure::error_bands::MeanBandErrors;
-use ghand_measure::hand_box::{HandBox, SIDE};
-use ghand_measure::lpips::{BACKBONE, Lpips, LpipsError};
-use ghand_measure::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
+use crate::baseline::{Baseline, BaselineError};
+use crate::error_bands::MeanBandErrors;
+use crate::hand_box::{HandBox, SIDE};
+use crate::lpips::{BACKBONE, Lpips, LpipsError};
+use crate::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
+use crate::protocol::{PosedView, Protocol, given_views};
 
 /// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
@@ -31,9 +26,9 @@ pub enum EvaluateError {
     /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The floor could not be drawn.
+    /// The baseline could not be drawn.
     #[error(transparent)]
-    Floor(#[from] FloorError),
+    Baseline(#[from] BaselineError),
     /// LPIPS could not be computed.
     #[error("camera {camera}: {error}")]
     Lpips {
@@ -68,12 +63,12 @@ pub struct EvaluatedView {
     pub truth: Vec<[u8; 4]>,
     /// The avatar's picture.
     pub render: Vec<[u8; 3]>,
-    /// The floor's picture.
-    pub floor: Vec<[u8; 3]>,
+    /// The baseline's picture.
+    pub baseline: Vec<[u8; 3]>,
     /// Similarity of the avatar's picture to the truth.
     pub likeness: ImageSimilarity,
-    /// Similarity of the floor's picture to the truth.
-    pub floor_likeness: ImageSimilarity,
+    /// Similarity of the baseline's picture to the truth.
+    pub baseline_likeness: ImageSimilarity,
 }
 
 /// Means over the views of a split.
@@ -83,13 +78,13 @@ pub struct Evaluation {
     pub views: usize,
     /// Similarity of the avatar's pictures to the truth.
     pub avatar: ImageSimilarity,
-    /// Similarity of the floor's pictures to the truth.
-    pub floor: ImageSimilarity,
+    /// Similarity of the baseline's pictures to the truth.
+    pub baseline: ImageSimilarity,
     /// The network of LPIPS, if there were weights for it.
     pub lpips_backbone: Option<&'static str>,
 }
 
-/// Renders every view of a split in the capture's own poses and compares avatar and floor with the truth. `each` is
+/// Renders every view of a split in the capture's own poses and compares avatar and baseline with the truth. `each` is
 /// called once per view.
 ///
 /// # Errors
@@ -99,15 +94,15 @@ pub fn evaluate(
     avatar: &Avatar,
     capture: &Capture,
     split_name: &str,
-    floor: &Floor,
+    baseline: &Baseline,
     each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
     let views = given_views(capture, capture.split(split_name)?);
     let test = TestViews { capture, protocol: Protocol::Given, views: &views, lpips: None };
-    evaluate_views(gpu, avatar, &test, floor, each)
+    evaluate_views(gpu, avatar, &test, baseline, each)
 }
 
-/// As [`evaluate`], for the images and poses of any protocol. Both avatar and floor are drawn in these poses. The protocol
+/// As [`evaluate`], for the images and poses of any protocol. Both avatar and baseline are drawn in these poses. The protocol
 /// `handavatar` skips images with empty masks.
 ///
 /// # Errors
@@ -116,7 +111,7 @@ pub fn evaluate_views(
     gpu: &Gpu,
     avatar: &Avatar,
     test: &TestViews,
-    floor: &Floor,
+    baseline: &Baseline,
     mut each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
     let &TestViews { capture, protocol, views, lpips } = test;
@@ -155,39 +150,39 @@ pub fn evaluate_views(
         scene.render_bands(gpu, 0, &camera, background.map(|b| b as f32), |_, band| {
             render.extend(band.rgba.iter().map(|p| quantize([p[0], p[1], p[2]])));
         })?;
-        let mut floor_picture: Vec<[u8; 3]> =
-            floor.render(pose, &camera, background)?.into_iter().map(quantize).collect();
+        let mut baseline_picture: Vec<[u8; 3]> =
+            baseline.render(pose, &camera, background)?.into_iter().map(quantize).collect();
         if protocol == Protocol::Masks
             && let Some(arm) = arm_pixels(avatar, pose, &camera)
         {
             let [r, g, b] = background.map(|v| (v * 255.0).round() as u8);
             for (i, _) in arm.iter().enumerate().filter(|(_, is_arm)| **is_arm) {
-                (truth[i], render[i], floor_picture[i]) = ([r, g, b, 0], [r, g, b], [r, g, b]);
+                (truth[i], render[i], baseline_picture[i]) = ([r, g, b, 0], [r, g, b], [r, g, b]);
             }
         }
-        let [mut likeness, mut floor_likeness] = compare(size, [&render, &floor_picture], &truth);
+        let [mut likeness, mut baseline_likeness] = compare(size, [&render, &baseline_picture], &truth);
         if let Some(lpips) = lpips {
             let colors: Vec<[u8; 3]> = truth.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
-            let distances = lpips_of(lpips, size, [&render, &floor_picture], &colors);
-            let [avatar, floor] =
+            let distances = lpips_of(lpips, size, [&render, &baseline_picture], &colors);
+            let [avatar, baseline] =
                 distances.map_err(|error| EvaluateError::Lpips { camera: camera.id.clone(), error })?;
-            (likeness.lpips, floor_likeness.lpips) = (Some(avatar), Some(floor));
+            (likeness.lpips, baseline_likeness.lpips) = (Some(avatar), Some(baseline));
         }
         similarities[0].push(likeness);
-        similarities[1].push(floor_likeness);
+        similarities[1].push(baseline_likeness);
         each(EvaluatedView {
             name: [camera.id.clone(), capture.frames[*frame].id.clone()],
             size,
             truth,
             render,
-            floor: floor_picture,
+            baseline: baseline_picture,
             likeness,
-            floor_likeness,
+            baseline_likeness,
         });
     }
     let count = similarities[0].len();
-    let [avatar, floor] = similarities.map(|all| mean_similarity(&all));
-    Ok(Evaluation { views: count, avatar, floor, lpips_backbone: lpips.map(|_| BACKBONE) })
+    let [avatar, baseline] = similarities.map(|all| mean_similarity(&all));
+    Ok(Evaluation { views: count, avatar, baseline, lpips_backbone: lpips.map(|_| BACKBONE) })
 }
 
 /// The pixels, row-major, where the template's end at the wrist and the arm behind it may be: where a mask ends there is its
@@ -213,50 +208,10 @@ fn lpips_of<const N: usize>(
     lpips.distances(size, std::array::from_fn(|k| pictures[k].as_slice()), &display(truth))
 }
 
-/// Contents of `metrics.json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Metrics {
-    /// The figures on images; absent if there were no images to evaluate.
-    #[serde(flatten)]
-    pub images: Option<ImageMetrics>,
-    /// The same in the capture's own poses, where `images` has others; `null` otherwise.
-    pub given: Option<ImageMetrics>,
-    /// The preset that the settings started from.
-    pub preset: String,
-    /// The property model.
-    pub model: Model,
-    /// The parts of the method that the avatar has.
-    pub components: Components,
-    /// The training poses that the run started from: `given`, `truth`, or a file.
-    pub poses: String,
-    /// Mean joint-angle error of the training poses, degrees, if the true poses are known.
-    pub pose_error_deg: Option<PoseError>,
-    /// How the alignment went, with `align=contours`.
-    pub alignment: Option<AlignmentFigures>,
-    /// Training images that are so blurred that they were taken less than half as often as others.
-    pub blurred: usize,
-    /// What was found of the cameras' exposures; `null` with `exposure=off`.
-    pub exposure: Option<ExposureFit>,
-    /// How light was taken apart from skin; `null` with `light=off`.
-    pub light: Option<LightReport>,
-    /// Wall-clock time of training, seconds.
-    pub seconds: f64,
-    /// Training iterations done.
-    pub iterations: u64,
-    /// Whether the run was stopped before all its iterations were done.
-    pub stopped_early: bool,
-    /// Training steps that changed nothing, since a gradient was not finite.
-    pub skipped_steps: u64,
-    /// Number of Gaussians.
-    pub gaussians: usize,
-    /// What `simplify=auto` tried and took; `null` without it.
-    pub simplification: Option<Simplification>,
-}
-
-/// The part of [`Metrics`] that needs images.
+/// The figures of an evaluation, as they stand in `metrics.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageMetrics {
-    /// In which poses avatar and floor were drawn.
+    /// In which poses avatar and baseline were drawn.
     pub protocol: Protocol,
     /// The evaluated split.
     pub split: String,
@@ -268,23 +223,25 @@ pub struct ImageMetrics {
     /// The avatar's figures.
     #[serde(flatten)]
     pub avatar: SimilarityMetrics,
-    /// The same figures for the floor.
-    pub floor: SimilarityMetrics,
-    /// Whether the avatar's PSNR is above the floor's.
-    pub beats_floor: bool,
+    /// The same figures for the baseline.
+    #[serde(rename = "floor")]
+    pub baseline: SimilarityMetrics,
+    /// Whether the avatar's PSNR is above the baseline's.
+    #[serde(rename = "beats_floor")]
+    pub beats_baseline: bool,
 }
 
 impl ImageMetrics {
     /// The figures of an evaluation of the split of that name.
     pub fn new(protocol: Protocol, split: &str, evaluation: &Evaluation) -> ImageMetrics {
-        let [avatar, floor] = [&evaluation.avatar, &evaluation.floor].map(SimilarityMetrics::of);
-        let beats_floor = avatar.psnr > floor.psnr;
+        let [avatar, baseline] = [&evaluation.avatar, &evaluation.baseline].map(SimilarityMetrics::of);
+        let beats_baseline = avatar.psnr > baseline.psnr;
         let Evaluation { views: frames, lpips_backbone, .. } = *evaluation;
-        ImageMetrics { protocol, split: split.into(), frames, lpips_backbone, avatar, floor, beats_floor }
+        ImageMetrics { protocol, split: split.into(), frames, lpips_backbone, avatar, baseline, beats_baseline }
     }
 }
 
-/// The figures of the avatar's pictures or the floor's.
+/// The figures of the avatar's pictures or the baseline's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SimilarityMetrics {
     /// Mean PSNR, dB.
@@ -307,13 +264,4 @@ impl SimilarityMetrics {
         let ImageSimilarity { psnr, psnr_square, psnr_hand, ssim, lpips, bands } = *similarity;
         SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, lpips, squared_error: bands.means() }
     }
-}
-
-/// Joint-angle errors, degrees.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PoseError {
-    /// Of the poses that the run started from.
-    pub before: f64,
-    /// Of the refined poses.
-    pub after: f64,
 }

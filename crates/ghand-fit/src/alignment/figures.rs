@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use ghand_core::Pose;
 use serde::Serialize;
 
+use crate::alignment::pose_offsets::PoseOffsets;
 use crate::alignment::{Alignment, Calibration, MaskFit, OddCamera, TextureRefinement, TimeOffset};
-use crate::pose_offsets::PoseOffsets;
-use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 
 /// How well an alignment went.
 #[derive(Debug, Clone, PartialEq, Serialize)]

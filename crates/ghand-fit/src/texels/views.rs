@@ -13,7 +13,8 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::floor::{FloorError, MeshPainter};
+use super::TexelError;
+use super::mesh_painter::MeshPainter;
 
 /// A texel counts as hidden if the rendered surface is more than this in front of it, metres.
 const DEPTH_TOLERANCE: f64 = 0.002;
@@ -43,8 +44,8 @@ impl<'a> TexelObserver<'a> {
     /// Of some texels of the template.
     ///
     /// # Errors
-    /// [`FloorError`] if an image or the model is unusable, or the device failed.
-    pub fn new(gpu: &Gpu, capture: &'a Capture, samples: SurfaceSamples) -> Result<TexelObserver<'a>, FloorError> {
+    /// [`TexelError`] if an image or the model is unusable, or the device failed.
+    pub fn new(gpu: &Gpu, capture: &'a Capture, samples: SurfaceSamples) -> Result<TexelObserver<'a>, TexelError> {
         Ok(TexelObserver {
             capture,
             samples,
@@ -62,13 +63,13 @@ impl<'a> TexelObserver<'a> {
     /// grazing angle than this cosine.
     ///
     /// # Errors
-    /// [`FloorError`] if an image or the model is unusable, or the device failed.
+    /// [`TexelError`] if an image or the model is unusable, or the device failed.
     pub fn observe(
         &self,
         view: &SplitView,
         pose: &Pose,
         least_cosine: f64,
-    ) -> Result<Vec<Option<TexelView>>, FloorError> {
+    ) -> Result<Vec<Option<TexelView>>, TexelError> {
         let (model, samples) = (&self.capture.template, &self.samples);
         let camera = &self.capture.cameras[view.camera];
         let image = self.capture.load_view(view.camera, view.frame)?;

@@ -7,8 +7,8 @@ use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 use glam::DVec3;
 
-use crate::floor::FloorError;
-use crate::texel_views::{COLOR_COSINE, TexelObserver, TexelView};
+use super::TexelError;
+use super::views::{COLOR_COSINE, TexelObserver, TexelView};
 
 /// Resolution of the texels: some two thousand points.
 const RESOLUTION: u32 = 72;
@@ -43,8 +43,8 @@ impl TexelFrames {
     /// Of a split whose frames have these poses.
     ///
     /// # Errors
-    /// [`FloorError`] if an image or the model is unusable, or the device failed.
-    pub fn new(gpu: &Gpu, capture: &Capture, split: &Split, poses: &[Pose]) -> Result<TexelFrames, FloorError> {
+    /// [`TexelError`] if an image or the model is unusable, or the device failed.
+    pub fn new(gpu: &Gpu, capture: &Capture, split: &Split, poses: &[Pose]) -> Result<TexelFrames, TexelError> {
         let observer = TexelObserver::new(gpu, capture, sample_surface(&capture.template, RESOLUTION)?)?;
         let mut frames: Vec<usize> = split.views.iter().map(|view| view.position).collect();
         frames.sort_unstable();
@@ -53,7 +53,7 @@ impl TexelFrames {
         let mut images = Vec::new();
         for (turn, frame) in frames.iter().enumerate() {
             let views: Vec<&SplitView> = split.views.iter().filter(|view| view.position == *frame).collect();
-            let image = |view: &SplitView| -> Result<TexelImage, FloorError> {
+            let image = |view: &SplitView| -> Result<TexelImage, TexelError> {
                 Ok(TexelImage {
                     camera: view.camera,
                     eye: capture.cameras[view.camera].center(),

@@ -6,8 +6,8 @@ use ghand_hand_model::SurfaceSamples;
 use ghand_hand_model::surface::sample_surface;
 use ghand_render::Gpu;
 
-use crate::floor::FloorError;
-use crate::texel_views::{TexelObserver, some_views};
+use super::TexelError;
+use super::views::{TexelObserver, some_views};
 
 /// Most images that are looked at.
 const VIEWS: usize = 200;
@@ -16,15 +16,15 @@ const VIEWS: usize = 200;
 /// `merge_below` pixels merged. `poses` holds the poses of the split's frames.
 ///
 /// # Errors
-/// [`FloorError`] if an image or the model is unusable.
-pub fn needed_texels(
+/// [`TexelError`] if an image or the model is unusable.
+pub fn required_texels(
     gpu: &Gpu,
     capture: &Capture,
     split: &Split,
     poses: &[Pose],
     resolution: u32,
     merge_below: f64,
-) -> Result<SurfaceSamples, FloorError> {
+) -> Result<SurfaceSamples, TexelError> {
     let samples = sample_surface(&capture.template, resolution)?;
     if merge_below == 0.0 {
         return Ok(samples);
@@ -37,14 +37,14 @@ pub fn needed_texels(
 /// The longest edge that each texel has in the images which show it, pixels; 0 for texels that none shows.
 ///
 /// # Errors
-/// [`FloorError`] if an image or the model is unusable.
+/// [`TexelError`] if an image or the model is unusable.
 pub fn largest_edges(
     gpu: &Gpu,
     capture: &Capture,
     split: &Split,
     poses: &[Pose],
     samples: SurfaceSamples,
-) -> Result<Vec<f64>, FloorError> {
+) -> Result<Vec<f64>, TexelError> {
     let observer = TexelObserver::new(gpu, capture, samples)?;
     let mut largest = vec![0.0f64; observer.samples().len()];
     for view in some_views(split, VIEWS) {
