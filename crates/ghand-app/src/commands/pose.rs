@@ -14,7 +14,7 @@ use ghand_hand_model::glb::write_glb;
 use ghand_hand_model::obj::write_obj;
 use ghand_hand_model::shape_values::shape_from_text;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
-use ghand_motion::pose_sequence::ghand::{write_fitted_poses, write_poses};
+use ghand_motion::pose_sequence::formats::ghand::{write_fitted_poses, write_poses};
 use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
 use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
