@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
-use ghand_capture::camera_list::read_cameras;
+use ghand_capture::cameras::list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::joint_axes::why_without_axes;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};

@@ -8,9 +8,9 @@ use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 
-use crate::color_correction::ColorCorrection;
-use crate::distortion::Distortion;
+use crate::cameras::distortion::Distortion;
 pub use crate::error::CaptureError;
+use crate::images::color_correction::ColorCorrection;
 use crate::mask::{AlignedHand, MadeMasks};
 pub use crate::split::{Split, SplitView};
 

@@ -24,8 +24,8 @@ use ghand_core::posing::pose_hand;
 
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::image_file::{Role, decode, read_bytes};
-use crate::mask_values::mask_values;
+use crate::images::file::{Role, decode, read_bytes};
+use crate::images::mask_values::mask_values;
 
 pub use aligned::AlignedHand;
 pub(crate) use contour::parts;

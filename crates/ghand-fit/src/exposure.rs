@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use ghand_capture::color_correction::{ColorMap, IDENTITY, mapped};
+use ghand_capture::images::color_correction::{ColorMap, IDENTITY, mapped};
 use nalgebra::{Matrix4, Matrix4x3, Vector4};
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! How sharp images of a hand are, relative to the others of their camera: frames in fast motion are blurred, and an avatar
 //! that takes them as they are becomes so, too.
 
-use ghand_capture::blur::blurred;
+use ghand_capture::images::blur::blurred;
 use ghand_capture::mask::depths;
 use rayon::prelude::*;
 

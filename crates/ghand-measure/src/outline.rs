@@ -2,7 +2,7 @@
 //! loose beside it, and how frayed the outline is.
 
 use ghand_avatar::{Avatar, Scene};
-use ghand_capture::blur::blurred;
+use ghand_capture::images::blur::blurred;
 use ghand_capture::mask::{covered_pixels, depths};
 use ghand_core::Camera;
 use ghand_core::posing::pose_hand;

@@ -26,7 +26,7 @@ pub mod transfer;
 
 use std::path::Path;
 
-use ghand_capture::camera_list::LensCamera;
+use ghand_capture::cameras::list::LensCamera;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_files::value::Value;

@@ -43,7 +43,7 @@ mod true_hand;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ghand_capture::camera_sampling::farthest_point_sampling;
+use ghand_capture::cameras::sampling::farthest_point_sampling;
 use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
 use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;

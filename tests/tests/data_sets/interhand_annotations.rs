@@ -1,6 +1,6 @@
 //! InterHand2.6M: nulls, unusable images, and impossible annotations.
 
-use ghand_capture::skipped_images::SkipReason;
+use ghand_capture::images::skipped::SkipReason;
 use ghand_capture::{Capture, OpenOptions};
 use ghand_procedural_hand::ProceduralHand;
 use serde_json::{Value, json};

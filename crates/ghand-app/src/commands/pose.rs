@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::framing::portrait;
-use ghand_capture::named_camera::read_named_camera;
+use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
 use ghand_hand_model::HandModelError;

@@ -12,10 +12,10 @@ use serde_ignored::Path as FieldPath;
 use serde_path_to_error::Track;
 
 use super::{CaptureFile, FrameFile, HandModelFile, SplitFile};
-use crate::camera_file::CameraFile;
-use crate::capture_validation::FileValidator;
+use crate::cameras::file::CameraFile;
 use crate::error::CaptureError;
-use crate::json_file::not_as_expected;
+use crate::reading::json_file::not_as_expected;
+use crate::reading::validation::FileValidator;
 
 /// Prefixes of comments' names.
 const COMMENTS: [&str; 3] = ["_", "//", "$"];

@@ -13,7 +13,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::{Facts, MadeMasks};
 use crate::capture::{Capture, fill_template};
 use crate::error::CaptureError;
-use crate::image_file::{Role, decode, read_bytes};
+use crate::images::file::{Role, decode, read_bytes};
 
 /// Data after the PNG: this tag, the key, the facts. Changes whenever masks are made in another way.
 const MARK: [u8; 8] = *b"ghandms2";

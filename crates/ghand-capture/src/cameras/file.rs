@@ -1,5 +1,5 @@
 //! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also consist of one such object.
-//! [`crate::named_camera`] reads either.
+//! [`super::named`] reads either.
 
 use std::path::Path;
 
@@ -9,11 +9,11 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
+use super::distortion::Distortion;
 use crate::capture::CaptureError;
-use crate::capture_validation::{CameraEntry, FileValidator, Position, member};
-use crate::distortion::Distortion;
 use crate::ghand_format::fields::read_camera_fields;
-use crate::text_file::read_text;
+use crate::reading::text_file::read_text;
+use crate::reading::validation::{CameraEntry, FileValidator, Position, member};
 
 /// Larger files hold more than one camera.
 const LARGEST_FILE: u64 = 1 << 20;

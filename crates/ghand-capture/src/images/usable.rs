@@ -5,11 +5,11 @@ use std::io::ErrorKind;
 
 use rayon::prelude::*;
 
+use super::file::{Role, check};
+use super::skipped::{SkipReason, SkippedImages};
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::image_file::{Role, check};
 use crate::mask::{Facts, MadeMasks, MaskMethod, facts};
-use crate::skipped_images::{SkipReason, SkippedImages};
 
 /// Least number of pixels of a mask.
 const LEAST_MASK: u32 = 3000;

@@ -5,13 +5,13 @@ use std::path::Path;
 use ghand_core::HandModel;
 use glam::DVec2;
 
+use super::opened::{CaptureKind, Opened};
 use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::ghand_format::{CAPTURE_FILE, read_capture};
 use crate::hand_appearance::{is_subject, read_hand_appearance};
+use crate::images::skipped::SkippedImages;
 use crate::interhand::{Sequences, locate, read_interhand};
-use crate::opened::{CaptureKind, Opened};
-use crate::skipped_images::SkippedImages;
 
 /// Information that a capture's own files do not contain.
 #[derive(Debug, Clone, Default)]

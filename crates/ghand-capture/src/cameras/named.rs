@@ -6,14 +6,14 @@ use ghand_core::Camera;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use crate::camera_file::{CameraFile, principal_shift};
-use crate::camera_list::COLORS;
+use super::file::{CameraFile, principal_shift};
+use super::list::COLORS;
 use crate::capture::CaptureError;
-use crate::capture_validation::FileValidator;
 use crate::ghand_format::CAPTURE_FILE;
 use crate::ghand_format::fields::{read_camera_fields, read_cameras_fields};
-use crate::json_file::{LARGEST_FILE, parse};
-use crate::text_file::read_text;
+use crate::reading::json_file::{LARGEST_FILE, parse};
+use crate::reading::text_file::read_text;
+use crate::reading::validation::FileValidator;
 
 /// Most ids that an error lists; with more cameras, ids follow a pattern.
 const LISTED_IDS: usize = 40;

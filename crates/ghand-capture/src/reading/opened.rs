@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::capture::Capture;
-use crate::skipped_images::SkippedImages;
+use crate::images::skipped::SkippedImages;
 
 /// The format of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,15 +8,15 @@ use ghand_core::Camera;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::camera_file::{CameraFile, principal_shift};
+use super::distortion::Distortion;
+use super::file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError};
-use crate::capture_validation::FileValidator;
-use crate::color_correction::ColorMap;
-use crate::distortion::Distortion;
 use crate::ghand_format::CAPTURE_FILE;
 use crate::ghand_format::fields::read_cameras_fields;
-use crate::json_file::{LARGEST_FILE, write_json};
-use crate::text_file::read_text;
+use crate::images::color_correction::ColorMap;
+use crate::reading::json_file::{LARGEST_FILE, write_json};
+use crate::reading::text_file::read_text;
+use crate::reading::validation::FileValidator;
 
 /// A camera with a lens.
 #[derive(Debug, Clone, PartialEq)]

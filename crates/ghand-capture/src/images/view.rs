@@ -3,11 +3,11 @@
 use ghand_core::Camera;
 use image::{DynamicImage, ImageFormat};
 
+use super::file::{Role, decode, read_bytes};
+use super::mask_values::{MaskSort, MaskValues, mask_values};
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::image_file::{Role, decode, read_bytes};
 use crate::mask::{MaskMethod, made_mask, mask_by_colors, squared_distances};
-use crate::mask_values::{MaskSort, MaskValues, mask_values};
 
 /// One image of the capture with its mask.
 #[derive(Debug, Clone, PartialEq, Eq)]

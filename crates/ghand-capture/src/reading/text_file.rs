@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_files::input_file;
 
-use crate::capture_validation::FileValidator;
+use super::validation::FileValidator;
 use crate::error::CaptureError;
 
 /// The text of a file of at most `most` bytes. `action` and `remedy` are for messages.

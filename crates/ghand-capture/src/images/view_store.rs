@@ -7,9 +7,9 @@ use ghand_core::Camera;
 use quick_cache::sync::{Cache, DefaultLifecycle, GuardResult};
 use quick_cache::{DefaultHashBuilder as Hasher, OptionsBuilder, Weighter};
 
+use super::view::CroppedView;
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::view::CroppedView;
 
 /// Options of a [`ViewStore`].
 #[derive(Debug, Clone, PartialEq, Eq)]
