@@ -3,7 +3,7 @@
 
 use std::io::{Cursor, Write};
 
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use ghand_files::npz::Npz;
 use libfuzzer_sys::fuzz_target;
 use zip::write::SimpleFileOptions;

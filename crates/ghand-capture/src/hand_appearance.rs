@@ -17,7 +17,7 @@ use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::input_file;
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::mano::{NamedArrays, PARENTS};
+use ghand_hand_model::files::mano::{NamedArrays, PARENTS};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};

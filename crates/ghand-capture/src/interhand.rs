@@ -21,7 +21,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use ghand_core::{Camera, HandModel, Pose, Side};
-use ghand_hand_model::mano::PARENTS;
+use ghand_hand_model::files::mano::PARENTS;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::cameras::sampling::farthest_point_sampling;

@@ -9,7 +9,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use ghand_hand_model::surface::sample_surface;
 use ghand_procedural_hand::ProceduralHand;
 

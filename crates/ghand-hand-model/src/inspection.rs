@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ghand_core::HandModel;
 use glam::DVec3;
 
-use crate::joint_names::{JointRole, unidentified};
+use crate::joints::names::{JointRole, unidentified};
 use crate::surface::sample_surface;
 
 /// Resolutions at which texels are counted.

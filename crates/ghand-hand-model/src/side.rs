@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use glam::DVec3;
 
-use crate::joint_names::{Finger, JointRole, side_in_name};
+use crate::joints::names::{Finger, JointRole, side_in_name};
 
 /// Heights above the palm that are more than the unevenness of a flat hand, relative to the distance from the wrist to
 /// the middle knuckle.

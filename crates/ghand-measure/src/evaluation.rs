@@ -4,7 +4,7 @@ use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, CaptureError};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, Pose};
-use ghand_hand_model::arm_end::ArmEnd;
+use ghand_hand_model::surface::arm_end::ArmEnd;
 use ghand_render::splat::{Purpose, band_rows};
 use ghand_render::{Gpu, RenderError};
 use glam::DVec2;

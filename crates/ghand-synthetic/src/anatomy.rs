@@ -2,7 +2,7 @@
 
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::joint_names::{Finger as FingerName, finger_joints};
+use ghand_hand_model::joints::names::{Finger as FingerName, finger_joints};
 use ghand_hand_model::named_poses::named_pose;
 use glam::{DVec2, DVec3};
 

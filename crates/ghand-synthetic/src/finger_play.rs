@@ -2,9 +2,9 @@
 //! a finger. With them no joint is an exact hinge.
 
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::joint_axes::JointAxes;
-use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
-use ghand_hand_model::joint_names::JointRole;
+use ghand_hand_model::joints::axes::JointAxes;
+use ghand_hand_model::joints::limits::{AngleRange, JointLimits};
+use ghand_hand_model::joints::names::JointRole;
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -51,7 +51,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::temporary::{Registered, Temporary};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::{in_mano_layout, write_mano};
+use ghand_hand_model::files::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
 use draw::draw;

@@ -1,7 +1,7 @@
 //! Lengths of a random person's bones, beyond what the model's shape directions say.
 
 use ghand_core::HandModel;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -285,7 +285,7 @@ fn a_capture_in_the_layout_of_interhand_is_read_back_unchanged() {
     generate(&options(CaptureFormat::Ghand), &own, &mut hand).unwrap();
     generate(&options(CaptureFormat::InterHand), &inter, &mut hand).unwrap();
     let own = Capture::open(&own).unwrap();
-    let mano = ghand_hand_model::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
+    let mano = ghand_hand_model::files::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
     let open = ghand_capture::OpenOptions { mano: Some(mano), ..Default::default() };
     let opened = Capture::open_with(&inter, &open).unwrap();
     assert_eq!((opened.skipped_images.total(), opened.warnings), (0, vec![]), "{:?}", opened.skipped_images);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::packing::pack;
 use super::pattern::{Pattern, neighbours};
 use super::skeleton::{CLOTH_PER_RADIUS, Chain, Skeleton, on_cloth};
-use ghand_hand_model::mano::JOINT_NAMES;
+use ghand_hand_model::files::mano::JOINT_NAMES;
 use ghand_hand_model::pose_correctives::smooth_step;
 
 /// The closed skin of the hand with its atlas.

@@ -39,7 +39,7 @@ use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::mano::{JOINT_NAMES, PARENTS};
+use ghand_hand_model::files::mano::{JOINT_NAMES, PARENTS};
 use ghand_hand_model::pose_correctives::{BendingChain, pose_directions};
 use glove::Glove;
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::shapes::Shapes;
 use super::skeleton::Skeleton;
-use ghand_hand_model::joint_regressor::{Conditions, Row};
+use ghand_hand_model::joints::regressor::{Conditions, Row};
 
 /// Rows `[16]` of `(vertex, weight)`: the smallest weights on the skin around each joint that sum to 1, give the
 /// joint, and follow it in every shape direction.

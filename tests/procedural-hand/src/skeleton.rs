@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::ProceduralHand;
 use super::flesh::{Capsule, Flesh, Group, Row};
-use ghand_hand_model::mano::JOINT_NAMES;
+use ghand_hand_model::files::mano::JOINT_NAMES;
 
 /// A row of bones from the forearm to a finger's tip, in space and on the cloth.
 #[derive(Debug, Clone)]

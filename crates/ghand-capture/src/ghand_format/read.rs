@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
-use ghand_hand_model::read::read_gltf_hand;
+use ghand_hand_model::files::mano::PARENTS as MANO_PARENTS;
+use ghand_hand_model::files::read::read_gltf_hand;
 
 use super::fields::read_fields;
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};

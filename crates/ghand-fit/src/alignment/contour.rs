@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use ghand_capture::mask::covered_pixels;
 use ghand_core::{Camera, HandModel};
-use ghand_hand_model::arm_end::{ArmEnd, ArmEndInImage};
+use ghand_hand_model::surface::arm_end::{ArmEnd, ArmEndInImage};
 use glam::{DVec2, DVec3};
 
 use super::distance_field::DistanceField;

@@ -2,7 +2,7 @@
 
 use ghand_capture::mask::squared_distances;
 use ghand_capture::{Capture, CaptureError, SplitView};
-use ghand_hand_model::arm_end::ArmEndInImage;
+use ghand_hand_model::surface::arm_end::ArmEndInImage;
 use glam::DVec2;
 use rayon::prelude::*;
 

@@ -8,8 +8,8 @@ use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::hand_directions::hand_directions;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::hand_directions::hand_directions;
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use rayon::prelude::*;
 
 use crate::views::TrainViews;

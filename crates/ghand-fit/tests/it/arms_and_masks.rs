@@ -5,7 +5,7 @@ use ghand_capture::mask::MaskMethod;
 use ghand_capture::{Capture, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_fit::alignment::{Alignment, align};
-use ghand_hand_model::arm_end::ArmEnd;
+use ghand_hand_model::surface::arm_end::ArmEnd;
 use ghand_synthetic::{Background, Masks, SyntheticOptions};
 use glam::DVec2;
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use ghand_core::HandModel;
 use ghand_files::npz::Npz;
-use ghand_hand_model::gltf::read_gltf_bytes;
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::gltf::read_gltf_bytes;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use rand::{Rng, RngExt, SeedableRng};
 use zip::write::SimpleFileOptions;
 

@@ -1,6 +1,6 @@
 //! Hands with synthetic numbers, to be written to MANO files.
 
-use ghand_hand_model::mano::PARENTS;
+use ghand_hand_model::files::mano::PARENTS;
 use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use ghand_core::Side;
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
-use ghand_hand_model::obj::write_obj;
+use ghand_hand_model::files::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
+use ghand_hand_model::files::obj::write_obj;
 
 use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};
 use crate::support::python::{Array, Py, array, chumpy_selection, dictionary, npy, pickle, string, zip};

@@ -2,7 +2,7 @@
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::mano::{JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes};
+use ghand_hand_model::files::mano::{JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes};
 use glam::DVec3;
 
 use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};

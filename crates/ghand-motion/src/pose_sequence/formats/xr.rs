@@ -22,7 +22,7 @@ mod axes;
 use ghand_core::Side;
 use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
-use ghand_hand_model::joint_names::JointRole;
+use ghand_hand_model::joints::names::JointRole;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use crate::pose_sequence::reading::source::{OPENGL_AXES, frames_of, id_of, point_in_range, side_of, vector};

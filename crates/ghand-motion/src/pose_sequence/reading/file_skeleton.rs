@@ -18,7 +18,7 @@
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::{HandModel, Side};
 use ghand_files::value::Value;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 use serde_json::json;
 

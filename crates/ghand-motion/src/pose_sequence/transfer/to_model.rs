@@ -5,7 +5,7 @@ use std::path::Path;
 use ghand_capture::capture::Capture;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::mano::JOINT_NAMES;
+use ghand_hand_model::files::mano::JOINT_NAMES;
 use glam::DVec3;
 
 use super::plausibility;

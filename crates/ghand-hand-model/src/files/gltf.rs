@@ -27,8 +27,8 @@ use ghand_files::input_file;
 use glam::DVec3;
 
 use crate::HandModelError;
-use crate::joint_names::JointRole;
-use crate::joint_regressor::follow_skin;
+use crate::joints::names::JointRole;
+use crate::joints::regressor::follow_skin;
 use crate::side::{decide, side_of_shape};
 use buffers::{Buffers, MAX_BYTES};
 use choice::Choice;
@@ -68,7 +68,7 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
 /// `shape-1` and so on; weights that the file gives them are ignored. The skin's extras tell how they move the joints:
 /// `"shape": [{"name": "finger-length", "joint_shift": [[x, y, z], ...]}, ...]` has one row per joint of the skin,
 /// metres per unit of the target's weight. Without that, each joint follows the skin around it, which gives a warning.
-/// Pose correctives are read as [`crate::rigged_glb`] writes them.
+/// Pose correctives are read as [`super::rigged_glb`] writes them.
 ///
 /// # Errors
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use ghand_core::{HandModel, Side};
 
 use super::gltf::read_gltf_side;
-use super::inspection;
 use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
 use crate::HandModelError;
+use crate::inspection;
 
 /// Information that the file does not contain.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -36,7 +36,7 @@ pub const MANO_KIND: &str = "MANO model";
 /// `FILE:right` are one hand of a file with both ([`file_and_side`]).
 ///
 /// ```no_run
-/// use ghand_hand_model::read::{ReadOptions, read_hand_model};
+/// use ghand_hand_model::files::read::{ReadOptions, read_hand_model};
 ///
 /// let file = read_hand_model("MANO_RIGHT.pkl".as_ref(), &ReadOptions::default())?;
 /// println!("{}: {} vertices", file.kind, file.model.vertices.len());
@@ -112,7 +112,7 @@ fn is_gltf(path: &Path) -> bool {
 mod tests {
     use super::*;
     use crate::builtin::builtin_hand;
-    use crate::rigged_glb::write_rigged_glb;
+    use crate::files::rigged_glb::write_rigged_glb;
 
     #[test]
     fn a_side_after_the_name_chooses_a_hand_unless_that_is_a_files_name() {

@@ -306,7 +306,7 @@ mod tests {
         let names = ["wrist", "thumb1", "thumb2", "blob", "spring1"].map(String::from);
         let told = unidentified(&names).unwrap();
         assert!(told.contains("thumb 3, index 1,") && told.contains("without a part: blob, spring1"), "{told}");
-        let whole: Vec<String> = crate::mano::JOINT_NAMES.map(String::from).to_vec();
+        let whole: Vec<String> = crate::files::mano::JOINT_NAMES.map(String::from).to_vec();
         assert_eq!(unidentified(&whole), None);
     }
 

@@ -6,7 +6,8 @@ use std::path::Path;
 use ghand_core::HandModel;
 use glam::DVec3;
 
-use crate::{HandModelError, export};
+use crate::HandModelError;
+use crate::files::export;
 
 /// Decimals of the smallest numbers: far below the size of an atom.
 const MAX_DECIMALS: i32 = 20;

@@ -254,6 +254,6 @@ fn fitted_joints_of_the_human_hand_are_near_those_of_its_file_in_every_shape() {
     }
     println!("fitted joints at +-2: mean {sum:.3} mm, at most {:.2} mm ({})", largest.0, largest.1);
     assert!(sum < 0.25 && largest.0 < 1.3);
-    let size = |row: &crate::joint_regressor::Row| row.iter().map(|(_, w)| w.abs()).sum::<f64>();
+    let size = |row: &crate::joints::regressor::Row| row.iter().map(|(_, w)| w.abs()).sum::<f64>();
     assert!(fitted.joint_regressor.iter().map(size).fold(0.0, f64::max) < 3.0);
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::HandModelError;
 
 /// Checks a model and the positions of its vertices (`V`, metres).
-pub(super) fn check(model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
+pub(crate) fn check(model: &HandModel, positions: &[DVec3]) -> Result<(), HandModelError> {
     model.validate()?;
     let problem = if positions.len() != model.vertices.len() {
         format!("{} of them, the model has {} vertices", positions.len(), model.vertices.len())
@@ -22,6 +22,6 @@ pub(super) fn check(model: &HandModel, positions: &[DVec3]) -> Result<(), HandMo
 }
 
 /// Writes a file atomically.
-pub(super) fn write(path: &Path, contents: &[u8]) -> Result<(), HandModelError> {
+pub(crate) fn write(path: &Path, contents: &[u8]) -> Result<(), HandModelError> {
     write_atomically(path, contents).map_err(|error| HandModelError::Write { path: path.to_path_buf(), source: error })
 }

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::gltf::read_gltf;
+use crate::files::gltf::read_gltf;
 use crate::surface::{SurfaceSamples, sample_surface};
 use ghand_procedural_hand::ProceduralHand;
 

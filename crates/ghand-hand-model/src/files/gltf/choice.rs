@@ -12,7 +12,7 @@ use super::placement::joints_in_world;
 use super::skeleton::Skeleton;
 use super::{Source, no_skin};
 use crate::HandModelError;
-use crate::joint_names::{JointRole, side_in_name};
+use crate::joints::names::{JointRole, side_in_name};
 use crate::side::side_of_shape;
 
 /// A mesh with its skin.

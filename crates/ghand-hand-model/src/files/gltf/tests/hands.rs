@@ -4,8 +4,8 @@
 use serde_json::{Value, json};
 
 use super::*;
-use crate::joint_names::{Finger, finger_joints};
-use crate::rigged_glb::rigged_glb_bytes;
+use crate::files::rigged_glb::rigged_glb_bytes;
+use crate::joints::names::{Finger, finger_joints};
 use ghand_procedural_hand::ProceduralHand;
 
 /// A file that can be changed.

@@ -9,7 +9,7 @@ use super::Source;
 use super::skeleton::Skeleton;
 use super::webxr::{WEBXR_JOINTS, webxr_order, webxr_parent};
 use crate::HandModelError;
-use crate::joint_names::{Finger, JointRole, Limb, fingers, limb, side_in_name};
+use crate::joints::names::{Finger, JointRole, Limb, fingers, limb, side_in_name};
 
 /// Fewer fingers below one joint are a part of a hand.
 const LEAST_FINGERS: u32 = 3;

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::fields::Fields;
 use super::{PARENTS, REMEDY, build};
-use crate::joint_names::side_in_name;
+use crate::joints::names::side_in_name;
 
 /// The side: the requested one, else from the file's name, else from the geometry.
 pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warnings: &mut Vec<String>) -> Side {

@@ -9,8 +9,8 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::export;
+use super::glb_document::GlbDocument;
 use crate::HandModelError;
-use crate::glb_document::GlbDocument;
 
 /// The bytes of a GLB file: one static mesh, the model in that shape (`n_s` or fewer) and pose, with normals and UVs,
 /// split along the seams of the atlas. The model's shape directions are morph targets of the posed mesh: weights of 0

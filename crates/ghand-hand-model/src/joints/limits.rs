@@ -23,8 +23,8 @@ use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 use rand::{Rng, RngExt};
 
-use crate::joint_axes::JointAxes;
-use crate::joint_names::{Finger, JointRole};
+use super::axes::JointAxes;
+use super::names::{Finger, JointRole};
 
 /// The range of an angle, radians; it contains 0.
 #[derive(Debug, Clone, Copy, PartialEq)]

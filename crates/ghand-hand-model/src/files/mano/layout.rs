@@ -4,8 +4,8 @@ use ghand_core::HandModel;
 use glam::DVec3;
 
 use super::{JOINT_NAMES, PARENTS};
-use crate::joint_names::JointRole;
-use crate::joint_regressor::follow_skin;
+use crate::joints::names::JointRole;
+use crate::joints::regressor::follow_skin;
 
 /// The same hand with MANO's 16 joints in MANO's order ([`JOINT_NAMES`]): metacarpals of fingers and tips are merged
 /// into their parents, and the joints follow the skin, as MANO's files require.
@@ -68,7 +68,7 @@ mod tests {
 
     use super::*;
     use crate::builtin::builtin_hand;
-    use crate::joint_names::{Finger, finger_joints};
+    use crate::joints::names::{Finger, finger_joints};
 
     #[test]
     fn the_reduced_hand_poses_as_the_whole_one_where_merged_joints_do_not_turn() {

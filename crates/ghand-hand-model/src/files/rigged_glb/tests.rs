@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::gltf::{GltfFile, read_gltf, read_gltf_bytes};
+use crate::files::gltf::{GltfFile, read_gltf, read_gltf_bytes};
 use ghand_procedural_hand::ProceduralHand;
 
 /// Single precision of coordinates below 0.25 m.

@@ -3,7 +3,7 @@
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
-use crate::joint_names::{Finger, finger_joints};
+use super::names::{Finger, finger_joints};
 
 /// Directions of a flat hand, unit vectors in model axes.
 #[derive(Debug, Clone, Copy, PartialEq)]

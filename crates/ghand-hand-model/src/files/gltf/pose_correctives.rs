@@ -1,4 +1,4 @@
-//! Pose correctives in the extras of a glTF skin, as [`crate::rigged_glb`] writes them.
+//! Pose correctives in the extras of a glTF skin, as [`crate::files::rigged_glb`] writes them.
 
 use ::gltf::json::extras::RawValue;
 use ::gltf::{Accessor, Gltf};

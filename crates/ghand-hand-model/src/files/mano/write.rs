@@ -6,7 +6,8 @@ use ghand_core::HandModel;
 use ghand_files::npz::{NamedNumbers, npz_bytes};
 use glam::DVec3;
 
-use crate::{HandModelError, export};
+use crate::HandModelError;
+use crate::files::export;
 
 /// Writes a hand model as an `.npz` archive with MANO's keys, which [`super::read_mano`] and other programs for MANO
 /// read: everything except its name, its texture coordinates and its side. Readers take the side from the file's name,

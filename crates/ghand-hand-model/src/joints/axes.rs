@@ -7,7 +7,7 @@
 use ghand_core::{HandModel, Side};
 use glam::{DMat3, DVec3};
 
-use crate::joint_names::{Finger, JointRole, unidentified};
+use super::names::{Finger, JointRole, unidentified};
 
 /// How much the axes of the thumb's hinges let its nail face the back of the hand: they bend it across the palm and, a
 /// little, into it.

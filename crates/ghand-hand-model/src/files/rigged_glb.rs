@@ -1,4 +1,4 @@
-//! Writes a rigged hand as a binary glTF 2.0 file, which [`crate::gltf`] and other programs read: mesh, skeleton,
+//! Writes a rigged hand as a binary glTF 2.0 file, which [`super::gltf`] and other programs read: mesh, skeleton,
 //! skinning weights and shape directions, and in the skin's extras what glTF has no place for.
 //!
 //! - Morph targets displace the skin; `skins[0].extras.shape[k]` says how they move the joints: `{"name": ..,
@@ -17,8 +17,8 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::export;
+use super::glb_document::GlbDocument;
 use crate::HandModelError;
-use crate::glb_document::GlbDocument;
 
 /// Pose correctives that move a vertex by less than this at an entry of 1 of `R - I` are not written, metres.
 const NO_EFFECT: f64 = 1e-6;

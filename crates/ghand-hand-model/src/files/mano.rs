@@ -19,8 +19,8 @@ use ghand_files::input_file;
 use glam::DVec3;
 
 use super::obj::read_obj_uvs;
-use super::uv_atlas::build_atlas;
 use crate::HandModelError;
+use crate::surface::uv_atlas::build_atlas;
 use fields::Fields;
 pub use layout::in_mano_layout;
 pub use named_arrays::NamedArrays;
