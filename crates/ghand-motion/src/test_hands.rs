@@ -7,7 +7,7 @@ use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::files::gltf::read_gltf;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_procedural_hand::ProceduralHand;
-use ghand_synthetic::trajectory::natural_motion as motion_of;
+use ghand_synthetic::hand::trajectory::natural_motion as motion_of;
 use ghand_test_support::shared;
 use glam::DVec3;
 use rand::RngExt;

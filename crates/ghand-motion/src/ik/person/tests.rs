@@ -1,6 +1,6 @@
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_synthetic::trajectory::natural_motion;
+use ghand_synthetic::hand::trajectory::natural_motion;
 use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -3,10 +3,10 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::normal::normal;
+use crate::normal::normal;
 
 /// Factors on the display values of each camera: all 1 without noise.
-pub(super) fn exposures(cameras: usize, noise: f64, seed: u64) -> Vec<[f64; 3]> {
+pub(crate) fn exposures(cameras: usize, noise: f64, seed: u64) -> Vec<[f64; 3]> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xE4905);
     let mut of_camera = || {
         let exposure = normal(&mut rng) * noise;

@@ -10,7 +10,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::anatomy::Anatomy;
-use super::normal::normal;
+use crate::normal::normal;
 
 /// An anatomical range of zero is a hinge's. It still gives way by so much to either side, radians: our choice.
 const HINGE_PLAY: f64 = 10f64.to_radians();
@@ -18,14 +18,14 @@ const HINGE_PLAY: f64 = 10f64.to_radians();
 const SMOOTHING_FRAMES: f64 = 1.5;
 
 /// Standard deviations, radians.
-pub(super) struct FingerPlay {
+pub(crate) struct FingerPlay {
     pub abduction: f64,
     pub twist: f64,
 }
 
 /// How the play of one frame depends on that of others.
 #[derive(Clone, Copy)]
-pub(super) enum Frames {
+pub(crate) enum Frames {
     /// Neighbours have similar play.
     Motion,
     /// Each frame has its own.
@@ -35,7 +35,7 @@ pub(super) enum Frames {
 impl FingerPlay {
     /// Adds the play to poses of a model whose joint names identify the fingers' joints. No angle leaves its anatomical
     /// range, but one that is outside already stays there.
-    pub(super) fn add(&self, model: &HandModel, anatomy: &Anatomy, poses: &mut [Pose], frames: Frames, seed: u64) {
+    pub(crate) fn add(&self, model: &HandModel, anatomy: &Anatomy, poses: &mut [Pose], frames: Frames, seed: u64) {
         let Some(axes) = JointAxes::of_joints(model) else { return };
         let roles = JointRole::of_joints(&model.joint_names);
         let stream = match frames {
@@ -83,7 +83,7 @@ mod tests {
     use ghand_hand_model::builtin::builtin_hand;
 
     use super::*;
-    use crate::trajectory::natural_motion;
+    use crate::hand::trajectory::natural_motion;
 
     /// Abduction and twist of the fingers' joints before and after, degrees: `[joint][frame]`.
     fn changes(frames: Frames, degrees: f64) -> Vec<Vec<[f64; 4]>> {

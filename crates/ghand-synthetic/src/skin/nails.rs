@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
 
-use super::noise::smoothstep;
+use crate::noise::smoothstep;
 
 /// Faces that meet at more than this, radians, do not belong to one plate: the free edge, or the groove around it.
 const CREASE: f64 = 35.0 * std::f64::consts::PI / 180.0;
@@ -15,7 +15,7 @@ const LEAST_HEIGHT: f64 = 0.001;
 const REACH: f64 = 0.022;
 
 /// The last bone of a finger.
-pub(super) struct LastBone {
+pub(crate) struct LastBone {
     /// Index of its joint.
     pub joint: usize,
     /// Unit direction of the bone.
@@ -30,7 +30,7 @@ pub(super) struct LastBone {
 
 /// A nail's plate.
 #[derive(Debug, Clone)]
-pub(super) struct NailPlate {
+pub(crate) struct NailPlate {
     /// Unit normal, the mean over the plate.
     pub normal: DVec3,
     center: DVec3,
@@ -40,7 +40,7 @@ pub(super) struct NailPlate {
 
 impl NailPlate {
     /// The plate of a finger, if the mesh has one.
-    pub(super) fn of(model: &HandModel, bone: &LastBone) -> Option<NailPlate> {
+    pub(crate) fn of(model: &HandModel, bone: &LastBone) -> Option<NailPlate> {
         let shapes: Vec<FaceShape> = model.faces.iter().map(|face| FaceShape::of(model, face)).collect();
         let seed = seed(model, &shapes, bone)?;
         let plate = plate_faces(model, &shapes, seed, bone.tip)?;
@@ -62,20 +62,20 @@ impl NailPlate {
     }
 
     /// Where a point is on the plate: along from -1 at its root to 1 at its free edge, and across from -1 to 1.
-    pub(super) fn coordinates(&self, point: DVec3) -> DVec2 {
+    pub(crate) fn coordinates(&self, point: DVec3) -> DVec2 {
         let [along, across] = self.half_axes.map(|half| (point - self.center).dot(half) / half.length_squared());
         DVec2::new(along, across)
     }
 
     /// How far out a point is: 0 in the middle, 1 at the border, which is round at the root and square at the free edge.
-    pub(super) fn eccentricity(&self, point: DVec3) -> f64 {
+    pub(crate) fn eccentricity(&self, point: DVec3) -> f64 {
         let at = self.coordinates(point);
         let roundness = if at.x < 0.0 { 2.6 } else { 5.0 };
         (at.x.abs().powf(roundness) + at.y.abs().powi(3)).cbrt()
     }
 
     /// How much a point of the skin belongs to the plate, `[0, 1]`; its border is soft.
-    pub(super) fn part_of(&self, point: DVec3, normal: DVec3) -> f64 {
+    pub(crate) fn part_of(&self, point: DVec3, normal: DVec3) -> f64 {
         smoothstep(0.05, 0.3, normal.dot(self.normal)) * smoothstep(1.03, 0.95, self.eccentricity(point))
     }
 }
@@ -172,7 +172,7 @@ mod tests {
     use ghand_hand_model::builtin::builtin_hand;
     use ghand_procedural_hand::ProceduralHand;
 
-    use crate::anatomy::Anatomy;
+    use crate::hand::anatomy::Anatomy;
 
     #[test]
     fn every_finger_of_the_built_in_hand_has_a_nail_of_usual_size() {

@@ -5,8 +5,8 @@ use ghand_core::{HandModel, InvalidHandModel};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::normal::truncated_normal;
 use super::random_bones::with_random_bones;
+use crate::normal::truncated_normal;
 
 /// Standard deviation of each shape direction, in its unit.
 ///
@@ -39,7 +39,7 @@ fn random_shape(model: &HandModel, seed: u64) -> Vec<f64> {
 ///
 /// # Errors
 /// As for [`shape_hand`].
-pub(super) fn random_hand(model: &HandModel, seed: u64, bone_spread: f64) -> Result<HandModel, InvalidHandModel> {
+pub(crate) fn random_hand(model: &HandModel, seed: u64, bone_spread: f64) -> Result<HandModel, InvalidHandModel> {
     let shaped = shape_hand(model, &random_shape(model, seed))?;
     let hand = HandModel { vertices: shaped.vertices, joints: shaped.joints, ..model.without_blend_shapes() };
     Ok(with_random_bones(&hand, seed, bone_spread))

@@ -12,7 +12,7 @@ const FILL: f64 = 0.94;
 
 /// `count` cameras, evenly spread around `points` (every vertex of every frame, world axes), each with the focal length that
 /// just keeps all of them inside its image, at least `border` pixels from its edges.
-pub(super) fn cameras(count: usize, width: u32, height: u32, border: f64, points: &[DVec3]) -> Vec<Camera> {
+pub(crate) fn cameras(count: usize, width: u32, height: u32, border: f64, points: &[DVec3]) -> Vec<Camera> {
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     let middle = (low + high) * 0.5;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());

@@ -13,19 +13,19 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::background::clutter;
 use super::cast_shadow::{add_shadow, plant_light};
-use super::exposure::exposures;
-use super::forearm::bend;
 use super::lighting::lighting;
-use super::mask_errors::MaskErrors;
-use super::true_hand::{PosedHand, TrueHand};
-use super::{Background, LightSetup, Masks, RenderScene, SceneLighting, SceneMesh, SyntheticOptions};
+use crate::errors::exposures::exposures;
+use crate::errors::masks::MaskErrors;
+use crate::hand::forearm::bend;
+use crate::hand::true_hand::{PosedHand, TrueHand};
+use crate::{Background, LightSetup, Masks, RenderScene, SceneLighting, SceneMesh, SyntheticOptions};
 
 /// From 0 to 100.
 const JPEG_QUALITY: u8 = 95;
 
 /// Renders and writes the image and mask of every pair of the splits `train` and `test`. Only masks of `train` have
 /// errors.
-pub(super) fn draw(
+pub(crate) fn draw(
     capture: &Capture,
     hand: &TrueHand,
     options: &SyntheticOptions,

@@ -5,7 +5,7 @@
 use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
-use super::noise::{fractal, lattice, noise};
+use crate::noise::{fractal, lattice, noise};
 
 /// Display colours of wood, of its grain, and of the things on it: three of them are like skin of some complexion.
 const WOOD: [f64; 3] = [0.66, 0.52, 0.38];
@@ -27,7 +27,7 @@ const COUNT: i64 = 14;
 const SIZES: [f64; 2] = [0.06, 0.30];
 
 /// Display colours in `[0, 1]` of a camera's pixels, row-major.
-pub(super) fn clutter(camera: &Camera, index: usize, seed: u64) -> Vec<DVec3> {
+pub(crate) fn clutter(camera: &Camera, index: usize, seed: u64) -> Vec<DVec3> {
     let seed = seed ^ 0xDE5C ^ ((index as u64) << 32);
     let width = f64::from(camera.width);
     let things: Vec<Thing> = (0..COUNT).map(|k| Thing::drawn(k, seed, f64::from(camera.height) / width)).collect();

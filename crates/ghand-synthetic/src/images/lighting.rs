@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use super::{LightSetup, SceneLight, SceneLighting};
+use crate::{LightSetup, SceneLight, SceneLighting};
 
 fn light([x, y, z]: [f64; 3], color: [f64; 3]) -> SceneLight {
     SceneLight { direction: DVec3::new(x, y, z).normalize(), color: DVec3::from(color) }
 }
 
-pub(super) fn lighting(setup: LightSetup) -> SceneLighting {
+pub(crate) fn lighting(setup: LightSetup) -> SceneLighting {
     match setup {
         // A warm key light from above on the back's side, a weaker one from the palm's side, and a faint one from below.
         LightSetup::Soft => SceneLighting {

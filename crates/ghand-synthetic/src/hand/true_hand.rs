@@ -11,43 +11,43 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::anatomy::{Anatomy, SkinPoint};
-use super::atlas::Atlas;
-use super::complexion::Complexion;
-use super::folds::{Bend, Fold, Folds, bent};
 use super::forearm::HandWithForearm;
-use super::light_visibility::LightVisibility;
 use super::mirror::{mirrored_point, mirrored_pose};
-use super::skin::{Look, Skin};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
+use crate::images::light_visibility::LightVisibility;
+use crate::skin::atlas::Atlas;
+use crate::skin::complexion::Complexion;
+use crate::skin::folds::{Bend, Fold, Folds, bent};
+use crate::skin::{Look, Skin};
 
 /// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre, and the template's are
 /// 3.6 mm long.
 const SUBDIVISIONS: usize = 3;
 
 /// The true hand, ready to be posed.
-pub(super) struct TrueHand {
+pub(crate) struct TrueHand {
     /// Of the hand as it is posed and drawn.
     side: Side,
     /// The right hand at rest, without relief.
-    pub(super) model: HandModel,
+    pub(crate) model: HandModel,
     /// Number of its vertices that belong to the hand's mesh before subdivision.
     coarse_vertices: usize,
     /// Whether a render vertex is on the forearm; empty without one.
     pub on_forearm: Vec<bool>,
-    pub(super) normals: Vec<DVec3>,
+    pub(crate) normals: Vec<DVec3>,
     /// Appearance of each vertex without its folds, and the folds.
     looks: Vec<(Look, Vec<Fold>)>,
     /// Of the hand as it is drawn, but for its positions.
     pub mesh: RenderMesh,
     atlas: Atlas,
-    pub(super) anatomy: Anatomy,
+    pub(crate) anatomy: Anatomy,
     complexion: Complexion,
     light_visibility: LightVisibility,
 }
 
 /// One frame, at the render mesh's vertices.
-pub(super) struct PosedHand {
+pub(crate) struct PosedHand {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
     pub light_visibility: Vec<f64>,
@@ -58,13 +58,13 @@ impl TrueHand {
     /// Grows skin on a right hand ([`random_hand`]) by the seed; `side` is that of the result.
     ///
     /// [`random_hand`]: super::random_shape::random_hand
-    pub(super) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
+    pub(crate) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
         let whole = hand.without_blend_shapes();
         TrueHand::grown(whole, hand.vertices.len(), side, seed)
     }
 
     /// The same of a right hand with its forearm.
-    pub(super) fn with_forearm(hand: HandWithForearm, side: Side, seed: u64) -> TrueHand {
+    pub(crate) fn with_forearm(hand: HandWithForearm, side: Side, seed: u64) -> TrueHand {
         let grown = TrueHand::grown(hand.model, hand.hand_vertices, side, seed);
         let sources = grown.mesh.source_vertices.iter();
         let on_forearm = sources.map(|&v| grown.model.vertices[v as usize].y > hand.end).collect();
@@ -115,7 +115,7 @@ impl TrueHand {
     }
 
     /// Rest positions with the relief of a pose.
-    pub(super) fn rest_with_folds(&self, bend: &Bend) -> Vec<DVec3> {
+    pub(crate) fn rest_with_folds(&self, bend: &Bend) -> Vec<DVec3> {
         (self.model.vertices.par_iter().zip(&self.normals).zip(&self.looks))
             .map(|((position, normal), (look, folds))| {
                 *position + *normal * bent(look, folds, bend, &self.complexion).height
@@ -124,7 +124,7 @@ impl TrueHand {
     }
 
     /// The hand in a pose. `wrist` rotates its forearm, if it has one, against a right hand; axis-angle, radians.
-    pub(super) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedHand {
+    pub(crate) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedHand {
         let mut pose = self.as_right_hand(pose);
         if let Some(forearm) = pose.rotations.last_mut().filter(|_| !self.on_forearm.is_empty()) {
             *forearm = wrist;
@@ -144,7 +144,7 @@ impl TrueHand {
     }
 
     /// Some of the posed hand's vertices, a few millimetres apart; world, metres.
-    pub(super) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
+    pub(crate) fn outline(&self, pose: &Pose) -> Vec<DVec3> {
         // Subdivision puts the coarse mesh's vertices first.
         let outline =
             pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], &self.as_right_hand(pose));
@@ -152,7 +152,7 @@ impl TrueHand {
     }
 
     /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
-    pub(super) fn landmarks(&self, pose: &Pose) -> Landmarks {
+    pub(crate) fn landmarks(&self, pose: &Pose) -> Landmarks {
         let pose = &self.as_right_hand(pose);
         let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
         let count = self.model.joint_count() - usize::from(!self.on_forearm.is_empty());

@@ -6,11 +6,11 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::anatomy::Anatomy;
-use super::normal::normal_vector;
+use crate::hand::anatomy::Anatomy;
+use crate::normal::normal_vector;
 
 /// Standard deviations of a tracker's errors.
-pub(super) struct PoseErrors {
+pub(crate) struct PoseErrors {
     /// Each component of a finger joint's axis-angle, radians; the root has half of this.
     pub rotation: f64,
     /// Each component of the translation, metres.
@@ -27,7 +27,7 @@ impl PoseErrors {
 }
 
 /// Estimates with errors that are independent in every frame. Joints that do not move have none.
-pub(super) fn noisy(anatomy: &Anatomy, poses: &[Pose], noise: &PoseErrors, seed: u64) -> Vec<Pose> {
+pub(crate) fn noisy(anatomy: &Anatomy, poses: &[Pose], noise: &PoseErrors, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x9015E);
     let joints = moving(anatomy);
     let estimate = |pose: &Pose| {
@@ -42,7 +42,7 @@ pub(super) fn noisy(anatomy: &Anatomy, poses: &[Pose], noise: &PoseErrors, seed:
 
 /// Estimates with the same errors in every frame: each joint is rotated in its parent's axes. Joints that do not move
 /// have none.
-pub(super) fn biased(anatomy: &Anatomy, poses: &[Pose], bias: &PoseErrors, seed: u64) -> Vec<Pose> {
+pub(crate) fn biased(anatomy: &Anatomy, poses: &[Pose], bias: &PoseErrors, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xB1A5);
     let joints = moving(anatomy);
     let (rotations, translation) = bias.draw(&joints, &mut rng);

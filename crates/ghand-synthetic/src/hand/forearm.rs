@@ -7,7 +7,7 @@ use ghand_core::HandModel;
 use ghand_hand_model::HandModelError;
 use glam::{DVec2, DVec3};
 
-use super::noise::{noise, smoothstep};
+use crate::noise::{noise, smoothstep};
 
 /// Of the distance from the wrist to the farthest fingertip: the part of the mesh before its end that the forearm replaces,
 /// the forearm's length, and where the bend at the wrist begins and ends.
@@ -27,7 +27,7 @@ const DEVIATION: f64 = 0.2;
 const FRAMES: f64 = 7.0;
 
 /// A right hand with its forearm. The last joint is that of the forearm, at the wrist.
-pub(super) struct HandWithForearm {
+pub(crate) struct HandWithForearm {
     pub model: HandModel,
     /// Vertices of the hand; those of the forearm follow.
     pub hand_vertices: usize,
@@ -36,7 +36,7 @@ pub(super) struct HandWithForearm {
 }
 
 /// Rotation of the forearm against the hand in a frame, axis-angle, radians: smooth from frame to frame.
-pub(super) fn bend(frame: usize, seed: u64) -> DVec3 {
+pub(crate) fn bend(frame: usize, seed: u64) -> DVec3 {
     let wave = |k: u64| noise(DVec3::new(frame as f64, 0.5, 0.5), FRAMES, seed.wrapping_add(0xA43 + k));
     // The back of the hand faces +X, its width is along Z.
     DVec3::new(DEVIATION * wave(1), 0.0, FLEXION * wave(0))
@@ -46,7 +46,7 @@ pub(super) fn bend(frame: usize, seed: u64) -> DVec3 {
 ///
 /// # Errors
 /// [`HandModelError`] if the mesh has no simple end.
-pub(super) fn with_forearm(hand: &HandModel) -> Result<HandWithForearm, HandModelError> {
+pub(crate) fn with_forearm(hand: &HandModel) -> Result<HandWithForearm, HandModelError> {
     let wrist = hand.joints[0];
     let heights = || hand.vertices.iter().map(|v| v.y);
     let end = heights().fold(f64::MIN, f64::max);

@@ -6,7 +6,7 @@ use ghand_hand_model::joints::names::{Finger as FingerName, finger_joints};
 use ghand_hand_model::named_poses::named_pose;
 use glam::{DVec2, DVec3};
 
-use super::nails::{LastBone, NailPlate};
+use crate::skin::nails::{LastBone, NailPlate};
 
 /// One finger: three joints in a row and a tip.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ pub(crate) struct Finger {
     /// Whether it is the thumb.
     pub is_thumb: bool,
     /// Its nail, if the mesh models it.
-    pub(super) nail: Option<NailPlate>,
+    pub(crate) nail: Option<NailPlate>,
 }
 
 impl Finger {
@@ -68,21 +68,21 @@ impl Anatomy {
     }
 
     /// A position in the plane of the palm: from the wrist along the fingers, and across from the thumb's side; metres.
-    pub(super) fn on_palm(&self, position: DVec3) -> DVec2 {
+    pub(crate) fn on_palm(&self, position: DVec3) -> DVec2 {
         let offset = position - self.wrist;
         DVec2::new(-offset.y, offset.z)
     }
 
     /// A point of the palm, metres as in [`Anatomy::on_palm`], from its place between the knuckles: `along` is 0 at the
     /// wrist and 1 at the knuckles, `across` 0 at the index finger and 1 at the little finger.
-    pub(super) fn between_knuckles(&self, along: f64, across: f64) -> DVec2 {
+    pub(crate) fn between_knuckles(&self, along: f64, across: f64) -> DVec2 {
         let knuckle = |i: usize| self.fingers.get(i).map_or(DVec2::ZERO, |f| self.on_palm(f.points[0]));
         let base = knuckle(0).lerp(knuckle(2), across);
         DVec2::new(base.x * along, base.y)
     }
 
     /// 1 where the skin faces away from the palm, -1 where it faces in the palm's direction.
-    pub(super) fn facing(&self, point: &SkinPoint) -> f64 {
+    pub(crate) fn facing(&self, point: &SkinPoint) -> f64 {
         let mut dorsal = DVec3::X;
         for (finger, &membership) in self.fingers.iter().zip(point.finger_weights) {
             dorsal = dorsal.lerp(finger.dorsal, membership.clamp(0.0, 1.0));
@@ -97,7 +97,7 @@ impl Anatomy {
 }
 
 /// A point on the skin.
-pub(super) struct SkinPoint<'a> {
+pub(crate) struct SkinPoint<'a> {
     /// At rest, metres, model axes.
     pub position: DVec3,
     /// Unit normal, outwards.
@@ -108,7 +108,7 @@ pub(super) struct SkinPoint<'a> {
 
 impl SkinPoint<'_> {
     /// How much of it does not belong to any finger, `[0, 1]`.
-    pub(super) fn palm_part(&self) -> f64 {
+    pub(crate) fn palm_part(&self) -> f64 {
         1.0 - self.finger_weights.iter().sum::<f64>().clamp(0.0, 1.0)
     }
 }

@@ -17,7 +17,7 @@ struct Edge {
 /// The hand with each triangle divided into four, with positions and skinning weights smoothed in the same way and UVs
 /// at edge midpoints; fingers keep their girth. Blend shapes and the joint regressor, which are per vertex, are
 /// dropped; the joints do not move.
-pub(super) fn subdivided(model: &HandModel) -> HandModel {
+pub(crate) fn subdivided(model: &HandModel) -> HandModel {
     let edges = edges(&model.faces, model.vertices.len());
     let edge_of: HashMap<[u32; 2], u32> = edges.iter().map(|e| (e.ends, e.vertex)).collect();
     let faces = split(&model.faces, |a, b| edge_of[&key(a, b)]);

@@ -4,11 +4,11 @@
 use ghand_core::Pose;
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger, SkinPoint};
+use super::Look;
 use super::complexion::Complexion;
 use super::curve::{cubic, distance};
-use super::noise::{bump, noise, smoothstep};
-use super::skin::Look;
+use crate::hand::anatomy::{Anatomy, Finger, SkinPoint};
+use crate::noise::{bump, noise, smoothstep};
 
 /// Angle at which a joint is fully bent, radians.
 const FULL_BEND: f64 = 1.4;
@@ -16,13 +16,13 @@ const FULL_BEND: f64 = 1.4;
 const LEAST: f64 = 0.004;
 
 /// Bend of the hand's joints in one pose.
-pub(super) struct Bend {
+pub(crate) struct Bend {
     /// For the three joints of each finger in turn, then for the palm; `[0, 1]`.
     slots: Vec<f64>,
 }
 
 impl Bend {
-    pub(super) fn of(anatomy: &Anatomy, pose: &Pose) -> Bend {
+    pub(crate) fn of(anatomy: &Anatomy, pose: &Pose) -> Bend {
         let mut slots: Vec<f64> = (anatomy.fingers.iter())
             .flat_map(|f| (0..3).map(|k| pose.rotations[f.joints[k]].dot(f.bend_axis(k)) / FULL_BEND))
             .map(|bend| bend.clamp(0.0, 1.0))
@@ -35,7 +35,7 @@ impl Bend {
 
 /// Effect of one joint, or of the palm, on a point: values at rest and fully bent, linear between.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fold {
+pub(crate) struct Fold {
     /// Index into the slots of [`Bend`].
     slot: usize,
     /// Fraction of the crease's colour.
@@ -62,7 +62,7 @@ impl Fold {
 }
 
 /// The skin in a pose, from its pose-independent appearance.
-pub(super) fn bent(still: &Look, folds: &[Fold], bend: &Bend, complexion: &Complexion) -> Look {
+pub(crate) fn bent(still: &Look, folds: &[Fold], bend: &Bend, complexion: &Complexion) -> Look {
     let (mut crease, mut pale, mut height) = (0.0, 0.0, still.height);
     for fold in folds {
         let at = |[rest, full]: [f64; 2]| rest + (full - rest) * bend.slots[fold.slot];
@@ -75,7 +75,7 @@ pub(super) fn bent(still: &Look, folds: &[Fold], bend: &Bend, complexion: &Compl
 }
 
 /// The folds of one hand.
-pub(super) struct Folds<'a> {
+pub(crate) struct Folds<'a> {
     anatomy: &'a Anatomy,
     seed: u64,
     /// The three great lines of the palm, as (along, across), metres.
@@ -83,7 +83,7 @@ pub(super) struct Folds<'a> {
 }
 
 impl Folds<'_> {
-    pub(super) fn new(anatomy: &Anatomy, seed: u64) -> Folds<'_> {
+    pub(crate) fn new(anatomy: &Anatomy, seed: u64) -> Folds<'_> {
         let line =
             |points: [(f64, f64); 4]| cubic(points.map(|(along, across)| anatomy.between_knuckles(along, across)));
         let palm_lines = vec![
@@ -95,7 +95,7 @@ impl Folds<'_> {
     }
 
     /// The folds that touch a point.
-    pub(super) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
+    pub(crate) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
         let palm_part = point.palm_part();
         let mut folds = vec![self.palm(point, palm_part)];
         for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.finger_weights).enumerate() {

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::noise::lattice;
+use crate::noise::lattice;
 
 /// Colours that the skin is mixed from.
 #[derive(Debug, Clone)]
-pub(super) struct Complexion {
+pub(crate) struct Complexion {
     pub back: DVec3,
     pub palm: DVec3,
     /// Where more blood shows.
@@ -26,7 +26,7 @@ pub(super) struct Complexion {
 
 impl Complexion {
     /// From light with many freckles to dark with few, by the seed.
-    pub(super) fn of(seed: u64) -> Complexion {
+    pub(crate) fn of(seed: u64) -> Complexion {
         let dark = lattice(1, 2, 3, seed ^ 0xC0_107);
         let mix = |light: [f64; 3], deep: [f64; 3]| DVec3::from(light).lerp(DVec3::from(deep), dark);
         let back = mix([0.83, 0.635, 0.535], [0.375, 0.245, 0.18]);

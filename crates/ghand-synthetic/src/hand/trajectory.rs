@@ -170,7 +170,7 @@ pub(crate) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, se
 }
 
 /// `count` single poses, mixtures of two hand shapes each, which are not on any trajectory of [`trajectory`].
-pub(super) fn single_poses(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
+pub(crate) fn single_poses(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7E57);
     (0..count)
         .map(|i| {

@@ -4,11 +4,11 @@ use ghand_core::Pose;
 use glam::DVec3;
 
 /// A point, or a direction, mirrored in x.
-pub(super) fn mirrored_point(point: DVec3) -> DVec3 {
+pub(crate) fn mirrored_point(point: DVec3) -> DVec3 {
     DVec3::new(-point.x, point.y, point.z)
 }
 
 /// The same pose of the other hand, mirrored in x.
-pub(super) fn mirrored_pose(pose: &Pose) -> Pose {
+pub(crate) fn mirrored_pose(pose: &Pose) -> Pose {
     pose.mirrored()
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::normal::truncated_normal;
+use crate::normal::truncated_normal;
 
 /// Mean and standard deviation of the bones of 66 men and women, millimetres: metacarpal, proximal, middle and distal (A.
 /// Buryanov and V. Kotiuk, "Proportions of hand segments", Int. J. Morphol. 28, 2010, table I). The thumb has no middle bone.
@@ -38,7 +38,7 @@ fn deviation(role: JointRole) -> Option<f64> {
 /// The model with the metacarpals and phalanges of a random person, the same for the same seed: each length independent,
 /// with `spread` times the published standard deviation, within two of them. Flesh between two joints shifts in proportion,
 /// that beyond a bone's end with it; thicknesses stay.
-pub(super) fn with_random_bones(model: &HandModel, seed: u64, spread: f64) -> HandModel {
+pub(crate) fn with_random_bones(model: &HandModel, seed: u64, spread: f64) -> HandModel {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xB09E);
     let roles = JointRole::of_joints(&model.joint_names);
     let mut shifts = vec![DVec3::ZERO; model.joint_count()];

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::noise::{lattice, noise};
+use crate::noise::{lattice, noise};
 
 /// Pixels over which the error of the outline is about the same.
 const CORRELATION: f64 = 15.0;
@@ -15,7 +15,7 @@ const BITTEN: f64 = 1.0 / 8.0;
 const BITE_RADIUS: f64 = 4.0;
 
 /// Errors of the masks of a capture.
-pub(super) struct MaskErrors {
+pub(crate) struct MaskErrors {
     /// Standard deviation of the outline's distance from the true one, pixels.
     pub pixels: f64,
     pub seed: u64,
@@ -23,7 +23,7 @@ pub(super) struct MaskErrors {
 
 impl MaskErrors {
     /// A row-major mask with the errors of an image.
-    pub(super) fn of(&self, mask: &[bool], width: usize, camera: usize, frame: usize) -> Vec<bool> {
+    pub(crate) fn of(&self, mask: &[bool], width: usize, camera: usize, frame: usize) -> Vec<bool> {
         if self.pixels == 0.0 || width == 0 {
             return mask.to_vec();
         }

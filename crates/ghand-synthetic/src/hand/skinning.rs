@@ -35,7 +35,7 @@ impl DualQuaternion {
 }
 
 /// World positions of rest points that follow the model's joints by its vertices' weights, metres.
-pub(super) fn pose_vertices(model: &HandModel, rest: &[DVec3], pose: &Pose) -> Vec<DVec3> {
+pub(crate) fn pose_vertices(model: &HandModel, rest: &[DVec3], pose: &Pose) -> Vec<DVec3> {
     let motions = pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
     let duals: Vec<DualQuaternion> = motions.iter().map(DualQuaternion::of).collect();
     (rest.par_iter().enumerate())

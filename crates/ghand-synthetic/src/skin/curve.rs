@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 /// A Bézier curve as a polyline.
-pub(super) fn cubic([a, b, c, d]: [DVec2; 4]) -> Vec<DVec2> {
+pub(crate) fn cubic([a, b, c, d]: [DVec2; 4]) -> Vec<DVec2> {
     (0..=16)
         .map(|i| {
             let t = f64::from(i) / 16.0;
@@ -13,7 +13,7 @@ pub(super) fn cubic([a, b, c, d]: [DVec2; 4]) -> Vec<DVec2> {
         .collect()
 }
 
-pub(super) fn distance(line: &[DVec2], p: DVec2) -> f64 {
+pub(crate) fn distance(line: &[DVec2], p: DVec2) -> f64 {
     line.windows(2)
         .map(|w| {
             let way = w[1] - w[0];

@@ -5,10 +5,10 @@ use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::anatomy::SkinPoint;
 use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
-use super::skin::{Look, Skin};
+use super::{Look, Skin};
+use crate::hand::anatomy::SkinPoint;
 
 /// Texels of the atlas along each side: much finer than the pixels of the images.
 const SIZE: usize = 1024;
@@ -16,7 +16,7 @@ const SIZE: usize = 1024;
 const MARGIN: usize = 3;
 
 /// The atlas of one hand.
-pub(super) struct Atlas {
+pub(crate) struct Atlas {
     /// Colours without the folds.
     rgb: Vec<[u8; 3]>,
     /// Texels that folds touch.
@@ -27,7 +27,7 @@ pub(super) struct Atlas {
 
 impl Atlas {
     /// `normals` and `finger_weights` are those of the model's vertices.
-    pub(super) fn new(
+    pub(crate) fn new(
         model: &HandModel,
         normals: &[DVec3],
         finger_weights: &[Vec<f64>],
@@ -57,7 +57,7 @@ impl Atlas {
     }
 
     /// The texture of a pose.
-    pub(super) fn texture(&self, bend: &Bend, complexion: &Complexion) -> Texture {
+    pub(crate) fn texture(&self, bend: &Bend, complexion: &Complexion) -> Texture {
         let mut rgb = self.rgb.clone();
         let painted: Vec<[u8; 3]> =
             (self.folded.par_iter()).map(|(_, look, folds)| bytes(bent(look, folds, bend, complexion).color)).collect();

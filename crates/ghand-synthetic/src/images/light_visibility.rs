@@ -5,7 +5,7 @@ use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::anatomy::Anatomy;
+use crate::hand::anatomy::Anatomy;
 
 /// Balls along each finger bone.
 const BALLS_PER_BONE: usize = 4;
@@ -18,14 +18,14 @@ struct Ball {
 }
 
 /// The balls of a hand.
-pub(super) struct LightVisibility {
+pub(crate) struct LightVisibility {
     balls: Vec<Ball>,
     /// How much of each vertex belongs to the palm, whose balls move with the wrist.
     palm_parts: Vec<f64>,
 }
 
 impl LightVisibility {
-    pub(super) fn new(anatomy: &Anatomy, model: &HandModel) -> LightVisibility {
+    pub(crate) fn new(anatomy: &Anatomy, model: &HandModel) -> LightVisibility {
         let mut balls = Vec::new();
         for finger in &anatomy.fingers {
             for k in 0..3 {
@@ -49,7 +49,7 @@ impl LightVisibility {
     }
 
     /// The fraction of the light that reaches each vertex, `[0, 1]`.
-    pub(super) fn of(&self, model: &HandModel, pose: &Pose, positions: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
+    pub(crate) fn of(&self, model: &HandModel, pose: &Pose, positions: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
         let motions = pose_skeleton(&model.parents, &model.joints, &pose.rotations).posed_from_rest;
         let centers: Vec<DVec3> =
             self.balls.iter().map(|b| motions[b.joint].apply(b.rest) + pose.translation).collect();
