@@ -1,6 +1,6 @@
 //! A training run: two stages over the views of a split.
 
-mod onlooker;
+mod preview_sink;
 mod run;
 pub mod simplification;
 mod stage;
@@ -36,7 +36,7 @@ use ghand_fit::texels::required::required_texels;
 use ghand_fit::views::TrainViews;
 use ghand_measure::lpips::Lpips;
 use ghand_measure::protocol::{PosedView, mask_views};
-use onlooker::Onlooker;
+use preview_sink::PreviewSink;
 use run::Run;
 use simplification::{Simplification, Trial};
 use stage::Stage;
@@ -54,7 +54,7 @@ pub struct Progress<'a> {
     pub l1: Option<f64>,
     /// The curve so far.
     pub curve: &'a [CurvePoint],
-    /// Pictures that were just taken of images held out: see [`Trainer::watch`].
+    /// Pictures that were just taken of images held out: see [`Trainer::with_held_out`].
     pub previews: &'a [Preview],
     /// A trial of `simplify=auto` that has just ended. The iterations are those of the run before it.
     pub trial: Option<&'a Trial>,
@@ -257,7 +257,7 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     /// [`TrainError`] if the split does not exist or one of its images is unusable.
-    pub fn watch(mut self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
+    pub fn with_held_out(mut self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
         let split = self.problem.capture.split(split_name)?;
         let count = split.views.len().min(WATCHED_VIEWS);
         // Evenly over the frames, a different camera each time.
@@ -280,13 +280,13 @@ impl<'a> Trainer<'a> {
     /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
     /// What is learned stays the same.
     #[must_use]
-    pub fn show_to(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
-        Trainer { run: Run { onlooker: Some(Onlooker::new(every, show)), ..self.run }, ..self }
+    pub fn with_preview(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
+        Trainer { run: Run { preview: Some(PreviewSink::new(every, show)), ..self.run }, ..self }
     }
 
     /// Saves checkpoints while it runs: when one is due, when a stop is requested, and at its end.
     #[must_use]
-    pub fn save_to(self, checkpoints: Checkpoints) -> Trainer<'a> {
+    pub fn with_checkpoints(self, checkpoints: Checkpoints) -> Trainer<'a> {
         Trainer { run: Run { checkpoints: Some(checkpoints), ..self.run }, ..self }
     }
 
@@ -341,7 +341,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Iterations of an earlier run that this one continues.
-    pub fn resumed_at(&self) -> Option<u64> {
+    pub fn resume_iteration(&self) -> Option<u64> {
         self.run.state.as_ref().map(|state| state.iterations_done)
     }
 

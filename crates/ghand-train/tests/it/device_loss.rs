@@ -13,7 +13,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::step::{Learned, Rates, Step};
+use ghand_train::step::{Rates, Step, StepOutcome};
 use ghand_measure::evaluation::evaluate;
 use ghand_train::{Align, TrainSettings, Trained, Trainer};
 
@@ -108,7 +108,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
         let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
-        assert_eq!(run(&gpu).unwrap(), Learned::Yes);
+        assert_eq!(run(&gpu).unwrap(), StepOutcome::Updated);
         let baseline = Baseline::new(&gpu, &capture, split, &poses, 4).unwrap();
         gpu.device.destroy();
         assert!(matches!(run(&gpu), Err(RenderError::Lost(_))));

@@ -8,15 +8,15 @@ use ghand_avatar::Avatar;
 type Show<'a> = Box<dyn FnMut(Avatar) + 'a>;
 
 /// Receives a copy of the avatar, at most once per interval.
-pub(super) struct Onlooker<'a> {
+pub(super) struct PreviewSink<'a> {
     every: Duration,
     shown: Option<Instant>,
     show: Show<'a>,
 }
 
-impl<'a> Onlooker<'a> {
-    pub fn new(every: Duration, show: impl FnMut(Avatar) + 'a) -> Onlooker<'a> {
-        Onlooker { every, shown: None, show: Box::new(show) }
+impl<'a> PreviewSink<'a> {
+    pub fn new(every: Duration, show: impl FnMut(Avatar) + 'a) -> PreviewSink<'a> {
+        PreviewSink { every, shown: None, show: Box::new(show) }
     }
 
     /// Whether the interval since the last avatar has passed, or none was shown yet.
