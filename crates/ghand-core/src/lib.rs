@@ -22,6 +22,7 @@ pub mod rotation;
 pub mod skeleton;
 pub mod skinning;
 pub mod sphere;
+pub mod statistics;
 
 pub use camera::Camera;
 pub use hand_model::{HandModel, InvalidHandModel, PoseSpace, Side};

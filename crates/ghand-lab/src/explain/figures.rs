@@ -3,7 +3,7 @@
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_pictures::color_scale::quantile;
+use ghand_core::statistics::quantile;
 use serde::Serialize;
 
 use super::explained::{Explained, ExplainedPose, layout_name};
