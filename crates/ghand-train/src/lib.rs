@@ -9,10 +9,10 @@ pub mod pose_prior;
 pub mod presets;
 mod setting_rules;
 pub mod settings;
-mod shown_gaussians;
 pub mod step;
 pub mod train_error;
 pub mod trainer;
+mod visible_gaussians;
 
 pub use checkpoint::{Checkpoint, CheckpointError, CurvePoint};
 pub use checkpoints::Checkpoints;

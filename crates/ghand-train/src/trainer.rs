@@ -25,8 +25,8 @@ use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
 use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
-use crate::shown_gaussians::shown_gaussians;
 use crate::train_error::TrainError;
+use crate::visible_gaussians::visible_gaussians;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::{ExposureFit, fit_exposure};
 use ghand_fit::light_fit::{LightFit, fit_light_to};
@@ -438,11 +438,11 @@ impl<'a> Trainer<'a> {
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
         if let Some(simplification) = problem.prepared.simplification.as_mut().filter(|_| may_leave_out) {
             let (views, poses, reduction) = (&problem.views, &problem.prepared.poses, stage.reduction);
-            let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
+            let visible = gpu.retry_on_device_loss("what nothing shows", |gpu| {
                 let images = (0..views.len()).map(|k| views.get(k, reduction).map(|view| (view.frame, view.camera)));
-                shown_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
+                visible_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
             })?;
-            if let Some(kept) = avatar.kept(&shown) {
+            if let Some(kept) = avatar.retain(&visible) {
                 simplification.never_shown = avatar.template.len() - kept.template.len();
                 avatar = kept;
             }

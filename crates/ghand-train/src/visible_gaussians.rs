@@ -1,4 +1,4 @@
-//! The Gaussians that something shows: a training image, or a view of the hand in other poses and from other sides.
+//! The Gaussians that are visible in something: a training image, or a view of the hand in other poses and from other sides.
 //!
 //! What no training image shows may be the hand's other side, or be between fingers that are closed in all of them. So a
 //! Gaussian is superfluous only if other views do not show it either: it lies below the rest in all poses, or has next to
@@ -36,7 +36,7 @@ const DISTANCE: f64 = 4.0;
 ///
 /// # Errors
 /// [`TrainError`] if a view is unusable or the device failed.
-pub(crate) fn shown_gaussians(
+pub(crate) fn visible_gaussians(
     gpu: &Gpu,
     avatar: &Avatar,
     poses: &[Pose],
@@ -45,20 +45,20 @@ pub(crate) fn shown_gaussians(
 ) -> Result<Vec<bool>, TrainError> {
     let size = size.map(|edge| edge.max(SIDE));
     let options = SplatOptions { purpose: Purpose::Images, largest_weights: true, ..SplatOptions::default() };
-    let mut looker = Looker {
+    let mut scan = VisibilityScan {
         gpu,
         scene: Scene::with_options(gpu, &[avatar], 1, size, options)?,
-        shown: vec![false; avatar.template.len()],
+        visible: vec![false; avatar.template.len()],
     };
     let model = &avatar.model;
     let named = POSE_NAMES.iter().filter_map(|name| named_pose(name, model));
     for pose in named.chain(evenly(poses, POSES, 0)) {
         let [low, high] = bounds(model, &pose)?;
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-        looker.set_pose(&pose)?;
+        scan.set_pose(&pose)?;
         for towards in directions().iter().step_by(DIRECTION_STEP) {
-            if looker.look(&from_side(center, radius, *towards))?.is_break() {
-                return Ok(looker.shown);
+            if scan.add_view(&from_side(center, radius, *towards))?.is_break() {
+                return Ok(scan.visible);
             }
         }
     }
@@ -66,14 +66,14 @@ pub(crate) fn shown_gaussians(
     for image in images {
         let (frame, camera) = image?;
         if posed != Some(frame) {
-            looker.set_pose(&poses[frame])?;
+            scan.set_pose(&poses[frame])?;
             posed = Some(frame);
         }
-        if looker.look(&camera)?.is_break() {
+        if scan.add_view(&camera)?.is_break() {
             break;
         }
     }
-    Ok(looker.shown)
+    Ok(scan.visible)
 }
 
 /// Lowest and highest coordinates of a hand's vertices in a pose.
@@ -90,26 +90,26 @@ fn from_side(center: DVec3, radius: f64, towards: DVec3) -> Camera {
     Camera::look_at(center + DISTANCE * radius * towards, center, up, angle, SIDE, SIDE)
 }
 
-struct Looker<'a> {
+struct VisibilityScan<'a> {
     gpu: &'a Gpu,
     scene: Scene,
-    shown: Vec<bool>,
+    visible: Vec<bool>,
 }
 
-impl Looker<'_> {
+impl VisibilityScan<'_> {
     fn set_pose(&mut self, pose: &Pose) -> Result<(), RenderError> {
         self.scene.set_pose(self.gpu, 0, 0, pose)
     }
 
-    /// Adds what a camera shows; breaks when nothing is left to be shown.
-    fn look(&mut self, camera: &Camera) -> Result<ControlFlow<()>, RenderError> {
+    /// Adds what a camera shows; breaks once all Gaussians are visible.
+    fn add_view(&mut self, camera: &Camera) -> Result<ControlFlow<()>, RenderError> {
         self.scene.set_view(self.gpu, camera, [0.0; 3])?;
         self.scene.run_frame(self.gpu, |_, _| {})?;
-        let weights: Vec<f32> = buffers::read(self.gpu, self.scene.splatter().largest_weights(), self.shown.len())?;
-        for (shown, weight) in self.shown.iter_mut().zip(weights) {
-            *shown |= weight >= LEAST_WEIGHT;
+        let weights: Vec<f32> = buffers::read(self.gpu, self.scene.splatter().largest_weights(), self.visible.len())?;
+        for (visible, weight) in self.visible.iter_mut().zip(weights) {
+            *visible |= weight >= LEAST_WEIGHT;
         }
-        Ok(if self.shown.iter().all(|shown| *shown) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        Ok(if self.visible.iter().all(|visible| *visible) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
@@ -147,9 +147,9 @@ mod tests {
                 row[p] = if joint == bone { 1.0 } else { 0.0 };
             }
         }
-        let shown = shown_gaussians(&gpu, &avatar, &[], std::iter::empty(), [SIDE; 2]).unwrap();
-        let shown_inside = (0..count).filter(|p| inside(*p) && shown[*p]).count();
-        let hidden_outside = (0..count).filter(|p| !inside(*p) && !shown[*p]).count();
+        let visible = visible_gaussians(&gpu, &avatar, &[], std::iter::empty(), [SIDE; 2]).unwrap();
+        let shown_inside = (0..count).filter(|p| inside(*p) && visible[*p]).count();
+        let hidden_outside = (0..count).filter(|p| !inside(*p) && !visible[*p]).count();
         println!("{count} Gaussians; inside, {shown_inside} are shown, outside {hidden_outside} are not");
         assert_eq!(shown_inside, 0);
         assert!(hidden_outside * 100 < count);
@@ -157,7 +157,7 @@ mod tests {
         let eye = middle + 0.014 * (model.joints[model.parents[bone].unwrap()] - middle).normalize();
         let camera = Camera::look_at(eye, middle, (middle - eye).any_orthonormal_vector(), 1.0, 64, 64);
         let pose = Pose::rest(model.joint_count());
-        let shown = shown_gaussians(&gpu, &avatar, &[pose], std::iter::once(Ok((0, camera))), [64; 2]).unwrap();
-        assert!((0..count).any(|p| inside(p) && shown[p]));
+        let visible = visible_gaussians(&gpu, &avatar, &[pose], std::iter::once(Ok((0, camera))), [64; 2]).unwrap();
+        assert!((0..count).any(|p| inside(p) && visible[p]));
     }
 }

@@ -7,37 +7,37 @@ use crate::properties::direct::DirectTables;
 use crate::template::Template;
 
 impl Avatar {
-    /// The avatar with only the Gaussians for which `kept`, N, is true. `None` unless it is a `direct` one: networks compute
+    /// The avatar with only the Gaussians for which `mask`, N, is true. `None` unless it is a `direct` one: networks compute
     /// all texels together, and baked tables are in groups.
-    pub fn kept(&self, kept: &[bool]) -> Option<Avatar> {
+    pub fn retain(&self, mask: &[bool]) -> Option<Avatar> {
         let PropertyTables::Direct(tables) = &self.tables else { return None };
         let template = Template {
-            rest: columns(&self.template.rest, kept),
-            weights: columns(&self.template.weights, kept),
-            spacings: columns(&self.template.spacings, kept),
-            normals: self.template.normals.as_ref().map(|normals| columns(normals, kept)),
+            rest: columns(&self.template.rest, mask),
+            weights: columns(&self.template.weights, mask),
+            spacings: columns(&self.template.spacings, mask),
+            normals: self.template.normals.as_ref().map(|normals| columns(normals, mask)),
             ..self.template.clone()
         };
         let tables = DirectTables {
-            shape_basis: columns(&tables.shape_basis, kept),
-            residual_weights: columns(&tables.residual_weights, kept),
-            regressor: columns(&tables.regressor, kept),
-            appearance: columns(&tables.appearance, kept),
+            shape_basis: columns(&tables.shape_basis, mask),
+            residual_weights: columns(&tables.residual_weights, mask),
+            regressor: columns(&tables.regressor, mask),
+            appearance: columns(&tables.appearance, mask),
             ..tables.clone()
         };
         let light = self.light.as_ref().map(|light| AvatarLight {
-            faces: columns(&light.faces, kept),
-            barycentric: columns(&light.barycentric, kept),
+            faces: columns(&light.faces, mask),
+            barycentric: columns(&light.barycentric, mask),
             ..light.clone()
         });
-        let seen = self.seen.as_ref().map(|seen| columns(seen, kept));
+        let seen = self.seen.as_ref().map(|seen| columns(seen, mask));
         Some(Avatar { template, tables: PropertyTables::Direct(tables), light, seen, ..self.clone() })
     }
 }
 
-/// The kept columns of a table `[rows][N]`.
-fn columns<T: Copy>(table: &[T], kept: &[bool]) -> Vec<T> {
-    table.iter().zip(kept.iter().cycle()).filter(|(_, kept)| **kept).map(|(value, _)| *value).collect()
+/// The columns of a table `[rows][N]` for which the mask is true.
+fn columns<T: Copy>(table: &[T], mask: &[bool]) -> Vec<T> {
+    table.iter().zip(mask.iter().cycle()).filter(|(_, retained)| **retained).map(|(value, _)| *value).collect()
 }
 
 #[cfg(test)]
@@ -61,9 +61,9 @@ mod tests {
         avatar.light = Some(AvatarLight::new(Light::studio(), None, &samples));
         let count = avatar.template.len();
         avatar.seen = Some((0..count).map(|p| p as f32).collect());
-        assert_eq!(avatar.kept(&vec![true; count]).as_ref(), Some(&avatar));
+        assert_eq!(avatar.retain(&vec![true; count]).as_ref(), Some(&avatar));
         let kept: Vec<bool> = (0..count).map(|p| p % 3 != 1).collect();
-        let part = avatar.kept(&kept).unwrap();
+        let part = avatar.retain(&kept).unwrap();
         let left: Vec<usize> = (0..count).filter(|p| p % 3 != 1).collect();
         assert_eq!(part.template.len(), left.len());
         let (PropertyTables::Direct(tables), PropertyTables::Direct(before)) = (&part.tables, &avatar.tables) else {
@@ -97,6 +97,6 @@ mod tests {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let config = AvatarConfig { uv_resolution: 16, network: Some(NetworkSizes::quick()), ..Default::default() };
         let avatar = Avatar::untrained(&model, &config, [0.5; 3], 0).unwrap();
-        assert_eq!(avatar.kept(&vec![true; avatar.template.len()]), None);
+        assert_eq!(avatar.retain(&vec![true; avatar.template.len()]), None);
     }
 }
