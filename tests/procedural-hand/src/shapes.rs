@@ -39,7 +39,7 @@ const FINGER_LENGTH: f64 = 0.036;
 const LENGTH_ORDER: [usize; 5] = [4, 0, 1, 2, 3];
 
 /// A point of the hand and its share of each chain (shares sum to 1).
-struct Place<'a> {
+struct SharedPoint<'a> {
     position: DVec3,
     shares: &'a [f64],
 }
@@ -55,7 +55,7 @@ impl Shapes {
         // Wider borders than those of the skinning weights: a displacement may cross a web, a rotation must not.
         let shares = glove.shares(skeleton, 0.004);
         let of_skin: Vec<[DVec3; SHAPE_COUNT]> = (glove.vertices.par_iter().zip(&shares))
-            .map(|(&position, shares)| displacements(hand, skeleton, &Place { position, shares }))
+            .map(|(&position, shares)| displacements(hand, skeleton, &SharedPoint { position, shares }))
             .collect();
         let skin = (0..SHAPE_COUNT).flat_map(|d| of_skin.iter().map(move |all| all[d])).collect();
         let mut joints = vec![vec![DVec3::ZERO; 16]; SHAPE_COUNT];
@@ -63,7 +63,7 @@ impl Shapes {
             let mut shares = [0.0; 5];
             shares[c] = 1.0;
             for k in 0..3 {
-                let place = Place { position: chain.points[chain.first_point + k], shares: &shares };
+                let place = SharedPoint { position: chain.points[chain.first_point + k], shares: &shares };
                 let moved = displacements(hand, skeleton, &place);
                 joints.iter_mut().zip(moved).for_each(|(row, d)| row[chain.first_joint + k] = d);
             }
@@ -72,7 +72,7 @@ impl Shapes {
     }
 }
 
-fn displacements(hand: &ProceduralHand, skeleton: &Skeleton, place: &Place) -> [DVec3; SHAPE_COUNT] {
+fn displacements(hand: &ProceduralHand, skeleton: &Skeleton, place: &SharedPoint) -> [DVec3; SHAPE_COUNT] {
     let p = place.position;
     let mut moved = [DVec3::ZERO; SHAPE_COUNT];
     moved[0] = SIZE * p;

@@ -16,7 +16,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::compare::{move_by_one, picture, roundings, undecided};
-use super::hand::{Draw, Hand, HandKind, Model, usual_pose};
+use super::hand::{Hand, HandKind, Model, Sampler, usual_pose};
 use super::light::TwinLight;
 use super::view::{LARGEST_EDGE, POSES, PoseKind, VIEWS, ViewKind};
 
@@ -100,8 +100,8 @@ impl Outcome {
 }
 
 /// The numbers of a case, and what is extreme about it.
-fn kinds(seed: u64, number: u64) -> (Draw, PoseKind, ViewKind) {
-    let mut draw = Draw::new(seed, 2 * number + 1);
+fn kinds(seed: u64, number: u64) -> (Sampler, PoseKind, ViewKind) {
+    let mut draw = Sampler::new(seed, 2 * number + 1);
     let (pose, view) = (draw.one(&POSES), draw.one(&VIEWS));
     (draw, pose, view)
 }
@@ -398,15 +398,15 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-fn moved_number(draw: &mut Draw, value: f64) -> f64 {
+fn moved_number(draw: &mut Sampler, value: f64) -> f64 {
     move_by_one(value as f32, draw.chance(0.5)).into()
 }
 
-fn moved_vector(draw: &mut Draw, v: DVec3) -> DVec3 {
+fn moved_vector(draw: &mut Sampler, v: DVec3) -> DVec3 {
     DVec3::from(v.to_array().map(|x| moved_number(draw, x)))
 }
 
-fn move_camera(draw: &mut Draw, camera: &mut Camera) {
+fn move_camera(draw: &mut Sampler, camera: &mut Camera) {
     camera.translation = moved_vector(draw, camera.translation);
     for column in [&mut camera.rotation.x_axis, &mut camera.rotation.y_axis, &mut camera.rotation.z_axis] {
         *column = moved_vector(draw, *column);
@@ -417,7 +417,7 @@ fn move_camera(draw: &mut Draw, camera: &mut Camera) {
     camera.principal.y = moved_number(draw, camera.principal.y);
 }
 
-fn moved_pose(draw: &mut Draw, pose: &Pose) -> Pose {
+fn moved_pose(draw: &mut Sampler, pose: &Pose) -> Pose {
     Pose {
         rotations: pose.rotations.iter().map(|v| moved_vector(draw, *v)).collect(),
         translation: moved_vector(draw, pose.translation),
@@ -425,7 +425,7 @@ fn moved_pose(draw: &mut Draw, pose: &Pose) -> Pose {
 }
 
 /// Moves the Gaussians along the line of sight by one unit in the last place of their depth, by which they are sorted.
-fn move_depths(draw: &mut Draw, gaussians: &mut PosedGaussians, camera: &Camera) {
+fn move_depths(draw: &mut Sampler, gaussians: &mut PosedGaussians, camera: &Camera) {
     let forward = camera.rotation.row(2);
     for mean in &mut gaussians.means {
         let depth = forward.dot(*mean) + camera.translation.z;
@@ -433,13 +433,13 @@ fn move_depths(draw: &mut Draw, gaussians: &mut PosedGaussians, camera: &Camera)
     }
 }
 
-fn moved_table_of(draw: &mut Draw, table: &[f32], shape: GaussianShape) -> PosedGaussians {
+fn moved_table_of(draw: &mut Sampler, table: &[f32], shape: GaussianShape) -> PosedGaussians {
     let moved: Vec<f64> = table.iter().map(|v| moved_number(draw, f64::from(*v))).collect();
     PosedGaussians::from_table(&moved, shape)
 }
 
 /// The hand with every number moved; of a baked one, whose numbers are packed, the joints.
-fn moved_avatar(draw: &mut Draw, avatar: &Avatar) -> Avatar {
+fn moved_avatar(draw: &mut Sampler, avatar: &Avatar) -> Avatar {
     let mut moved = avatar.clone();
     let mut all = |values: &mut Vec<f32>| values.iter_mut().for_each(|v| *v = move_by_one(*v, draw.chance(0.5)));
     all(&mut moved.template.rest);
@@ -476,7 +476,7 @@ mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let is_glossy = |hand: &Hand| hand.avatar.light.as_ref().is_some_and(|light| light.gloss.is_some());
         let hand = (0..).map(|number| Hand::draw(&gpu, 2, number).unwrap()).find(is_glossy).unwrap();
-        let (avatar, mut draw) = (&hand.avatar, Draw::new(0, 0));
+        let (avatar, mut draw) = (&hand.avatar, Sampler::new(0, 0));
         let pose = PoseKind::Usual.draw(&mut draw, &avatar.template);
         let unlit = exact(avatar, &pose).unwrap();
         let camera = ViewKind::Usual.draw(&mut draw, &unlit);

@@ -39,8 +39,8 @@ use std::sync::OnceLock;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::{Pose, Side};
 use ghand_files::value::Value;
-use ghand_hand_model::joints::names::JointRole;
 use ghand_hand_model::files::mano::JOINT_NAMES;
+use ghand_hand_model::joints::names::JointRole;
 use glam::{DMat3, DVec3};
 
 use super::plain;

@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::landmark_report::{KeptFrame, LandmarkFit, report};
 use crate::ik::person::proportions::Proportions;
-use crate::ik::person::sightings::{Place, SeenFrame, Sighting, WRONG};
+use crate::ik::person::sightings::{SeenFrame, Sighting, SightingPosition, WRONG};
 use crate::ik::person::{fit_person, refitted};
 use crate::pose_sequence::reading::recording::{ImageFrame, LandmarkFrame};
 use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source, side_name};
@@ -32,7 +32,8 @@ pub(crate) fn from_points(
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
     let seen = |frame: &LandmarkFrame| {
         let own = |point| if side == model.side { point } else { mirrored_point(point) };
-        let sighting = |(landmark, point)| Sighting { landmark, confidence: 1.0, place: Place::Point(own(point)) };
+        let sighting =
+            |(landmark, point)| Sighting { landmark, confidence: 1.0, place: SightingPosition::Point(own(point)) };
         SeenFrame { id: frame.id.clone(), sightings: frame.points.into_iter().enumerate().map(sighting).collect() }
     };
     let seen: Vec<SeenFrame> = frames.iter().map(seen).collect();
@@ -78,7 +79,7 @@ pub(crate) fn from_images(
             for (landmark, point) in points.iter().enumerate().filter_map(|(k, point)| Some((k, (*point)?))) {
                 let pixel = if is_fraction { point.at * size } else { point.at };
                 if let Some(pixel) = lens.undistorted(pixel) {
-                    let place = Place::Pixel(camera, pixel);
+                    let place = SightingPosition::Pixel(camera, pixel);
                     sightings.push(Sighting { landmark, confidence: point.score, place });
                 }
             }

@@ -6,7 +6,7 @@ use ghand_core::{Camera, HandModel};
 use serde_json::{Map, Value as Json, json};
 
 use crate::ik::person::proportions::Proportions;
-use crate::ik::person::sightings::{Place, SeenFrame};
+use crate::ik::person::sightings::{SeenFrame, SightingPosition};
 use crate::ik::person::{FittedFrame, PersonFit};
 use crate::ik::{BONES, LANDMARK_COUNT};
 
@@ -115,8 +115,10 @@ impl<'a> KeptFrame<'a> {
     fn distances(&self) -> impl Iterator<Item = (usize, Option<usize>, f64, bool)> {
         self.seen.sightings.iter().zip(&self.found.distances).map(|(sighting, metres)| {
             let (camera, distance) = match sighting.place {
-                Place::Point(_) => (None, metres * 1000.0),
-                Place::Pixel(camera, _) => (Some(camera), metres / self.found.scales.get(camera).unwrap_or(&f64::NAN)),
+                SightingPosition::Point(_) => (None, metres * 1000.0),
+                SightingPosition::Pixel(camera, _) => {
+                    (Some(camera), metres / self.found.scales.get(camera).unwrap_or(&f64::NAN))
+                }
             };
             (sighting.landmark, camera, distance, *metres > self.limit)
         })

@@ -16,7 +16,7 @@ use ghand_render::Gpu;
 use glam::DVec3;
 
 /// An avatar with its properties in some poses.
-pub struct Explained {
+pub struct AvatarProperties {
     /// Rest positions of the Gaussians without any basis, metres, N.
     pub rest: Vec<DVec3>,
     /// Outward normals there, unit length, N.
@@ -30,11 +30,11 @@ pub struct Explained {
     /// Coefficients in the rest pose, `[n][rows][N]`.
     pub coefficients_at_rest: Vec<f32>,
     /// The poses.
-    pub poses: Vec<ExplainedPose>,
+    pub poses: Vec<PropertiesInPose>,
 }
 
 /// One pose.
-pub struct ExplainedPose {
+pub struct PropertiesInPose {
     /// Name or id.
     pub id: String,
     /// The pose.
@@ -77,12 +77,12 @@ fn normals_of(avatar: &Avatar) -> anyhow::Result<Vec<DVec3>> {
     found.with_context(|| format!("the avatar's {count} Gaussians are not texels of its hand model"))
 }
 
-impl Explained {
+impl AvatarProperties {
     /// Reads an avatar's properties in these poses and in the rest pose.
     ///
     /// # Errors
     /// An error if the device failed or the avatar's hand model cannot be sampled.
-    pub fn read(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<Explained> {
+    pub fn read(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<AvatarProperties> {
         let (template, config) = (&avatar.template, &avatar.config);
         let (count, joint_count) = (template.len(), template.joint_count());
         let normals = normals_of(avatar)?;
@@ -126,7 +126,7 @@ impl Explained {
             let world = |chain: &ghand_core::skeleton::Chain| {
                 chain.world.iter().map(|joint| joint.translation + pose.translation).collect()
             };
-            poses.push(ExplainedPose {
+            poses.push(PropertiesInPose {
                 id: id.clone(),
                 pose: pose.clone(),
                 coefficients: p.coefficients,
@@ -142,7 +142,7 @@ impl Explained {
             ResidualWeights::Paper => at_rest.residual_weights,
             ResidualWeights::ZeroSum => centred(&at_rest.residual_weights, count, joint_count),
         };
-        Ok(Explained {
+        Ok(AvatarProperties {
             rest,
             normals,
             shape_basis: at_rest.shape_basis,
@@ -180,7 +180,7 @@ impl Explained {
     }
 
     /// How far a basis's coefficients are from those at rest, N; the mean of the three if there are three.
-    pub fn relative_coefficients(&self, pose: &ExplainedPose, basis: usize) -> Vec<f64> {
+    pub fn relative_coefficients(&self, pose: &PropertiesInPose, basis: usize) -> Vec<f64> {
         let (now, rest) = (self.of_basis(&pose.coefficients, basis), self.of_basis(&self.coefficients_at_rest, basis));
         let difference = |i: usize| f64::from(now[i]) - f64::from(rest[i]);
         let n = self.len();

@@ -49,18 +49,23 @@ struct Picture {
 }
 
 /// Pictures of the exact avatar.
-pub struct Judge {
+pub struct ReferencePictures {
     pictures: Vec<Picture>,
     background: [f32; 3],
     size: [u32; 2],
 }
 
-impl Judge {
+impl ReferencePictures {
     /// From an even selection of the images of a split.
     ///
     /// # Errors
     /// An error if the split has no images, an image is unusable, or the device failed.
-    pub fn with_images(gpu: &Gpu, avatar: &Avatar, capture: &Capture, split: &str) -> anyhow::Result<Judge> {
+    pub fn with_images(
+        gpu: &Gpu,
+        avatar: &Avatar,
+        capture: &Capture,
+        split: &str,
+    ) -> anyhow::Result<ReferencePictures> {
         let split = capture.split(split)?;
         if capture.template.joint_count() != avatar.template.joint_count() || split.views.is_empty() {
             bail!("{}: has no images of this avatar's hand", capture.root.display());
@@ -76,22 +81,23 @@ impl Judge {
             let pose = posed[index].pose.clone();
             pictures.push(Picture { pose, camera: view.camera, exact: vec![], truth: Some(truth) });
         }
-        Judge { pictures, background: capture.background.map(|b| b as f32), size: views.largest(1) }.drawn(gpu, avatar)
+        ReferencePictures { pictures, background: capture.background.map(|b| b as f32), size: views.largest(1) }
+            .drawn(gpu, avatar)
     }
 
     /// From poses, seen from all around.
     ///
     /// # Errors
     /// An error if the device failed.
-    pub fn without_images(gpu: &Gpu, avatar: &Avatar, poses: &[NamedPose]) -> anyhow::Result<Judge> {
+    pub fn without_images(gpu: &Gpu, avatar: &Avatar, poses: &[NamedPose]) -> anyhow::Result<ReferencePictures> {
         let all = poses.iter().flat_map(|named| {
             let cameras = turntable(&avatar.model, &[&named.pose], VIEWS, SIZE).into_iter().flatten();
             cameras.map(|camera| Picture { pose: named.pose.clone(), camera, exact: vec![], truth: None })
         });
-        Judge { pictures: all.collect(), background: [0.0; 3], size: SIZE }.drawn(gpu, avatar)
+        ReferencePictures { pictures: all.collect(), background: [0.0; 3], size: SIZE }.drawn(gpu, avatar)
     }
 
-    fn drawn(mut self, gpu: &Gpu, avatar: &Avatar) -> anyhow::Result<Judge> {
+    fn drawn(mut self, gpu: &Gpu, avatar: &Avatar) -> anyhow::Result<ReferencePictures> {
         let drawn = self.draw(gpu, avatar)?;
         self.pictures.iter_mut().zip(drawn).for_each(|(picture, drawn)| picture.exact = drawn);
         Ok(self)
