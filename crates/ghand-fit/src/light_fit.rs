@@ -12,7 +12,7 @@ mod observations;
 
 use std::time::Instant;
 
-use ghand_avatar::light::{Gloss, Parts, Trust};
+use ghand_avatar::light::{Gloss, IrradianceParts, Trust};
 use ghand_avatar::{Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::{DIRECTION_COUNT, directions};
@@ -285,14 +285,14 @@ fn columns(
     turn: DQuat,
 ) -> Result<Vec<FrameColors>, InvalidHandModel> {
     let of_frame = |(f, frame): (usize, &usize)| {
-        let parts = Parts::new(LightKind::Transfer, turn, model, &poses[*frame], &|_| true)?;
+        let parts = IrradianceParts::new(LightKind::Transfer, turn, model, &poses[*frame], &|_| true)?;
         Ok(seen.colors(f, at_texels(&parts, &model.faces, &seen.samples)))
     };
     seen.frames.par_iter().enumerate().map(of_frame).collect()
 }
 
 /// The parts of vertices, interpolated at a surface's texels: a row for each.
-fn at_texels(parts: &Parts, faces: &[[u32; 3]], samples: &SurfaceSamples) -> DMatrix<f64> {
+fn at_texels(parts: &IrradianceParts, faces: &[[u32; 3]], samples: &SurfaceSamples) -> DMatrix<f64> {
     DMatrix::from_fn(samples.len(), parts.columns.len(), |t, k| {
         let corners = faces[samples.faces[t] as usize].iter().zip(samples.barycentric[t]);
         corners.map(|(vertex, weight)| f64::from(parts.columns[k][*vertex as usize]) * weight).sum()

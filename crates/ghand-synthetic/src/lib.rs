@@ -55,7 +55,7 @@ pub enum CaptureFormat {
 
 /// What is behind the hand in the images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Background {
+pub enum Backdrop {
     /// Black.
     #[default]
     Plain,
@@ -177,7 +177,7 @@ pub struct SyntheticOptions {
     /// The light.
     pub light: LightSetup,
     /// What is behind the hand.
-    pub background: Background,
+    pub background: Backdrop,
     /// Whether the hand has a forearm, which bends at the wrist.
     pub forearm: bool,
     /// What the masks show.
@@ -207,7 +207,7 @@ impl Default for SyntheticOptions {
             abduction_degrees: 0.0,
             side: Side::Right,
             light: LightSetup::Soft,
-            background: Background::Plain,
+            background: Backdrop::Plain,
             forearm: false,
             masks: Masks::Hand,
             format: CaptureFormat::Ghand,

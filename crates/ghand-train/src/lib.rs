@@ -21,4 +21,4 @@ pub use settings::{
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;
-pub use trainer::{Preview, Progress, Trained, Trainer};
+pub use trainer::{Preview, Trained, Trainer, TrainingProgress};

@@ -17,7 +17,7 @@ use ghand_render::roughness::Roughness;
 use ghand_render::splat::{Image, Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
-use crate::checkpoint::NamedNumbers;
+use crate::checkpoint::SavedNumbers;
 use crate::lpips_term::LpipsTerm;
 use crate::settings::TrainSettings;
 use ghand_fit::views::TrainView;
@@ -215,13 +215,13 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<NamedNumbers>, RenderError> {
+    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<SavedNumbers>, RenderError> {
         let avatar = self.avatar();
         let mut numbers = avatar.model.trainable()?.training_state(gpu)?;
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
-        let named = |(name, values)| NamedNumbers { name, values };
+        let named = |(name, values)| SavedNumbers { name, values };
         Ok(numbers.into_iter().map(named).collect())
     }
 
@@ -229,7 +229,7 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if they are those of another avatar.
-    pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[NamedNumbers]) -> Result<(), RenderError> {
+    pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[SavedNumbers]) -> Result<(), RenderError> {
         let state = numbers.iter().map(|part| (part.name.clone(), part.values.clone())).collect();
         self.avatar_mut().model.trainable_mut()?.set_training_state(gpu, &state)?;
         for (name, buffer, length) in self.hand_tables(self.avatar(), frames) {

@@ -43,7 +43,7 @@ use stage::Stage;
 
 /// The progress of a run.
 #[derive(Debug, Clone, Copy)]
-pub struct Progress<'a> {
+pub struct TrainingProgress<'a> {
     /// Iterations done.
     pub iteration: u64,
     /// Total number of iterations.
@@ -368,7 +368,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
     /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
-    pub fn train(self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
+    pub fn train(self, mut progress: impl FnMut(&TrainingProgress)) -> Result<Trained, TrainError> {
         let Trainer { gpu, mut problem, mut run } = self;
         run.started = Instant::now();
         let reached = run.state.as_ref().map_or(0, |state| state.number);
@@ -405,7 +405,7 @@ impl<'a> Trainer<'a> {
             let curve = run.curve.clone();
             let iterations = problem.settings.iterations;
             let mut ended = |trial: &Trial| {
-                progress(&Progress {
+                progress(&TrainingProgress {
                     iteration: pose_iterations,
                     iterations,
                     stage: 2,

@@ -2,7 +2,7 @@
 
 use ghand_avatar::Light;
 use ghand_avatar::light::gloss::of_vertices;
-use ghand_avatar::light::{Gloss, Parts};
+use ghand_avatar::light::{Gloss, IrradianceParts};
 use ghand_core::light::linear;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use nalgebra::{DMatrix, DVector};
@@ -49,7 +49,7 @@ pub(super) fn find(
     roughnesses: &[f64],
     always: bool,
 ) -> Result<Option<GlossFit>, InvalidHandModel> {
-    let parts: Vec<Parts> =
+    let parts: Vec<IrradianceParts> =
         seen.frames.par_iter().map(|frame| light.parts(model, &poses[*frame])).collect::<Result<_, _>>()?;
     let mut best: Option<GlossFit> = None;
     for roughness in roughnesses {
@@ -75,7 +75,13 @@ pub(super) fn find(
 }
 
 /// The gloss that images show of the texels, if it has a strength of 1.
-fn shown(seen: &TexelFrames, model: &HandModel, light: &Light, parts: &[Parts], roughness: f64) -> ImageGloss {
+fn shown(
+    seen: &TexelFrames,
+    model: &HandModel,
+    light: &Light,
+    parts: &[IrradianceParts],
+    roughness: f64,
+) -> ImageGloss {
     let images = seen.images.par_iter().zip(parts).map(|(images, parts)| {
         let image = |image: &crate::texels::frames::TexelImage| {
             let vertices = of_vertices(light, parts, roughness, image.eye);
@@ -100,7 +106,7 @@ pub(super) fn in_images(
     light: &Light,
     gloss: &Gloss,
 ) -> Result<ImageGloss, InvalidHandModel> {
-    let parts: Vec<Parts> =
+    let parts: Vec<IrradianceParts> =
         seen.frames.par_iter().map(|frame| light.parts(model, &poses[*frame])).collect::<Result<_, _>>()?;
     let mut images = shown(seen, model, light, &parts, gloss.roughness);
     let count = seen.samples.len();

@@ -7,7 +7,7 @@ use ghand_avatar::pose_properties::{PoseProperties, centred, vectors};
 use ghand_avatar::{Avatar, PosedHand};
 use ghand_core::Pose;
 use ghand_core::blend_shapes::CoefficientLayout;
-use ghand_core::deformation::{Deformation, deform};
+use ghand_core::deformation::{DeformationInputs, deform};
 use ghand_core::residual_skeleton::{ResidualSkeleton, residual_joints};
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_normals};
 use ghand_hand_model::surface::sample_surface;
@@ -97,7 +97,7 @@ impl AvatarProperties {
         for PoseFrame { id, pose, .. } in frames {
             hand.set_pose(gpu, pose)?;
             let p = PoseProperties::read(gpu, hand.properties())?;
-            let deformation = Deformation {
+            let deformation = DeformationInputs {
                 parents: &template.parents,
                 joints: &template.joints,
                 canonical: &rest,

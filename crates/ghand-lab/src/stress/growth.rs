@@ -10,15 +10,15 @@ use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables};
 use ghand_core::Pose;
 use ghand_files::atomic_file::write_atomically;
-use ghand_pictures::plot::{LogPanel, LogPlot, Series};
+use ghand_pictures::plot::{DataSeries, LogPanel, LogPlot};
 use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use glam::DVec3;
 use rand::RngExt;
 
-use super::case::{HIGHER, LOWER, Subject, gradient_parts, twin_of};
+use super::case::{HIGHER, LOWER, StressSubject, gradient_parts, twin_of};
 use super::compare::{differences, undecided};
-use super::hand::{Hand, HandKind, Model, Sampler, usual_hand, usual_pose};
+use super::hand::{HandKind, Sampler, StressHand, StressModel, usual_hand, usual_pose};
 use super::view::ViewKind;
 
 /// Hands, poses and views of each value.
@@ -155,8 +155,8 @@ fn errors(gpu: &Gpu, quantity: Quantity, value: f64, draw: &mut Sampler) -> anyh
     let twin = DirectTwin::new(&avatar).context("the hand has no twin")?;
     let posed = twin.pose(&pose);
     let camera = ViewKind::Usual.draw(draw, &posed.gaussians);
-    let hand = Hand { kind: HandKind::Usual, model: Model::Direct, avatar: avatar.clone(), full: None };
-    let mut subject = Subject::new(gpu, &hand)?;
+    let hand = StressHand { kind: HandKind::Usual, model: StressModel::Direct, avatar: avatar.clone(), full: None };
+    let mut subject = StressSubject::new(gpu, &hand)?;
     let (image, table) = subject.draw(gpu, &pose, &camera)?;
 
     let found =
@@ -234,7 +234,7 @@ fn plot(curves: &[Curve]) -> LogPlot {
     let panel = |curve: &Curve| LogPanel {
         axis: curve.quantity.name().into(),
         series: (0..3)
-            .map(|k| Series {
+            .map(|k| DataSeries {
                 name: ERRORS[k].into(),
                 points: curve.points.iter().filter_map(|(value, errors)| Some((*value, errors[k]?[0]))).collect(),
             })

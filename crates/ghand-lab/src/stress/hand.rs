@@ -123,7 +123,7 @@ impl HandKind {
 
 /// How a hand's properties are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
+pub enum StressModel {
     /// By tables.
     Direct,
     /// By networks.
@@ -132,25 +132,25 @@ pub enum Model {
     Baked(Precision),
 }
 
-impl Model {
+impl StressModel {
     /// Its name for people.
     pub fn name(self) -> &'static str {
         match self {
-            Model::Direct => "direct",
-            Model::Network => "network",
-            Model::Baked(Precision::F32) => "baked, f32",
-            Model::Baked(Precision::F16) => "baked, f16",
-            Model::Baked(Precision::U8) => "baked, u8",
+            StressModel::Direct => "direct",
+            StressModel::Network => "network",
+            StressModel::Baked(Precision::F32) => "baked, f32",
+            StressModel::Baked(Precision::F16) => "baked, f16",
+            StressModel::Baked(Precision::U8) => "baked, u8",
         }
     }
 }
 
 /// A hand.
-pub struct Hand {
+pub struct StressHand {
     /// What is extreme about it.
     pub kind: HandKind,
     /// How its properties are computed.
-    pub model: Model,
+    pub model: StressModel,
     /// The hand.
     pub avatar: Avatar,
     /// The same baked in f32, if it is baked in fewer bits.
@@ -201,12 +201,12 @@ impl Sampler {
     }
 }
 
-impl Hand {
+impl StressHand {
     /// The hand of this number.
     ///
     /// # Errors
     /// If the built-in hand cannot be sampled or the device failed while baking.
-    pub fn draw(gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<Hand> {
+    pub fn draw(gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<StressHand> {
         let mut draw = Sampler::new(seed, 2 * number);
         let kind = draw.one(&HANDS);
         let config = config(&mut draw);
@@ -227,21 +227,21 @@ impl Hand {
             }
             other => other,
         };
-        let mut model = Model::Direct;
+        let mut model = StressModel::Direct;
         if matches!(kind, HandKind::Human | HandKind::Lit) && of_light.chance(0.4) && cfg!(feature = "networks") {
             avatar = network(&mut of_light, &avatar)?;
-            model = Model::Network;
+            model = StressModel::Network;
         }
         let baked = kind.is_comparable() && draw.chance(0.3);
         if !baked {
-            return Ok(Hand { kind, model, avatar, full: None });
+            return Ok(StressHand { kind, model, avatar, full: None });
         }
         let poses: Vec<Pose> = (0..BAKED_POSES).map(|_| usual_pose(&mut draw, &avatar.template)).collect();
         let precision = draw.one(&[Precision::F32, Precision::F16, Precision::U8]);
         let bake = Bake::new(gpu, &avatar, &poses, 3, |_| ())?;
         let baked = |precision: Precision| bake.avatar(bake.blocks(), precision);
         let full = (precision != Precision::F32).then(|| baked(Precision::F32));
-        Ok(Hand { kind, model: Model::Baked(precision), avatar: baked(precision), full })
+        Ok(StressHand { kind, model: StressModel::Baked(precision), avatar: baked(precision), full })
     }
 }
 

@@ -4,7 +4,7 @@ use ghand_avatar::Avatar;
 use ghand_avatar::light::{AvatarLight, Gloss, Light, LightKind, gloss};
 use ghand_avatar::reference::{PosedGaussians, rows, vectors};
 use ghand_core::Pose;
-use ghand_core::light::{LitSurface, lit, lit_vjp};
+use ghand_core::light::{SurfaceLight, lit, lit_vjp};
 use ghand_hand_model::surface::sample_surface;
 use glam::{DQuat, DVec3};
 
@@ -88,10 +88,10 @@ impl TwinLight {
         moved
     }
 
-    fn with<T>(&self, see: impl FnOnce(&LitSurface<'_>) -> T) -> T {
+    fn with<T>(&self, see: impl FnOnce(&SurfaceLight<'_>) -> T) -> T {
         let (shades, gloss) = (wide(&self.shades), wide(&self.gloss));
         let (corners, barycentric) = (&self.corners[..], &self.barycentric[..]);
-        see(&LitSurface { corners, barycentric, shades: &shades, gloss: &gloss })
+        see(&SurfaceLight { corners, barycentric, shades: &shades, gloss: &gloss })
     }
 
     /// Lights Gaussians.

@@ -47,7 +47,7 @@ pub(crate) struct TrueHand {
 }
 
 /// One frame, at the render mesh's vertices.
-pub(crate) struct PosedHand {
+pub(crate) struct PosedTrueHand {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
     pub light_visibility: Vec<f64>,
@@ -124,7 +124,7 @@ impl TrueHand {
     }
 
     /// The hand in a pose. `wrist` rotates its forearm, if it has one, against a right hand; axis-angle, radians.
-    pub(crate) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedHand {
+    pub(crate) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedTrueHand {
         let mut pose = self.as_right_hand(pose);
         if let Some(forearm) = pose.rotations.last_mut().filter(|_| !self.on_forearm.is_empty()) {
             *forearm = wrist;
@@ -135,7 +135,7 @@ impl TrueHand {
         let normals = self.model.vertex_normals(&positions);
         let light_visibility = self.light_visibility.of(&self.model, pose, &positions, &normals);
         let gathered = |vectors: &[DVec3]| self.mesh.gather(vectors).into_iter().map(|v| self.placed(v)).collect();
-        PosedHand {
+        PosedTrueHand {
             positions: gathered(&positions),
             normals: gathered(&normals),
             light_visibility: self.mesh.source_vertices.iter().map(|&v| light_visibility[v as usize]).collect(),

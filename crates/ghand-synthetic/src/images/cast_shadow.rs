@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::hand::true_hand::PosedHand;
+use crate::hand::true_hand::PosedTrueHand;
 use crate::{PlantedLight, SceneLighting};
 
 /// Edge of a cell of the map, metres. The hand's vertices are about 0.5 mm apart, so that every cell has some.
@@ -14,7 +14,7 @@ const LEAST_HEIGHT: f64 = 0.003;
 const SOFTNESS: f64 = 2.5;
 
 /// Takes the shadow of the first light from the light that reaches the hand.
-pub(crate) fn add_shadow(hand: &mut PosedHand, lighting: &SceneLighting) {
+pub(crate) fn add_shadow(hand: &mut PosedTrueHand, lighting: &SceneLighting) {
     let Some(light) = lighting.lights.first() else { return };
     let map = HeightMap::of(&hand.positions, light.direction);
     let brightness = |color: DVec3| color.element_sum() / 3.0;
@@ -28,7 +28,7 @@ pub(crate) fn add_shadow(hand: &mut PosedHand, lighting: &SceneLighting) {
 }
 
 /// Replaces how much light reaches each vertex by the factor of a planted light on its display value.
-pub(crate) fn plant_light(hand: &mut PosedHand, light: &PlantedLight) {
+pub(crate) fn plant_light(hand: &mut PosedTrueHand, light: &PlantedLight) {
     if light.key == 0.0 {
         hand.light_visibility.fill(light.sky);
         return;

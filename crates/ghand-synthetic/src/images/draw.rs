@@ -17,8 +17,8 @@ use super::lighting::lighting;
 use crate::errors::exposures::exposures;
 use crate::errors::masks::MaskErrors;
 use crate::hand::forearm::bend;
-use crate::hand::true_hand::{PosedHand, TrueHand};
-use crate::{Background, LightSetup, Masks, RenderScene, SceneLighting, SceneMesh, SyntheticOptions};
+use crate::hand::true_hand::{PosedTrueHand, TrueHand};
+use crate::{Backdrop, LightSetup, Masks, RenderScene, SceneLighting, SceneMesh, SyntheticOptions};
 
 /// From 0 to 100.
 const JPEG_QUALITY: u8 = 95;
@@ -37,8 +37,8 @@ pub(crate) fn draw(
     let lighting = lighting(options.light);
     let backgrounds: Vec<Vec<DVec3>> = (capture.cameras.iter().enumerate())
         .map(|(index, camera)| match options.background {
-            Background::Plain => vec![DVec3::from(capture.background); (camera.width * camera.height) as usize],
-            Background::Clutter => clutter(camera, index, options.seed),
+            Backdrop::Plain => vec![DVec3::from(capture.background); (camera.width * camera.height) as usize],
+            Backdrop::Clutter => clutter(camera, index, options.seed),
         })
         .collect();
     let poses = capture.truth.iter().flatten().map(|pose| pose.as_ref());
@@ -68,7 +68,7 @@ pub(crate) fn draw(
 struct Shot<'a> {
     capture: &'a Capture,
     hand: &'a TrueHand,
-    posed: &'a PosedHand,
+    posed: &'a PosedTrueHand,
     lighting: &'a SceneLighting,
     camera: usize,
     frame: usize,

@@ -8,7 +8,7 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use super::view_order::ViewOrder;
-use super::{Preview, Problem, Progress, Run};
+use super::{Preview, Problem, Run, TrainingProgress};
 use crate::checkpoint::{CurvePoint, Losses, SkippedSteps, StageState};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::pose_prior::shrink;
@@ -76,7 +76,7 @@ impl Problem {
         gpu: &Gpu,
         stage: &Stage,
         run: &mut Run,
-        progress: &mut dyn FnMut(&Progress),
+        progress: &mut dyn FnMut(&TrainingProgress),
     ) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let pose_stage = self.settings.pose_stage();
@@ -186,7 +186,7 @@ impl Problem {
                 let (iteration, stage, seconds) = (stage.done + done, stage.number, run.seconds());
                 run.curve.push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
             }
-            progress(&Progress {
+            progress(&TrainingProgress {
                 iteration: stage.done + done,
                 iterations: self.settings.iterations,
                 stage: stage.number,
