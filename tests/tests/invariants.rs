@@ -9,7 +9,7 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

@@ -6,7 +6,7 @@ use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -243,7 +243,7 @@ fn unknown_name(name: &str) -> anyhow::Error {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -123,7 +123,7 @@ pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height
 #[cfg(test)]
 mod tests {
     use ghand_hand_model::named_poses::named_pose;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use ghand_core::skeleton::pose_skeleton;
 

@@ -44,7 +44,7 @@ fn columns<T: Copy>(table: &[T], mask: &[bool]) -> Vec<T> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
     use crate::light::Light;

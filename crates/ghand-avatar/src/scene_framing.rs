@@ -113,7 +113,7 @@ fn belonging(balls: Vec<Ball>) -> Vec<Ball> {
 #[cfg(test)]
 mod tests {
     use crate::{Avatar, AvatarConfig};
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

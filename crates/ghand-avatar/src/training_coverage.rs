@@ -37,7 +37,7 @@ fn colors(seen: &[f32]) -> Vec<[f64; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
     use crate::light::{AvatarLight, Light};

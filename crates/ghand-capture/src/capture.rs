@@ -199,7 +199,7 @@ pub fn fill_template(template: &str, camera: &str, frame: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     #[test]
     fn ids_fill_only_their_own_placeholders() {

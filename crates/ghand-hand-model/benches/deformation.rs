@@ -14,7 +14,7 @@ use ghand_core::deformation::{DeformationInputs, deform, deform_vjp};
 use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 

@@ -109,7 +109,7 @@ mod tests {
     use super::*;
     use crate::files::gltf::read_gltf;
     use crate::joints::names::finger_joints;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use ghand_test_support::shared;
 
     /// New positions of points fixed to each joint at rest, from an independent, simple walk along the chain.

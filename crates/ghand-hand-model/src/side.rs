@@ -67,7 +67,7 @@ pub(crate) fn decide<'a>(
 mod tests {
     use super::*;
     use crate::builtin::builtin_hand;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     fn shape(model: &ghand_core::HandModel) -> Option<Side> {
         side_of_shape(&JointRole::of_joints(&model.joint_names), &model.joints)

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
     use crate::files::gltf::read_gltf;
     use ghand_core::Side;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use ghand_test_support::shared;
 
     /// A unit square of two triangles, one joint, its atlas filling [0, 1]^2.

@@ -2,7 +2,7 @@
 
 use ghand_capture::images::skipped::SkipReason;
 use ghand_capture::{Capture, OpenOptions};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 
 use crate::fixtures::assert_says;

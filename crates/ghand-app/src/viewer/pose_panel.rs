@@ -232,7 +232,7 @@ impl PosePanel {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

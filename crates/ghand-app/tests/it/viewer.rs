@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use ghand_hand_model::files::mano::write_mano;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar, small_capture};
 

@@ -61,7 +61,7 @@ pub fn write_glb(path: &Path, model: &HandModel, shape: &[f64], pose: &Pose) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use glam::Vec3;
 
     const SHAPE: [f64; 3] = [0.5, -1.0, 2.0];

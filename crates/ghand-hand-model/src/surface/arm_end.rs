@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
     use crate::builtin::builtin_hand;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     #[test]
     fn the_end_is_opposite_to_the_fingers_and_holds_the_cap() {

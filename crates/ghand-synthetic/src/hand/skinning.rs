@@ -58,7 +58,7 @@ pub(crate) fn pose_vertices(model: &HandModel, rest: &[DVec3], pose: &Pose) -> V
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -120,7 +120,7 @@ fn stencils(edges: &[Edge], vertices: usize) -> Vec<Vec<(u32, f64)>> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -170,7 +170,7 @@ fn neighbours(faces: &[[u32; 3]]) -> Vec<Vec<usize>> {
 mod tests {
     use ghand_core::Side;
     use ghand_hand_model::builtin::builtin_hand;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use crate::hand::anatomy::Anatomy;
 

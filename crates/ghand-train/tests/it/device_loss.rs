@@ -6,15 +6,15 @@ use std::time::Duration;
 
 use ghand_avatar::PropertyTables;
 use ghand_capture::Capture;
-use ghand_measure::baseline::Baseline;
-use ghand_fit::views::TrainViews;
 use ghand_core::pose_error::moving_joints;
+use ghand_fit::views::TrainViews;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
 use ghand_train::step::{Rates, Step, StepOutcome};
-use ghand_measure::evaluation::evaluate;
 use ghand_train::{Align, TrainSettings, Trained, Trainer};
 
 /// Far longer than any test here takes.

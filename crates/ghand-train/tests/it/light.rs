@@ -7,13 +7,13 @@ use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::light::{DIRECTION_COUNT, directions, linear};
 use ghand_fit::alignment::align;
-use ghand_measure::baseline::Baseline;
-use ghand_fit::texels::colors::texel_colors;
 use ghand_fit::light_fit::{LightFit, fit_light};
+use ghand_fit::texels::colors::texel_colors;
 use ghand_hand_model::surface::sample_surface;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, PlantedLight, SyntheticOptions};
-use ghand_measure::evaluation::evaluate;
 use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer};
 use glam::{DQuat, DVec3};
 

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 /// What a run of `train` leaves in its folder.
 pub const RESULTS: [&str; 10] = [

@@ -71,7 +71,7 @@ mod tests {
     use super::super::{ManoOptions, read_mano_with_warnings};
     use super::*;
     use ghand_core::{PoseSpace, Side};
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     #[test]
     fn a_written_model_is_read_back_to_the_last_bit() {

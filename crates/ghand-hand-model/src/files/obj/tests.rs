@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::*;
 use crate::HandModelError;
 use crate::files::gltf::read_gltf;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 const MODEL: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
 

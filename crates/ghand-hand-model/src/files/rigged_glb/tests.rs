@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::files::gltf::{GltfFile, read_gltf, read_gltf_bytes};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 /// Single precision of coordinates below 0.25 m.
 const ROUNDING: f64 = 1.5e-8;

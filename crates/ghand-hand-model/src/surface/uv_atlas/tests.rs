@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::files::gltf::read_gltf;
 use crate::surface::{SurfaceSamples, sample_surface};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::*;
 use crate::files::rigged_glb::rigged_glb_bytes;
 use crate::joints::names::{Finger, finger_joints};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 /// A file that can be changed.
 #[derive(Clone)]

@@ -1,10 +1,10 @@
 //! Hands with synthetic numbers, to be written to MANO files.
 
 use ghand_hand_model::files::mano::PARENTS;
-use ghand_procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 use super::python::{Array, Py, array, chumpy_selection, dictionary, npy, pickle, sparse_columns, string, zip};
+use crate::procedural_hand::ProceduralHand;
 
 /// The content of a MANO file. The arrays are row-major, with the axes of the file.
 #[derive(Clone)]

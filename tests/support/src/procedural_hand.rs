@@ -96,7 +96,7 @@ impl ProceduralHand {
     /// ```
     /// use ghand_core::Pose;
     /// use ghand_core::posing::pose_hand;
-    /// use ghand_procedural_hand::ProceduralHand;
+    /// use ghand_test_support::procedural_hand::ProceduralHand;
     /// use glam::DVec3;
     ///
     /// let hand = ProceduralHand::default().build()?;
