@@ -7,7 +7,7 @@ use ghand_avatar::Avatar;
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 use ghand_core::pose_error::{moving_joints, pose_error_degrees};
-use ghand_fit::alignment::figures::AlignmentFigures;
+use ghand_fit::alignment::results::figures::AlignmentFigures;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::{LightFigures, LightReport};
 use ghand_measure::baseline::Baseline;

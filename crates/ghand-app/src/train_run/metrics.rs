@@ -1,6 +1,6 @@
 //! The figures of a run, as they stand in `metrics.json`.
 
-use ghand_fit::alignment::figures::AlignmentFigures;
+use ghand_fit::alignment::results::figures::AlignmentFigures;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightReport;
 use ghand_measure::evaluation::ImageMetrics;

@@ -5,9 +5,9 @@ use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 
-use super::camera_unknowns::CameraUnknowns;
-use super::contour::{ContourPoint, Edges};
-use super::distance_field::DistanceField;
+use super::cameras::unknowns::CameraUnknowns;
+use super::outlines::contour::{ContourPoint, Edges};
+use super::outlines::distance_field::DistanceField;
 use super::proportions::Shaped;
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.

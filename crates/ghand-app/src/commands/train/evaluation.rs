@@ -1,7 +1,7 @@
 //! What a run of `train` has achieved: its figures and pictures.
 
 use ghand_capture::Capture;
-use ghand_fit::alignment::picture::alignment_picture;
+use ghand_fit::alignment::results::picture::alignment_picture;
 use ghand_fit::light_fit::LightFit;
 use ghand_measure::protocol::Protocol;
 use ghand_measure::protocol::given_views;

@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use crate::views::TrainViews;
 
 use super::rejection::rejection;
-use super::side::is_other_hand;
-use super::texture::surface::{NearestDepth, SurfacePoint, surface_points};
-use super::{
+use crate::alignment::side::is_other_hand;
+use crate::alignment::texture::surface::{NearestDepth, SurfacePoint, surface_points};
+use crate::alignment::{
     AlignmentError, Calibration, DistanceField, Fit, MaskFit, OddCamera, Rejection, Shape, TimeOffset,
     calibration_views, images_of_frames,
 };
@@ -242,7 +242,7 @@ fn bone_lengths(model: &HandModel) -> Vec<f64> {
 }
 
 fn median(values: Vec<f64>) -> f64 {
-    super::quantiles(values)[0]
+    crate::alignment::quantiles(values)[0]
 }
 
 /// Whether a mask (row-major) lacks a part of the hand that it surrounds, and the template (`covered`) has it.
@@ -346,8 +346,8 @@ fn part_name(role: Option<JointRole>, is_back: bool) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::camera_unknowns::Part;
     use super::*;
+    use crate::alignment::cameras::unknowns::Part;
 
     #[test]
     fn a_hole_in_a_mask_is_told_from_a_gap_between_fingers() {

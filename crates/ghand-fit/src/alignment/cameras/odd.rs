@@ -6,7 +6,7 @@ use ghand_core::{Camera, InvalidHandModel, Pose};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{AlignmentError, DistanceField, Fit, Images, MaskFit, Shape, images_of_frames, quantiles};
+use crate::alignment::{AlignmentError, DistanceField, Fit, Images, MaskFit, Shape, images_of_frames, quantiles};
 
 /// Fewer other cameras say nothing of one.
 const LEAST_OTHERS: usize = 2;
@@ -87,7 +87,7 @@ fn others_of(camera: usize, fits: &[(usize, MaskFit)]) -> Option<MaskFit> {
 impl Fit<'_> {
     /// The odd cameras among those of a split's frames, the worst first. `fields` are those of the split's views. A camera that
     /// fits worse than the others pulls the poses of all: it is judged by poses without it.
-    pub(super) fn odd_cameras(
+    pub(crate) fn odd_cameras(
         &self,
         capture: &Capture,
         split: &Split,

@@ -4,7 +4,7 @@ use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use rayon::prelude::*;
 
-use super::{DistanceField, Edges, Fit, Images, quantiles};
+use crate::alignment::{DistanceField, Edges, Fit, Images, quantiles};
 
 /// Points of the end in an image that tell where its mask ends.
 const LEAST_POINTS: usize = 3;
@@ -29,7 +29,7 @@ struct Seen {
 impl Fit<'_> {
     /// Whether the masks of these images end where the template does, or at a constant distance from there, by the present
     /// poses.
-    pub(super) fn masks_end_with_template(&self, images: &[Images]) -> Result<bool, InvalidHandModel> {
+    pub(crate) fn masks_end_with_template(&self, images: &[Images]) -> Result<bool, InvalidHandModel> {
         let template = self.shaped()?.model;
         let whole = Edges::of(&template).with_arm_end();
         let of_frame = |(pose, images): (&Pose, &Images)| -> Result<Vec<Seen>, InvalidHandModel> {

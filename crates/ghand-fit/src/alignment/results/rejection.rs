@@ -3,7 +3,7 @@
 use ghand_core::{HandModel, Side};
 use serde::{Deserialize, Serialize};
 
-use super::MaskFit;
+use crate::alignment::MaskFit;
 
 /// Why an alignment is not used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error)]
@@ -88,7 +88,7 @@ const RIGS: f64 = 0.1;
 const MOST_DEVIATIONS: f64 = 4.5;
 
 /// Whether and why the aligned poses should not be used. `is_other_hand` says whether the mirrored template fits better.
-pub(super) fn rejection(
+pub(crate) fn rejection(
     fit: [MaskFit; 2],
     given: &HandModel,
     aligned: &HandModel,

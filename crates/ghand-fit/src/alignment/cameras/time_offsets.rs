@@ -11,10 +11,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::camera_unknowns::{CameraUnknowns, Part};
-use super::frame::{FrameEquations, Rig};
-use super::proportions::Shaped;
-use super::{Fit, Images, STEPS, joint_step, quantiles};
+use super::unknowns::{CameraUnknowns, Part};
+use crate::alignment::frame::{FrameEquations, Rig};
+use crate::alignment::proportions::Shaped;
+use crate::alignment::{Fit, Images, STEPS, joint_step, quantiles};
 
 /// Standard deviation of an offset before any image is seen, frames.
 const DEVIATION: f64 = 1.0;
@@ -50,7 +50,7 @@ impl std::fmt::Display for TimeOffset {
 
 impl Fit<'_> {
     /// The offsets of the cameras of a split's frames; empty if frames have no numbers, hardly move, or agree.
-    pub(super) fn time_offsets(
+    pub(crate) fn time_offsets(
         &self,
         capture: &Capture,
         split: &Split,

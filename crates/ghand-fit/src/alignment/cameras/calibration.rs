@@ -8,11 +8,11 @@ use ghand_core::{Camera, InvalidHandModel, Pose};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::camera_unknowns::{CameraChange, CameraUnknowns, NUMBERS, Part, changed, per_camera};
-use super::distance_field::DistanceField;
-use super::frame::{FrameEquations, Rig};
-use super::proportions::Shaped;
-use super::{Fit, Images, joint_step, quantiles};
+use super::unknowns::{CameraChange, CameraUnknowns, NUMBERS, Part, changed, per_camera};
+use crate::alignment::frame::{FrameEquations, Rig};
+use crate::alignment::outlines::distance_field::DistanceField;
+use crate::alignment::proportions::Shaped;
+use crate::alignment::{Fit, Images, joint_step, quantiles};
 
 /// Standard deviations of what a calibration is wrong by: rotation, radians; translation and focal length, as parts of the
 /// distance to the hand and of the length; principal point, as a part of the image's longer side; time, frames.
@@ -45,7 +45,7 @@ const MOVED: f64 = 1.0_f64.to_radians();
 const MOVED_MORE: f64 = 2.25;
 
 /// The images of a frame: the camera's number, and the field of the mask.
-pub(super) type FrameViews<'a> = Vec<(usize, &'a DistanceField)>;
+pub(crate) type FrameViews<'a> = Vec<(usize, &'a DistanceField)>;
 
 /// What was found of the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -117,7 +117,7 @@ struct Solution {
 
 impl Fit<'_> {
     /// Finds what the cameras' calibration is wrong by, from the given poses on. `None` if it stays as it is.
-    pub(super) fn calibrate(
+    pub(crate) fn calibrate(
         &self,
         cameras: &[Camera],
         views: &[FrameViews],
@@ -175,7 +175,7 @@ impl Fit<'_> {
     }
 
     /// Refines the calibration once more from the present poses and shape on. `given` are the cameras as they came.
-    pub(super) fn calibrate_further(
+    pub(crate) fn calibrate_further(
         &self,
         given: &[Camera],
         views: &[FrameViews],

@@ -5,7 +5,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::contour::ContourPoint;
+use crate::alignment::outlines::contour::ContourPoint;
 
 /// Numbers of a camera.
 pub const NUMBERS: usize = 10;
