@@ -4,9 +4,9 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use ghand_core::HandModel;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_capture::ghand_format::read_capture_text;
+use ghand_core::HandModel;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use libfuzzer_sys::fuzz_target;
 
 /// Has MANO's joints, and so stands for the user's MANO model.

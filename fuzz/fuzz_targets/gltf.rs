@@ -1,7 +1,7 @@
 //! Any bytes, read as a glTF hand, give a sound model or an error.
 #![no_main]
 
-use ghand_hand_model::gltf::read_gltf_bytes;
+use ghand_hand_model::files::gltf::read_gltf_bytes;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

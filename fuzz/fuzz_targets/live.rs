@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use ghand_core::HandModel;
 use ghand_fuzz::read_live_packets;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use libfuzzer_sys::fuzz_target;
 
 static HAND: LazyLock<HandModel> = LazyLock::new(|| {

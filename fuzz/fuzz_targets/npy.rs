@@ -3,8 +3,8 @@
 
 use std::io::{Cursor, Write};
 
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
 use ghand_files::npz::Npz;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use libfuzzer_sys::fuzz_target;
 use zip::write::SimpleFileOptions;
 

@@ -1,8 +1,8 @@
 //! Any bytes, read as an archive of arrays and as a MANO model in one, give numbers or an error.
 #![no_main]
 
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
 use ghand_files::npz::Npz;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

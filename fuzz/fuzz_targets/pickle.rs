@@ -1,7 +1,7 @@
 //! Any bytes, read as a MANO pickle, give a sound model or an error.
 #![no_main]
 
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -4,8 +4,8 @@
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_fuzz::read_pose_arrays;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use libfuzzer_sys::fuzz_target;
 
 static HAND: LazyLock<HandModel> = LazyLock::new(|| {

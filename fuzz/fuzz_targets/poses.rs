@@ -4,9 +4,9 @@
 use std::sync::LazyLock;
 
 use ghand_core::HandModel;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_motion::PoseOptions;
 use ghand_motion::pose_sequence::read_poses_bytes;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use libfuzzer_sys::fuzz_target;
 
 static HAND: LazyLock<HandModel> = LazyLock::new(|| {

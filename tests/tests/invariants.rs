@@ -3,13 +3,13 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_core::Pose;
-use ghand_core::deformation::{Deformation, DeformationGradients, Deformed, deform, deform_vjp};
+use ghand_core::deformation::{DeformationGradients, DeformationInputs, Deformed, deform, deform_vjp};
 use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -66,7 +66,7 @@ impl Properties {
     }
 
     fn deform(&self, skeleton: ResidualSkeleton, weights: ResidualWeights) -> (Deformed, DeformationGradients) {
-        let d = Deformation {
+        let d = DeformationInputs {
             parents: &self.parents,
             joints: &self.joints,
             canonical: &self.canonical,

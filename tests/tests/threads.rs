@@ -1,12 +1,12 @@
 //! Results do not depend on the number of threads.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use ghand_core::deformation::{Deformation, deform, deform_vjp};
+use ghand_core::deformation::{DeformationInputs, deform, deform_vjp};
 use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -51,7 +51,7 @@ fn posed_points_and_their_gradients_have_the_same_bits_on_any_number_of_threads(
     for residual_weights_mode in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
         for residual_skeleton_mode in [ResidualSkeleton::Paper, ResidualSkeleton::Anchored] {
             assert_same_bits(|| {
-                let d = Deformation {
+                let d = DeformationInputs {
                     parents: &parents,
                     joints: &rest_joints,
                     canonical: &canonical,

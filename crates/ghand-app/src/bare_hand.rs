@@ -5,7 +5,7 @@ mod complexion;
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
-use ghand_fit::floor::TexelColors;
+use ghand_fit::texels::colors::TexelColors;
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::surface::sample_surface;
 use ghand_render::mesh::{Light, MeshInstance, Shading, Surface};

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use ghand_files::input_file;
-use ghand_hand_model::read::file_and_side;
+use ghand_hand_model::files::read::file_and_side;
 
 /// Kinds of files that commands distinguish before reading them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

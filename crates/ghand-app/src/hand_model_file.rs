@@ -6,8 +6,8 @@ use anyhow::bail;
 use ghand_avatar::Avatar;
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
-use ghand_hand_model::mano::LeftShapes;
-use ghand_hand_model::read::{HandModelFile, MANO_KIND, ReadOptions, read_hand_model};
+use ghand_hand_model::files::mano::LeftShapes;
+use ghand_hand_model::files::read::{HandModelFile, MANO_KIND, ReadOptions, read_hand_model};
 use serde::{Deserialize, Serialize};
 
 use crate::file_kind::{FileKind, file_kind};

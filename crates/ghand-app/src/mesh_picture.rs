@@ -146,7 +146,7 @@ fn joint_number(model: &HandModel, text: &str) -> anyhow::Result<usize> {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
-use ghand_capture::camera_list::read_cameras;
+use ghand_capture::cameras::list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::joint_axes::why_without_axes;
+use ghand_hand_model::files::read::ReadOptions;
+use ghand_hand_model::joints::axes::why_without_axes;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_hand_model::read::ReadOptions;
 use ghand_motion::motions::{MOTION_NAMES, motion};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, read_poses_and_fit};
 use ghand_motion::{LandmarkFit, PoseFrame, PoseOptions, PoseSequence};
@@ -243,7 +243,7 @@ fn unknown_name(name: &str) -> anyhow::Error {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

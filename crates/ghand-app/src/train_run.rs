@@ -6,6 +6,7 @@ pub mod full_disk;
 pub mod interruption;
 pub mod live_files;
 pub mod live_viewer;
+pub mod metrics;
 pub mod report_page;
 pub mod report_picture;
 pub mod results;

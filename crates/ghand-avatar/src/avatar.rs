@@ -135,7 +135,7 @@ impl Avatar {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use glam::DVec3;
 
     use super::*;

@@ -25,7 +25,7 @@ use crate::light::AvatarLight;
 use crate::properties::PropertyTables;
 use crate::properties::baked::template::template_parts;
 use crate::template::{AvatarConfig, Template};
-use components::Components;
+use components::JointComponents;
 use exact::ExactPoses;
 use order::Ordered;
 use pack::Block;
@@ -60,7 +60,7 @@ pub struct Bake {
     source: Avatar,
     ordered: Ordered,
     regressors: Regressors,
-    components: Components,
+    components: JointComponents,
     groups: Vec<GroupSums>,
     /// The blocks, those that change the hand most first.
     blocks: Vec<Block>,
@@ -97,7 +97,7 @@ impl Bake {
             sums::add(&mut groups, &regressors.of(chain), &values);
             progress(k + 1);
         }
-        let components = Components::find(&regressors, &groups, rank.min(MOST_COMPONENTS), &chains);
+        let components = JointComponents::find(&regressors, &groups, rank.min(MOST_COMPONENTS), &chains);
         let groups: Vec<GroupSums> = groups.into_iter().map(|group| components.reduce(&group)).collect();
         let blocks = pack::blocks(&groups);
         Ok(Bake { source: avatar.clone(), ordered, regressors, components, groups, blocks })
@@ -144,7 +144,7 @@ impl Bake {
 
     fn tables(&self, keep: usize, precision: Precision) -> BakedTables {
         let kept = &self.blocks[..keep.min(self.blocks.len())];
-        let parts = pack::Parts {
+        let parts = pack::PackInputs {
             template: &self.source.template,
             ordered: &self.ordered,
             regressors: &self.regressors,

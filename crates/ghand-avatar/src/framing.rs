@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use ghand_hand_model::hand_directions::hand_directions;
+use ghand_hand_model::joints::hand_directions::hand_directions;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Distance of a turntable's cameras from the middle of the hand, metres.
@@ -123,7 +123,7 @@ pub fn portrait(model: &HandModel, pose: &Pose, points: &[DVec3], [width, height
 #[cfg(test)]
 mod tests {
     use ghand_hand_model::named_poses::named_pose;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use ghand_core::skeleton::pose_skeleton;
 

@@ -7,7 +7,6 @@ pub mod bake;
 pub mod deform;
 pub mod file;
 pub mod framing;
-mod kept;
 pub mod light;
 pub mod local_thickness;
 pub mod neighbors;
@@ -17,10 +16,11 @@ pub mod posed_avatar;
 pub mod posed_hand;
 pub mod properties;
 pub mod reference;
+mod retain;
 pub mod scene;
 pub mod scene_framing;
-mod seen;
 pub mod template;
+mod training_coverage;
 
 pub use avatar::{Avatar, Provenance};
 #[cfg(feature = "bake")]

@@ -149,11 +149,13 @@ impl Light {
     ///
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
-    pub fn parts(&self, model: &HandModel, pose: &Pose) -> Result<Parts, InvalidHandModel> {
+    pub fn parts(&self, model: &HandModel, pose: &Pose) -> Result<IrradianceParts, InvalidHandModel> {
         let is_bright = |k: usize| self.coefficients[k] != [0.0; 3];
-        let Some(trust) = &self.trust else { return Parts::new(self.kind, self.turn, model, pose, &is_bright) };
+        let Some(trust) = &self.trust else {
+            return IrradianceParts::new(self.kind, self.turn, model, pose, &is_bright);
+        };
         // How open a vertex is, all directions say.
-        let mut parts = Parts::new(self.kind, self.turn, model, pose, &|_| true)?;
+        let mut parts = IrradianceParts::new(self.kind, self.turn, model, pose, &|_| true)?;
         trust.blend(self.kind, self.turn, &mut parts.columns, &parts.normals);
         (0..parts.columns.len()).filter(|k| !is_bright(*k)).for_each(|k| parts.columns[k] = vec![]);
         Ok(parts)
@@ -170,7 +172,7 @@ impl Light {
     }
 
     /// The shade of each vertex, RGB, from its parts of this light.
-    pub fn shades(&self, parts: &Parts) -> Vec<[f32; 3]> {
+    pub fn shades(&self, parts: &IrradianceParts) -> Vec<[f32; 3]> {
         let mut shades = vec![[0.0; 3]; parts.vertices.len()];
         shades.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, shades)| {
             let mut sums = [[0.0f64; CHUNK]; 3];
@@ -190,7 +192,7 @@ impl Light {
 
 /// What each coefficient of a light contributes to the irradiance of each vertex of a posed hand.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parts {
+pub struct IrradianceParts {
     /// One column of V numbers per coefficient; empty for those that were not wanted.
     pub columns: Vec<Vec<f32>>,
     /// The posed vertices, metres, world axes.
@@ -199,7 +201,7 @@ pub struct Parts {
     pub normals: Vec<DVec3>,
 }
 
-impl Parts {
+impl IrradianceParts {
     /// The parts of the coefficients that `wanted` names, of a light whose axes are turned.
     ///
     /// # Errors
@@ -210,7 +212,7 @@ impl Parts {
         model: &HandModel,
         pose: &Pose,
         wanted: &(dyn Fn(usize) -> bool + Sync),
-    ) -> Result<Parts, InvalidHandModel> {
+    ) -> Result<IrradianceParts, InvalidHandModel> {
         let vertices = pose_hand(model, &[], pose)?.vertices;
         let normals = model.vertex_normals(&vertices);
         let columns = match kind {
@@ -223,6 +225,6 @@ impl Parts {
                 visibility::vertex_transfers(&model.faces, &vertices, &normals, &towards, wanted)
             }
         };
-        Ok(Parts { columns, vertices, normals })
+        Ok(IrradianceParts { columns, vertices, normals })
     }
 }

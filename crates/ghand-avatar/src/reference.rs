@@ -8,7 +8,7 @@ pub(crate) mod network;
 
 use crate::deform::CoefficientLayout;
 use crate::deform::baked::BakedTables;
-use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
+use ghand_core::deformation::{DeformationInputs, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
 use ghand_core::posing::pose_hand;
 use ghand_core::skinning::{Skinning, skin_normals};
@@ -173,7 +173,7 @@ pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Res
     let (rest, weights) = (vectors(&widen(&template.rest), 0, count), widen(&template.weights));
     let shape_basis: Vec<DVec3> = (0..config.shape_bases).flat_map(|i| vectors(&shape_basis, 3 * i, count)).collect();
     let coefficients = coefficients(config, &channels, count);
-    let deformation = Deformation {
+    let deformation = DeformationInputs {
         parents: &template.parents,
         joints: &template.joints,
         canonical: &rest,
@@ -203,7 +203,7 @@ fn coefficients(config: &AvatarConfig, channels: &[f64], count: usize) -> Vec<DV
 /// The normals of flat Gaussians, world.
 fn posed_normals(
     avatar: &Avatar,
-    deformation: &Deformation<'_>,
+    deformation: &DeformationInputs<'_>,
     deformed: &Deformed,
     pose: &Pose,
 ) -> Option<Vec<DVec3>> {
@@ -284,8 +284,8 @@ impl<'a> DirectTwin<'a> {
         self.rest.len()
     }
 
-    fn deformation<'b>(&'b self, coefficients: &'b [DVec3]) -> Deformation<'b> {
-        Deformation {
+    fn deformation<'b>(&'b self, coefficients: &'b [DVec3]) -> DeformationInputs<'b> {
+        DeformationInputs {
             parents: &self.avatar.template.parents,
             joints: &self.avatar.template.joints,
             canonical: &self.rest,

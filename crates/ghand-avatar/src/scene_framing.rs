@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use crate::ply::SplatScene;
 use ghand_core::Camera;
+use ghand_core::statistics::median;
 use ghand_render::splat::NEAR;
 use glam::{DQuat, DVec2, DVec3};
 
@@ -103,21 +104,16 @@ fn balls(scene: &SplatScene) -> Vec<Ball> {
 
 /// The Gaussians near the median of all.
 fn belonging(balls: Vec<Ball>) -> Vec<Ball> {
-    let center = DVec3::from([0, 1, 2].map(|axis| median(balls.iter().map(|b| b.center[axis]).collect())));
-    let typical = median(balls.iter().map(|b| b.center.distance(center) + b.radius).collect());
+    let center = DVec3::from([0, 1, 2].map(|axis| median(balls.iter().map(|b| b.center[axis]))));
+    let typical = median(balls.iter().map(|b| b.center.distance(center) + b.radius));
     let belongs = |b: &Ball| b.center.distance(center) + b.radius <= STRAY * typical;
     balls.into_iter().filter(belongs).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::{Avatar, AvatarConfig};
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -8,9 +8,9 @@ use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 
-use crate::color_correction::ColorCorrection;
-use crate::distortion::Distortion;
+use crate::cameras::distortion::Distortion;
 pub use crate::error::CaptureError;
+use crate::images::color_correction::ColorCorrection;
 use crate::mask::{AlignedHand, MadeMasks};
 pub use crate::split::{Split, SplitView};
 
@@ -199,7 +199,7 @@ pub fn fill_template(template: &str, camera: &str, frame: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     #[test]
     fn ids_fill_only_their_own_placeholders() {

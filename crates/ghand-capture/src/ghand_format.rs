@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera_file::CameraFile;
+use crate::cameras::file::CameraFile;
 
 const FORMAT: &str = "ghand-capture";
 const VERSION: u64 = 1;

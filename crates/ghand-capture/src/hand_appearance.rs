@@ -17,13 +17,13 @@ use ghand_core::posing::shape_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::input_file;
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::mano::{NamedArrays, PARENTS};
+use ghand_hand_model::files::mano::{NamedArrays, PARENTS};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::capture_validation::FileValidator;
 use crate::error::CaptureError;
-use crate::skipped_images::{SkipReason, SkippedImages};
+use crate::images::skipped::{SkipReason, SkippedImages};
+use crate::reading::validation::FileValidator;
 
 /// Sequences of a subject, and the last that trains.
 const SEQUENCES: std::ops::RangeInclusive<u32> = 1..=9;

@@ -21,16 +21,16 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use ghand_core::{Camera, HandModel, Pose, Side};
-use ghand_hand_model::mano::PARENTS;
+use ghand_hand_model::files::mano::PARENTS;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::camera_sampling::farthest_point_sampling;
+use crate::cameras::sampling::farthest_point_sampling;
 use crate::capture::{Capture, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::capture_validation::{CameraEntry, FileValidator, JointRows, Position};
 use crate::error::CaptureError;
+use crate::images::skipped::{SkipReason, SkippedImages};
 use crate::mask::{MadeMasks, MaskMethod};
-use crate::opened::{CaptureKind, Opened};
-use crate::skipped_images::{SkipReason, SkippedImages};
+use crate::reading::opened::{CaptureKind, Opened};
+use crate::reading::validation::{CameraEntry, FileValidator, JointRows, Position};
 use crate::truth::{TRUTH_FILE, read_truth};
 pub use annotation_counts::{AnnotationCounts, count_annotations};
 use annotations::CameraTables;

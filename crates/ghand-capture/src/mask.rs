@@ -24,12 +24,12 @@ use ghand_core::posing::pose_hand;
 
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::image_file::{Role, decode, read_bytes};
-use crate::mask_values::mask_values;
+use crate::images::file::{Role, decode, read_bytes};
+use crate::images::mask_values::mask_values;
 
 pub use aligned::AlignedHand;
 pub(crate) use contour::parts;
-pub use distance::squared_distances;
+pub use distance::{depths, squared_distances};
 pub use fill::covered_pixels;
 pub(crate) use made::mask_by_colors;
 pub use made::{MadeMasks, MaskMethod};
@@ -72,7 +72,7 @@ pub(crate) fn made_mask(
     file: &[u8],
     rgba: &[[u8; 4]],
 ) -> Result<Vec<u8>, CaptureError> {
-    let place = cache::Place::new(capture, camera, frame, file, None, 0)?;
+    let place = cache::MaskFile::new(capture, camera, frame, file, None, 0)?;
     if let Some(mask) = place.read().and_then(|stored| stored.mask()) {
         return Ok(mask);
     }
@@ -88,7 +88,7 @@ pub(crate) fn facts(capture: &Capture, camera: usize, frame: usize) -> Result<Fa
     let bytes = read_bytes(&file, Role::Image, size)?;
     let mask_file = capture.mask_file(camera, frame)?.filter(|file| file.exists());
     let mask_bytes = mask_file.as_ref().map(|file| read_bytes(file, Role::Mask, size)).transpose()?;
-    let place = cache::Place::new(capture, camera, frame, &bytes, mask_bytes.as_deref(), 0)?;
+    let place = cache::MaskFile::new(capture, camera, frame, &bytes, mask_bytes.as_deref(), 0)?;
     if let Some(stored) = place.read() {
         return Ok(stored.facts);
     }

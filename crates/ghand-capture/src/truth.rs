@@ -8,10 +8,10 @@ use ghand_core::Pose;
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Capture;
-use crate::capture_validation::{FileValidator, JointRows};
 use crate::error::CaptureError;
-use crate::json_file::{LARGEST_FILE, parse, write_json};
-use crate::text_file::read_text;
+use crate::reading::json_file::{LARGEST_FILE, parse, write_json};
+use crate::reading::text_file::read_text;
+use crate::reading::validation::{FileValidator, JointRows};
 
 pub(crate) const TRUTH_FILE: &str = "truth.json";
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use ghand_capture::{Capture, OpenOptions, ViewStore, ViewStoreOptions};
 use ghand_core::PoseSpace;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::DVec3;
 

@@ -13,7 +13,7 @@ use crate::skinning::{ResidualWeights, Skinning, skin, skin_vjp};
 
 /// The properties of N Gaussians on a hand of `n_b` joints, with `n` shape bases.
 #[derive(Debug, Clone, Copy)]
-pub struct Deformation<'a> {
+pub struct DeformationInputs<'a> {
     /// Parent of each joint, which precedes it.
     pub parents: &'a [Option<usize>],
     /// Rest joints J, metres, `n_b`.
@@ -82,7 +82,7 @@ impl DeformationGradients {
     }
 }
 
-impl<'a> Deformation<'a> {
+impl<'a> DeformationInputs<'a> {
     fn skinning<'b>(&self, rest: &'b [DVec3], chain: &'b Chain, residual_chain: &'b Chain, pose: &Pose) -> Skinning<'b>
     where
         'a: 'b,
@@ -104,7 +104,7 @@ impl<'a> Deformation<'a> {
 ///
 /// The lengths must agree as documented. Runs in parallel over the Gaussians; the result is bit-identical for any
 /// number of threads.
-pub fn deform(d: &Deformation, pose: &Pose) -> Deformed {
+pub fn deform(d: &DeformationInputs, pose: &Pose) -> Deformed {
     let offsets = blend_shapes(d.shape_basis, d.blend_coefficients, d.canonical.len());
     let rest: Vec<DVec3> =
         d.canonical.par_iter().zip(&offsets).with_min_len(CHUNK).map(|(x, offset)| *x + *offset).collect();
@@ -118,7 +118,7 @@ pub fn deform(d: &Deformation, pose: &Pose) -> Deformed {
 /// Gradients of all inputs from dL/dx_p (N) and from a loss on the offsets themselves (dL/dDelta, N; empty if there is
 /// none); `forward` is [`deform`]'s result for the same inputs.
 pub fn deform_vjp(
-    d: &Deformation,
+    d: &DeformationInputs,
     pose: &Pose,
     forward: &Deformed,
     d_posed: &[DVec3],

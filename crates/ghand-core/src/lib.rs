@@ -14,6 +14,7 @@ pub mod light;
 pub mod mesh;
 mod parallel;
 pub mod pose;
+pub mod pose_error;
 pub mod pose_response;
 pub mod posing;
 pub mod residual_skeleton;
@@ -21,6 +22,7 @@ pub mod rotation;
 pub mod skeleton;
 pub mod skinning;
 pub mod sphere;
+pub mod statistics;
 
 pub use camera::Camera;
 pub use hand_model::{HandModel, InvalidHandModel, PoseSpace, Side};

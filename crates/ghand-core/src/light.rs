@@ -90,7 +90,7 @@ pub fn with_gloss_vjp(display: f64, gloss: f64) -> f64 {
 
 /// What falls on the vertices of a mesh, on which Gaussians lie: values are interpolated from a triangle's corners.
 #[derive(Debug, Clone, Copy)]
-pub struct LitSurface<'a> {
+pub struct SurfaceLight<'a> {
     /// The triangle of each Gaussian.
     pub corners: &'a [[u32; 3]],
     /// Its place there.
@@ -101,7 +101,7 @@ pub struct LitSurface<'a> {
     pub gloss: &'a [[f64; 3]],
 }
 
-impl LitSurface<'_> {
+impl SurfaceLight<'_> {
     /// Shade and gloss of number `i` of the colours, `[3][N]`.
     fn at(&self, i: usize) -> [f64; 2] {
         let (channel, p) = (i / self.corners.len(), i % self.corners.len());
@@ -114,7 +114,7 @@ impl LitSurface<'_> {
 }
 
 /// Lit colours from unlit ones, both `[3][N]`.
-pub fn lit(colors: &[f64], surface: &LitSurface<'_>) -> Vec<f64> {
+pub fn lit(colors: &[f64], surface: &SurfaceLight<'_>) -> Vec<f64> {
     let lit = |(i, color): (usize, &f64)| {
         let [shade, gloss] = surface.at(i);
         with_gloss(color * shade, gloss)
@@ -123,7 +123,7 @@ pub fn lit(colors: &[f64], surface: &LitSurface<'_>) -> Vec<f64> {
 }
 
 /// The gradient of the unlit colours from that of the lit ones, both `[3][N]`.
-pub fn lit_vjp(colors: &[f64], surface: &LitSurface<'_>, d_lit: &[f64]) -> Vec<f64> {
+pub fn lit_vjp(colors: &[f64], surface: &SurfaceLight<'_>, d_lit: &[f64]) -> Vec<f64> {
     let d_color = |(i, (color, d)): (usize, (&f64, &f64))| {
         let [shade, gloss] = surface.at(i);
         d * shade * with_gloss_vjp(color * shade, gloss)
@@ -169,7 +169,7 @@ mod tests {
     fn a_lit_colour_is_the_interpolated_shade_times_the_colour() {
         let shades = [[1.0, 0.5, 0.0], [2.0, 0.5, 1.0], [0.0, 0.5, 2.0]];
         let (corners, barycentric) = ([[0, 1, 2], [2, 1, 0]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
-        let surface = LitSurface { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &[] };
+        let surface = SurfaceLight { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &[] };
         let lit = lit(&[0.5, 1.0, 0.2, 0.4, 1.0, 0.5], &surface);
         let wanted = [0.5, 0.0, 0.1, 0.2, 0.75, 1.0];
         assert!(lit.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{lit:?}");
@@ -180,7 +180,7 @@ mod tests {
         let shades = [[1.0, 0.5, 0.2], [1.5, 0.5, 1.0], [0.1, 0.5, 1.2]];
         let gloss = [[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [0.05, 0.0, 1.0]];
         let (corners, barycentric) = ([[0, 1, 2], [1, 1, 1]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
-        let surface = LitSurface { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &gloss };
+        let surface = SurfaceLight { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &gloss };
         let colors = [0.5, 0.9, 0.2, 0.4, 1.0, 0.03];
         let d_lit = [0.3, -1.0, 0.7, 0.2, -0.4, 1.1];
         let loss = |colors: &[f64]| -> f64 { lit(colors, &surface).iter().zip(d_lit).map(|(c, d)| c * d).sum() };

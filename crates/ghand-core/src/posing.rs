@@ -19,7 +19,7 @@ pub struct ShapedHand {
 
 /// A hand in a pose, with the intermediate results that its derivative needs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PosedHand {
+pub struct PosedModel {
     /// The hand at rest in its shape.
     pub shaped: ShapedHand,
     /// The vertices at rest after shape and pose blend shapes, metres, `V`.
@@ -120,7 +120,7 @@ pub enum PoseCorrectives {
 ///
 /// # Errors
 /// [`InvalidHandModel`] as for [`shape_hand`], and if the pose does not have one rotation per joint.
-pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedHand, InvalidHandModel> {
+pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedModel, InvalidHandModel> {
     pose_hand_with(model, shape, pose, PoseCorrectives::Applied)
 }
 
@@ -133,7 +133,7 @@ pub fn pose_hand_with(
     shape: &[f64],
     pose: &Pose,
     correctives: PoseCorrectives,
-) -> Result<PosedHand, InvalidHandModel> {
+) -> Result<PosedModel, InvalidHandModel> {
     let (rows, joints) = (pose.rotations.len(), model.joint_count());
     if rows != joints {
         return Err(invalid(model, "pose", format!("has {rows} rotations, but the model has {joints} joints")));
@@ -154,14 +154,14 @@ pub fn pose_hand_with(
     let weights = joint_major_weights(model);
     let vertices = skin(&skinning(&corrected, &weights, &chain, pose));
     let joints = chain.world.iter().map(|g| g.translation + pose.translation).collect();
-    Ok(PosedHand { shaped, corrected, chain, vertices, joints })
+    Ok(PosedModel { shaped, corrected, chain, vertices, joints })
 }
 
 /// Gradients from dL/d(posed vertices) (`V`) and dL/d(posed joints) (`n_b`); `posed` is [`pose_hand`]'s result.
 pub fn pose_hand_vjp(
     model: &HandModel,
     pose: &Pose,
-    posed: &PosedHand,
+    posed: &PosedModel,
     d_vertices: &[DVec3],
     d_joints: &[DVec3],
 ) -> PosingGradients {

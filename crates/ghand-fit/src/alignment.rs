@@ -5,23 +5,18 @@
 //! is shared. Then the skin's texture refines the poses (`texture.rs`). On the CPU, in f64; the same bits for any number of
 //! threads.
 
-mod calibration;
-mod camera_unknowns;
-mod contour;
-mod distance_field;
+mod cameras;
 mod frame;
-mod mask_end;
-mod odd_cameras;
+mod outlines;
+pub mod pose_offsets;
 mod priors;
 mod proportions;
-mod rejection;
-pub mod review;
+pub mod results;
 mod side;
 pub mod single_frames;
 mod spread;
 mod stragglers;
 mod texture;
-mod time_offsets;
 
 use std::time::Instant;
 
@@ -34,23 +29,23 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use calibration::Calibration;
-use calibration::FrameViews;
-use contour::Edges;
-use distance_field::DistanceField;
+pub use cameras::calibration::Calibration;
+use cameras::calibration::FrameViews;
+pub use cameras::odd::OddCamera;
+pub use cameras::time_offsets::TimeOffset;
 use frame::{FrameEquations, Rig};
-use ghand_measure::metrics::moving_joints;
-pub use odd_cameras::OddCamera;
+use ghand_core::pose_error::moving_joints;
+use outlines::contour::Edges;
+use outlines::distance_field::DistanceField;
 use priors::Priors;
 use proportions::{Proportions, Shaped};
-pub use rejection::Rejection;
-use rejection::rejection;
+pub use results::rejection::Rejection;
+use results::rejection::rejection;
 use side::is_other_hand;
 use single_frames::PoseKnowledge;
 use spread::Estimate;
 use texture::SplitContrast;
 pub use texture::TextureRefinement;
-pub use time_offsets::TimeOffset;
 
 /// Steps without knowledge of how the joints vary: for each the distance beyond which a contour counts linearly, pixels.
 const FIRST_STEPS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];

@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use ghand_capture::color_correction::{ColorMap, IDENTITY, mapped};
+use ghand_capture::images::color_correction::{ColorMap, IDENTITY, mapped};
 use nalgebra::{Matrix4, Matrix4x3, Vector4};
 use serde::{Deserialize, Serialize};
 
-use crate::texel_frames::{TexelFrames, TexelImage};
+use crate::texels::frames::{TexelFrames, TexelImage};
 
 /// How cameras with other exposures are treated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -154,7 +154,7 @@ fn difference(frames: &[&[TexelImage]], maps: &BTreeMap<usize, ColorMap>) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texel_views::TexelView;
+    use crate::texels::views::TexelView;
 
     /// Frames of 5 cameras with these exposures, of skin with some noise.
     fn frames(exposures: &[[f64; 3]; 5]) -> Vec<Vec<TexelImage>> {

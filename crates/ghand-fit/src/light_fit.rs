@@ -12,7 +12,7 @@ mod observations;
 
 use std::time::Instant;
 
-use ghand_avatar::light::{Gloss, Parts, Trust};
+use ghand_avatar::light::{Gloss, IrradianceParts, Trust};
 use ghand_avatar::{Light, LightKind};
 use ghand_capture::{Capture, Split};
 use ghand_core::light::{DIRECTION_COUNT, directions};
@@ -24,10 +24,10 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::floor::FloorError;
-use crate::texel_frames::TexelFrames;
+use crate::texels::TexelError;
+use crate::texels::frames::TexelFrames;
 use coverage::Coverage;
-use least_squares::{ChannelFit, FrameColors, Unknowns, fit, frame_factors, irradiances, squared_error};
+use least_squares::{ChannelFit, FrameColors, LightModel, fit, frame_factors, irradiances, squared_error};
 use observations::Observations;
 
 pub use gloss::GlossFit;
@@ -183,7 +183,7 @@ fn towards(light: &Light) -> Option<[f64; 3]> {
 /// Fits the light of a split. `poses` holds the poses of its frames; they are fitted already.
 ///
 /// # Errors
-/// [`FloorError`] if an image or the model is unusable.
+/// [`TexelError`] if an image or the model is unusable.
 pub fn fit_light(
     gpu: &Gpu,
     capture: &Capture,
@@ -191,7 +191,7 @@ pub fn fit_light(
     poses: &[Pose],
     choice: LightChoice,
     gloss: GlossChoice,
-) -> Result<LightFit, FloorError> {
+) -> Result<LightFit, TexelError> {
     let seen = TexelFrames::new(gpu, capture, split, poses)?;
     Ok(fit_light_to(&seen, &capture.template, poses, choice, gloss)?)
 }
@@ -217,33 +217,34 @@ pub fn fit_light_to(
     let model = template.without_blend_shapes();
     let texels = seen.samples.len();
     let held_out = |frame: usize| held_out(frame, seen.frames.len());
-    let error = |unknowns: Unknowns, columns: &[FrameColors]| {
+    let error = |unknowns: LightModel, columns: &[FrameColors]| {
         let (others, chosen): (Vec<_>, Vec<_>) = columns.iter().enumerate().partition(|(frame, _)| !held_out(*frame));
         let [others, chosen] = [others, chosen].map(|frames| frames.into_iter().map(|(_, f)| f).collect::<Vec<_>>());
         squared_error(&chosen, &fit(unknowns, &others, texels))
     };
-    let all = |columns: &[FrameColors], unknowns: Unknowns| fit(unknowns, &columns.iter().collect::<Vec<_>>(), texels);
+    let all =
+        |columns: &[FrameColors], unknowns: LightModel| fit(unknowns, &columns.iter().collect::<Vec<_>>(), texels);
 
     let constant = seen.frames.iter().enumerate().map(|(f, _)| seen.colors(f, DMatrix::from_element(texels, 1, 1.0)));
     let constant: Vec<FrameColors> = constant.collect();
     let mut turn = DQuat::IDENTITY;
     let mut transfer = columns(&seen, &model, poses, turn)?;
     for _ in 0..TURNS {
-        let Some(further) = towards_peak(&all(&transfer, Unknowns::Directions)) else { break };
+        let Some(further) = towards_peak(&all(&transfer, LightModel::Directions)) else { break };
         turn *= further;
         transfer = columns(&seen, &model, poses, turn)?;
     }
     let figures = LightFigures {
-        none: error(Unknowns::Constant, &constant),
-        lamps: error(Unknowns::Lamps, &transfer),
-        transfer: error(Unknowns::Directions, &transfer),
+        none: error(LightModel::Constant, &constant),
+        lamps: error(LightModel::Lamps, &transfer),
+        transfer: error(LightModel::Directions, &transfer),
     };
     let unknowns = match choice {
-        LightChoice::Off => Unknowns::Constant,
+        LightChoice::Off => LightModel::Constant,
         LightChoice::Transfer => directions_needed(&figures).0,
         LightChoice::Auto => needed(&figures),
     };
-    let is_lit = unknowns != Unknowns::Constant;
+    let is_lit = unknowns != LightModel::Constant;
     let (turn, mut columns) = if is_lit { (turn, transfer) } else { (DQuat::IDENTITY, constant) };
     let coverage = Coverage::new(&seen, &model, poses, turn)?;
     let light = |columns: &[FrameColors], fits: &[ChannelFit]| {
@@ -284,14 +285,14 @@ fn columns(
     turn: DQuat,
 ) -> Result<Vec<FrameColors>, InvalidHandModel> {
     let of_frame = |(f, frame): (usize, &usize)| {
-        let parts = Parts::new(LightKind::Transfer, turn, model, &poses[*frame], &|_| true)?;
+        let parts = IrradianceParts::new(LightKind::Transfer, turn, model, &poses[*frame], &|_| true)?;
         Ok(seen.colors(f, at_texels(&parts, &model.faces, &seen.samples)))
     };
     seen.frames.par_iter().enumerate().map(of_frame).collect()
 }
 
 /// The parts of vertices, interpolated at a surface's texels: a row for each.
-fn at_texels(parts: &Parts, faces: &[[u32; 3]], samples: &SurfaceSamples) -> DMatrix<f64> {
+fn at_texels(parts: &IrradianceParts, faces: &[[u32; 3]], samples: &SurfaceSamples) -> DMatrix<f64> {
     DMatrix::from_fn(samples.len(), parts.columns.len(), |t, k| {
         let corners = faces[samples.faces[t] as usize].iter().zip(samples.barycentric[t]);
         corners.map(|(vertex, weight)| f64::from(parts.columns[k][*vertex as usize]) * weight).sum()
@@ -310,15 +311,15 @@ fn towards_peak(fits: &[ChannelFit]) -> Option<DQuat> {
 }
 
 /// Directions, unless they are hardly better than no light.
-fn needed(figures: &LightFigures) -> Unknowns {
+fn needed(figures: &LightFigures) -> LightModel {
     let (directions, error) = directions_needed(figures);
-    if error < WORTHWHILE * figures.none { directions } else { Unknowns::Constant }
+    if error < WORTHWHILE * figures.none { directions } else { LightModel::Constant }
 }
 
 /// The simpler of the two kinds of directions, unless it is worse, and its error.
-fn directions_needed(figures: &LightFigures) -> (Unknowns, f64) {
+fn directions_needed(figures: &LightFigures) -> (LightModel, f64) {
     let LightFigures { lamps, transfer, .. } = *figures;
-    if transfer < BETTER_THAN_LAMPS * lamps { (Unknowns::Directions, transfer) } else { (Unknowns::Lamps, lamps) }
+    if transfer < BETTER_THAN_LAMPS * lamps { (LightModel::Directions, transfer) } else { (LightModel::Lamps, lamps) }
 }
 
 #[cfg(test)]
@@ -328,9 +329,9 @@ mod tests {
     #[test]
     fn the_simplest_light_that_explains_the_frames_is_taken() {
         let figures = |none, lamps, transfer| LightFigures { none, lamps, transfer };
-        assert_eq!(needed(&figures(1.0, 0.93, 0.93)), Unknowns::Constant);
-        assert_eq!(needed(&figures(1.0, 0.3, 0.29)), Unknowns::Lamps);
-        assert_eq!(needed(&figures(1.0, 0.4, 0.3)), Unknowns::Directions);
-        assert_eq!(needed(&figures(1.0, f64::NAN, f64::NAN)), Unknowns::Constant);
+        assert_eq!(needed(&figures(1.0, 0.93, 0.93)), LightModel::Constant);
+        assert_eq!(needed(&figures(1.0, 0.3, 0.29)), LightModel::Lamps);
+        assert_eq!(needed(&figures(1.0, 0.4, 0.3)), LightModel::Directions);
+        assert_eq!(needed(&figures(1.0, f64::NAN, f64::NAN)), LightModel::Constant);
     }
 }

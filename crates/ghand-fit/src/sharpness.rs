@@ -1,11 +1,11 @@
 //! How sharp images of a hand are, relative to the others of their camera: frames in fast motion are blurred, and an avatar
 //! that takes them as they are becomes so, too.
 
+use ghand_capture::images::blur::blurred;
+use ghand_capture::mask::depths;
 use rayon::prelude::*;
 
 use crate::views::reduced;
-use ghand_measure::error_bands::depths;
-use ghand_measure::outline::blurred;
 
 /// Fine detail is what this blur (standard deviation, pixels) takes away; it is compared with what the second one takes away
 /// beyond that.

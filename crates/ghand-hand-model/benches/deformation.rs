@@ -10,11 +10,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Pose;
-use ghand_core::deformation::{Deformation, deform, deform_vjp};
+use ghand_core::deformation::{DeformationInputs, deform, deform_vjp};
 use ghand_core::posing::{pose_hand, pose_hand_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 
@@ -41,7 +41,7 @@ fn benchmark(c: &mut Criterion) {
     let regressor = numbers(&mut rng, joints * POINTS, 0.01);
     let d_posed = vectors(&mut rng, POINTS, 1.0);
     let pose = Pose { rotations: vectors(&mut rng, joints, 1.0), translation: DVec3::new(0.0, 0.1, 0.5) };
-    let deformation = Deformation {
+    let deformation = DeformationInputs {
         parents: &hand.parents,
         joints: &hand.joints,
         canonical: &canonical,

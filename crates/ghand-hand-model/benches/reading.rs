@@ -1,19 +1,16 @@
 //! Times the reading of hand models. `cargo bench -p ghand-hand-model --profile dev --bench reading`
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark fails by panicking")]
 
-#[path = "../tests/support/mod.rs"]
-mod support;
-
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use ghand_hand_model::surface::sample_surface;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
-use support::hands::{Hand, as_npz, as_pickle};
+use ghand_test_support::mano_files::hands::{Hand, as_npz, as_pickle};
 
 /// The coarsest procedural hand, which has one and a half times MANO's 778 vertices, with as many directions: 20 for the
 /// shape, of which 10 are selected, and 135 for the pose.

@@ -4,7 +4,7 @@
 use ghand_core::{HandModel, Side};
 
 use crate::HandModelError;
-use crate::gltf::read_gltf_bytes;
+use crate::files::gltf::read_gltf_bytes;
 
 const RIGHT: &[u8] = include_bytes!("../../../assets/human-hand/right.glb");
 const LEFT: &[u8] = include_bytes!("../../../assets/human-hand/left.glb");

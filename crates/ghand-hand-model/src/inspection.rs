@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ghand_core::HandModel;
 use glam::DVec3;
 
-use crate::joint_names::{JointRole, unidentified};
+use crate::joints::names::{JointRole, unidentified};
 use crate::surface::sample_surface;
 
 /// Resolutions at which texels are counted.
@@ -119,7 +119,7 @@ fn area(model: &HandModel, face: [u32; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     #[test]
     fn the_built_in_hand_is_closed_and_gives_no_warning() {

@@ -1,14 +1,14 @@
 //! Named poses for hands whose joint names identify the fingers.
 //!
 //! A pose is a set of anatomical angles ([`JointAxes`]), the same on every rig and within the limits of
-//! [`crate::joint_limits`]. They are tuned on the built-in hand: fingertips that touch do so there, and no part of it is
+//! [`crate::joints::limits`]. They are tuned on the built-in hand: fingertips that touch do so there, and no part of it is
 //! more than 2 mm inside another.
 
 use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 
-use crate::joint_axes::JointAxes;
-use crate::joint_names::{Finger, JointRole};
+use crate::joints::axes::JointAxes;
+use crate::joints::names::{Finger, JointRole};
 
 /// Names that [`named_pose`] knows.
 pub const POSE_NAMES: [&str; 12] =
@@ -88,7 +88,7 @@ impl Gesture {
 }
 
 /// The pose of that name for a model. `None` if the name is not in [`POSE_NAMES`] or the names of the model's joints
-/// do not identify the three joints of each finger (see [`super::joint_names`]).
+/// do not identify the three joints of each finger (see [`crate::joints::names`]).
 ///
 /// Angles are measured from the rest pose, which must be roughly flat with the thumb spread. The root stays where it is.
 pub fn named_pose(name: &str, model: &HandModel) -> Option<Pose> {
@@ -107,9 +107,9 @@ mod tests {
     use glam::{DMat3, DQuat};
 
     use super::*;
-    use crate::gltf::read_gltf;
-    use crate::joint_names::finger_joints;
-    use ghand_procedural_hand::ProceduralHand;
+    use crate::files::gltf::read_gltf;
+    use crate::joints::names::finger_joints;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use ghand_test_support::shared;
 
     /// New positions of points fixed to each joint at rest, from an independent, simple walk along the chain.

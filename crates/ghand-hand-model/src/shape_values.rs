@@ -98,7 +98,7 @@ fn invalid(model: &HandModel, problem: String) -> InvalidHandModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     fn hand() -> HandModel {
         ProceduralHand { detail: 1, ..Default::default() }.build().unwrap()

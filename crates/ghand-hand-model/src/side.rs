@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use glam::DVec3;
 
-use crate::joint_names::{Finger, JointRole, side_in_name};
+use crate::joints::names::{Finger, JointRole, side_in_name};
 
 /// Heights above the palm that are more than the unevenness of a flat hand, relative to the distance from the wrist to
 /// the middle knuckle.
@@ -67,7 +67,7 @@ pub(crate) fn decide<'a>(
 mod tests {
     use super::*;
     use crate::builtin::builtin_hand;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     fn shape(model: &ghand_core::HandModel) -> Option<Side> {
         side_of_shape(&JointRole::of_joints(&model.joint_names), &model.joints)

@@ -1,6 +1,8 @@
 //! The canonical points of an avatar: the texels of the UV atlas that are on the hand.
 
+pub mod arm_end;
 mod merged;
+pub mod uv_atlas;
 
 use ghand_core::HandModel;
 use glam::{DVec2, DVec3};
@@ -206,9 +208,9 @@ fn rasterize(model: &HandModel, resolution: u32) -> (Vec<Option<Hit>>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gltf::read_gltf;
+    use crate::files::gltf::read_gltf;
     use ghand_core::Side;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
     use ghand_test_support::shared;
 
     /// A unit square of two triangles, one joint, its atlas filling [0, 1]^2.

@@ -10,10 +10,11 @@ use clap::Args;
 use ghand_capture::Capture;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
-use ghand_fit::floor::Floor;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_pictures::plot::IntervalPlot;
 use ghand_render::Gpu;
-use ghand_train::{Align, TrainError, TrainSettings, Trainer, evaluate};
+use ghand_train::{Align, TrainError, TrainSettings, Trainer};
 use serde::Serialize;
 
 use ghand_app::capture_args::CaptureArgs;
@@ -69,8 +70,8 @@ enum Budget {
 const DEFAULT_SECONDS: f64 = 900.0;
 /// Trainings of limited time end before this many iterations.
 const MOST_ITERATIONS: u64 = 1_000_000_000;
-/// Number of views that the floor's colours are averaged over.
-const FLOOR_VIEWS: usize = 200;
+/// Number of views that the baseline's colours are averaged over.
+const BASELINE_VIEWS: usize = 200;
 /// Largest file of a training's figures, bytes.
 const LARGEST_FILE: u64 = 1 << 26;
 
@@ -222,8 +223,8 @@ fn train(
     let mut images = vec![];
     gpu.retry_on_device_loss("the evaluation", |gpu| -> anyhow::Result<()> {
         images.clear();
-        let floor = Floor::new(gpu, capture, train_split, &trained.poses, FLOOR_VIEWS)?;
-        evaluate(gpu, &trained.avatar, capture, test_split, &floor, |view| {
+        let baseline = Baseline::new(gpu, capture, train_split, &trained.poses, BASELINE_VIEWS)?;
+        evaluate(gpu, &trained.avatar, capture, test_split, &baseline, |view| {
             let ([camera, frame], likeness) = (view.name, view.likeness);
             let [psnr, psnr_hand, ssim] = [likeness.psnr, likeness.psnr_hand, likeness.ssim];
             images.push(ImageFigures { frame, camera, psnr, psnr_hand, ssim });

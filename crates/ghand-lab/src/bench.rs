@@ -12,7 +12,7 @@ use std::time::Instant;
 use anyhow::{bail, ensure};
 use clap::{Args, Subcommand};
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
-use ghand_capture::named_camera::read_named_camera;
+use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::surface::sample_surface;

@@ -1,7 +1,7 @@
 //! `ghand-lab explain`: pictures and numbers of what an avatar has learned: shape bases, blend coefficients, residual skinning
 //! weights and the residual skeleton.
 
-mod explained;
+mod avatar_properties;
 mod figures;
 mod output;
 mod page;
@@ -19,7 +19,7 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::PoseFrame;
 use ghand_render::Gpu;
 
-use explained::Explained;
+use avatar_properties::AvatarProperties;
 use figures::Figures;
 use ghand_app::cli::AdapterArgs;
 use ghand_app::pose_choice::{PoseReadingArgs, pose_by_name};
@@ -71,7 +71,7 @@ pub fn run(args: &ExplainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 }
 
 fn explain(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<(Figures, Vec<Section>)> {
-    let explained = Explained::read(gpu, avatar, frames)?;
+    let explained = AvatarProperties::read(gpu, avatar, frames)?;
     let figures = Figures::new(avatar, &explained);
     let sections = sections::draw(gpu, avatar, &explained, &figures)?;
     Ok((figures, sections))

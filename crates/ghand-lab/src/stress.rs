@@ -21,12 +21,12 @@ use clap::Args;
 use ghand_render::Gpu;
 use indicatif::ProgressBar;
 
-use case::{Outcome, Subject};
+use case::{CaseOutcome, StressSubject};
 use ghand_app::cli::AdapterArgs;
 use ghand_app::say;
 use ghand_files::claim::Claim;
-use hand::Hand;
-use report::Report;
+use hand::StressHand;
+use report::StressReport;
 
 /// Cases of each hand: making one takes much longer than posing it.
 const CASES_PER_HAND: u64 = 50;
@@ -68,7 +68,7 @@ pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(case) => case..case.saturating_add(1),
         None => 0..args.cases,
     };
-    let mut report = Report::new(&gpu.info.name, args.seed);
+    let mut report = StressReport::new(&gpu.info.name, args.seed);
     let bar = ProgressBar::new(numbers.end - numbers.start);
     let mut next = numbers.start;
     while next < numbers.end {
@@ -92,15 +92,15 @@ pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 }
 
 /// The outcomes of cases of the same hand.
-fn of_one_hand(gpu: &Gpu, seed: u64, cases: std::ops::Range<u64>) -> anyhow::Result<Vec<Outcome>> {
-    let hand = Hand::draw(gpu, seed, cases.start / CASES_PER_HAND)?;
-    let mut subject = Subject::new(gpu, &hand)?;
+fn of_one_hand(gpu: &Gpu, seed: u64, cases: std::ops::Range<u64>) -> anyhow::Result<Vec<CaseOutcome>> {
+    let hand = StressHand::draw(gpu, seed, cases.start / CASES_PER_HAND)?;
+    let mut subject = StressSubject::new(gpu, &hand)?;
     let mut outcomes = vec![];
     for number in cases {
         let run = || subject.run(gpu, seed, number);
         outcomes.push(match catch_unwind(AssertUnwindSafe(run)) {
             Ok(outcome) => outcome?,
-            Err(_) => Outcome::panicked(&hand, seed, number),
+            Err(_) => CaseOutcome::panicked(&hand, seed, number),
         });
     }
     Ok(outcomes)

@@ -77,7 +77,7 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         let all = variants::variants(gpu, &avatars, &args.poses, &capture, &args.split)?;
         measure::measure(gpu, &all, &capture, &args.split, images, args.rounds as usize)
     })?;
-    let report = report::Report::new(&gpu, path, args, images, measured);
+    let report = report::TradeoffReport::new(&gpu, path, args, images, measured);
     report.write(&args.out)?;
     say!("{}", report.table());
     say!("figures and plot: {}", args.out.join("tradeoff.md").display());

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use ghand_capture::mask::squared_distances;
+use ghand_capture::mask::depths;
 
 /// Upper ends of the bands inside the mask, pixels from its outline; the last band has none.
 const ENDS: [f64; 2] = [3.0, 8.0];
@@ -58,17 +58,6 @@ impl ErrorBands {
 /// Sum over the channels of the squared difference of display values in `[0, 1]`.
 pub fn squared_error(picture: [u8; 3], truth: [u8; 4]) -> f64 {
     (0..3).map(|c| ((f64::from(picture[c]) - f64::from(truth[c])) / 255.0).powi(2)).sum()
-}
-
-/// The depth of each pixel's centre below the outline of a mask, row-major, pixels: 0.5 next to the outline, infinite if
-/// the mask covers the picture. Not positive outside the mask.
-pub fn depths(is_inside: impl Iterator<Item = bool>, [width, height]: [u32; 2]) -> Vec<f64> {
-    let start = is_inside.map(|inside| if inside { f64::INFINITY } else { 0.0 }).collect();
-    // The outline runs half a pixel from the centre of the nearest pixel outside.
-    squared_distances(start, [width as usize, height as usize])
-        .into_iter()
-        .map(|squared| squared.sqrt() - 0.5)
-        .collect()
 }
 
 /// The band of each pixel of a row-major image, from its mask. A pixel's distance from the outline is that of its centre.

@@ -13,7 +13,7 @@ use ghand_core::Pose;
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
 use ghand_motion::motions::motion;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 fn benchmark(c: &mut Criterion) {

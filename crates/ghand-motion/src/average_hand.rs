@@ -1,7 +1,7 @@
 //! The skeleton that files with MANO's joints mean if they do not give their own: that of an adult's flat hand.
 
 use ghand_core::Side;
-use ghand_hand_model::mano::{JOINT_NAMES, PARENTS};
+use ghand_hand_model::files::mano::{JOINT_NAMES, PARENTS};
 use glam::DVec3;
 
 use crate::PoseError;

@@ -25,8 +25,8 @@ mod reach;
 use ghand_core::Pose;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::skeleton::{Chain, pose_skeleton};
-use ghand_hand_model::joint_axes::JointAxes;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::axes::JointAxes;
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
 use crate::rest_skeleton::RestSkeleton;

@@ -6,7 +6,7 @@
 
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::joint_names::{Finger, JointRole, finger_joints};
+use ghand_hand_model::joints::names::{Finger, JointRole, finger_joints};
 use ghand_hand_model::named_poses::named_pose;
 use glam::DVec3;
 

@@ -19,34 +19,14 @@
 //! must be correct; in files of trackers, unusable frames are skipped and counted in one warning. No frame has a number
 //! that is not finite or that no hand can have ([`Pose::check_range`]).
 
-mod file_skeleton;
-mod folder;
-mod gaps;
-pub mod ghand;
-pub mod ho3d;
-pub mod image_landmarks;
-mod known_layouts;
-mod landmark_fit;
-pub mod landmark_report;
-pub mod landmarks;
-pub mod mano;
-mod names;
-pub mod plain;
-mod plausibility;
-mod proportions;
-mod recording;
-mod refusal;
-pub mod sam_3d_body;
-mod sides;
-mod source;
-mod timeline;
-mod to_model;
-mod unreadable;
-pub mod xr;
+pub mod formats;
+pub(crate) mod reading;
+mod time;
+pub mod transfer;
 
 use std::path::Path;
 
-use ghand_capture::camera_list::LensCamera;
+use ghand_capture::cameras::list::LensCamera;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_files::value::Value;
@@ -54,12 +34,16 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::PoseError;
 use crate::rest_skeleton::RestSkeleton;
-pub use landmark_report::LandmarkFit;
-pub(crate) use recording::{Motion, Recording};
-pub(crate) use source::{Skipped, Source};
-use timeline::Timeline;
-use to_model::retargeted;
-pub(crate) use to_model::{mano_rows, rows, side_name};
+use formats::{ghand, ho3d, image_landmarks, landmarks, mano, plain, sam_3d_body, xr};
+pub(crate) use reading::recording::{Motion, Recording};
+pub(crate) use reading::source::{Skipped, Source};
+use reading::{folder, known_layouts, refusal, sides, unreadable};
+use time::gaps;
+use time::timeline::Timeline;
+pub use transfer::landmark_report::LandmarkFit;
+use transfer::to_model::retargeted;
+pub(crate) use transfer::to_model::{mano_rows, rows, side_name};
+use transfer::{landmark_fit, plausibility};
 
 /// Default rate, frames per second.
 pub const DEFAULT_FPS: f64 = 30.0;

@@ -1,14 +1,14 @@
 //! A skeleton with a frame on each bone that is defined in the same way on every skeleton.
 //!
 //! The frames are OpenXR's. For a skeleton known only by its rest pose, they come from the rest positions of the joints
-//! ([`ghand_hand_model::joint_axes`]). WebXR and OpenXR give joints by their frames in space, so that all their rest
+//! ([`ghand_hand_model::joints::axes`]). WebXR and OpenXR give joints by their frames in space, so that all their rest
 //! frames are the identity.
 
 use std::sync::OnceLock;
 
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::joint_axes::{JointAxes, RestBones, fingertips, why_without_axes};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::axes::{JointAxes, RestBones, fingertips, why_without_axes};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
 use crate::PoseError;

@@ -15,7 +15,7 @@
 
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Pose, Side};
-use ghand_hand_model::joint_names::JointRole;
+use ghand_hand_model::joints::names::JointRole;
 use glam::{DMat3, DVec3};
 
 use crate::rest_skeleton::RestSkeleton;

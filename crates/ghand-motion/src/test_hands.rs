@@ -4,10 +4,10 @@ use std::sync::LazyLock;
 
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::gltf::read_gltf;
+use ghand_hand_model::files::gltf::read_gltf;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_procedural_hand::ProceduralHand;
-use ghand_synthetic::trajectory::natural_motion as motion_of;
+use ghand_synthetic::hand::trajectory::natural_motion as motion_of;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::DVec3;
 use rand::RngExt;

@@ -1,5 +1,6 @@
 //! Colours of numbers on a hand, and their legend.
 
+use ghand_core::statistics::quantile;
 use ghand_render::viridis::viridis;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
@@ -90,14 +91,6 @@ pub fn diverging(t: f64) -> DVec3 {
     MIDDLE.lerp(if t < 0.0 { BELOW } else { ABOVE }, t.abs().min(1.0))
 }
 
-/// The number below which this fraction of the numbers is; 0 without numbers.
-pub fn quantile(values: impl Iterator<Item = f64>, fraction: f64) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let last = sorted.len().saturating_sub(1);
-    sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(0.0)
-}
-
 /// The next larger one of 1, 1.5, 2, 3, 4, 5, 6, 8 and 10 times a power of ten.
 fn round_up(value: f64) -> f64 {
     if !(value.is_finite() && value > 0.0) {
@@ -121,13 +114,6 @@ pub fn short(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn known_numbers_have_known_quantiles() {
-        let values = [9.0, 3.0, 5.0, 7.0, 1.0];
-        assert_eq!([0.0, 0.5, 1.0].map(|f| quantile(values.into_iter(), f)), [1.0, 5.0, 9.0]);
-        assert_eq!(quantile(std::iter::empty(), 0.5), 0.0);
-    }
 
     #[test]
     fn limits_and_labels_are_round_numbers() {

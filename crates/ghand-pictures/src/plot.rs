@@ -22,7 +22,7 @@ pub use scatter::{Point, ScatterPlot};
 
 /// A curve.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub struct DataSeries {
     /// Its name in the legend.
     pub name: String,
     /// Its points, in order.
@@ -37,7 +37,7 @@ pub struct LinePlot {
     /// What the axes are, with units: below, at the left.
     pub axes: [String; 2],
     /// The curves.
-    pub series: Vec<Series>,
+    pub series: Vec<DataSeries>,
 }
 
 /// Means with intervals, one below the other.
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn curves_are_drawn_with_their_names() {
-        let series = |name: &str, scale: f64| Series {
+        let series = |name: &str, scale: f64| DataSeries {
             name: name.into(),
             points: (0..50).map(|k| (f64::from(k), scale * f64::from(k).sqrt())).collect(),
         };
@@ -288,7 +288,7 @@ mod tests {
         // Its title.
         assert!(dark(&empty.to_image().unwrap()) > 50);
         for value in [0.0, -3.0, f64::NAN] {
-            let series = vec![Series { name: "a".into(), points: vec![(1.0, value)] }];
+            let series = vec![DataSeries { name: "a".into(), points: vec![(1.0, value)] }];
             let svg = LinePlot { series, ..empty.clone() }.to_svg().unwrap();
             assert!(svg.contains("none") && !svg.contains("NaN"), "{svg}");
             let rows = vec![("a".to_owned(), [value; 3])];

@@ -1,49 +1,28 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
 //! The template is the built-in hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
-//! The true hand is the same in the shape of a random person (`random_shape.rs`, `random_bones.rs`),
+//! The true hand is the same in the shape of a random person (`hand/random_shape.rs`, `random_bones.rs`),
 //! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
-//! Training poses have the errors of a tracker (`pose_errors.rs`), and training masks those of a segmentation if wanted
-//! (`mask_errors.rs`); test poses, test masks and truth are exact. The same options give the same capture, up to the
-//! renderer's rounding. Behind the hand there may be a desk (`background.rs`), and the hand may have a forearm
-//! (`forearm.rs`), as in photographs.
+//! Training poses have the errors of a tracker (`errors/poses.rs`), and training masks those of a segmentation if wanted
+//! (`errors/masks.rs`); test poses, test masks and truth are exact. The same options give the same capture, up to the
+//! renderer's rounding. Behind the hand there may be a desk (`images/background.rs`), and the hand may have a forearm
+//! (`hand/forearm.rs`), as in photographs.
 
-pub(crate) mod anatomy;
-mod atlas;
-mod background;
-pub(crate) mod camera_placement;
-mod cast_shadow;
-mod complexion;
-mod curve;
-mod draw;
-mod exposure;
-mod finger_play;
-mod folds;
-mod forearm;
-mod light_visibility;
-mod lighting;
+mod errors;
+pub mod hand;
+mod images;
 pub mod make_capture;
-mod mask_errors;
-mod mirror;
-mod nails;
 mod noise;
 mod normal;
-mod pose_errors;
-mod random_bones;
-mod random_shape;
 mod skin;
-mod skinning;
-mod subdivision;
 #[cfg(test)]
 mod tests;
-pub mod trajectory;
-mod true_hand;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ghand_capture::camera_sampling::farthest_point_sampling;
+use ghand_capture::cameras::sampling::farthest_point_sampling;
 use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
 use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
@@ -51,15 +30,17 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::temporary::{Registered, Temporary};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::{in_mano_layout, write_mano};
+use ghand_hand_model::files::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
-use draw::draw;
-use finger_play::{FingerPlay, Frames};
-use mirror::mirrored_pose;
-use pose_errors::PoseErrors;
-use random_shape::random_hand;
-use true_hand::TrueHand;
+use errors::poses::{PoseErrors, biased, noisy};
+use hand::finger_play::{FingerPlay, Frames};
+use hand::mirror::mirrored_pose;
+use hand::random_shape::random_hand;
+use hand::true_hand::TrueHand;
+use hand::{anatomy, forearm, trajectory};
+use images::camera_placement;
+use images::draw::draw;
 
 /// The layout of a synthetic capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,7 +55,7 @@ pub enum CaptureFormat {
 
 /// What is behind the hand in the images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Background {
+pub enum Backdrop {
     /// Black.
     #[default]
     Plain,
@@ -196,7 +177,7 @@ pub struct SyntheticOptions {
     /// The light.
     pub light: LightSetup,
     /// What is behind the hand.
-    pub background: Background,
+    pub background: Backdrop,
     /// Whether the hand has a forearm, which bends at the wrist.
     pub forearm: bool,
     /// What the masks show.
@@ -226,7 +207,7 @@ impl Default for SyntheticOptions {
             abduction_degrees: 0.0,
             side: Side::Right,
             light: LightSetup::Soft,
-            background: Background::Plain,
+            background: Backdrop::Plain,
             forearm: false,
             masks: Masks::Hand,
             format: CaptureFormat::Ghand,
@@ -433,11 +414,11 @@ fn poses(options: &SyntheticOptions, right: &HandModel) -> [Vec<Pose>; 2] {
     }
     let noise =
         PoseErrors { rotation: options.pose_noise_degrees.to_radians(), translation: options.translation_noise };
-    let mut tracked = pose_errors::noisy(&anatomy, &train, &noise, seed);
+    let mut tracked = noisy(&anatomy, &train, &noise, seed);
     let bias = options.pose_bias_degrees;
     if bias > 0.0 {
         let bias = PoseErrors { rotation: bias.to_radians(), translation: TRANSLATION_BIAS * bias };
-        tracked = pose_errors::biased(&anatomy, &tracked, &bias, seed);
+        tracked = biased(&anatomy, &tracked, &bias, seed);
     }
     let of_side = |pose: Pose| if options.side == Side::Left { mirrored_pose(&pose) } else { pose };
     [tracked, train].map(|training| training.into_iter().chain(test.iter().cloned()).map(of_side).collect())

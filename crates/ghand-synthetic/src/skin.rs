@@ -1,12 +1,18 @@
 //! Pose-independent colour and relief of the true hand's skin, as functions of the point on the hand at rest.
 
+pub(crate) mod atlas;
+pub(crate) mod complexion;
+pub(crate) mod curve;
+pub(crate) mod folds;
+pub(crate) mod nails;
+
 use glam::{DVec2, DVec3};
 
-use super::anatomy::{Anatomy, Finger, SkinPoint};
-use super::complexion::Complexion;
-use super::curve::{cubic, distance};
-use super::nails::NailPlate;
 use super::noise::{bump, fractal, lattice, noise, smoothstep};
+use crate::hand::anatomy::{Anatomy, Finger, SkinPoint};
+use complexion::Complexion;
+use curve::{cubic, distance};
+use nails::NailPlate;
 
 /// The skin at a point.
 #[derive(Debug, Clone, Copy)]

@@ -121,7 +121,7 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
     let hand = true_hand(&options()).unwrap();
     let anatomy = &hand.anatomy;
     let finger = &anatomy.fingers[0];
-    let relief = |pose: &Pose| hand.rest_with_folds(&folds::Bend::of(anatomy, pose));
+    let relief = |pose: &Pose| hand.rest_with_folds(&skin::folds::Bend::of(anatomy, pose));
     let (stretched, bent) = (relief(&index_finger(0.0)), relief(&index_finger(1.4)));
     // Positive if the skin rises as the finger bends.
     let rise: Vec<f64> =
@@ -250,10 +250,10 @@ fn a_left_hand_is_the_mirror_image() {
 #[test]
 fn a_light_from_the_side_leaves_the_far_side_dark() {
     let hand = true_hand(&options()).unwrap();
-    let setup = lighting::lighting(LightSetup::Side);
+    let setup = images::lighting::lighting(LightSetup::Side);
     let mut posed = hand.pose(&index_finger(1.4), DVec3::ZERO);
     let soft = posed.light_visibility.clone();
-    cast_shadow::add_shadow(&mut posed, &setup);
+    images::cast_shadow::add_shadow(&mut posed, &setup);
     let light = setup.lights[0].direction;
     let part = |wanted: &dyn Fn(f64) -> bool| {
         let (mut kept, mut count) = (0.0, 0.0);
@@ -285,7 +285,7 @@ fn a_capture_in_the_layout_of_interhand_is_read_back_unchanged() {
     generate(&options(CaptureFormat::Ghand), &own, &mut hand).unwrap();
     generate(&options(CaptureFormat::InterHand), &inter, &mut hand).unwrap();
     let own = Capture::open(&own).unwrap();
-    let mano = ghand_hand_model::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
+    let mano = ghand_hand_model::files::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
     let open = ghand_capture::OpenOptions { mano: Some(mano), ..Default::default() };
     let opened = Capture::open_with(&inter, &open).unwrap();
     assert_eq!((opened.skipped_images.total(), opened.warnings), (0, vec![]), "{:?}", opened.skipped_images);

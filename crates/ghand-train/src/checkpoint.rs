@@ -15,7 +15,7 @@ use crate::trainer::simplification::Simplification;
 use ghand_fit::alignment::Alignment;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightFit;
-use ghand_fit::protocol::PosedView;
+use ghand_measure::protocol::PosedView;
 
 /// The first bytes of a checkpoint.
 pub const MAGIC: [u8; 8] = *b"ghandckp";
@@ -111,7 +111,7 @@ pub struct StageState {
     /// Steps that changed nothing.
     pub skipped: SkippedSteps,
     /// Learned numbers and their moments.
-    pub numbers: Vec<NamedNumbers>,
+    pub numbers: Vec<SavedNumbers>,
 }
 
 /// The losses of images as they come, and their mean over a number of them.
@@ -163,7 +163,7 @@ impl SkippedSteps {
 
 /// Numbers by name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct NamedNumbers {
+pub struct SavedNumbers {
     /// Their name.
     pub name: String,
     /// The numbers.
@@ -325,7 +325,7 @@ mod tests {
                 loss_at_start: 0.3,
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
-                numbers: vec![NamedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
+                numbers: vec![SavedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
             },
             seconds: 0.7,
             curve: vec![],

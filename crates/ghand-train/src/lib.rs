@@ -1,29 +1,25 @@
-//! Training of hand avatars: settings, the training step, and evaluation on held-out views against the floor, the baseline
-//! to beat.
+//! Training of hand avatars: settings, the problem that a capture poses, a run with its checkpoints, and the training step.
 
 pub mod checkpoint;
 pub mod checkpoints;
 mod divergence;
-pub mod evaluate;
 mod lpips_term;
 mod memory_check;
 pub mod pose_prior;
 pub mod presets;
 mod setting_rules;
 pub mod settings;
-mod shown_gaussians;
 pub mod step;
 pub mod train_error;
 pub mod trainer;
+mod visible_gaussians;
 
 pub use checkpoint::{Checkpoint, CheckpointError, CurvePoint};
 pub use checkpoints::Checkpoints;
-pub use evaluate::{Evaluation, evaluate, evaluate_views};
-pub use ghand_fit::protocol::Protocol;
 pub use presets::DescribedSetting;
 pub use settings::{
     Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;
-pub use trainer::{Preview, Progress, Trained, Trainer};
+pub use trainer::{Preview, Trained, Trainer, TrainingProgress};

@@ -1,4 +1,4 @@
-//! LPIPS as a term of the training loss.
+//! LPIPS as a term of the training loss: its value and its gradient.
 
 use std::sync::Arc;
 

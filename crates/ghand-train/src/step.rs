@@ -17,7 +17,7 @@ use ghand_render::roughness::Roughness;
 use ghand_render::splat::{Image, Purpose, Splatter};
 use ghand_render::{Gpu, RenderError, buffers};
 
-use crate::checkpoint::NamedNumbers;
+use crate::checkpoint::SavedNumbers;
 use crate::lpips_term::LpipsTerm;
 use crate::settings::TrainSettings;
 use ghand_fit::views::TrainView;
@@ -80,9 +80,9 @@ pub struct Rates {
 /// Whether a step changed what is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
-pub enum Learned {
+pub enum StepOutcome {
     /// It did.
-    Yes,
+    Updated,
     /// It did not: a gradient was infinite or not a number.
     Skipped,
 }
@@ -215,13 +215,13 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
-    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<NamedNumbers>, RenderError> {
+    pub fn state(&self, gpu: &Gpu, frames: usize) -> Result<Vec<SavedNumbers>, RenderError> {
         let avatar = self.avatar();
         let mut numbers = avatar.model.trainable()?.training_state(gpu)?;
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
-        let named = |(name, values)| NamedNumbers { name, values };
+        let named = |(name, values)| SavedNumbers { name, values };
         Ok(numbers.into_iter().map(named).collect())
     }
 
@@ -229,7 +229,7 @@ impl Step {
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if they are those of another avatar.
-    pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[NamedNumbers]) -> Result<(), RenderError> {
+    pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[SavedNumbers]) -> Result<(), RenderError> {
         let state = numbers.iter().map(|part| (part.name.clone(), part.values.clone())).collect();
         self.avatar_mut().model.trainable_mut()?.set_training_state(gpu, &state)?;
         for (name, buffer, length) in self.hand_tables(self.avatar(), frames) {
@@ -267,16 +267,16 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<Learned, RenderError> {
+    ) -> Result<StepOutcome, RenderError> {
         match self.add_gradients(gpu, view, value_count, background, settings, rates)? {
-            Learned::Yes => self.update(gpu, view, settings, rates),
-            Learned::Skipped => Ok(Learned::Skipped),
+            StepOutcome::Updated => self.update(gpu, view, settings, rates),
+            StepOutcome::Skipped => Ok(StepOutcome::Skipped),
         }
     }
 
     /// The part of a step before the updates, for one view. More views of the same frame can be added before
     /// [`Step::update`] if the property model adds its gradients up, as `network` does. Those of the rest joints and
-    /// the pose are the last view's alone. If a gradient is not finite, the step is [`Learned::Skipped`]: all
+    /// the pose are the last view's alone. If a gradient is not finite, the step is [`StepOutcome::Skipped`]: all
     /// gradients are discarded, and there is no update.
     ///
     /// # Errors
@@ -289,7 +289,7 @@ impl Step {
         background: [f32; 3],
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<Learned, RenderError> {
+    ) -> Result<StepOutcome, RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
@@ -319,12 +319,12 @@ impl Step {
         let model = self.avatar_mut().model.trainable_mut()?;
         if counters.bad_gradients > 0 {
             model.discard_gradients();
-            return Ok(Learned::Skipped);
+            return Ok(StepOutcome::Skipped);
         }
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         model.backward(gpu, &mut encoder)?;
         gpu.queue.submit([encoder.finish()]);
-        Ok(Learned::Yes)
+        Ok(StepOutcome::Updated)
     }
 
     /// All updates, after the gradients of one view or more. `view` is the last one.
@@ -337,16 +337,16 @@ impl Step {
         view: &TrainView,
         settings: &TrainSettings,
         rates: &Rates,
-    ) -> Result<Learned, RenderError> {
+    ) -> Result<StepOutcome, RenderError> {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.backward.encode_pose_gradient(&mut encoder);
         let model = self.avatar_mut().model.trainable_mut()?;
         if !model.update(gpu, &mut encoder, &rates.of_properties(settings))? {
-            return Ok(Learned::Skipped);
+            return Ok(StepOutcome::Skipped);
         }
         self.update_hand(gpu, &mut encoder, view.frame, settings, rates);
         gpu.queue.submit([encoder.finish()]);
-        Ok(Learned::Yes)
+        Ok(StepOutcome::Updated)
     }
 
     /// A picture of the avatar in the pose of a frame.

@@ -5,10 +5,10 @@ use ghand_hand_model::HandModelError;
 use ghand_render::{AdapterChoice, DeviceError, RenderError};
 
 use crate::checkpoint::CheckpointError;
-use crate::evaluate::EvaluateError;
 use crate::settings::SettingsError;
+use ghand_core::InvalidHandModel;
 use ghand_fit::alignment::AlignmentError;
-use ghand_fit::floor::FloorError;
+use ghand_fit::texels::TexelError;
 
 /// Why training failed.
 #[derive(Debug, thiserror::Error)]
@@ -28,18 +28,18 @@ pub enum TrainError {
     /// A setting is out of range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The floor could not be made.
+    /// Texels could not be found in the images.
     #[error(transparent)]
-    Floor(#[from] FloorError),
+    Texels(#[from] TexelError),
+    /// A pose does not fit the hand model.
+    #[error(transparent)]
+    Pose(#[from] InvalidHandModel),
     /// The poses could not be aligned.
     #[error(transparent)]
     Alignment(#[from] AlignmentError),
     /// The run cannot go on from a checkpoint.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The evaluation failed.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
     /// The split has nothing to train on.
     #[error("{capture}: split `{split}` has no {what}; add some or choose another split with --split")]
     Empty {

@@ -1,6 +1,6 @@
 //! A training run: two stages over the views of a split.
 
-mod onlooker;
+mod preview_sink;
 mod run;
 pub mod simplification;
 mod stage;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
-use ghand_capture::color_correction::ColorMap;
+use ghand_capture::images::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::{Camera, HandModel, Pose};
@@ -25,25 +25,25 @@ use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
 use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
-use crate::shown_gaussians::shown_gaussians;
 use crate::train_error::TrainError;
+use crate::visible_gaussians::visible_gaussians;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::{ExposureFit, fit_exposure};
-use ghand_fit::floor::{FloorError, texel_colors};
 use ghand_fit::light_fit::{LightFit, fit_light_to};
-use ghand_fit::needed_texels::needed_texels;
-use ghand_fit::protocol::{PosedView, mask_views};
-use ghand_fit::texel_frames::TexelFrames;
+use ghand_fit::texels::colors::texel_colors;
+use ghand_fit::texels::frames::TexelFrames;
+use ghand_fit::texels::required::required_texels;
 use ghand_fit::views::TrainViews;
 use ghand_measure::lpips::Lpips;
-use onlooker::Onlooker;
+use ghand_measure::protocol::{PosedView, mask_views};
+use preview_sink::PreviewSink;
 use run::Run;
 use simplification::{Simplification, Trial};
 use stage::Stage;
 
 /// The progress of a run.
 #[derive(Debug, Clone, Copy)]
-pub struct Progress<'a> {
+pub struct TrainingProgress<'a> {
     /// Iterations done.
     pub iteration: u64,
     /// Total number of iterations.
@@ -54,7 +54,7 @@ pub struct Progress<'a> {
     pub l1: Option<f64>,
     /// The curve so far.
     pub curve: &'a [CurvePoint],
-    /// Pictures that were just taken of images held out: see [`Trainer::watch`].
+    /// Pictures that were just taken of images held out: see [`Trainer::with_held_out`].
     pub previews: &'a [Preview],
     /// A trial of `simplify=auto` that has just ended. The iterations are those of the run before it.
     pub trial: Option<&'a Trial>,
@@ -257,7 +257,7 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     /// [`TrainError`] if the split does not exist or one of its images is unusable.
-    pub fn watch(mut self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
+    pub fn with_held_out(mut self, split_name: &str) -> Result<Trainer<'a>, TrainError> {
         let split = self.problem.capture.split(split_name)?;
         let count = split.views.len().min(WATCHED_VIEWS);
         // Evenly over the frames, a different camera each time.
@@ -280,13 +280,13 @@ impl<'a> Trainer<'a> {
     /// Shows the avatar as it is, at the beginning of a stage and then `every` so often. Training waits while `show` runs.
     /// What is learned stays the same.
     #[must_use]
-    pub fn show_to(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
-        Trainer { run: Run { onlooker: Some(Onlooker::new(every, show)), ..self.run }, ..self }
+    pub fn with_preview(self, every: Duration, show: impl FnMut(Avatar) + 'a) -> Trainer<'a> {
+        Trainer { run: Run { preview: Some(PreviewSink::new(every, show)), ..self.run }, ..self }
     }
 
     /// Saves checkpoints while it runs: when one is due, when a stop is requested, and at its end.
     #[must_use]
-    pub fn save_to(self, checkpoints: Checkpoints) -> Trainer<'a> {
+    pub fn with_checkpoints(self, checkpoints: Checkpoints) -> Trainer<'a> {
         Trainer { run: Run { checkpoints: Some(checkpoints), ..self.run }, ..self }
     }
 
@@ -341,7 +341,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Iterations of an earlier run that this one continues.
-    pub fn resumed_at(&self) -> Option<u64> {
+    pub fn resume_iteration(&self) -> Option<u64> {
         self.run.state.as_ref().map(|state| state.iterations_done)
     }
 
@@ -368,7 +368,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// [`TrainError`] if the device failed, or was lost several times in one stage, or the avatar cannot be made;
     /// [`TrainError::Diverged`] if the loss at a stage's end is higher than at its start, or numbers became infinite.
-    pub fn train(self, mut progress: impl FnMut(&Progress)) -> Result<Trained, TrainError> {
+    pub fn train(self, mut progress: impl FnMut(&TrainingProgress)) -> Result<Trained, TrainError> {
         let Trainer { gpu, mut problem, mut run } = self;
         run.started = Instant::now();
         let reached = run.state.as_ref().map_or(0, |state| state.number);
@@ -405,7 +405,7 @@ impl<'a> Trainer<'a> {
             let curve = run.curve.clone();
             let iterations = problem.settings.iterations;
             let mut ended = |trial: &Trial| {
-                progress(&Progress {
+                progress(&TrainingProgress {
                     iteration: pose_iterations,
                     iterations,
                     stage: 2,
@@ -438,11 +438,11 @@ impl<'a> Trainer<'a> {
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
         if let Some(simplification) = problem.prepared.simplification.as_mut().filter(|_| may_leave_out) {
             let (views, poses, reduction) = (&problem.views, &problem.prepared.poses, stage.reduction);
-            let shown = gpu.retry_on_device_loss("what nothing shows", |gpu| {
+            let visible = gpu.retry_on_device_loss("what nothing shows", |gpu| {
                 let images = (0..views.len()).map(|k| views.get(k, reduction).map(|view| (view.frame, view.camera)));
-                shown_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
+                visible_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
             })?;
-            if let Some(kept) = avatar.kept(&shown) {
+            if let Some(kept) = avatar.retain(&visible) {
                 simplification.never_shown = avatar.template.len() - kept.template.len();
                 avatar = kept;
             }
@@ -512,8 +512,7 @@ impl Problem {
             self.prepared.exposure = Some(fit);
         }
         if light != LightChoice::Off {
-            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)
-                .map_err(FloorError::from)?;
+            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)?;
             let differ = fit.frames_differ();
             if differ > UNSTEADY {
                 log::warn!(
@@ -619,7 +618,7 @@ impl Problem {
     /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
         let (capture, poses) = (&self.capture, &self.prepared.poses);
-        let samples = needed_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
+        let samples = required_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
         let mut avatar =
             Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {

@@ -9,16 +9,16 @@ use ghand_capture::capture::{Frame, HandModelSource};
 use ghand_capture::mask::covered_pixels;
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use ghand_hand_model::joint_names::JointRole;
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
-use ghand_hand_model::read::read_gltf_hand;
-use ghand_hand_model::rigged_glb::write_rigged_glb;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
+use ghand_hand_model::files::read::read_gltf_hand;
+use ghand_hand_model::files::rigged_glb::write_rigged_glb;
+use ghand_hand_model::joints::names::JointRole;
 use ghand_synthetic::{SceneMesh, SyntheticOptions, generate};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::{DMat3, DVec3};
 use tempfile::TempDir;
 
-use crate::support::hands::{Hand, as_pickle};
+use ghand_test_support::mano_files::hands::{Hand, as_pickle};
 
 /// A capture of a procedural hand, which has MANO's joints, from which the other formats are written: 6 cameras and 3
 /// frames for training, 2 and 2 for testing, with the cameras and the motion of the synthetic capture. The hand has one

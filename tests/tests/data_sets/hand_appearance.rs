@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use crate::fixtures::{assert_says, difference, mano, mano_hand, model_of, numbers, shape, synthetic};
 use crate::hand_appearance_files::{frame_pickle, poses, write_subject};
-use crate::support::python::{Py, array, dictionary, pickle, string};
+use ghand_test_support::mano_files::python::{Py, array, dictionary, pickle, string};
 
 fn options() -> OpenOptions {
     OpenOptions { mano: Some(mano().clone()), ..Default::default() }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use image::{GrayImage, RgbImage};
 
 use crate::fixtures::{mano, numbers, shape, synthetic, synthetic_image, write, write_jpeg};
-use crate::support::python::{Py, array, dictionary, pickle};
+use ghand_test_support::mano_files::python::{Py, array, dictionary, pickle};
 
 /// The hand's pose in the axes of a camera of the synthetic capture.
 fn in_camera(pose: &Pose, camera: usize, model: &HandModel) -> Pose {

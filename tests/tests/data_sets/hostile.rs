@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use ghand_capture::camera_file::read_camera;
+use ghand_capture::cameras::file::read_camera;
 use ghand_capture::{Capture, CaptureError};
-use ghand_hand_model::read::{ReadOptions, read_hand_model};
+use ghand_hand_model::files::read::{ReadOptions, read_hand_model};
 use ghand_motion::{PoseOptions, read_poses};
 use serde_json::{Value, json};
 use tempfile::TempDir;

@@ -1,8 +1,8 @@
 //! InterHand2.6M: nulls, unusable images, and impossible annotations.
 
-use ghand_capture::skipped_images::SkipReason;
+use ghand_capture::images::skipped::SkipReason;
 use ghand_capture::{Capture, OpenOptions};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 
 use crate::fixtures::assert_says;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ghand_capture::Capture;
-use ghand_capture::skipped_images::SkipReason;
+use ghand_capture::images::skipped::SkipReason;
 use image::{GrayImage, RgbImage};
 
 use crate::fixtures::{assert_says, synthetic, write_jpeg};

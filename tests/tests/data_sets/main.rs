@@ -2,9 +2,6 @@
 //! invalid files.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-#[path = "../../../crates/ghand-hand-model/tests/support/mod.rs"]
-mod support;
-
 mod bad_images;
 mod findings;
 mod fixtures;

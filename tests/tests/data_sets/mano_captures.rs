@@ -2,7 +2,7 @@
 
 use ghand_capture::capture::{Frame, HandModelSource};
 use ghand_capture::{Capture, OpenOptions};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 use crate::fixtures::{assert_says, mano, mano_hand, model_of, shape, synthetic};
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_capture::Capture;
 use ghand_capture::capture::ImagePaths;
-use ghand_capture::skipped_images::SkipReason;
+use ghand_capture::images::skipped::SkipReason;
 use image::{GrayImage, RgbImage};
 
 use crate::fixtures::{assert_says, synthetic, write};

@@ -6,21 +6,13 @@ use std::path::Path;
 use ghand_capture::ghand_format::read_capture_text;
 use ghand_capture::hand_appearance::read_pose;
 use ghand_capture::interhand::count_annotations;
+use ghand_test_support::fuzz_corpus::inputs;
 use rand::{Rng, RngExt, SeedableRng};
 
 use crate::fixtures::mano;
 
 /// Number of changed copies per input: enough to reach all parts of a reader, few enough to take only a few seconds.
 const CHANGES: usize = 1500;
-
-fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
-    let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some());
-    paths.sort();
-    assert!(!paths.is_empty(), "{} holds no input", folder.display());
-    paths.into_iter().map(|path| (path.display().to_string(), std::fs::read(path).unwrap())).collect()
-}
 
 /// Applies one to four changes that typically damage text, or that a fuzzer tries.
 fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
@@ -56,10 +48,10 @@ fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
 /// Runs inputs and changed copies; returns the number of valid inputs and the number of inputs.
 fn run(target: &str, read: impl Fn(&[u8]) -> bool) -> (usize, usize) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
-    let inputs = corpus(target);
+    let inputs = inputs(target);
     let mut sound = 0;
-    for (name, bytes) in &inputs {
-        println!("{name}");
+    for (path, bytes) in &inputs {
+        println!("{}", path.display());
         sound += usize::from(read(bytes));
         for _ in 0..CHANGES {
             read(&changed(bytes, &mut random));

@@ -7,8 +7,6 @@
 mod arrays;
 #[path = "../data_sets/fixtures.rs"]
 mod fixtures;
-#[path = "../../../crates/ghand-hand-model/tests/support/mod.rs"]
-mod support;
 
 mod captures;
 mod live;

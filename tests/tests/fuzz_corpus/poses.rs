@@ -1,13 +1,14 @@
 //! Runs the readers of the fuzz targets `poses` and `pose_arrays` on the inputs of their folders in `fuzz/corpus` and
 //! changed copies of them: the result is finite poses or an error that names the file, never a panic.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ghand_core::HandModel;
 use ghand_motion::pose_sequence::read_poses_bytes;
 use ghand_motion::{PoseError, PoseOptions, PoseSequence};
-use ghand_procedural_hand::ProceduralHand;
-use rand::{Rng, RngExt, SeedableRng};
+use ghand_test_support::fuzz_corpus::{Content, changed, inputs};
+use ghand_test_support::procedural_hand::ProceduralHand;
+use rand::SeedableRng;
 
 use crate::arrays::read_pose_arrays;
 
@@ -15,45 +16,10 @@ use crate::arrays::read_pose_arrays;
 /// seconds.
 pub(crate) const CHANGES: usize = 300;
 
-/// Applies one to four changes that typically damage files, or that a fuzzer tries.
-pub(crate) fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
-    let mut bytes = bytes.to_vec();
-    for _ in 0..random.random_range(1..=4) {
-        if bytes.is_empty() {
-            break;
-        }
-        let at = random.random_range(0..bytes.len());
-        let length = random.random_range(1..=8).min(bytes.len() - at);
-        match random.random_range(0..6) {
-            0 => bytes[at] ^= 1 << random.random_range(0..8),
-            1 => bytes[at] = b"0123456789-.,[]{}eN\""[random.random_range(0..20)],
-            2 => bytes[at..at + length].fill([0, b'9', 0xff][random.random_range(0..3)]),
-            3 => drop(bytes.drain(at..at + length)),
-            4 => {
-                let copy = bytes[at..at + length].to_vec();
-                let to = random.random_range(0..=bytes.len());
-                bytes.splice(to..to, copy);
-            }
-            _ => bytes.truncate(at),
-        }
-    }
-    bytes
-}
-
-/// The inputs of a corpus folder.
-pub(crate) fn inputs(target: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
-    // Inputs added by libFuzzer have hashes as names.
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some());
-    paths.sort();
-    paths
-}
-
 /// Runs the inputs of a corpus folder and changed copies; all unchanged inputs must be readable except the `hopeless`
 /// ones.
 fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Result<PoseSequence, PoseError>) {
-    let paths = inputs(target);
+    let inputs = inputs(target);
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(22);
     let check = |bytes: &[u8]| match read(bytes, &model) {
@@ -71,17 +37,17 @@ fn run(target: &str, hopeless: &[&str], read: impl Fn(&[u8], &HandModel) -> Resu
             false
         }
     };
-    let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
     let mut found = Vec::new();
-    for path in &paths {
+    for (path, bytes) in &inputs {
         println!("{}", path.display());
-        let bytes = std::fs::read(path).unwrap();
-        found.extend(check(&bytes).then(|| name(path)));
+        found.extend(check(bytes).then(|| name(path)));
         for _ in 0..CHANGES {
-            check(&changed(&bytes, &mut random));
+            check(&changed(bytes, Content::Text, &mut random));
         }
     }
-    let expected: Vec<String> = paths.iter().map(name).filter(|name| !hopeless.contains(&name.as_str())).collect();
+    let names = inputs.iter().map(|(path, _)| name(path));
+    let expected: Vec<String> = names.filter(|name| !hopeless.contains(&name.as_str())).collect();
     assert_eq!(found, expected);
 }
 

@@ -1,8 +1,8 @@
 //! The colours of a hand without an avatar: skin by the side that it is on, rosier tips and knuckles, nails.
 
 use ghand_core::HandModel;
-use ghand_hand_model::joint_axes::{RestBones, fingertips};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::axes::{RestBones, fingertips};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Colours, display values.

@@ -2,8 +2,8 @@
 
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::joint_axes::JointAxes;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_hand_model::joints::axes::JointAxes;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 use super::*;
 

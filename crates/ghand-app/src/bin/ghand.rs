@@ -27,7 +27,7 @@ enum Command {
     /// Make a small, fast avatar for playing from any avatar
     Bake(bake::BakeArgs),
     /// Make a synthetic capture, with known poses
-    Capture(capture::CaptureArgs),
+    Capture(capture::MakeCaptureArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
     /// Check a capture, or describe a hand model, an avatar (.ghand) or a scene (.ply)

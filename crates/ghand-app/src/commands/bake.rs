@@ -1,10 +1,10 @@
 //! `ghand bake`: makes a small, fast avatar for playing from any avatar.
 
 pub mod hand_painter;
-mod judge;
 mod pictures;
 pub mod pose_set;
 pub mod pose_set_args;
+mod reference_pictures;
 mod search;
 
 use std::path::PathBuf;
@@ -26,9 +26,9 @@ use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
 use crate::own_inputs::OwnInputs;
 use crate::say;
-use judge::{Judge, Loss};
 use pose_set::{NamedPose, PoseSet};
 use pose_set_args::PoseSetArgs;
+use reference_pictures::{Loss, ReferencePictures};
 use search::{Chosen, Goal};
 
 /// Command line of `ghand bake`.
@@ -162,24 +162,24 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     )?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let (bake, judge, chosen, worst, pictures) = gpu.retry_on_device_loss("baking", |gpu| {
+    let (bake, reference, chosen, worst, pictures) = gpu.retry_on_device_loss("baking", |gpu| {
         let fitted: Vec<Pose> = poses.fitted.iter().map(|named| named.pose.clone()).collect();
         say!("computing {} poses", fitted.len());
         let bar = ProgressBar::new(fitted.len() as u64);
         let bake = Bake::new(gpu, &avatar, &fitted, args.rank.into(), |done| bar.set_position(done as u64));
         bar.finish_and_clear();
         let bake = bake.with_context(|| args.avatar.display().to_string())?;
-        let judge = match &capture {
-            Some(capture) => Judge::with_images(gpu, &avatar, capture, &args.split)?,
-            None => Judge::without_images(gpu, &avatar, &poses.held_out)?,
+        let reference = match &capture {
+            Some(capture) => ReferencePictures::with_images(gpu, &avatar, capture, &args.split)?,
+            None => ReferencePictures::without_images(gpu, &avatar, &poses.held_out)?,
         };
-        let chosen = search::smallest(gpu, &bake, &judge, goal(args), args.precision.map(Precision::from))?;
+        let chosen = search::smallest(gpu, &bake, &reference, goal(args), args.precision.map(Precision::from))?;
         let worst = worst_pose(gpu, &avatar, &chosen.avatar, &poses.extreme, bake.order())?;
         let pictures = [
             pictures::side_by_side(gpu, &avatar, &chosen.avatar, &worst.pose)?,
             pictures::heat_map(gpu, &avatar, &chosen.avatar, bake.order(), &poses.held_out)?,
         ];
-        anyhow::Ok((bake, judge, chosen, worst, pictures))
+        anyhow::Ok((bake, reference, chosen, worst, pictures))
     })?;
     let [worst_picture, heat_map] = pictures;
     let report = report(args, &bake, &poses, &chosen, worst)?;
@@ -188,7 +188,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     write_atomically(&beside("json"), &json).with_context(|| format!("{}", beside("json").display()))?;
     write_png(&beside("worst.png"), &worst_picture)?;
     write_png(&beside("loss.png"), &heat_map)?;
-    print(args, &report, &judge);
+    print(args, &report, &reference);
     Ok(())
 }
 
@@ -233,8 +233,8 @@ fn worst_pose(
     poses: &[NamedPose],
     order: &[usize],
 ) -> anyhow::Result<Worst> {
-    let judge = Judge::without_images(gpu, avatar, poses)?;
-    let psnr = judge.loss(gpu, baked)?.psnr_to_exact;
+    let reference = ReferencePictures::without_images(gpu, avatar, poses)?;
+    let psnr = reference.loss(gpu, baked)?.psnr_to_exact;
     let per_pose = |k: usize| {
         let of_pose = &psnr[k * psnr.len() / poses.len()..(k + 1) * psnr.len() / poses.len()];
         of_pose.iter().copied().fold(f64::INFINITY, f64::min)
@@ -246,7 +246,7 @@ fn worst_pose(
     Ok(Worst { psnr: per_pose(worst), largest_mm, pose })
 }
 
-fn print(args: &BakeArgs, report: &Report, judge: &Judge) {
+fn print(args: &BakeArgs, report: &Report, reference: &ReferencePictures) {
     let megabytes = |bytes: f64| format!("{:.2} MB", bytes * 1e-6);
     say!(
         "{} Gaussians, {} components, {} of {} blocks, {}",
@@ -257,7 +257,7 @@ fn print(args: &BakeArgs, report: &Report, judge: &Judge) {
         serde_json::to_value(report.precision).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
     );
     say!("{} instead of {}", megabytes(report.bytes as f64), megabytes(report.bytes_of_avatar as f64));
-    say!("loss {:.3} dB {}", report.loss.db, judge.description());
+    say!("loss {:.3} dB {}", report.loss.db, reference.description());
     if let Some(fall) = report.loss.on_images {
         say!("PSNR on these images changes by {:+.3} dB", -fall);
     }

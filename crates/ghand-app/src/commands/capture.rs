@@ -8,7 +8,7 @@ use clap::Args;
 use ghand_core::Side;
 use ghand_files::claim::Claim;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_synthetic::{Background, CaptureFormat, LightSetup, Masks, SyntheticOptions};
+use ghand_synthetic::{Backdrop, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 
 use crate::cli::{AdapterArgs, parse_size};
 use crate::say;
@@ -16,7 +16,7 @@ use crate::train_run::interruption::Interruption;
 
 /// Command line of `ghand capture`.
 #[derive(Debug, Args)]
-pub struct CaptureArgs {
+pub struct MakeCaptureArgs {
     /// Folder to create; must be empty or not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -103,7 +103,7 @@ const LIGHTS: [(&str, LightSetup); 5] = [
 ];
 
 /// Fails if options contradict each other.
-fn check(args: &CaptureArgs) -> anyhow::Result<()> {
+fn check(args: &MakeCaptureArgs) -> anyhow::Result<()> {
     if args.masks == "arm" && !args.forearm {
         bail!("--masks arm: there is no forearm; give --forearm, or omit --masks");
     }
@@ -128,7 +128,7 @@ fn check(args: &CaptureArgs) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// An error that names the option or the file and its problem.
-pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     check(args)?;
     let start = Instant::now();
     let defaults = SyntheticOptions::default();
@@ -151,7 +151,7 @@ pub fn run(args: &CaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
         side: if args.side == "left" { Side::Left } else { Side::Right },
         light: LIGHTS.iter().find(|(name, _)| args.light == *name).map_or(defaults.light, |(_, light)| *light),
-        background: if args.background == "clutter" { Background::Clutter } else { Background::Plain },
+        background: if args.background == "clutter" { Backdrop::Clutter } else { Backdrop::Plain },
         forearm: args.forearm,
         masks: MASKS.iter().find(|(name, _)| args.masks == *name).map_or(defaults.masks, |(_, masks)| *masks),
         format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },

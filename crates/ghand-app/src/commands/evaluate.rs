@@ -7,12 +7,12 @@ use clap::{Args, ValueEnum};
 use ghand_avatar::Avatar;
 use ghand_capture::Capture;
 use ghand_core::Pose;
+use ghand_fit::alignment::pose_offsets::PoseOffsets;
 use ghand_fit::alignment::single_frames::pose_knowledge;
-use ghand_fit::pose_offsets::PoseOffsets;
-use ghand_fit::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
+use ghand_measure::evaluation::ImageMetrics;
+use ghand_measure::protocol::Protocol;
+use ghand_measure::protocol::{PosedView, aligned_views, cross_views, given_views, mask_views};
 use ghand_pictures::write_png;
-use ghand_train::Protocol;
-use ghand_train::evaluate::ImageMetrics;
 use serde::Serialize;
 
 use crate::capture_args::CaptureArgs;

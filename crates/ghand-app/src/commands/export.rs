@@ -7,9 +7,9 @@ use clap::Args;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, PosedHand};
 use ghand_files::atomic_file::check_writable;
-use ghand_hand_model::joint_axes::why_without_axes;
+use ghand_hand_model::files::rigged_glb::write_rigged_glb;
+use ghand_hand_model::joints::axes::why_without_axes;
 use ghand_hand_model::pose_correctives::fit_pose_directions;
-use ghand_hand_model::rigged_glb::write_rigged_glb;
 use ghand_render::DeviceError;
 
 use crate::cli::AdapterArgs;

@@ -15,8 +15,8 @@ use ghand_avatar::ply::SplatScene;
 use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;
-use ghand_fit::alignment::review::review;
-use ghand_hand_model::read::file_and_side;
+use ghand_fit::alignment::results::review::review;
+use ghand_hand_model::files::read::file_and_side;
 use ghand_pictures::write_png;
 use ghand_render::DeviceError;
 

@@ -8,7 +8,7 @@ use clap::Args;
 use ghand_avatar::Scene;
 use ghand_avatar::avatar::Avatar;
 use ghand_avatar::framing::{orbit, posed_vertices, turntable};
-use ghand_capture::named_camera::read_named_camera;
+use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::{Camera, Pose};
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};

@@ -9,7 +9,7 @@ use bytemuck::cast_slice;
 use clap::Args;
 use ghand_avatar::ply::SplatScene;
 use ghand_avatar::scene_framing::{UpAxis, scene_turntable};
-use ghand_capture::named_camera::read_named_camera;
+use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;

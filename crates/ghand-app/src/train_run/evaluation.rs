@@ -2,26 +2,28 @@
 
 use std::collections::HashSet;
 
+use super::metrics::{JointAngleErrors, Metrics};
 use ghand_avatar::Avatar;
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
-use ghand_fit::alignment_figures::AlignmentFigures;
+use ghand_core::pose_error::{moving_joints, pose_error_degrees};
+use ghand_fit::alignment::results::figures::AlignmentFigures;
 use ghand_fit::exposure::ExposureFit;
-use ghand_fit::floor::Floor;
 use ghand_fit::light_fit::{LightFigures, LightReport};
-use ghand_fit::protocol::PosedView;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::{EvaluatedView, ImageMetrics, SimilarityMetrics, TestViews, evaluate_views};
 use ghand_measure::lpips::Lpips;
-use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use ghand_measure::protocol::PosedView;
+use ghand_measure::protocol::Protocol;
 use ghand_render::Gpu;
-use ghand_train::evaluate::{EvaluatedView, ImageMetrics, Metrics, PoseError, SimilarityMetrics, TestViews};
-use ghand_train::{Protocol, TrainSettings, Trained, evaluate_views};
+use ghand_train::{TrainSettings, Trained};
 
 use crate::say;
 
 /// Number of views of the test split in the report.
 const REPORT_VIEWS: usize = 5;
-/// Number of views that the floor's colours are averaged over.
-const FLOOR_VIEWS: usize = 200;
+/// Number of views that the baseline's colours are averaged over.
+const BASELINE_VIEWS: usize = 200;
 
 /// What an avatar is compared with.
 #[derive(Debug, Clone)]
@@ -38,7 +40,7 @@ pub struct TestImages<'a> {
     pub lpips: Option<&'a Lpips>,
 }
 
-/// The figures on images, and some of the images for the report. The floor's texture is made from the images of `train`,
+/// The figures on images, and some of the images for the report. The baseline's texture is made from the images of `train`,
 /// whose frames are in the poses `train_poses`.
 ///
 /// # Errors
@@ -54,19 +56,19 @@ pub fn evaluate_images(
     let cameras = test.views.iter().map(|view| view.camera).collect::<HashSet<_>>().len();
     // Poses fitted to masks are poses of the avatar's template, whose proportions are the hand's.
     let of_avatar;
-    let floor_capture = match test.protocol {
+    let baseline_capture = match test.protocol {
         Protocol::Masks => {
             of_avatar = Capture { template: avatar.model.clone(), ..test.capture.clone() };
             &of_avatar
         }
         _ => test.capture,
     };
-    let floor = Floor::new(gpu, floor_capture, train, train_poses, FLOOR_VIEWS)?;
+    let baseline = Baseline::new(gpu, baseline_capture, train, train_poses, BASELINE_VIEWS)?;
     let mut shown: Vec<EvaluatedView> = Vec::new();
     let mut index = 0;
     let &TestImages { capture, protocol, ref views, lpips, .. } = test;
     let compared = TestViews { capture, protocol, views, lpips };
-    let evaluation = evaluate_views(gpu, avatar, &compared, &floor, |view| {
+    let evaluation = evaluate_views(gpu, avatar, &compared, &baseline, |view| {
         // Evenly over the frames, a different camera each time.
         let rows = REPORT_VIEWS.min(total);
         if shown.len() < rows && index >= shown.len() * total / rows + shown.len() % cameras.max(1) {
@@ -83,12 +85,12 @@ pub fn pose_figures(
     start: &Capture,
     frames: &[usize],
     trained: &Trained,
-) -> (Option<PoseError>, Option<AlignmentFigures>) {
+) -> (Option<JointAngleErrors>, Option<AlignmentFigures>) {
     let truth: Option<Vec<Pose>> =
         start.truth.as_ref().and_then(|truth| frames.iter().map(|f| truth.get(*f)?.clone()).collect());
     let before: Vec<Pose> = frames.iter().map(|f| start.frames[*f].pose.clone()).collect();
     let counts = moving_joints(&before);
-    let error = truth.as_ref().map(|truth| PoseError {
+    let error = truth.as_ref().map(|truth| JointAngleErrors {
         before: pose_error_degrees(&before, truth, &counts),
         after: pose_error_degrees(&trained.poses, truth, &counts),
     });
@@ -108,7 +110,7 @@ pub fn print_table(m: &Metrics) {
             given.avatar.psnr,
             decibels(given.avatar.psnr_square),
             given.avatar.psnr_hand,
-            given.floor.psnr
+            given.baseline.psnr
         );
     }
     match m.pose_error_deg {
@@ -229,7 +231,7 @@ fn print_light(report: &LightReport) {
 /// Prints the figures on images.
 pub fn print_image_table(m: &ImageMetrics) {
     say!("\n{} images of split `{}`, protocol `{}`: {}", m.frames, m.split, m.protocol, m.protocol.description());
-    let rows = [("floor", &m.floor), ("avatar", &m.avatar)];
+    let rows = [("floor", &m.baseline), ("avatar", &m.avatar)];
     let heading = m.lpips_backbone.map_or(String::new(), |backbone| format!("      LPIPS ({backbone})"));
     say!("            PSNR   in the hand's square   on the hand   SSIM{heading}");
     for (name, SimilarityMetrics { psnr, psnr_square, psnr_hand, ssim, lpips, .. }) in rows {
@@ -237,14 +239,14 @@ pub fn print_image_table(m: &ImageMetrics) {
         let square = decibels(*psnr_square);
         say!("  {name:<6}  {psnr:6.2}         {square:>6}            {psnr_hand:6.2}      {ssim:.4}{lpips}");
     }
-    let squares = m.avatar.psnr_square.zip(m.floor.psnr_square);
-    let square = squares.map_or("-".into(), |(avatar, floor)| format!("{:+.2}", avatar - floor));
-    let lpips = m.avatar.lpips.zip(m.floor.lpips).map(|(avatar, floor)| format!("   {:+.4}", avatar - floor));
+    let squares = m.avatar.psnr_square.zip(m.baseline.psnr_square);
+    let square = squares.map_or("-".into(), |(avatar, baseline)| format!("{:+.2}", avatar - baseline));
+    let lpips = m.avatar.lpips.zip(m.baseline.lpips).map(|(avatar, baseline)| format!("   {:+.4}", avatar - baseline));
     say!(
         "  gain    {:+6.2}         {square:>6}            {:+6.2}      {:+.4}{}",
-        m.avatar.psnr - m.floor.psnr,
-        m.avatar.psnr_hand - m.floor.psnr_hand,
-        m.avatar.ssim - m.floor.ssim,
+        m.avatar.psnr - m.baseline.psnr,
+        m.avatar.psnr_hand - m.baseline.psnr_hand,
+        m.avatar.ssim - m.baseline.ssim,
         lpips.unwrap_or_default()
     );
     say!("squared error x 1000: outside the mask; inside, to 3 px from its outline; 3 to 8 px; deeper");
@@ -261,10 +263,10 @@ fn decibels(psnr: Option<f64>) -> String {
     psnr.map_or("-".into(), |psnr| format!("{psnr:.2}"))
 }
 
-/// A message that the avatar does not beat its floor, with likely reasons; `None` if it does, or without figures on
+/// A message that the avatar does not beat its baseline, with likely reasons; `None` if it does, or without figures on
 /// images.
 pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
-    let images = metrics.images.as_ref().filter(|images| !images.beats_floor)?;
+    let images = metrics.images.as_ref().filter(|images| !images.beats_baseline)?;
     let default = TrainSettings::default().iterations;
     let few = if metrics.iterations < default {
         format!("too few iterations ({}, the default is {default}), ", metrics.iterations)
@@ -277,21 +279,22 @@ pub fn failure(metrics: &Metrics, settings: &TrainSettings) -> Option<String> {
         "the training has failed: the avatar's PSNR of {:.2} dB is not above the {:.2} dB of its floor, the textured \
          template; likely reasons are {few}poses, cameras or masks that do not match the images (`ghand inspect` \
          shows that), too few images for the hand's motion{changed}",
-        images.avatar.psnr, images.floor.psnr
+        images.avatar.psnr, images.baseline.psnr
     ))
 }
 
 #[cfg(test)]
 mod tests {
+    use ghand_measure::evaluation::Evaluation;
     use ghand_measure::metrics::ImageSimilarity;
-    use ghand_train::{Components, Evaluation, Model};
+    use ghand_train::{Components, Model};
 
     use super::*;
 
-    fn metrics(psnr: f64, floor: f64, iterations: u64) -> Metrics {
+    fn metrics(psnr: f64, baseline: f64, iterations: u64) -> Metrics {
         let similarity = |psnr: f64| ImageSimilarity { psnr, ..Default::default() };
         let evaluation =
-            Evaluation { views: 1, avatar: similarity(psnr), floor: similarity(floor), lpips_backbone: None };
+            Evaluation { views: 1, avatar: similarity(psnr), baseline: similarity(baseline), lpips_backbone: None };
         let images = ImageMetrics::new(Protocol::Given, "test", &evaluation);
         Metrics {
             images: Some(images),
@@ -315,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn an_avatar_at_or_below_its_floor_is_a_failure() {
+    fn an_avatar_at_or_below_its_baseline_is_a_failure() {
         let settings = TrainSettings::default();
         assert_eq!(failure(&metrics(20.1, 20.0, 9), &settings), None);
         assert_eq!(failure(&Metrics { images: None, ..metrics(0.0, 1.0, 9) }, &settings), None);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use ghand_files::atomic_file::write_atomically;
-use ghand_pictures::plot::{LinePlot, Series};
+use ghand_pictures::plot::{DataSeries, LinePlot};
 use ghand_train::{CurvePoint, Preview};
 use image::{Rgb, RgbImage};
 
@@ -44,9 +44,10 @@ pub fn line_plots(curve: &[CurvePoint]) -> Vec<LinePlot> {
         let of_stage = |stage: u32| {
             let points = curve.iter().filter(|p| p.stage == stage);
             let points = points.filter_map(|p| Some((p.iteration as f64, value(p)?))).collect();
-            Series { name: format!("stage {stage}"), points }
+            DataSeries { name: format!("stage {stage}"), points }
         };
-        let series: Vec<Series> = [1, 2].map(of_stage).into_iter().filter(|series| series.points.len() > 1).collect();
+        let series: Vec<DataSeries> =
+            [1, 2].map(of_stage).into_iter().filter(|series| series.points.len() > 1).collect();
         LinePlot { title: title.into(), axes: ["iterations".into(), unit.into()], series }
     };
     let plots = [

@@ -7,13 +7,14 @@ use anyhow::Context;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use ghand_files::atomic_file::write_atomically;
-use ghand_train::evaluate::{Metrics, SimilarityMetrics};
+use ghand_measure::evaluation::SimilarityMetrics;
 use ghand_train::trainer::simplification::Simplification;
 use ghand_train::{CurvePoint, TrainSettings};
 use image::{ImageFormat, RgbImage};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::live_files::line_plots;
+use super::metrics::Metrics;
 
 /// What the page shows.
 pub struct Page<'a> {
@@ -86,7 +87,7 @@ impl Page<'_> {
                         p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
                         table {
                             tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } }
-                            (row("floor: the textured template", &images.floor))
+                            (row("floor: the textured template", &images.baseline))
                             (row("avatar", &images.avatar))
                             @if let Some(given) = &m.given { (row(&format!("avatar, {}", given.protocol.description()), &given.avatar)) }
                         }

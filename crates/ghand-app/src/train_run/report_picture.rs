@@ -1,8 +1,8 @@
-//! The report picture: truth, rendering, error and floor of several test views, with captions.
+//! The report picture: truth, rendering, error and baseline of several test views, with captions.
 
+use ghand_measure::evaluation::EvaluatedView;
 use ghand_measure::hand_box::Square;
 use ghand_pictures::draw_text::{LINE, letter_width, write};
-use ghand_train::evaluate::EvaluatedView;
 use image::{Rgb, RgbImage};
 
 /// Gap between columns, pixels.
@@ -18,8 +18,8 @@ const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// One row per view: truth, rendering, absolute error times four and floor, below the names of camera and frame, each cut
-/// to the hand and what is near it. Each column has a head; above rendering and floor is their PSNR in the hand's square.
+/// One row per view: truth, rendering, absolute error times four and baseline, below the names of camera and frame, each cut
+/// to the hand and what is near it. Each column has a head; above rendering and baseline is their PSNR in the hand's square.
 pub fn report(views: &[EvaluatedView]) -> RgbImage {
     let parts: Vec<Part> = views.iter().map(Part::around_hand).collect();
     let widest_head = HEADS.iter().map(|head| head.len() as u32 * letter_width()).max().unwrap_or(0);
@@ -37,7 +37,7 @@ pub fn report(views: &[EvaluatedView]) -> RgbImage {
         let [camera, frame] = &view.name;
         let title = format!("camera {camera}  frame {frame}");
         write(&mut sheet, [MARGIN, top], sheet_width - 2 * MARGIN, FAINT, &title);
-        for (column, likeness) in [(1, &view.likeness), (3, &view.floor_likeness)] {
+        for (column, likeness) in [(1, &view.likeness), (3, &view.baseline_likeness)] {
             let psnr = likeness.psnr_square.unwrap_or(likeness.psnr);
             write(&mut sheet, [left(column), top + LINE], width, FAINT, &format!("{psnr:.1} dB"));
         }
@@ -49,7 +49,7 @@ pub fn report(views: &[EvaluatedView]) -> RgbImage {
             let (t, r) = (truth(i), view.render[i]);
             [0, 1, 2].map(|c| (u32::from(t[c].abs_diff(r[c])) * ERROR_GAIN).min(255) as u8)
         });
-        part.place(&mut sheet, [left(3), top], |i| view.floor[i]);
+        part.place(&mut sheet, [left(3), top], |i| view.baseline[i]);
         top += part.size[1] + MARGIN;
     }
     sheet
@@ -99,9 +99,9 @@ mod tests {
             size,
             truth: vec![[100, 10, 10, 255]; pixels],
             render: vec![[90, 10, 10]; pixels],
-            floor: vec![[10, 10, 200]; pixels],
+            baseline: vec![[10, 10, 200]; pixels],
             likeness,
-            floor_likeness: likeness,
+            baseline_likeness: likeness,
         }
     }
 

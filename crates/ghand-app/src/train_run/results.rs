@@ -7,7 +7,7 @@ use ghand_capture::{Capture, Frame};
 use ghand_core::{HandModel, Pose};
 use ghand_files::atomic_file::write_atomically;
 use ghand_motion::pose_sequence::DEFAULT_FPS;
-use ghand_motion::pose_sequence::ghand::write_poses;
+use ghand_motion::pose_sequence::formats::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_train::Trained;
 use serde::Serialize;

@@ -7,7 +7,8 @@ use anyhow::ensure;
 use egui::{ComboBox, RichText, Ui};
 use ghand_capture::Capture;
 use ghand_core::{Camera, HandModel, Pose};
-use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::poses_json, read_poses_bytes};
+use ghand_motion::pose_sequence::formats::ghand::poses_json;
+use ghand_motion::pose_sequence::{DEFAULT_FPS, read_poses_bytes};
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
 use crate::capture_source::{CaptureReading, check_sides};

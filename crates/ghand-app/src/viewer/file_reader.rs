@@ -8,7 +8,8 @@ use anyhow::{Context as _, anyhow};
 use egui::{Align2, Area, Context, Frame, Id, Spinner, vec2};
 use ghand_core::HandModel;
 use ghand_files::value::ValueError;
-use ghand_motion::pose_sequence::{DEFAULT_FPS, ghand::key_ids};
+use ghand_motion::pose_sequence::DEFAULT_FPS;
+use ghand_motion::pose_sequence::formats::ghand::key_ids;
 use ghand_motion::{KeyFrames, PoseError, PoseSequence};
 
 use crate::capture_source::CaptureReading;

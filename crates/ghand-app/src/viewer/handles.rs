@@ -5,7 +5,7 @@ use ghand_core::posing::shape_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::{HandIk, LANDMARK_COUNT};
 use glam::{DMat3, DQuat, DVec3};

@@ -6,8 +6,8 @@ use ghand_avatar::pose_properties::{PoseProperties, centred};
 use ghand_avatar::properties::PropertyTables;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
+use ghand_core::statistics::quantile;
 use ghand_core::{Camera, Pose};
-use ghand_pictures::color_scale::quantile;
 use glam::DVec3;
 
 use crate::viewer::legend::{ColorMap, Legend};

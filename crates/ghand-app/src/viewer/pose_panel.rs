@@ -7,9 +7,9 @@ use egui::{
     WidgetInfo, pos2, vec2,
 };
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::joint_axes::JointAxes;
-use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
-use ghand_hand_model::joint_names::JointRole;
+use ghand_hand_model::joints::axes::JointAxes;
+use ghand_hand_model::joints::limits::{AngleRange, JointLimits};
+use ghand_hand_model::joints::names::JointRole;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use glam::DVec3;
 
@@ -232,7 +232,7 @@ impl PosePanel {
 
 #[cfg(test)]
 mod tests {
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -9,7 +9,7 @@ use ghand_avatar::ply::SplatScene;
 use ghand_avatar::{Avatar, Light, Scene};
 use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;
-use ghand_hand_model::read::ReadOptions;
+use ghand_hand_model::files::read::ReadOptions;
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 

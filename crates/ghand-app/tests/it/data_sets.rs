@@ -14,7 +14,7 @@ const SHORT: [&str; 4] = ["--set", "iterations=4", "--set", "uv_resolution=32"];
 /// A folder with a MANO file.
 fn folder_with_mano() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let bytes = crate::support::hands::as_pickle(&crate::fixtures::mano_hand().published());
+    let bytes = ghand_test_support::mano_files::hands::as_pickle(&crate::fixtures::mano_hand().published());
     std::fs::write(folder.path().join("MANO_RIGHT.pkl"), bytes).unwrap();
     folder
 }

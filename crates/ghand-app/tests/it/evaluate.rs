@@ -116,7 +116,7 @@ fn what_a_protocol_lacks_is_one_sentence() {
         &["--protocol", "aligned", "--training-poses", "capture/capture.json"],
         &["--protocol aligned", "capture", "no exact poses"],
     );
-    // Without refined poses, the floor takes the capture's.
+    // Without refined poses, the baseline takes the capture's.
     let said = assert_evaluated(&evaluate(folder.path(), "out", &[]));
     assert!(said.contains("capture's training poses"), "{said}");
 }

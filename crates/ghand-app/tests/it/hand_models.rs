@@ -6,11 +6,11 @@ use ghand_avatar::{Avatar, AvatarConfig, Provenance};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::gltf::read_gltf;
-use ghand_hand_model::mano::{ManoOptions, read_mano};
+use ghand_hand_model::files::gltf::read_gltf;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano};
+use ghand_hand_model::files::rigged_glb::write_rigged_glb;
 use ghand_hand_model::named_poses::named_pose;
-use ghand_hand_model::rigged_glb::write_rigged_glb;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use image::RgbImage;
 

@@ -145,7 +145,7 @@ fn without_an_adapter_everything_but_the_pictures_is_reported() {
 #[test]
 fn data_sets_are_inspected_in_their_own_layouts() {
     let folder = tempfile::tempdir().unwrap();
-    let mano = crate::support::hands::as_pickle(&crate::fixtures::mano_hand().published());
+    let mano = ghand_test_support::mano_files::hands::as_pickle(&crate::fixtures::mano_hand().published());
     std::fs::write(folder.path().join("MANO_RIGHT.pkl"), mano).unwrap();
     crate::interhand_files::right().write(&folder.path().join("InterHand2.6M"));
     crate::hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");

@@ -11,8 +11,6 @@ mod hand_appearance_files;
 #[allow(dead_code, reason = "as above")]
 #[path = "../../../../tests/tests/data_sets/interhand_files.rs"]
 mod interhand_files;
-#[path = "../../../ghand-hand-model/tests/support/mod.rs"]
-mod support;
 
 mod adapter;
 mod attack;

@@ -204,7 +204,7 @@ fn a_second_ctrl_c_ends_a_run_at_once_and_leaves_no_half_written_file() {
 }
 
 #[test]
-fn an_avatar_that_does_not_beat_its_floor_is_a_failure_and_is_kept() {
+fn an_avatar_that_does_not_beat_its_baseline_is_a_failure_and_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
     let output = train(folder.path(), &["--out", "run", "--set", "iterations=2"]);

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use ghand_hand_model::mano::write_mano;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_hand_model::files::mano::write_mano;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar, small_capture};
 

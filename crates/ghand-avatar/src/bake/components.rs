@@ -16,16 +16,16 @@ const SMALLEST_CHANGE: f64 = 1e-6;
 const MARGIN: f64 = 0.2;
 
 /// Components by joint. Over the poses each has a variance of 1.
-pub struct Components {
+pub struct JointComponents {
     /// Gains of the regressors, [`OF_JOINT`] rows and a column for each component.
     gains: Vec<DMatrix<f64>>,
     /// Limits of each component of each joint.
     limits: Vec<Vec<[f64; 2]>>,
 }
 
-impl Components {
+impl JointComponents {
     /// Up to `rank` components of each joint, from the sums of all groups over poses.
-    pub fn find(regressors: &Regressors, groups: &[GroupSums], rank: usize, chains: &[Chain]) -> Components {
+    pub fn find(regressors: &Regressors, groups: &[GroupSums], rank: usize, chains: &[Chain]) -> JointComponents {
         let rows: Vec<Vec<[f64; OF_JOINT]>> = chains.iter().map(|chain| regressors.of(chain)).collect();
         let joints = regressors.joints();
         // Factors of the covariances: what is left of the regressors once they vary independently.
@@ -46,7 +46,7 @@ impl Components {
                 sums
             })
             .collect::<Vec<_>>();
-        let mut all = Components { gains: vec![], limits: vec![] };
+        let mut all = JointComponents { gains: vec![], limits: vec![] };
         for (k, [_, back]) in factors.iter().enumerate() {
             let independent = back.ncols();
             let mut sum = DMatrix::zeros(independent, independent);

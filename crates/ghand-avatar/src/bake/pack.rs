@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::EQUAL_ERRORS;
-use super::components::Components;
+use super::components::JointComponents;
 use super::order::Ordered;
 use super::sums::{GroupSums, Regressors, solve};
 use crate::template::Template;
@@ -39,16 +39,16 @@ pub fn blocks(groups: &[GroupSums]) -> Vec<Block> {
 }
 
 /// What is packed.
-pub struct Parts<'a> {
+pub struct PackInputs<'a> {
     pub template: &'a Template,
     pub ordered: &'a Ordered,
     pub regressors: &'a Regressors,
-    pub components: &'a Components,
+    pub components: &'a JointComponents,
     pub groups: &'a [GroupSums],
 }
 
 /// The tables with these blocks.
-pub fn pack(parts: &Parts<'_>, kept: &[Block], precision: Precision) -> BakedTables {
+pub fn pack(parts: &PackInputs<'_>, kept: &[Block], precision: Precision) -> BakedTables {
     let mut of_group: Vec<Vec<usize>> = vec![vec![]; parts.groups.len()];
     kept.iter().for_each(|block| of_group[block.group].push(block.regressor));
     of_group.iter_mut().for_each(|regressors| regressors.sort_unstable());

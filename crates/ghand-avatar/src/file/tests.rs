@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::properties::direct::table_lengths;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 /// A small avatar in a light from directions.
 fn lit() -> Avatar {

@@ -21,7 +21,7 @@ const COLUMNS: usize = 4;
 /// Where a point is, seen from each light: metres, in axes of which the last points to the light; on a map, columns and
 /// rows, whole numbers at the centres of cells, and metres of depth.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct LightSpacePoint {
     /// Across the light.
     pub x: Vec4,
     /// Across the light and x.
@@ -48,7 +48,7 @@ pub struct DepthMaps {
 
 impl DepthMaps {
     /// The maps of a mesh with vertices at these places, in metres. The places are then those on the maps.
-    pub fn new(faces: &[[u32; 3]], places: &mut [Place]) -> DepthMaps {
+    pub fn new(faces: &[[u32; 3]], places: &mut [LightSpacePoint]) -> DepthMaps {
         let (mut low, mut high) = ([Vec4::MAX; 2], [Vec4::MIN; 2]);
         for place in places.iter() {
             low = [low[0].min(place.x), low[1].min(place.y)];
@@ -74,13 +74,13 @@ impl DepthMaps {
     }
 
     /// The place on the maps of a place in metres.
-    fn place(&self, Place { x, y, depth }: Place) -> Place {
+    fn place(&self, LightSpacePoint { x, y, depth }: LightSpacePoint) -> LightSpacePoint {
         let on = |i: usize, at: Vec4| (at - self.start[i]) / self.cell - 0.5;
-        Place { x: on(0, x), y: on(1, y), depth }
+        LightSpacePoint { x: on(0, x), y: on(1, y), depth }
     }
 
     /// Draws faces.
-    fn with(mut self, faces: &[[u32; 3]], places: &[Place]) -> DepthMaps {
+    fn with(mut self, faces: &[[u32; 3]], places: &[LightSpacePoint]) -> DepthMaps {
         for face in faces {
             let [a, b, c] = face.map(|corner| places[corner as usize]);
             let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
@@ -123,7 +123,7 @@ impl DepthMaps {
     }
 
     /// From each light, the part of the four cells around a place on the maps that do not hide it, by their distance.
-    pub fn seen(&self, place: &Place) -> Vec4 {
+    pub fn seen(&self, place: &LightSpacePoint) -> Vec4 {
         let (x, y) = (place.x.min(self.last[0]).max(Vec4::ZERO), place.y.min(self.last[1]).max(Vec4::ZERO));
         let (column, row) = (x.floor(), y.floor());
         let first = (row * self.stride + column).to_array();
@@ -230,9 +230,9 @@ mod tests {
     use super::*;
 
     /// The place of a point, the same from all lights.
-    fn place(point: Vec3) -> Place {
+    fn place(point: Vec3) -> LightSpacePoint {
         let [x, y, depth] = point.to_array().map(Vec4::splat);
-        Place { x, y, depth }
+        LightSpacePoint { x, y, depth }
     }
 
     /// A square of two triangles across the light from above, looking up or down.
@@ -270,7 +270,7 @@ mod tests {
         let corners =
             [[0.0, 0.0, 0.0], [0.3, 1.0, 0.2], [1.0, 0.1, -0.1], [0.2, -0.1, -0.3], [0.1, 0.8, 0.4], [0.8, 0.9, 0.1]];
         let sized = |corner: f32| Vec4::from_array(sizes) * corner;
-        let mut places = corners.map(|[x, y, z]| Place { x: sized(x), y: sized(y), depth: sized(z) });
+        let mut places = corners.map(|[x, y, z]| LightSpacePoint { x: sized(x), y: sized(y), depth: sized(z) });
         let faces = [[0, 1, 2], [3, 4, 5]];
         let maps = DepthMaps::new(&faces, &mut places);
         for (lane, size) in sizes.into_iter().enumerate() {

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Light, Parts};
+use super::{IrradianceParts, Light};
 
 /// The gloss of a hand's skin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,7 +38,7 @@ pub fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
 
 /// What each vertex of a posed hand mirrors towards an eye (metres, world axes) if its gloss is 1: linear RGB. `parts` are
 /// those of the pose in the light, which has directions.
-pub fn of_vertices(light: &Light, parts: &Parts, roughness: f64, eye: DVec3) -> Vec<[f32; 3]> {
+pub fn of_vertices(light: &Light, parts: &IrradianceParts, roughness: f64, eye: DVec3) -> Vec<[f32; 3]> {
     let directions = light.directions();
     // Direction by direction in the order of memory; what is dark costs nothing.
     let bright: Vec<usize> = (0..parts.columns.len()).filter(|k| !parts.columns[*k].is_empty()).collect();
@@ -71,7 +71,7 @@ mod tests {
         light.coefficients.fill([0.0; 3]);
         // From where the back of the hand looks, and seen from there.
         let pose = Pose::rest(model.joint_count());
-        let dark = Parts::new(light.kind, light.turn, &model, &pose, &|_| true).unwrap();
+        let dark = IrradianceParts::new(light.kind, light.turn, &model, &pose, &|_| true).unwrap();
         let directions = light.directions();
         let toward = |d: DVec3| (0..64).max_by(|a, b| directions[*a].dot(d).total_cmp(&directions[*b].dot(d))).unwrap();
         let middle: DVec3 = dark.vertices.iter().sum::<DVec3>() / dark.vertices.len() as f64;

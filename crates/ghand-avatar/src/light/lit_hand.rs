@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::DVec3;
 
-use super::{AvatarLight, Light, LightKind, Parts, gloss};
+use super::{AvatarLight, IrradianceParts, Light, LightKind, gloss};
 
 /// Frames whose parts of the light are kept: half a megabyte each.
 const MOST_KEPT: usize = 512;
@@ -18,7 +18,7 @@ pub(crate) struct LitHand {
     strengths: Vec<[f32; 3]>,
     frames: Vec<Option<LitFrame>>,
     /// Frames' parts of their light, if something asks for them again.
-    parts: BTreeMap<usize, Parts>,
+    parts: BTreeMap<usize, IrradianceParts>,
     /// The frame and eye whose gloss the device has.
     mirrored: Option<(usize, DVec3)>,
 }
@@ -58,7 +58,7 @@ impl LitHand {
         Ok(shades)
     }
 
-    fn keep(&mut self, frame: usize, parts: Parts) {
+    fn keep(&mut self, frame: usize, parts: IrradianceParts) {
         if self.parts.len() >= MOST_KEPT {
             self.parts.pop_first();
         }

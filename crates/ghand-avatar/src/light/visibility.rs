@@ -8,7 +8,7 @@ use ghand_core::light::cosine_transfer;
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::depth_maps::{DepthMaps, LANES, Place};
+use super::depth_maps::{DepthMaps, LANES, LightSpacePoint};
 
 /// The transfer of each vertex from each direction `towards` (unit vectors): `ghand_core::light::cosine_transfer` times how
 /// much of the light reaches the vertex past the mesh, 0 to 1. One column of V numbers per direction; empty for those not
@@ -54,9 +54,9 @@ fn from_directions(directions: [DVec3; LANES], faces: &[[u32; 3]], vertices: &[[
     let other: [DVec3; LANES] = std::array::from_fn(|lane| directions[lane].cross(across[lane]));
     // Depth grows towards the light.
     let axes = [across, other, directions].map(Lanes::new);
-    let mut places: Vec<Place> = vertices
+    let mut places: Vec<LightSpacePoint> = vertices
         .iter()
-        .map(|[v, _]| Place { x: axes[0].dot(*v), y: axes[1].dot(*v), depth: axes[2].dot(*v) })
+        .map(|[v, _]| LightSpacePoint { x: axes[0].dot(*v), y: axes[1].dot(*v), depth: axes[2].dot(*v) })
         .collect();
     let maps = DepthMaps::new(faces, &mut places);
     let unshadowed = cosine_transfer(DVec3::Z, DVec3::Z) as f32;

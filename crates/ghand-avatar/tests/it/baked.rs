@@ -4,9 +4,9 @@ use ghand_avatar::bake::FEWEST_POSES;
 use ghand_avatar::deform::baked::{BakedTables, GROUP, Precision};
 use ghand_avatar::{Avatar, AvatarConfig, AvatarFileError, Bake, BakeError, GaussianShape, PropertyTables, Scene};
 use ghand_core::Pose;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 

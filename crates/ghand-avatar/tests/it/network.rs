@@ -7,9 +7,9 @@ use ghand_avatar::reference::{PosedGaussians, pose_network};
 use ghand_avatar::{Avatar, AvatarConfig, NetworkSizes, PropertyRates, PropertyTables, Scene};
 use ghand_core::blend_shapes::CoefficientLayout;
 use ghand_core::{HandModel, Pose};
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 fn gpu() -> Gpu {

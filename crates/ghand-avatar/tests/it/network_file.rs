@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ghand_avatar::properties::network::Normalization;
 use ghand_avatar::{Avatar, AvatarConfig, NetworkSizes};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 

@@ -9,10 +9,10 @@ use ghand_core::Pose;
 use ghand_core::pose_response::pose_features;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::penalty::Penalty;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 
 const OFFSET_WEIGHT: f32 = 0.7;

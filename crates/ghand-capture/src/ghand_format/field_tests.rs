@@ -5,8 +5,8 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::tests::{assert_contains, message_after, read_json, sample, write_image};
+use crate::cameras::distortion::Distortion;
 use crate::capture::Capture;
-use crate::distortion::Distortion;
 
 /// The sample, opened after a change of its `capture.json`.
 fn opened_after(change: impl FnOnce(&mut Value)) -> Capture {

@@ -12,10 +12,10 @@ use serde_ignored::Path as FieldPath;
 use serde_path_to_error::Track;
 
 use super::{CaptureFile, FrameFile, HandModelFile, SplitFile};
-use crate::camera_file::CameraFile;
-use crate::capture_validation::FileValidator;
+use crate::cameras::file::CameraFile;
 use crate::error::CaptureError;
-use crate::json_file::not_as_expected;
+use crate::reading::json_file::not_as_expected;
+use crate::reading::validation::FileValidator;
 
 /// Prefixes of comments' names.
 const COMMENTS: [&str; 3] = ["_", "//", "$"];
@@ -63,7 +63,7 @@ fn read_known<'a, T: DeserializeOwned>(
     let mut json = serde_json::Deserializer::from_str(text);
     let mut track = Track::new();
     let read = serde_ignored::deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track), |field| {
-        let field = Place::of(&field);
+        let field = FieldLocation::of(&field);
         let is_known = || known(field.top.as_deref()).contains(&field.name.as_str());
         if unknown.is_none() && !is_comment(&field.name) && !is_known() {
             unknown = Some(field);
@@ -84,7 +84,7 @@ fn is_comment(name: &str) -> bool {
 }
 
 /// The location of a field.
-struct Place {
+struct FieldLocation {
     /// Its full path of names and indices.
     written: String,
     /// Its own name.
@@ -93,24 +93,24 @@ struct Place {
     top: Option<String>,
 }
 
-impl Place {
-    fn of(path: &FieldPath) -> Place {
+impl FieldLocation {
+    fn of(path: &FieldPath) -> FieldLocation {
         match path {
             FieldPath::Map { parent, key } => {
-                let above = Place::of(parent);
+                let above = FieldLocation::of(parent);
                 let is_top = above.written.is_empty();
                 let written = if is_top { key.clone() } else { format!("{}.{key}", above.written) };
                 let top = if is_top { None } else { above.top.or(Some(above.name)) };
-                Place { written, name: key.clone(), top }
+                FieldLocation { written, name: key.clone(), top }
             }
             FieldPath::Seq { parent, index } => {
-                let above = Place::of(parent);
-                Place { written: format!("{}[{index}]", above.written), ..above }
+                let above = FieldLocation::of(parent);
+                FieldLocation { written: format!("{}[{index}]", above.written), ..above }
             }
             FieldPath::Some { parent } | FieldPath::NewtypeStruct { parent } | FieldPath::NewtypeVariant { parent } => {
-                Place::of(parent)
+                FieldLocation::of(parent)
             }
-            FieldPath::Root => Place { written: String::new(), name: String::new(), top: None },
+            FieldPath::Root => FieldLocation { written: String::new(), name: String::new(), top: None },
         }
     }
 }

@@ -6,19 +6,19 @@ use std::path::{Path, PathBuf};
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::mano::PARENTS as MANO_PARENTS;
-use ghand_hand_model::read::read_gltf_hand;
+use ghand_hand_model::files::mano::PARENTS as MANO_PARENTS;
+use ghand_hand_model::files::read::read_gltf_hand;
 
 use super::fields::read_fields;
 use super::{CaptureFile, FORMAT, FrameFile, HandModelFile, HeaderFile, MADE, SplitFile, UNITS, VERSION};
-use crate::camera_file::{CameraFile, principal_shift};
+use crate::cameras::distortion::Distortion;
+use crate::cameras::file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split, mean_shaped};
-use crate::capture_validation::{FileValidator, JointRows};
-use crate::distortion::Distortion;
-use crate::image_file::has_alpha;
-use crate::json_file::{LARGEST_FILE, parse};
+use crate::images::file::has_alpha;
 use crate::mask::{MadeMasks, MaskMethod};
-use crate::text_file::read_text;
+use crate::reading::json_file::{LARGEST_FILE, parse};
+use crate::reading::text_file::read_text;
+use crate::reading::validation::{FileValidator, JointRows};
 use crate::truth::{TRUTH_FILE, read_truth};
 
 /// Most images of all splits together; the largest data sets have a few million.

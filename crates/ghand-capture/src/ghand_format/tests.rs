@@ -3,9 +3,9 @@ use std::sync::LazyLock;
 
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
-use ghand_hand_model::gltf::read_gltf_bytes;
-use ghand_hand_model::rigged_glb::{rigged_glb_bytes, write_rigged_glb};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_hand_model::files::gltf::read_gltf_bytes;
+use ghand_hand_model::files::rigged_glb::{rigged_glb_bytes, write_rigged_glb};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};

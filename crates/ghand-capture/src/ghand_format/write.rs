@@ -3,11 +3,11 @@
 use ghand_core::{HandModel, Side};
 
 use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, MADE, SplitFile, UNITS, VERSION};
-use crate::camera_file::CameraFile;
+use crate::cameras::file::CameraFile;
 use crate::capture::{Capture, CaptureError, HandModelSource};
-use crate::capture_validation::is_plain_id;
-use crate::json_file::write_json;
 use crate::mask::MaskMethod;
+use crate::reading::json_file::write_json;
+use crate::reading::validation::is_plain_id;
 use crate::truth::{pose_rows, write_truth};
 
 impl Capture {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::capture::Capture;
 use crate::error::CaptureError;
-use crate::image_file::{Role, check};
+use crate::images::file::{Role, check};
 
 /// Most problems stored with their reasons; all are counted.
 pub const MOST_PROBLEMS: usize = 100;

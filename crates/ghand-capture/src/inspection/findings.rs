@@ -11,8 +11,8 @@ use super::misfits::{Cause, WrongCamera, wrong_cameras, wrong_frames};
 use super::outlines::images_and_masks;
 use super::{CaptureInspection, SplitFacts, Spread, ViewFit};
 use crate::capture::Capture;
+use crate::images::mask_values::MaskSort;
 use crate::mask::{MadeMasks, MaskMethod};
-use crate::mask_values::MaskSort;
 
 /// A template that overlaps the masks less than this may use another convention for poses or cameras than the capture:
 /// noise of four degrees in every joint gives a mean of 0.8, transposed rotations, with cameras all around a hand, 0.5

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::overlap::iou;
 use crate::capture::{Capture, Frame};
 use crate::error::CaptureError;
+use crate::images::mask_values::MaskSort;
+use crate::images::view::View;
 use crate::mask::{covered_pixels, parts};
-use crate::mask_values::MaskSort;
-use crate::view::View;
 
 /// Facts from the pixels of one image.
 #[derive(Debug, Clone, Copy, PartialEq)]

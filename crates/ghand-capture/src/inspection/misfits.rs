@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use ghand_core::Camera;
+use ghand_core::statistics::median;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -93,7 +94,7 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         let seen = seen_by(capture, views, camera, MOST_VIEWS);
         let best = alternatives(capture, camera, &poor)
             .into_iter()
-            .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause)).collect()), cause))
+            .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause))), cause))
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let rest = others(&[camera]);
         let least = EXPLAINED.max(NEARLY * median(rest.clone())).max(overlap + GAIN);
@@ -166,11 +167,6 @@ pub(super) fn wrong_frames(views: &[&ViewFit], wrong: &[WrongCamera]) -> Vec<usi
         .collect()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 fn alternatives(capture: &Capture, camera: usize, poor: &[usize]) -> Vec<Cause> {
     let Some(own) = capture.cameras.get(camera) else { return vec![] };
     // Where the principal point is in the middle of images of another size, that is the size.
@@ -214,8 +210,8 @@ impl Pairing {
                 .filter_map(|(seen, as_is)| Some((seen.frame, [(*as_is)?, seen.fit(capture, camera, &cause)?])))
                 .collect();
             let better = pairs.iter().filter(|(_, [a, b])| *b > a + LATE_GAIN / 2.0).count();
-            let gain = median(pairs.iter().map(|(_, [a, b])| b - a).collect());
-            let fit = median(pairs.iter().map(|(_, [_, b])| *b).collect());
+            let gain = median(pairs.iter().map(|(_, [a, b])| b - a));
+            let fit = median(pairs.iter().map(|(_, [_, b])| *b));
             let is_better = better as f64 >= LATE_PART * pairs.len() as f64 && gain >= LATE_GAIN;
             let frames = pairs.iter().map(|(frame, _)| *frame).collect();
             (pairs.len() >= LATE_VIEWS && is_better && fit >= EXPLAINED).then_some(Pairing { cause, gain, fit, frames })
@@ -234,7 +230,7 @@ impl Pairing {
             let gains: Vec<f64> = gains.collect();
             (!gains.is_empty()).then(|| median(gains))
         };
-        median(others.iter().step_by(step).filter_map(gain_in).collect())
+        median(others.iter().step_by(step).filter_map(gain_in))
     }
 }
 

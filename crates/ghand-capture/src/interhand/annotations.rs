@@ -7,9 +7,9 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{Error, MapAccess};
 
-use crate::capture_validation::FileValidator;
 use crate::error::CaptureError;
-use crate::json::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::validation::FileValidator;
 
 /// What to do when an annotation file cannot be opened.
 pub(super) const REMEDY: &str = "download the annotations of InterHand2.6M v1.0 into the folder annotations";

@@ -9,9 +9,9 @@ use serde::Deserialize;
 use serde::de::MapAccess;
 
 use super::annotations::REMEDY;
-use crate::capture_validation::FileValidator;
 use crate::error::CaptureError;
-use crate::json::{ForEach, Keys, Name, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{ForEach, Keys, Name, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::validation::FileValidator;
 
 /// Most images that are kept; the largest subset has 1.4 million in total.
 const MOST_IMAGES: usize = 1 << 22;

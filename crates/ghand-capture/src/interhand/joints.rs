@@ -13,7 +13,7 @@ use serde::de::{DeserializeSeed, Deserializer, MapAccess};
 use super::annotations::REMEDY;
 use crate::capture::Frame;
 use crate::error::CaptureError;
-use crate::json::{ForEach, Keys, Numbers, Object, read_streaming, skip};
+use crate::reading::json_stream::{ForEach, Keys, Numbers, Object, read_streaming, skip};
 
 /// The annotation's joint for each of MANO's: right hand first, every finger from its tip to its base, thumb to little
 /// finger, then the wrist.

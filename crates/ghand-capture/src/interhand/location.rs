@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::capture_validation::FileValidator;
 use crate::error::CaptureError;
+use crate::reading::validation::FileValidator;
 
 /// Folders of the images, below the root: as documented, and as unpacked from the archive.
 const IMAGE_FOLDERS: [&str; 2] = ["images", "InterHand2.6M_5fps_batch1/images"];

@@ -11,9 +11,9 @@ use serde::de::{Error, MapAccess};
 
 use super::annotations::REMEDY;
 use crate::capture::Frame;
-use crate::capture_validation::FileValidator;
 use crate::error::CaptureError;
-use crate::json::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::validation::FileValidator;
 
 /// Shape parameters of a frame.
 pub(super) const SHAPES: usize = 10;

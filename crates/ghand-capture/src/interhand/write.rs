@@ -11,10 +11,10 @@ use super::joints::{JOINTS, OF_MANO, TIPS};
 use super::{Location, Sequences, paths};
 use crate::capture::{Capture, Frame};
 use crate::error::CaptureError;
-use crate::json_file::write_json;
+use crate::images::view::crop_box;
+use crate::reading::json_file::write_json;
 use crate::split::Split;
 use crate::truth::write_truth;
-use crate::view::crop_box;
 
 /// The annotated points of a frame, world, metres: MANO's joints in MANO's order, then the fingertips in the same order
 /// (index, middle, little, ring, thumb).

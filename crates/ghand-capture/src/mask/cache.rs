@@ -13,7 +13,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::{Facts, MadeMasks};
 use crate::capture::{Capture, fill_template};
 use crate::error::CaptureError;
-use crate::image_file::{Role, decode, read_bytes};
+use crate::images::file::{Role, decode, read_bytes};
 
 /// Data after the PNG: this tag, the key, the facts. Changes whenever masks are made in another way.
 const MARK: [u8; 8] = *b"ghandms2";
@@ -21,7 +21,7 @@ const MARK: [u8; 8] = *b"ghandms2";
 const TRAILER: usize = 8 + 8 + 4 + 1 + 1;
 
 /// The file of a mask, and the inputs that it must have been made from.
-pub(super) struct Place {
+pub(super) struct MaskFile {
     file: PathBuf,
     key: u64,
     size: (u32, u32),
@@ -35,7 +35,7 @@ pub(super) struct Stored {
     size: (u32, u32),
 }
 
-impl Place {
+impl MaskFile {
     /// `image` are the bytes of the image's file, `mask` those of its mask's if it has one. `made_from` tells apart what
     /// else it is made from.
     pub fn new(
@@ -45,7 +45,7 @@ impl Place {
         image: &[u8],
         mask: Option<&[u8]>,
         made_from: u64,
-    ) -> Result<Place, CaptureError> {
+    ) -> Result<MaskFile, CaptureError> {
         let (camera, frame) = capture.camera_and_frame(camera, frame)?;
         let mut hasher = DefaultHasher::new();
         let mut add = |values: &[DVec3]| {
@@ -65,7 +65,7 @@ impl Place {
         // Without a sequence this begins with a slash, which would mean the root of the file system.
         let name = fill_template("{sequence}/{camera}/{number}.png", &camera.id, &frame.id);
         let file = folder.join(name.trim_start_matches('/'));
-        Ok(Place { file, key: hasher.finish(), size: (camera.width, camera.height) })
+        Ok(MaskFile { file, key: hasher.finish(), size: (camera.width, camera.height) })
     }
 
     /// The cached content, if it was made from the same inputs.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ghand_core::{Camera, HandModel};
-use ghand_hand_model::arm_end::{ArmEnd, ArmEndInImage};
+use ghand_hand_model::surface::arm_end::{ArmEnd, ArmEndInImage};
 use glam::{DVec2, DVec3};
 
 use super::distance::squared_distances;

@@ -87,7 +87,7 @@ pub(crate) fn mask_by_colors(
     let frames = frames_to_learn(capture, camera);
     let key = key(capture, camera, &frames)?;
     let (model, vertices, poses) = posed(capture, frame)?;
-    let place = cache::Place::new(capture, camera, frame, file, None, key)?;
+    let place = cache::MaskFile::new(capture, camera, frame, file, None, key)?;
     if let Some(mask) = place.read().and_then(|stored| stored.mask()) {
         return Ok(mask);
     }

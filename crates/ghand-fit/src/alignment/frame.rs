@@ -1,13 +1,13 @@
 //! The normal equations of one frame: how its contours change with its pose and with the shape.
 
-use ghand_core::posing::{PosedHand, pose_hand};
+use ghand_core::posing::{PosedModel, pose_hand};
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 
-use super::camera_unknowns::CameraUnknowns;
-use super::contour::{ContourPoint, Edges};
-use super::distance_field::DistanceField;
+use super::cameras::unknowns::CameraUnknowns;
+use super::outlines::contour::{ContourPoint, Edges};
+use super::outlines::distance_field::DistanceField;
 use super::proportions::Shaped;
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
@@ -119,7 +119,7 @@ impl Rig<'_> {
 /// How the vertices of a frame move with its pose and with the shape. Pose correctives are taken as constant.
 pub struct VertexMotion<'a> {
     rig: &'a Rig<'a>,
-    posed: &'a PosedHand,
+    posed: &'a PosedModel,
     /// Derivatives of the joints' posed positions, `[parameters][n_b]`.
     d_origins: Vec<Vec<DVec3>>,
     /// By vertex, once it is needed: by moving joint, the sum over the joints that it carries of weight x position relative
@@ -129,7 +129,7 @@ pub struct VertexMotion<'a> {
 
 impl<'a> VertexMotion<'a> {
     /// Of a posed hand.
-    pub fn new(rig: &'a Rig<'a>, posed: &'a PosedHand) -> VertexMotion<'a> {
+    pub fn new(rig: &'a Rig<'a>, posed: &'a PosedModel) -> VertexMotion<'a> {
         let model = &rig.shaped.model;
         let d_origins = |d_joints: &Vec<DVec3>| {
             let mut moved = d_joints.clone();

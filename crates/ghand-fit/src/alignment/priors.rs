@@ -10,7 +10,7 @@ use ghand_core::{HandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-use super::spread::{Estimate, Spread};
+use super::spread::{Estimate, PoseSpread};
 
 /// Start of the noise of given rotations, radians, and of translations, metres, per axis.
 const NOISE: f64 = 4.0_f64.to_radians();
@@ -39,7 +39,7 @@ pub struct Priors {
     joints: Vec<JointPrior>,
     translation_noise: f64,
     /// How the true rotations vary.
-    pub spread: Spread,
+    pub spread: PoseSpread,
 }
 
 impl Priors {
@@ -49,7 +49,7 @@ impl Priors {
         Priors {
             joints: vec![joint; moving.len()],
             translation_noise: TRANSLATION_NOISE,
-            spread: Spread::new(template, moving, frames),
+            spread: PoseSpread::new(template, moving, frames),
         }
     }
 

@@ -40,13 +40,13 @@ struct Group {
 
 /// How the joints vary: all that move, except for the root, which turns freely.
 #[derive(Debug, Clone)]
-pub struct Spread {
+pub struct PoseSpread {
     groups: Vec<Group>,
 }
 
-impl Spread {
+impl PoseSpread {
     /// Nothing is known yet. `moving` are the joints that move, parents first.
-    pub fn new(template: &HandModel, moving: &[usize], frames: usize) -> Spread {
+    pub fn new(template: &HandModel, moving: &[usize], frames: usize) -> PoseSpread {
         let finger = |joint: usize| {
             let mut at = joint;
             while let Some(parent) = template.parents[at].filter(|parent| *parent > 0) {
@@ -72,7 +72,7 @@ impl Spread {
             let size = 3 * joints.len();
             Group { joints, mean: DVector::zeros(size), information: DMatrix::zeros(size, size) }
         };
-        Spread { groups: parts.map(group).collect() }
+        PoseSpread { groups: parts.map(group).collect() }
     }
 
     /// Measures mean and covariance of every finger by maximum likelihood: an estimate is the true rotation, which has
@@ -225,7 +225,7 @@ mod tests {
                 Estimate { pose, covariance: DMatrix::from_diagonal(&DVector::from_iterator(9, numbers)) }
             })
             .collect();
-        let mut spread = Spread::new(&template, &[middle, last], frames);
+        let mut spread = PoseSpread::new(&template, &[middle, last], frames);
         assert_eq!(spread.groups.len(), 1, "enough frames to measure both joints together");
         spread.measure(&estimates);
         let widths = SymmetricEigen::new(spread.groups[0].information.clone())
@@ -255,7 +255,7 @@ mod tests {
         }
         assert!(errors[1] < 0.4 * errors[0], "{errors:?}");
         // Few frames: joint by joint; hardly any: nothing.
-        assert_eq!(Spread::new(&template, &[0, middle, last], 11).groups.len(), 2);
-        assert!(Spread::new(&template, &[0, middle, last], 3).groups.is_empty());
+        assert_eq!(PoseSpread::new(&template, &[0, middle, last], 11).groups.len(), 2);
+        assert!(PoseSpread::new(&template, &[0, middle, last], 3).groups.is_empty());
     }
 }

@@ -2,7 +2,7 @@
 
 use ghand_avatar::Light;
 use ghand_avatar::light::gloss::of_vertices;
-use ghand_avatar::light::{Gloss, Parts};
+use ghand_avatar::light::{Gloss, IrradianceParts};
 use ghand_core::light::linear;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::held_out;
 use super::least_squares::{non_negative, steepness};
-use crate::texel_frames::TexelFrames;
+use crate::texels::frames::TexelFrames;
 
 /// The roughnesses compared. A smoother surface would show each of the light's directions as a lamp of its own.
 pub(super) const ROUGHNESSES: [f64; 3] = [0.45, 0.55, 0.7];
@@ -49,7 +49,7 @@ pub(super) fn find(
     roughnesses: &[f64],
     always: bool,
 ) -> Result<Option<GlossFit>, InvalidHandModel> {
-    let parts: Vec<Parts> =
+    let parts: Vec<IrradianceParts> =
         seen.frames.par_iter().map(|frame| light.parts(model, &poses[*frame])).collect::<Result<_, _>>()?;
     let mut best: Option<GlossFit> = None;
     for roughness in roughnesses {
@@ -75,9 +75,15 @@ pub(super) fn find(
 }
 
 /// The gloss that images show of the texels, if it has a strength of 1.
-fn shown(seen: &TexelFrames, model: &HandModel, light: &Light, parts: &[Parts], roughness: f64) -> ImageGloss {
+fn shown(
+    seen: &TexelFrames,
+    model: &HandModel,
+    light: &Light,
+    parts: &[IrradianceParts],
+    roughness: f64,
+) -> ImageGloss {
     let images = seen.images.par_iter().zip(parts).map(|(images, parts)| {
-        let image = |image: &crate::texel_frames::TexelImage| {
+        let image = |image: &crate::texels::frames::TexelImage| {
             let vertices = of_vertices(light, parts, roughness, image.eye);
             let texel = |t: usize| {
                 let corners = model.faces[seen.samples.faces[t] as usize].iter().zip(seen.samples.barycentric[t]);
@@ -100,7 +106,7 @@ pub(super) fn in_images(
     light: &Light,
     gloss: &Gloss,
 ) -> Result<ImageGloss, InvalidHandModel> {
-    let parts: Vec<Parts> =
+    let parts: Vec<IrradianceParts> =
         seen.frames.par_iter().map(|frame| light.parts(model, &poses[*frame])).collect::<Result<_, _>>()?;
     let mut images = shown(seen, model, light, &parts, gloss.roughness);
     let count = seen.samples.len();
@@ -227,8 +233,8 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::texel_frames::TexelImage;
-    use crate::texel_views::TexelView;
+    use crate::texels::frames::TexelImage;
+    use crate::texels::views::TexelView;
 
     /// A hand that turns under a lamp, seen from all sides, and its gloss.
     fn planted(gloss: &Gloss) -> (TexelFrames, HandModel, Vec<Pose>, Light) {

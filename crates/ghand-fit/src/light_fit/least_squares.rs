@@ -14,7 +14,7 @@ const SMALL_CHANGE: f64 = 1e-3;
 const LIGHT_RIDGE: f64 = 1e-3;
 /// Ridge on how much the light of a channel differs from the mean of all three, likewise.
 const COLOR_RIDGE: f64 = 0.1;
-/// What [`Unknowns::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is gained
+/// What [`LightModel::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is gained
 /// by a lamp of its own there stays in the sky.
 const SPARSITY: f64 = 0.03;
 /// Ridge on the albedos, towards their mean: the squared ratio of what the model leaves unexplained to how much skin
@@ -29,7 +29,7 @@ const SWEEPS: usize = 400;
 
 /// What is to be found of a light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unknowns {
+pub(super) enum LightModel {
     /// Nothing: all light is even.
     Constant,
     /// A sky that is the same from everywhere, and lamps in few of the directions.
@@ -56,10 +56,10 @@ pub(super) struct ChannelFit {
 }
 
 /// Light and albedos of the three channels, linear.
-pub(super) fn fit(unknowns: Unknowns, frames: &[&FrameColors], texels: usize) -> Vec<ChannelFit> {
+pub(super) fn fit(unknowns: LightModel, frames: &[&FrameColors], texels: usize) -> Vec<ChannelFit> {
     let fits: Vec<ChannelFit> =
         (0..3usize).into_par_iter().map(|channel| fit_channel(unknowns, frames, texels, channel)).collect();
-    if unknowns == Unknowns::Constant {
+    if unknowns == LightModel::Constant {
         return fits;
     }
     // Each channel for itself, light from where images hardly tell has any colour, which shadows then take.
@@ -87,11 +87,11 @@ struct Pull<'a> {
     ridge: f64,
 }
 
-fn fit_channel(unknowns: Unknowns, frames: &[&FrameColors], texels: usize, channel: usize) -> ChannelFit {
+fn fit_channel(unknowns: LightModel, frames: &[&FrameColors], texels: usize, channel: usize) -> ChannelFit {
     let count = frames.first().map_or(0, |frame| frame.parts.ncols());
     // Even light.
     let mut light = DVector::from_element(count, 1.0);
-    if unknowns == Unknowns::Constant {
+    if unknowns == LightModel::Constant {
         return ChannelFit { light, albedo: mean_colors(frames, texels, channel) };
     }
     let values = values_of(frames, channel);
@@ -130,7 +130,7 @@ fn mean_colors(frames: &[&FrameColors], texels: usize, channel: usize) -> DVecto
 
 /// The light under which albedos look as they do, with a mean of 1: albedo carries the scale.
 fn fit_light(
-    unknowns: Unknowns,
+    unknowns: LightModel,
     frames: &[&FrameColors],
     values: &[Vec<f64>],
     weights: &[Vec<f64>],
@@ -159,9 +159,9 @@ fn fit_light(
         vector[k] += ridge * pull.to[k];
     }
     let mut light = match unknowns {
-        Unknowns::Directions => non_negative(&matrix, &vector, before),
-        Unknowns::Lamps => lamps_in_a_sky(&matrix, &vector, &before),
-        Unknowns::Constant => before,
+        LightModel::Directions => non_negative(&matrix, &vector, before),
+        LightModel::Lamps => lamps_in_a_sky(&matrix, &vector, &before),
+        LightModel::Constant => before,
     };
     let scale = light.mean();
     if scale > 0.0 {
@@ -348,7 +348,7 @@ mod tests {
     fn a_lamp_in_a_sky_and_the_skin_under_them_are_found() {
         for (lamp, sky) in [(5, 0.3), (40, 0.1)] {
             let (frames, albedo) = planted(lamp, sky);
-            let found = &fit(Unknowns::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len())[0];
+            let found = &fit(LightModel::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len())[0];
             assert_eq!(found.light.imax(), lamp);
             let skies = found.light.iter().filter(|radiance| **radiance == found.light.min()).count();
             assert!(skies >= 60, "{skies} of 64 directions are the sky");
@@ -370,7 +370,7 @@ mod tests {
         for frame in frames.iter_mut().step_by(2) {
             frame.colors.iter_mut().flatten().for_each(|value| *value *= linear(1.1));
         }
-        let fits = fit(Unknowns::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len());
+        let fits = fit(LightModel::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len());
         for (f, factor) in frame_factors(&frames, &fits).iter().enumerate() {
             let expected = if f % 2 == 0 { 1.1f64.sqrt() } else { 1.0 / 1.1f64.sqrt() };
             assert!((factor / expected - 1.0).abs() < 0.02, "frame {f}: {factor} for {expected}");

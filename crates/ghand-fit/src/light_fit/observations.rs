@@ -6,8 +6,8 @@ use nalgebra::DMatrix;
 
 use super::gloss::ImageGloss;
 use super::least_squares::FrameColors;
-use crate::texel_frames::TexelFrames;
-use crate::texel_views::TexelView;
+use crate::texels::frames::TexelFrames;
+use crate::texels::views::TexelView;
 
 /// A texel takes part if this many frames show it.
 const LEAST_FRAMES: usize = 4;

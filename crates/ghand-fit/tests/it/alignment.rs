@@ -3,10 +3,10 @@
 use crate::common::{make, poses, small_options};
 use ghand_capture::Capture;
 use ghand_core::Pose;
+use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
 use ghand_fit::alignment::{AlignmentError, align};
-use ghand_measure::metrics::{moving_joints, pose_error_degrees};
 use glam::DVec3;
 
 fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {

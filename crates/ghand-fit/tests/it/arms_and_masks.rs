@@ -5,12 +5,12 @@ use ghand_capture::mask::MaskMethod;
 use ghand_capture::{Capture, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_fit::alignment::{Alignment, align};
-use ghand_hand_model::arm_end::ArmEnd;
-use ghand_synthetic::{Background, Masks, SyntheticOptions};
+use ghand_hand_model::surface::arm_end::ArmEnd;
+use ghand_synthetic::{Backdrop, Masks, SyntheticOptions};
 use glam::DVec2;
 
 fn options(masks: Masks) -> SyntheticOptions {
-    SyntheticOptions { background: Background::Clutter, forearm: true, masks, ..small_options(9) }
+    SyntheticOptions { background: Backdrop::Clutter, forearm: true, masks, ..small_options(9) }
 }
 
 fn aligned(capture: &Capture) -> Alignment {

@@ -5,7 +5,7 @@ use ghand_capture::{Capture, Split};
 use ghand_core::Camera;
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::rotation_from_axis_angle;
-use ghand_fit::alignment::review::review;
+use ghand_fit::alignment::results::review::review;
 use ghand_fit::alignment::{Alignment, align};
 use ghand_synthetic::SyntheticOptions;
 use glam::{DVec2, DVec3};

@@ -3,7 +3,7 @@
 
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
-use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;

@@ -5,9 +5,9 @@ use glam::DVec3;
 
 use super::volume::keep_volume;
 use super::{BendingChain, pose_directions};
-use crate::hand_directions::{HandDirections, hand_directions};
-use crate::joint_axes::{THUMB_TOWARDS_BACK, fingertip};
-use crate::joint_names::{Finger, JointRole, finger_joints};
+use crate::joints::axes::{THUMB_TOWARDS_BACK, fingertip};
+use crate::joints::hand_directions::{HandDirections, hand_directions};
+use crate::joints::names::{Finger, JointRole, finger_joints};
 
 /// Vertices this near to the cross-section of a joint measure the finger's width there, metres.
 const SECTION: f64 = 0.004;

@@ -3,7 +3,7 @@
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
 use ghand_hand_model::inspection::inspect;
-use ghand_hand_model::joint_names::{Finger, finger_joints};
+use ghand_hand_model::joints::names::{Finger, finger_joints};
 use glam::DVec3;
 
 #[test]

@@ -3,8 +3,8 @@
 use ghand_core::posing::{pose_hand, shape_hand};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::joint_axes::JointAxes;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::axes::JointAxes;
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::DVec3;
 
 /// Bones of a finger between the gaps of its joints in X-ray images of 66 men and women: mean and standard deviation,

@@ -2,71 +2,36 @@
 //! valid model or an error, never a panic.
 
 use std::io::{Cursor, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ghand_core::HandModel;
 use ghand_files::npz::Npz;
-use ghand_hand_model::gltf::read_gltf_bytes;
-use ghand_hand_model::mano::{ManoOptions, read_mano_bytes};
-use rand::{Rng, RngExt, SeedableRng};
+use ghand_hand_model::files::gltf::read_gltf_bytes;
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
+use ghand_test_support::fuzz_corpus::{Content, changed, inputs};
+use rand::SeedableRng;
 use zip::write::SimpleFileOptions;
 
 /// Changes of each input: some thousand for all readers, within a few seconds.
 const CHANGES: usize = 2000;
 
-/// The inputs kept in git, by name; those that libFuzzer adds have hashes as names.
-fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
-    let entries = std::fs::read_dir(&folder).expect("the corpus is part of the repository");
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some());
-    paths.sort();
-    assert!(!paths.is_empty(), "{} has no input", folder.display());
-    paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
-}
-
-/// One to four changes as from damage or a fuzzer.
-fn changed(bytes: &[u8], random: &mut impl Rng) -> Vec<u8> {
-    let mut bytes = bytes.to_vec();
-    for _ in 0..random.random_range(1..=4) {
-        if bytes.is_empty() {
-            break;
-        }
-        let at = random.random_range(0..bytes.len());
-        let length = random.random_range(1..=8).min(bytes.len() - at);
-        match random.random_range(0..6) {
-            0 => bytes[at] ^= 1 << random.random_range(0..8),
-            1 => bytes[at] = random.random(),
-            2 => bytes[at..at + length].fill([0, 0x7f, 0xff][random.random_range(0..3)]),
-            3 => drop(bytes.drain(at..at + length)),
-            4 => {
-                let copy = bytes[at..at + length].to_vec();
-                let to = random.random_range(0..=bytes.len());
-                bytes.splice(to..to, copy);
-            }
-            _ => bytes.truncate(at),
-        }
-    }
-    bytes
-}
-
 fn run(target: &str, read: impl Fn(&[u8]) -> Option<HandModel>) -> (usize, usize) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20);
-    let (mut read_as_they_are, mut inputs) = (0, 0);
+    let (mut read_as_they_are, mut count) = (0, 0);
     let check = |bytes: &[u8]| {
         let model = read(bytes);
         model.as_ref().inspect(|model| model.validate().expect("a model that was read is valid"));
         model.is_some()
     };
-    for (path, bytes) in corpus(target) {
+    for (path, bytes) in inputs(target) {
         println!("{}", path.display());
         read_as_they_are += usize::from(check(&bytes));
         for _ in 0..CHANGES {
-            check(&changed(&bytes, &mut random));
+            check(&changed(&bytes, Content::Binary, &mut random));
         }
-        inputs += 1;
+        count += 1;
     }
-    (read_as_they_are, inputs)
+    (read_as_they_are, count)
 }
 
 #[test]
@@ -96,10 +61,10 @@ fn archives_of_the_corpus_and_changes_of_them_give_a_valid_model_or_an_error() {
 #[test]
 fn arrays_of_the_corpus_and_changes_of_them_in_an_archive_give_numbers_or_an_error() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(21);
-    for (path, bytes) in corpus("npy") {
+    for (path, bytes) in inputs("npy") {
         println!("{}", path.display());
         for k in 0..CHANGES {
-            let bytes = if k == 0 { bytes.clone() } else { changed(&bytes, &mut random) };
+            let bytes = if k == 0 { bytes.clone() } else { changed(&bytes, Content::Binary, &mut random) };
             // The archive is written again, so that its checksums are correct.
             let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
             let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);

@@ -2,12 +2,12 @@
 
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::gltf::read_gltf;
-use ghand_hand_model::joint_axes::{JointAxes, fingertips};
-use ghand_hand_model::joint_limits::{COUPLED_RATIO, COUPLED_SPREAD, JointLimits, clamp_to_limits, random_pose};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::files::gltf::read_gltf;
+use ghand_hand_model::joints::axes::{JointAxes, fingertips};
+use ghand_hand_model::joints::limits::{COUPLED_RATIO, COUPLED_SPREAD, JointLimits, clamp_to_limits, random_pose};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};

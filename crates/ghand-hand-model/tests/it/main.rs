@@ -2,9 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
-#[path = "../support/mod.rs"]
-mod support;
-
 mod builtin;
 mod builtin_anatomy;
 mod fuzz_corpus;

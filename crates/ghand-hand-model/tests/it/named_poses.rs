@@ -3,8 +3,8 @@
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::joint_axes::{JointAxes, fingertips};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::axes::{JointAxes, fingertips};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_test_support::self_penetration::{deepest_penetration, triangle_distance};
 use glam::DVec3;

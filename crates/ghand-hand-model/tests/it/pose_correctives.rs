@@ -2,11 +2,11 @@
 
 use ghand_core::posing::pose_hand;
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::gltf::read_gltf;
-use ghand_hand_model::joint_names::{Finger, finger_joints};
+use ghand_hand_model::files::gltf::read_gltf;
+use ghand_hand_model::joints::names::{Finger, finger_joints};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_hand_model::pose_correctives::fit_pose_directions;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::surface::{SurfaceSamples, sample_surface};
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

@@ -58,7 +58,7 @@ pub fn all_around(model: &HandModel, poses: &[&Pose], views: usize, footprint: F
 #[cfg(test)]
 mod tests {
     use ghand_hand_model::named_poses::named_pose;
-    use ghand_procedural_hand::ProceduralHand;
+    use ghand_test_support::procedural_hand::ProceduralHand;
 
     use super::*;
 

@@ -1,8 +1,8 @@
 //! How clean pictures of a hand are that nothing can be compared with: whether their colours occur in the training images,
 //! whether their fine detail is as strong as there, and whether any part is darker or more saturated ([`super::tones`]).
 
+use ghand_capture::mask::depths;
 use ghand_capture::{Split, SplitView};
-use ghand_measure::error_bands::depths;
 use ghand_measure::metrics::quantize;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;

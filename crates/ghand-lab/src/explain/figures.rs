@@ -3,10 +3,10 @@
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
-use ghand_pictures::color_scale::quantile;
+use ghand_core::statistics::quantile;
 use serde::Serialize;
 
-use super::explained::{Explained, ExplainedPose, layout_name};
+use super::avatar_properties::{AvatarProperties, PropertiesInPose, layout_name};
 use super::statistics::{extremes, mean_and_spread};
 
 /// Millimetres in a metre.
@@ -127,7 +127,7 @@ pub struct MovedFigures {
 
 impl Figures {
     /// The numbers of an avatar.
-    pub fn new(avatar: &Avatar, explained: &Explained) -> Figures {
+    pub fn new(avatar: &Avatar, explained: &AvatarProperties) -> Figures {
         let bases: Vec<BasisFigures> = (0..explained.bases()).map(|basis| basis_figures(explained, basis)).collect();
         let pairs = (0..explained.bases()).flat_map(|basis| explained.poses.iter().map(move |pose| (basis, pose)));
         let moving: Vec<f64> = (0..explained.bases()).map(|basis| motion(explained, basis)).collect();
@@ -172,7 +172,7 @@ impl Figures {
     }
 }
 
-fn basis_figures(explained: &Explained, basis: usize) -> BasisFigures {
+fn basis_figures(explained: &AvatarProperties, basis: usize) -> BasisFigures {
     let lengths = explained.basis(basis).iter().map(|s| MM * s.length());
     let of_all = explained.poses.iter().flat_map(|pose| explained.of_basis(&pose.coefficients, basis));
     let motions = explained.poses.iter().flat_map(|pose| motions(explained, pose, basis));
@@ -187,7 +187,7 @@ fn basis_figures(explained: &Explained, basis: usize) -> BasisFigures {
 }
 
 /// How far a basis moves each Gaussian in a pose from where it is in the rest pose, metres.
-fn motions(explained: &Explained, pose: &ExplainedPose, basis: usize) -> Vec<f64> {
+fn motions(explained: &AvatarProperties, pose: &PropertiesInPose, basis: usize) -> Vec<f64> {
     let (now, rest) =
         (explained.of_basis(&pose.coefficients, basis), explained.of_basis(&explained.coefficients_at_rest, basis));
     let n = explained.len();
@@ -202,12 +202,12 @@ fn motions(explained: &Explained, pose: &ExplainedPose, basis: usize) -> Vec<f64
 }
 
 /// Mean square of [`motions`] over poses and hand.
-fn motion(explained: &Explained, basis: usize) -> f64 {
+fn motion(explained: &AvatarProperties, basis: usize) -> f64 {
     let squares = explained.poses.iter().flat_map(|pose| motions(explained, pose, basis)).map(|m| m * m);
     squares.sum::<f64>() / (explained.poses.len() * explained.len()).max(1) as f64
 }
 
-fn coefficient_figures(explained: &Explained, basis: usize, pose: &ExplainedPose) -> CoefficientFigures {
+fn coefficient_figures(explained: &AvatarProperties, basis: usize, pose: &PropertiesInPose) -> CoefficientFigures {
     let values = explained.of_basis(&pose.coefficients, basis).iter().copied().map(f64::from);
     let [mean, standard_deviation] = mean_and_spread(values.clone());
     let [min, max] = extremes(values);
@@ -218,7 +218,7 @@ fn coefficient_figures(explained: &Explained, basis: usize, pose: &ExplainedPose
 const LEAST_WEIGHT: f64 = 1e-5;
 
 /// The joints that have residual weights.
-pub fn residual_joints(avatar: &Avatar, explained: &Explained) -> Vec<usize> {
+pub fn residual_joints(avatar: &Avatar, explained: &AvatarProperties) -> Vec<usize> {
     let has_any = |joint: &usize| explained.joint_weights(*joint).iter().any(|w| w.abs() > LEAST_WEIGHT);
     (0..avatar.template.joint_count()).filter(has_any).collect()
 }
@@ -227,7 +227,7 @@ fn joint_name(avatar: &Avatar, joint: usize) -> String {
     avatar.template.joint_names.get(joint).cloned().unwrap_or_else(|| joint.to_string())
 }
 
-fn joint_figures(avatar: &Avatar, explained: &Explained, joint: usize) -> JointFigures {
+fn joint_figures(avatar: &Avatar, explained: &AvatarProperties, joint: usize) -> JointFigures {
     let values = explained.joint_weights(joint).iter().copied();
     let [min, max] = extremes(values.clone());
     let [mean_size, _] = mean_and_spread(values.map(f64::abs));
@@ -235,13 +235,13 @@ fn joint_figures(avatar: &Avatar, explained: &Explained, joint: usize) -> JointF
 }
 
 /// The pose with the largest angles.
-pub fn most_bent(explained: &Explained) -> Option<&ExplainedPose> {
+pub fn most_bent(explained: &AvatarProperties) -> Option<&PropertiesInPose> {
     // The root turns the whole hand.
-    let bent = |pose: &&ExplainedPose| pose.pose.rotations.iter().skip(1).map(|turn| turn.length()).sum::<f64>();
+    let bent = |pose: &&PropertiesInPose| pose.pose.rotations.iter().skip(1).map(|turn| turn.length()).sum::<f64>();
     explained.poses.iter().max_by(|a, b| bent(a).total_cmp(&bent(b)))
 }
 
-fn skeleton_figures(avatar: &Avatar, explained: &Explained) -> Option<SkeletonFigures> {
+fn skeleton_figures(avatar: &Avatar, explained: &AvatarProperties) -> Option<SkeletonFigures> {
     if residual_joints(avatar, explained).is_empty() {
         return None;
     }
@@ -261,7 +261,7 @@ fn skeleton_figures(avatar: &Avatar, explained: &Explained) -> Option<SkeletonFi
     })
 }
 
-fn moved_figures(pose: &ExplainedPose) -> MovedFigures {
+fn moved_figures(pose: &PropertiesInPose) -> MovedFigures {
     let values = pose.moved.iter().map(|moved| MM * moved);
     MovedFigures {
         pose: pose.id.clone(),

@@ -10,7 +10,7 @@ use ghand_render::Gpu;
 use glam::DVec3;
 use image::RgbImage;
 
-use super::explained::{Explained, ExplainedPose};
+use super::avatar_properties::{AvatarProperties, PropertiesInPose};
 use super::figures::{Figures, MM, most_bent, residual_joints};
 use super::page::{Cell, Figure, Section, beside, figure};
 use super::skeleton_picture::{Pen, RESIDUAL, TEMPLATE, draw_skeleton, fade};
@@ -36,14 +36,19 @@ const LEAST_OFFSET_MM: f64 = 1e-4;
 struct Painter<'a> {
     hands: HandPainter<'a>,
     avatar: &'a Avatar,
-    explained: &'a Explained,
+    explained: &'a AvatarProperties,
 }
 
 /// Draws all sections.
 ///
 /// # Errors
 /// An error if the device failed or a plot cannot be drawn.
-pub fn draw(gpu: &Gpu, avatar: &Avatar, explained: &Explained, figures: &Figures) -> anyhow::Result<Vec<Section>> {
+pub fn draw(
+    gpu: &Gpu,
+    avatar: &Avatar,
+    explained: &AvatarProperties,
+    figures: &Figures,
+) -> anyhow::Result<Vec<Section>> {
     let hands = HandPainter::new(gpu, &avatar.template.spacings, LARGE)?;
     let mut painter = Painter { hands, avatar, explained };
     Ok(vec![
@@ -59,7 +64,7 @@ impl Painter<'_> {
     /// Values on the hand in a pose.
     fn values(
         &mut self,
-        pose: &ExplainedPose,
+        pose: &PropertiesInPose,
         values: &[f64],
         scale: &ColorScale,
         camera: &Camera,
@@ -300,7 +305,7 @@ impl Painter<'_> {
 
 /// The posed residual joints with their distances from the template's enlarged so that they are visible, or, without an
 /// anchor, the whole residual skeleton enlarged in the middle of the hand; and how much, a round number.
-fn enlarged(pose: &ExplainedPose, anchored: bool) -> (Vec<DVec3>, f64) {
+fn enlarged(pose: &PropertiesInPose, anchored: bool) -> (Vec<DVec3>, f64) {
     let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let farthest = |points: &[DVec3], from: DVec3| points.iter().map(|p| p.distance(from)).fold(0.0, f64::max);
     let (target, origin) = (mean(&pose.joints), mean(&pose.residual_joints));

@@ -16,7 +16,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::compare::{move_by_one, picture, roundings, undecided};
-use super::hand::{Draw, Hand, HandKind, Model, usual_pose};
+use super::hand::{HandKind, Sampler, StressHand, StressModel, usual_pose};
 use super::light::TwinLight;
 use super::view::{LARGEST_EDGE, POSES, PoseKind, VIEWS, ViewKind};
 
@@ -42,11 +42,11 @@ const BACKGROUND: [f32; 3] = [0.2, 0.3, 0.4];
 
 /// What a case showed.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct CaseOutcome {
     /// Its number, and what is extreme about it.
     pub number: u64,
     pub hand: HandKind,
-    pub model: Model,
+    pub model: StressModel,
     pub pose: PoseKind,
     pub view: ViewKind,
     /// Roundings of each stage; `None` where nothing can be compared.
@@ -73,10 +73,10 @@ pub struct Inputs {
     pub camera: Camera,
 }
 
-impl Outcome {
-    fn new(hand: &Hand, number: u64, pose: PoseKind, view: ViewKind) -> Outcome {
+impl CaseOutcome {
+    fn new(hand: &StressHand, number: u64, pose: PoseKind, view: ViewKind) -> CaseOutcome {
         let (kind, model) = (hand.kind, hand.model);
-        Outcome {
+        CaseOutcome {
             number,
             hand: kind,
             model,
@@ -93,22 +93,22 @@ impl Outcome {
     }
 
     /// The outcome of a case that panicked.
-    pub fn panicked(hand: &Hand, seed: u64, number: u64) -> Outcome {
+    pub fn panicked(hand: &StressHand, seed: u64, number: u64) -> CaseOutcome {
         let (_, pose, view) = kinds(seed, number);
-        Outcome { problem: Some("panicked".into()), ..Outcome::new(hand, number, pose, view) }
+        CaseOutcome { problem: Some("panicked".into()), ..CaseOutcome::new(hand, number, pose, view) }
     }
 }
 
 /// The numbers of a case, and what is extreme about it.
-fn kinds(seed: u64, number: u64) -> (Draw, PoseKind, ViewKind) {
-    let mut draw = Draw::new(seed, 2 * number + 1);
+fn kinds(seed: u64, number: u64) -> (Sampler, PoseKind, ViewKind) {
+    let mut draw = Sampler::new(seed, 2 * number + 1);
     let (pose, view) = (draw.one(&POSES), draw.one(&VIEWS));
     (draw, pose, view)
 }
 
 /// A hand on the device.
-pub struct Subject<'a> {
-    hand: &'a Hand,
+pub struct StressSubject<'a> {
+    hand: &'a StressHand,
     scene: Scene,
     /// Of what can be trained.
     backward: Option<DeformationBackward>,
@@ -131,9 +131,9 @@ fn all_finite(values: &[f32]) -> bool {
     values.iter().all(|v| v.is_finite())
 }
 
-impl<'a> Subject<'a> {
+impl<'a> StressSubject<'a> {
     /// Puts a hand on the device.
-    pub fn new(gpu: &Gpu, hand: &'a Hand) -> anyhow::Result<Subject<'a>> {
+    pub fn new(gpu: &Gpu, hand: &'a StressHand) -> anyhow::Result<StressSubject<'a>> {
         let mut scene = Scene::new(gpu, &[&hand.avatar], Purpose::Gradients, 1, [LARGEST_EDGE; 2])?;
         let mobility = vec![1.0; hand.avatar.template.joint_count()];
         let (splatter, avatars) = scene.splatter_and_avatars_mut();
@@ -141,20 +141,20 @@ impl<'a> Subject<'a> {
         let normalization = hand.avatar.config.network.as_ref().map(|sizes| sizes.normalization);
         // In training, batch normalisation goes by other numbers than at play.
         let is_trained = match hand.model {
-            Model::Direct => true,
-            Model::Network => normalization != Some(Normalization::Batch),
-            Model::Baked(_) => false,
+            StressModel::Direct => true,
+            StressModel::Network => normalization != Some(Normalization::Batch),
+            StressModel::Baked(_) => false,
         };
         let prepare = || posed.prepare_training(gpu, splatter.d_gaussians(), &mobility);
         let backward = is_trained.then(prepare).transpose()?;
-        Ok(Subject { hand, scene, backward })
+        Ok(StressSubject { hand, scene, backward })
     }
 
     /// Takes the hand through the pipeline in the pose and the view of a case.
-    pub fn run(&mut self, gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<Outcome> {
+    pub fn run(&mut self, gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<CaseOutcome> {
         let avatar = &self.hand.avatar;
         let (mut draw, pose_kind, view_kind) = kinds(seed, number);
-        let mut outcome = Outcome::new(self.hand, number, pose_kind, view_kind);
+        let mut outcome = CaseOutcome::new(self.hand, number, pose_kind, view_kind);
         let pose = pose_kind.draw(&mut draw, &avatar.template);
         let unlit = exact(avatar, &pose).context("the hand has no twin")?;
         let camera = view_kind.draw(&mut draw, &unlit);
@@ -248,7 +248,7 @@ impl<'a> Subject<'a> {
             outcome.roundings[4] = picture(&image, &drawn[2], &moved_picture, &undecided).0;
         }
         // Networks' gradients have no twin here: tests compare them with finite differences.
-        if self.backward.is_none() || self.hand.model != Model::Direct || !self.hand.kind.has_gradients() {
+        if self.backward.is_none() || self.hand.model != StressModel::Direct || !self.hand.kind.has_gradients() {
             return Ok(outcome);
         }
         let unlit_gradient = |unlit: &PosedGaussians, light: &Option<TwinLight>, d: PosedGaussians| match light {
@@ -398,15 +398,15 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-fn moved_number(draw: &mut Draw, value: f64) -> f64 {
+fn moved_number(draw: &mut Sampler, value: f64) -> f64 {
     move_by_one(value as f32, draw.chance(0.5)).into()
 }
 
-fn moved_vector(draw: &mut Draw, v: DVec3) -> DVec3 {
+fn moved_vector(draw: &mut Sampler, v: DVec3) -> DVec3 {
     DVec3::from(v.to_array().map(|x| moved_number(draw, x)))
 }
 
-fn move_camera(draw: &mut Draw, camera: &mut Camera) {
+fn move_camera(draw: &mut Sampler, camera: &mut Camera) {
     camera.translation = moved_vector(draw, camera.translation);
     for column in [&mut camera.rotation.x_axis, &mut camera.rotation.y_axis, &mut camera.rotation.z_axis] {
         *column = moved_vector(draw, *column);
@@ -417,7 +417,7 @@ fn move_camera(draw: &mut Draw, camera: &mut Camera) {
     camera.principal.y = moved_number(draw, camera.principal.y);
 }
 
-fn moved_pose(draw: &mut Draw, pose: &Pose) -> Pose {
+fn moved_pose(draw: &mut Sampler, pose: &Pose) -> Pose {
     Pose {
         rotations: pose.rotations.iter().map(|v| moved_vector(draw, *v)).collect(),
         translation: moved_vector(draw, pose.translation),
@@ -425,7 +425,7 @@ fn moved_pose(draw: &mut Draw, pose: &Pose) -> Pose {
 }
 
 /// Moves the Gaussians along the line of sight by one unit in the last place of their depth, by which they are sorted.
-fn move_depths(draw: &mut Draw, gaussians: &mut PosedGaussians, camera: &Camera) {
+fn move_depths(draw: &mut Sampler, gaussians: &mut PosedGaussians, camera: &Camera) {
     let forward = camera.rotation.row(2);
     for mean in &mut gaussians.means {
         let depth = forward.dot(*mean) + camera.translation.z;
@@ -433,13 +433,13 @@ fn move_depths(draw: &mut Draw, gaussians: &mut PosedGaussians, camera: &Camera)
     }
 }
 
-fn moved_table_of(draw: &mut Draw, table: &[f32], shape: GaussianShape) -> PosedGaussians {
+fn moved_table_of(draw: &mut Sampler, table: &[f32], shape: GaussianShape) -> PosedGaussians {
     let moved: Vec<f64> = table.iter().map(|v| moved_number(draw, f64::from(*v))).collect();
     PosedGaussians::from_table(&moved, shape)
 }
 
 /// The hand with every number moved; of a baked one, whose numbers are packed, the joints.
-fn moved_avatar(draw: &mut Draw, avatar: &Avatar) -> Avatar {
+fn moved_avatar(draw: &mut Sampler, avatar: &Avatar) -> Avatar {
     let mut moved = avatar.clone();
     let mut all = |values: &mut Vec<f32>| values.iter_mut().for_each(|v| *v = move_by_one(*v, draw.chance(0.5)));
     all(&mut moved.template.rest);
@@ -474,13 +474,13 @@ mod tests {
     #[test]
     fn a_lit_hand_is_compared_with_its_own_light() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let is_glossy = |hand: &Hand| hand.avatar.light.as_ref().is_some_and(|light| light.gloss.is_some());
-        let hand = (0..).map(|number| Hand::draw(&gpu, 2, number).unwrap()).find(is_glossy).unwrap();
-        let (avatar, mut draw) = (&hand.avatar, Draw::new(0, 0));
+        let is_glossy = |hand: &StressHand| hand.avatar.light.as_ref().is_some_and(|light| light.gloss.is_some());
+        let hand = (0..).map(|number| StressHand::draw(&gpu, 2, number).unwrap()).find(is_glossy).unwrap();
+        let (avatar, mut draw) = (&hand.avatar, Sampler::new(0, 0));
         let pose = PoseKind::Usual.draw(&mut draw, &avatar.template);
         let unlit = exact(avatar, &pose).unwrap();
         let camera = ViewKind::Usual.draw(&mut draw, &unlit);
-        let (_, table) = Subject::new(&gpu, &hand).unwrap().draw(&gpu, &pose, &camera).unwrap();
+        let (_, table) = StressSubject::new(&gpu, &hand).unwrap().draw(&gpu, &pose, &camera).unwrap();
         let light = TwinLight::of(avatar, &pose, camera.center()).unwrap().unwrap();
         let (lit, moved) = (light.light(&unlit), light.moved(&mut draw).light(&unlit));
         let off = |exact: &PosedGaussians| posed_roundings(avatar, &table, exact, &moved);
@@ -495,9 +495,9 @@ mod tests {
     fn a_hand_of_networks_is_compared_with_its_twin() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         // The hand of cases 2250 to 2299 of this seed.
-        let hand = Hand::draw(&gpu, 1, 45).unwrap();
-        assert_eq!(hand.model, Model::Network);
-        let mut subject = Subject::new(&gpu, &hand).unwrap();
+        let hand = StressHand::draw(&gpu, 1, 45).unwrap();
+        assert_eq!(hand.model, StressModel::Network);
+        let mut subject = StressSubject::new(&gpu, &hand).unwrap();
         for number in 2250..2260 {
             let outcome = subject.run(&gpu, 1, number).unwrap();
             assert_eq!(outcome.problem, None);

@@ -10,15 +10,15 @@ use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables};
 use ghand_core::Pose;
 use ghand_files::atomic_file::write_atomically;
-use ghand_pictures::plot::{LogPanel, LogPlot, Series};
+use ghand_pictures::plot::{DataSeries, LogPanel, LogPlot};
 use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use glam::DVec3;
 use rand::RngExt;
 
-use super::case::{HIGHER, LOWER, Subject, gradient_parts, twin_of};
+use super::case::{HIGHER, LOWER, StressSubject, gradient_parts, twin_of};
 use super::compare::{differences, undecided};
-use super::hand::{Draw, Hand, HandKind, Model, usual_hand, usual_pose};
+use super::hand::{HandKind, Sampler, StressHand, StressModel, usual_hand, usual_pose};
 use super::view::ViewKind;
 
 /// Hands, poses and views of each value.
@@ -67,7 +67,7 @@ impl Quantity {
     }
 
     /// A hand, its pose, and the size of the hand, with this value.
-    fn draw(self, draw: &mut Draw, value: f64) -> (Avatar, Pose, f64) {
+    fn draw(self, draw: &mut Sampler, value: f64) -> (Avatar, Pose, f64) {
         let count = match self {
             Quantity::Layers | Quantity::Count => value as usize,
             _ => USUAL_COUNT,
@@ -83,7 +83,7 @@ impl Quantity {
         let mut pose = usual_pose(draw, &avatar.template);
         match self {
             Quantity::Angle => {
-                let turned = |draw: &mut Draw| draw.vector(1.0).try_normalize().unwrap_or(DVec3::X) * value;
+                let turned = |draw: &mut Sampler| draw.vector(1.0).try_normalize().unwrap_or(DVec3::X) * value;
                 pose.rotations.iter_mut().for_each(|r| *r = turned(draw).as_vec3().as_dvec3());
             }
             Quantity::Size => scale(&mut avatar, &mut pose, (size / f64::from(HandKind::Usual.size())) as f32),
@@ -127,8 +127,9 @@ pub fn measure(gpu: &mut Gpu, seed: u64, folder: Option<&Path>) -> anyhow::Resul
             let mut all: [Vec<f64>; 3] = Default::default();
             for repetition in 0..REPEATED {
                 let stream = ((k as u64) << 32) + ((step as u64) << 16) + repetition;
-                let found = gpu
-                    .retry_on_device_loss("a case", |gpu| errors(gpu, quantity, value, &mut Draw::new(seed, stream)))?;
+                let found = gpu.retry_on_device_loss("a case", |gpu| {
+                    errors(gpu, quantity, value, &mut Sampler::new(seed, stream))
+                })?;
                 all.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
             }
             points.push((value, all.map(median_and_worst)));
@@ -149,13 +150,13 @@ pub fn measure(gpu: &mut Gpu, seed: u64, folder: Option<&Path>) -> anyhow::Resul
 }
 
 /// The errors of one hand in one pose and view.
-fn errors(gpu: &Gpu, quantity: Quantity, value: f64, draw: &mut Draw) -> anyhow::Result<[Option<f64>; 3]> {
+fn errors(gpu: &Gpu, quantity: Quantity, value: f64, draw: &mut Sampler) -> anyhow::Result<[Option<f64>; 3]> {
     let (avatar, pose, size) = quantity.draw(draw, value);
     let twin = DirectTwin::new(&avatar).context("the hand has no twin")?;
     let posed = twin.pose(&pose);
     let camera = ViewKind::Usual.draw(draw, &posed.gaussians);
-    let hand = Hand { kind: HandKind::Usual, model: Model::Direct, avatar: avatar.clone(), full: None };
-    let mut subject = Subject::new(gpu, &hand)?;
+    let hand = StressHand { kind: HandKind::Usual, model: StressModel::Direct, avatar: avatar.clone(), full: None };
+    let mut subject = StressSubject::new(gpu, &hand)?;
     let (image, table) = subject.draw(gpu, &pose, &camera)?;
 
     let found =
@@ -233,7 +234,7 @@ fn plot(curves: &[Curve]) -> LogPlot {
     let panel = |curve: &Curve| LogPanel {
         axis: curve.quantity.name().into(),
         series: (0..3)
-            .map(|k| Series {
+            .map(|k| DataSeries {
                 name: ERRORS[k].into(),
                 points: curve.points.iter().filter_map(|(value, errors)| Some((*value, errors[k]?[0]))).collect(),
             })
@@ -251,7 +252,7 @@ mod tests {
     #[test]
     fn only_distance_from_the_origin_costs_digits() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let of = |quantity: Quantity, value: f64| errors(&gpu, quantity, value, &mut Draw::new(3, 1)).unwrap();
+        let of = |quantity: Quantity, value: f64| errors(&gpu, quantity, value, &mut Sampler::new(3, 1)).unwrap();
         let usual =
             [(Quantity::Angle, 1.0), (Quantity::Size, 10.0), (Quantity::Layers, 30.0), (Quantity::Count, 300.0)];
         for (quantity, value) in usual.into_iter().chain([(Quantity::Distance, 0.1)]) {

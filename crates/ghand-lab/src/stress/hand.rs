@@ -123,7 +123,7 @@ impl HandKind {
 
 /// How a hand's properties are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
+pub enum StressModel {
     /// By tables.
     Direct,
     /// By networks.
@@ -132,25 +132,25 @@ pub enum Model {
     Baked(Precision),
 }
 
-impl Model {
+impl StressModel {
     /// Its name for people.
     pub fn name(self) -> &'static str {
         match self {
-            Model::Direct => "direct",
-            Model::Network => "network",
-            Model::Baked(Precision::F32) => "baked, f32",
-            Model::Baked(Precision::F16) => "baked, f16",
-            Model::Baked(Precision::U8) => "baked, u8",
+            StressModel::Direct => "direct",
+            StressModel::Network => "network",
+            StressModel::Baked(Precision::F32) => "baked, f32",
+            StressModel::Baked(Precision::F16) => "baked, f16",
+            StressModel::Baked(Precision::U8) => "baked, u8",
         }
     }
 }
 
 /// A hand.
-pub struct Hand {
+pub struct StressHand {
     /// What is extreme about it.
     pub kind: HandKind,
     /// How its properties are computed.
-    pub model: Model,
+    pub model: StressModel,
     /// The hand.
     pub avatar: Avatar,
     /// The same baked in f32, if it is baked in fewer bits.
@@ -165,14 +165,14 @@ const HUMAN_RESOLUTION: u32 = 16;
 const BAKED_POSES: usize = 36;
 
 /// Numbers from a seed.
-pub struct Draw(pub ChaCha8Rng);
+pub struct Sampler(pub ChaCha8Rng);
 
-impl Draw {
+impl Sampler {
     /// The numbers of one of many things.
-    pub fn new(seed: u64, stream: u64) -> Draw {
+    pub fn new(seed: u64, stream: u64) -> Sampler {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
-        Draw(rng)
+        Sampler(rng)
     }
 
     /// `count` numbers in -size..size.
@@ -201,13 +201,13 @@ impl Draw {
     }
 }
 
-impl Hand {
+impl StressHand {
     /// The hand of this number.
     ///
     /// # Errors
     /// If the built-in hand cannot be sampled or the device failed while baking.
-    pub fn draw(gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<Hand> {
-        let mut draw = Draw::new(seed, 2 * number);
+    pub fn draw(gpu: &Gpu, seed: u64, number: u64) -> anyhow::Result<StressHand> {
+        let mut draw = Sampler::new(seed, 2 * number);
         let kind = draw.one(&HANDS);
         let config = config(&mut draw);
         let mut avatar = match kind {
@@ -219,7 +219,7 @@ impl Hand {
         };
         set_tables(&mut draw, kind, &mut avatar);
         // With numbers of their own, so that all else is the same with and without light, with tables and with networks.
-        let mut of_light = Draw::new(!seed, 2 * number);
+        let mut of_light = Sampler::new(!seed, 2 * number);
         let kind = match kind {
             HandKind::Human if of_light.chance(0.5) => {
                 avatar.light = Some(light::draw(&mut of_light, &avatar)?);
@@ -227,31 +227,31 @@ impl Hand {
             }
             other => other,
         };
-        let mut model = Model::Direct;
+        let mut model = StressModel::Direct;
         if matches!(kind, HandKind::Human | HandKind::Lit) && of_light.chance(0.4) && cfg!(feature = "networks") {
             avatar = network(&mut of_light, &avatar)?;
-            model = Model::Network;
+            model = StressModel::Network;
         }
         let baked = kind.is_comparable() && draw.chance(0.3);
         if !baked {
-            return Ok(Hand { kind, model, avatar, full: None });
+            return Ok(StressHand { kind, model, avatar, full: None });
         }
         let poses: Vec<Pose> = (0..BAKED_POSES).map(|_| usual_pose(&mut draw, &avatar.template)).collect();
         let precision = draw.one(&[Precision::F32, Precision::F16, Precision::U8]);
         let bake = Bake::new(gpu, &avatar, &poses, 3, |_| ())?;
         let baked = |precision: Precision| bake.avatar(bake.blocks(), precision);
         let full = (precision != Precision::F32).then(|| baked(Precision::F32));
-        Ok(Hand { kind, model: Model::Baked(precision), avatar: baked(precision), full })
+        Ok(StressHand { kind, model: StressModel::Baked(precision), avatar: baked(precision), full })
     }
 }
 
 /// A pose such as a hand takes.
-pub fn usual_pose(draw: &mut Draw, template: &Template) -> Pose {
+pub fn usual_pose(draw: &mut Sampler, template: &Template) -> Pose {
     let size = f64::from(template.mean_spacing()).min(1.0);
     Pose { rotations: template.joints.iter().map(|_| draw.vector(0.9)).collect(), translation: draw.vector(size) }
 }
 
-fn config(draw: &mut Draw) -> AvatarConfig {
+fn config(draw: &mut Sampler) -> AvatarConfig {
     AvatarConfig {
         uv_resolution: HUMAN_RESOLUTION,
         shape_bases: draw.one(&[1, 2, 4]),
@@ -267,7 +267,7 @@ fn config(draw: &mut Draw) -> AvatarConfig {
 }
 
 /// The built-in hand in a shape, its joints rounded as the device rounds them.
-fn human(draw: &mut Draw, config: &AvatarConfig) -> anyhow::Result<Avatar> {
+fn human(draw: &mut Sampler, config: &AvatarConfig) -> anyhow::Result<Avatar> {
     let side = draw.one(&[Side::Left, Side::Right]);
     let model = builtin_hand(side)?;
     let size = draw.one(&[1.0, 10.0]);
@@ -280,7 +280,7 @@ fn human(draw: &mut Draw, config: &AvatarConfig) -> anyhow::Result<Avatar> {
 }
 
 /// A hand with networks instead of tables, small ones.
-fn network(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<Avatar> {
+fn network(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<Avatar> {
     let normalization = draw.one(&[Normalization::Instance, Normalization::Batch]);
     let sizes = NetworkSizes {
         map_side: 32,
@@ -310,7 +310,7 @@ fn network(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<Avatar> {
 }
 
 /// A usual hand of so many round Gaussians.
-pub fn usual_hand(draw: &mut Draw, count: usize) -> Avatar {
+pub fn usual_hand(draw: &mut Sampler, count: usize) -> Avatar {
     let config = AvatarConfig { gaussians: GaussianShape::Round, ..config(draw) };
     let mut avatar = random(draw, HandKind::Usual, &config, count);
     set_tables(draw, HandKind::Usual, &mut avatar);
@@ -318,7 +318,7 @@ pub fn usual_hand(draw: &mut Draw, count: usize) -> Avatar {
 }
 
 /// A hand of random numbers.
-fn random(draw: &mut Draw, kind: HandKind, config: &AvatarConfig, count: usize) -> Avatar {
+fn random(draw: &mut Sampler, kind: HandKind, config: &AvatarConfig, count: usize) -> Avatar {
     let joint_count = match kind {
         HandKind::OneJoint => 1,
         HandKind::LongChain => 25,
@@ -382,7 +382,7 @@ fn random(draw: &mut Draw, kind: HandKind, config: &AvatarConfig, count: usize) 
     }
 }
 
-fn set_tables(draw: &mut Draw, kind: HandKind, avatar: &mut Avatar) {
+fn set_tables(draw: &mut Sampler, kind: HandKind, avatar: &mut Avatar) {
     let (template, config) = (&avatar.template, &avatar.config);
     let lengths = table_lengths(template.len(), template.joint_count(), config);
     let size = kind.size();
@@ -415,7 +415,7 @@ fn set_tables(draw: &mut Draw, kind: HandKind, avatar: &mut Avatar) {
 }
 
 /// Sets some numbers of one of the tables to one of these.
-fn spoil(draw: &mut Draw, tables: &mut DirectTables, values: &[f32]) {
+fn spoil(draw: &mut Sampler, tables: &mut DirectTables, values: &[f32]) {
     let all = [
         &mut tables.shape_basis,
         &mut tables.residual_weights,

@@ -4,12 +4,12 @@ use ghand_avatar::Avatar;
 use ghand_avatar::light::{AvatarLight, Gloss, Light, LightKind, gloss};
 use ghand_avatar::reference::{PosedGaussians, rows, vectors};
 use ghand_core::Pose;
-use ghand_core::light::{LitSurface, lit, lit_vjp};
+use ghand_core::light::{SurfaceLight, lit, lit_vjp};
 use ghand_hand_model::surface::sample_surface;
 use glam::{DQuat, DVec3};
 
 use super::compare::move_by_one;
-use super::hand::Draw;
+use super::hand::Sampler;
 
 /// Radiances and strengths.
 const FAINTEST: f64 = 1e-4;
@@ -19,13 +19,13 @@ const BRIGHTEST: f64 = 1e3;
 ///
 /// # Errors
 /// If the surface cannot be sampled.
-pub fn draw(draw: &mut Draw, avatar: &Avatar) -> anyhow::Result<AvatarLight> {
+pub fn draw(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<AvatarLight> {
     let kind = draw.one(&[LightKind::Transfer, LightKind::Sh]);
     let axis = draw.vector(1.0).try_normalize().unwrap_or(DVec3::X);
     let turn = DQuat::from_axis_angle(axis, draw.vector(3.0).x);
     // A part of the directions is dark; harmonics may darken.
     let dark = draw.one(&[0.0, 0.5, 0.95]);
-    let bright = |draw: &mut Draw, dark: f64| match draw.chance(dark) {
+    let bright = |draw: &mut Sampler, dark: f64| match draw.chance(dark) {
         true => 0.0,
         false => draw.log(FAINTEST, BRIGHTEST) as f32,
     };
@@ -80,7 +80,7 @@ impl TwinLight {
     }
 
     /// With every number moved by one unit in its last place.
-    pub fn moved(&self, draw: &mut Draw) -> TwinLight {
+    pub fn moved(&self, draw: &mut Sampler) -> TwinLight {
         let mut moved = self.clone();
         let all = moved.shades.as_flattened_mut().iter_mut().chain(moved.gloss.as_flattened_mut());
         // Where nothing is mirrored, no gloss is added at all.
@@ -88,10 +88,10 @@ impl TwinLight {
         moved
     }
 
-    fn with<T>(&self, see: impl FnOnce(&LitSurface<'_>) -> T) -> T {
+    fn with<T>(&self, see: impl FnOnce(&SurfaceLight<'_>) -> T) -> T {
         let (shades, gloss) = (wide(&self.shades), wide(&self.gloss));
         let (corners, barycentric) = (&self.corners[..], &self.barycentric[..]);
-        see(&LitSurface { corners, barycentric, shades: &shades, gloss: &gloss })
+        see(&SurfaceLight { corners, barycentric, shades: &shades, gloss: &gloss })
     }
 
     /// Lights Gaussians.

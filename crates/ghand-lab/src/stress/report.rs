@@ -8,7 +8,7 @@ use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use serde::Serialize;
 
-use super::case::{BOUNDS, Outcome, STAGES};
+use super::case::{BOUNDS, CaseOutcome, STAGES};
 use super::hand::HandKind;
 
 /// Most cases beyond the bounds that are kept.
@@ -38,7 +38,7 @@ struct Kind {
 
 /// What is kept of a run.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub struct StressReport {
     adapter: String,
     seed: u64,
     stages: [&'static str; 5],
@@ -51,11 +51,11 @@ pub struct Report {
     failures: Vec<String>,
     /// The worst of each stage, and some of those beyond the bounds.
     #[serde(skip)]
-    kept: BTreeMap<String, Outcome>,
+    kept: BTreeMap<String, CaseOutcome>,
 }
 
 impl Kind {
-    fn add(&mut self, outcome: &Outcome) {
+    fn add(&mut self, outcome: &CaseOutcome) {
         self.cases += 1;
         self.undecided += u64::from(outcome.undecided);
         if let Some(packing) = outcome.packing {
@@ -72,9 +72,9 @@ impl Kind {
     }
 }
 
-impl Report {
-    pub fn new(adapter: &str, seed: u64) -> Report {
-        Report {
+impl StressReport {
+    pub fn new(adapter: &str, seed: u64) -> StressReport {
+        StressReport {
             adapter: adapter.to_owned(),
             seed,
             stages: STAGES,
@@ -90,7 +90,7 @@ impl Report {
     }
 
     /// Adds a case.
-    pub fn add(&mut self, outcome: Outcome) {
+    pub fn add(&mut self, outcome: CaseOutcome) {
         let before = self.all.worst;
         self.all.add(&outcome);
         self.hands.entry(outcome.hand.name()).or_default().add(&outcome);

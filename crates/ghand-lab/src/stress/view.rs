@@ -9,7 +9,7 @@ use ghand_core::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 use rand::RngExt;
 
-use super::hand::{Draw, usual_pose};
+use super::hand::{Sampler, usual_pose};
 
 /// What is extreme about a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,9 +51,9 @@ impl PoseKind {
     }
 
     /// A pose of this kind.
-    pub fn draw(self, draw: &mut Draw, template: &Template) -> Pose {
+    pub fn draw(self, draw: &mut Sampler, template: &Template) -> Pose {
         let mut pose = usual_pose(draw, template);
-        let mut turn = |angle: &mut dyn FnMut(&mut Draw) -> f64| {
+        let mut turn = |angle: &mut dyn FnMut(&mut Sampler) -> f64| {
             for rotation in &mut pose.rotations {
                 let axis = draw.vector(1.0).try_normalize().unwrap_or(DVec3::X);
                 *rotation = (axis * angle(draw)).as_vec3().as_dvec3();
@@ -124,7 +124,7 @@ impl ViewKind {
     }
 
     /// A camera of this kind for a posed hand.
-    pub fn draw(self, draw: &mut Draw, hand: &PosedGaussians) -> Camera {
+    pub fn draw(self, draw: &mut Sampler, hand: &PosedGaussians) -> Camera {
         let points: Vec<DVec3> = hand.means.iter().copied().filter(|mean| mean.length() < 1e6).collect();
         let count = points.len().max(1) as f64;
         let middle = points.iter().sum::<DVec3>() / count;

@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use ghand_avatar::Scene;
 use ghand_capture::Capture;
+use ghand_core::statistics::{median, quantile};
 use ghand_core::{Camera, Pose};
-use ghand_fit::protocol::given_views;
 use ghand_fit::views::TrainViews;
 use ghand_measure::metrics::{ImageSimilarity, compare, mean_similarity, quantize};
+use ghand_measure::protocol::given_views;
 use ghand_render::Gpu;
 use ghand_render::splat::{Image, Purpose, SplatOptions};
 use image::imageops::{FilterType, resize};
@@ -131,9 +132,9 @@ pub fn measure(
     }
     let first = times.first().cloned().unwrap_or_default();
     for (measured, mut times) in measured.iter_mut().zip(times) {
-        measured.relative = quantile(times.iter().zip(&first).map(|(a, b)| a / b).collect(), 0.5);
+        measured.relative = median(times.iter().zip(&first).map(|(a, b)| a / b));
         times.sort_by(f64::total_cmp);
-        measured.frame_ms = quantile(times.clone(), 0.5);
+        measured.frame_ms = median(times.clone());
         measured.frame_ms_range = [quantile(times.clone(), 0.25), quantile(times, 0.75)];
     }
     mark_best(&mut measured);
@@ -143,13 +144,6 @@ pub fn measure(
 /// Memory that is taken on the device, bytes.
 fn allocated(gpu: &Gpu) -> Option<u64> {
     gpu.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
-}
-
-/// The number below which a part of the others lie.
-fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let at = (part * values.len().saturating_sub(1) as f64).round() as usize;
-    values.get(at).copied().unwrap_or(f64::NAN)
 }
 
 /// The median time of a frame, ms, over some images of whole size.

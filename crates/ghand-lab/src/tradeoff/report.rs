@@ -21,7 +21,7 @@ const FILES: [&str; 5] = ["tradeoff.md", "tradeoff.csv", "tradeoff.json", "trade
 
 /// Contents of `tradeoff.json`.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub struct TradeoffReport {
     adapter: String,
     capture: String,
     split: String,
@@ -43,11 +43,17 @@ pub fn check_folder(folder: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-impl Report {
-    pub fn new(gpu: &Gpu, capture: &Path, args: &TradeoffArgs, images: usize, mut variants: Vec<Measured>) -> Report {
+impl TradeoffReport {
+    pub fn new(
+        gpu: &Gpu,
+        capture: &Path,
+        args: &TradeoffArgs,
+        images: usize,
+        mut variants: Vec<Measured>,
+    ) -> TradeoffReport {
         variants.sort_by(|a, b| a.relative.total_cmp(&b.relative));
         let name = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        Report {
+        TradeoffReport {
             adapter: gpu.info.name.clone(),
             capture: name,
             split: args.split.clone(),

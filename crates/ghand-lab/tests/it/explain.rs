@@ -11,8 +11,8 @@ use ghand_core::Pose;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_files::claim::Claim;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use serde_json::Value;
 

@@ -6,7 +6,7 @@ use ghand_capture::{Capture, Split};
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::sphere::spiral_direction;
 use ghand_core::{Camera, Pose};
-use ghand_hand_model::hand_directions::hand_directions;
+use ghand_hand_model::joints::hand_directions::hand_directions;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_lab::cleanliness::figures::{DetailEnergy, HandPicture, KnownColors, PictureSums};
 use ghand_render::splat::Purpose;

@@ -5,8 +5,8 @@
 //! person's, and the three angles of the thumb's base mix. Trackers' landmarks also lie on the skin: that a hinge of
 //! theirs twists or moves sideways does not mean that the person's does.
 
-use ghand_hand_model::joint_limits::{AngleRange, COUPLED_RATIO, COUPLED_SPREAD, JointLimits};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::limits::{AngleRange, COUPLED_RATIO, COUPLED_SPREAD, JointLimits};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 
 /// Allowed and likely values of an angle, radians.
 #[derive(Debug, Clone, Copy, PartialEq)]

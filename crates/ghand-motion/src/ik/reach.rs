@@ -7,8 +7,8 @@
 use ghand_core::Pose;
 use ghand_core::rotation::rotation_from_axis_angle_vjp;
 use ghand_core::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp};
-use ghand_hand_model::joint_limits::{AngleRange, JointLimits};
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::limits::{AngleRange, JointLimits};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
 use super::derivatives::Square;
@@ -191,7 +191,7 @@ impl Problem for Pull<'_> {
 #[cfg(test)]
 mod tests {
     use ghand_core::HandModel;
-    use ghand_hand_model::joint_axes::JointAxes;
+    use ghand_hand_model::joints::axes::JointAxes;
     use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 
     use super::*;

@@ -2,7 +2,7 @@
 
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::joint_limits::random_pose;
+use ghand_hand_model::joints::limits::random_pose;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

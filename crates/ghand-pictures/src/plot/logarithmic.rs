@@ -3,7 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::{COLORS, FAINT, FONT, INK, Series};
+use super::{COLORS, DataSeries, FAINT, FONT, INK};
 
 /// Curves over one quantity.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +11,7 @@ pub struct LogPanel {
     /// What it is, with its unit.
     pub axis: String,
     /// The curves; the same names in all panels. Points that are not positive are left out.
-    pub series: Vec<Series>,
+    pub series: Vec<DataSeries>,
 }
 
 /// Panels with the same vertical axis.
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn curves_over_decades_are_drawn_and_what_is_not_positive_is_left_out() {
-        let series = |name: &str, scale: f64| Series {
+        let series = |name: &str, scale: f64| DataSeries {
             name: name.into(),
             points: (-3..4)
                 .map(|k| (10f64.powi(k), scale * 10f64.powi(k)))

@@ -3,12 +3,12 @@
 use crate::common::*;
 use ghand_core::Camera;
 use ghand_hand_model::surface::sample_surface;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::Gpu;
 use ghand_render::reference::project::Gaussian;
 use ghand_render::splat::{
     Color as SplatColor, FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View,
 };
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::{DVec2, DVec3};
 
 #[test]

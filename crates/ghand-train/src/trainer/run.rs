@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::Problem;
-use super::onlooker::Onlooker;
+use super::preview_sink::PreviewSink;
 use crate::checkpoint::{Checkpoint, CurvePoint, StageState};
 use crate::checkpoints::Checkpoints;
 
@@ -13,7 +13,7 @@ pub(super) struct Run<'a> {
     pub curve: Vec<CurvePoint>,
     pub stop: Option<&'a AtomicBool>,
     pub checkpoints: Option<Checkpoints>,
-    pub onlooker: Option<Onlooker<'a>>,
+    pub preview: Option<PreviewSink<'a>>,
     /// The stage's state that was saved last.
     pub state: Option<StageState>,
     pub started: Instant,
@@ -27,7 +27,7 @@ impl Default for Run<'_> {
             curve: vec![],
             stop: None,
             checkpoints: None,
-            onlooker: None,
+            preview: None,
             state: None,
             started: Instant::now(),
             earlier: 0.0,
@@ -42,7 +42,7 @@ impl Run<'_> {
     }
 
     /// Whether a stop was requested.
-    pub fn is_told_to_stop(&self) -> bool {
+    pub fn stop_requested(&self) -> bool {
         self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 

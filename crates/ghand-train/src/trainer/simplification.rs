@@ -19,8 +19,8 @@ use crate::checkpoint::Prepared;
 use crate::memory_check;
 use crate::settings::{Components, Model, SettingsError, TrainSettings, Unseen};
 use crate::train_error::TrainError;
-use ghand_fit::needed_texels::{largest_edges, needed_texels};
-use ghand_fit::texel_frames::evenly;
+use ghand_fit::texels::frames::evenly;
+use ghand_fit::texels::required::{largest_edges, required_texels};
 use ghand_fit::views::TrainViews;
 use ghand_measure::outline::bent_outline;
 
@@ -272,7 +272,7 @@ impl<'a> Trials<'a> {
         settings.iterations = self.iterations;
         let TrainSettings { uv_resolution, merge_below, .. } = settings;
         let Problem { capture, split, prepared, .. } = &self.problem;
-        let gaussians = needed_texels(gpu, capture, split, &prepared.poses, uv_resolution, merge_below)?.len();
+        let gaussians = required_texels(gpu, capture, split, &prepared.poses, uv_resolution, merge_below)?.len();
         memory_check::check(gaussians, self.problem.capture.template.joint_count(), &settings)?;
         let stage = Stage {
             number: 2,

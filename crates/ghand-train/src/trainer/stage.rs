@@ -8,16 +8,17 @@ use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
 use super::view_order::ViewOrder;
-use super::{Preview, Problem, Progress, Run};
+use super::{Preview, Problem, Run, TrainingProgress};
 use crate::checkpoint::{CurvePoint, Losses, SkippedSteps, StageState};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
 use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
-use crate::step::{Learned, Rates, Step};
+use crate::step::{Rates, Step, StepOutcome};
 use crate::train_error::TrainError;
+use ghand_core::pose_error::moving_joints;
 use ghand_fit::views::TrainView;
 use ghand_measure::error_bands::squared_error;
-use ghand_measure::metrics::{moving_joints, psnr_of, quantize};
+use ghand_measure::metrics::{psnr_of, quantize};
 
 /// Number of views on which the loss before and after a stage is compared.
 const REFERENCE_VIEWS: usize = 8;
@@ -75,7 +76,7 @@ impl Problem {
         gpu: &Gpu,
         stage: &Stage,
         run: &mut Run,
-        progress: &mut dyn FnMut(&Progress),
+        progress: &mut dyn FnMut(&TrainingProgress),
     ) -> Result<StageResult, TrainError> {
         let settings = &stage.settings;
         let pose_stage = self.settings.pose_stage();
@@ -109,7 +110,7 @@ impl Problem {
         let weights = self.views.weights()?.to_vec();
         let mut order = ViewOrder::new(&self.views, weights, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
-        let mut told_to_stop = false;
+        let mut stop_requested = false;
         let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
             let numbers = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
@@ -122,20 +123,20 @@ impl Problem {
             if fraction >= 1.0 && done > 0 {
                 break;
             }
-            told_to_stop = run.is_told_to_stop();
-            if saved != Some(done) && (told_to_stop || run.checkpoint_due()) && run.checkpoints.is_some() {
+            stop_requested = run.stop_requested();
+            if saved != Some(done) && (stop_requested || run.checkpoint_due()) && run.checkpoints.is_some() {
                 run.save(self, state_after(&step, done, &losses, skipped)?);
                 saved = Some(done);
             }
             // An avatar without a single iteration is not a result either.
-            if told_to_stop && (stage.refine_poses || done == 0) {
+            if stop_requested && (stage.refine_poses || done == 0) {
                 let (iteration, iterations) = (stage.done + done, self.settings.iterations);
                 return Err(TrainError::Stopped { iteration, iterations });
             }
-            if told_to_stop {
+            if stop_requested {
                 break;
             }
-            self.show_onlooker(gpu, run, &step, &avatar, stage.done + done)?;
+            self.show_preview(gpu, run, &step, &avatar, stage.done + done)?;
             let rounds = pose_stage.prior_rounds;
             if stage.refine_poses && is_prior_round(done, stage.iterations, rounds) {
                 let (_, _, mut poses) = self.read_hand(gpu, &step)?;
@@ -151,20 +152,20 @@ impl Problem {
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;
-                let learned = step.add_gradients(gpu, &view, value_count(&view), background, settings, &rates)?;
+                let outcome = step.add_gradients(gpu, &view, value_count(&view), background, settings, &rates)?;
                 losses.add(step.loss(gpu, &view)?[0]);
                 last = Some(view);
-                if learned == Learned::Skipped {
+                if outcome == StepOutcome::Skipped {
                     last = None;
                     break;
                 }
             }
-            let learned = match &last {
+            let outcome = match &last {
                 Some(view) => step.update(gpu, view, settings, &rates)?,
-                None => Learned::Skipped,
+                None => StepOutcome::Skipped,
             };
             done += 1;
-            if skipped.count(learned == Learned::Skipped) {
+            if skipped.count(outcome == StepOutcome::Skipped) {
                 return Err(diverged(Divergence::NotFinite("the gradients of ten steps in a row"), done));
             }
             if done.is_multiple_of(LOSS_EVERY) {
@@ -185,7 +186,7 @@ impl Problem {
                 let (iteration, stage, seconds) = (stage.done + done, stage.number, run.seconds());
                 run.curve.push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
             }
-            progress(&Progress {
+            progress(&TrainingProgress {
                 iteration: stage.done + done,
                 iterations: self.settings.iterations,
                 stage: stage.number,
@@ -214,7 +215,7 @@ impl Problem {
             seen = Some(weights);
         }
         // Where a stop was requested, the loss may still rise before it falls.
-        if !told_to_stop {
+        if !stop_requested {
             check_change(loss_at_start, loss_at_end).map_err(|fault| diverged(fault, done))?;
         }
         let moved = moved.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
@@ -226,7 +227,7 @@ impl Problem {
             avatar,
             poses,
             iterations: done,
-            stopped: told_to_stop,
+            stopped: stop_requested,
             skipped_steps,
             previews,
             held_out_psnr,
@@ -235,7 +236,7 @@ impl Problem {
 
     /// Shows the avatar that a step has learned so far, if there is a preview and the last one is old. `start` is the
     /// stage's first avatar.
-    fn show_onlooker(
+    fn show_preview(
         &self,
         gpu: &Gpu,
         run: &mut Run,
@@ -243,7 +244,7 @@ impl Problem {
         start: &Avatar,
         iterations: u64,
     ) -> Result<(), RenderError> {
-        let Some(onlooker) = run.onlooker.as_mut().filter(|onlooker| onlooker.is_due()) else { return Ok(()) };
+        let Some(preview) = run.preview.as_mut().filter(|preview| preview.is_due()) else { return Ok(()) };
         let (_, joints, _) = self.read_hand(gpu, step)?;
         let joints = joints.iter().map(|j| DVec3::new(j[0].into(), j[1].into(), j[2].into())).collect();
         let mut avatar = Avatar {
@@ -253,7 +254,7 @@ impl Problem {
             ..start.clone()
         };
         avatar.limit_response(&self.seen_poses());
-        onlooker.show(avatar);
+        preview.show(avatar);
         Ok(())
     }
 

@@ -6,15 +6,16 @@ use std::time::Duration;
 
 use ghand_avatar::PropertyTables;
 use ghand_capture::Capture;
-use ghand_fit::floor::Floor;
+use ghand_core::pose_error::moving_joints;
 use ghand_fit::views::TrainViews;
-use ghand_measure::metrics::moving_joints;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, RenderError};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::step::{Learned, Rates, Step};
-use ghand_train::{Align, TrainSettings, Trained, Trainer, evaluate};
+use ghand_train::step::{Rates, Step, StepOutcome};
+use ghand_train::{Align, TrainSettings, Trained, Trainer};
 
 /// Far longer than any test here takes.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -107,16 +108,16 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
         let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
-        assert_eq!(run(&gpu).unwrap(), Learned::Yes);
-        let floor = Floor::new(&gpu, &capture, split, &poses, 4).unwrap();
+        assert_eq!(run(&gpu).unwrap(), StepOutcome::Updated);
+        let baseline = Baseline::new(&gpu, &capture, split, &poses, 4).unwrap();
         gpu.device.destroy();
         assert!(matches!(run(&gpu), Err(RenderError::Lost(_))));
         assert!(matches!(step.loss(&gpu, view), Err(RenderError::Lost(_))));
         let made = ghand_avatar::Scene::new(&gpu, &[&trained.avatar], Purpose::Images, 1, size);
         assert!(matches!(made.map(drop), Err(RenderError::Lost(_))));
         let sentences = [
-            evaluate(&gpu, &trained.avatar, &capture, "test", &floor, |_| ()).unwrap_err().to_string(),
-            floor.render(&poses[0], &capture.cameras[0], [0.0; 3]).unwrap_err().to_string(),
+            evaluate(&gpu, &trained.avatar, &capture, "test", &baseline, |_| ()).unwrap_err().to_string(),
+            baseline.render(&poses[0], &capture.cameras[0], [0.0; 3]).unwrap_err().to_string(),
             make_capture(&gpu, &SyntheticOptions::default(), &folder.path().join("other")).unwrap_err().to_string(),
         ];
         for sentence in sentences {

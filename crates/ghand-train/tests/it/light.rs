@@ -7,13 +7,14 @@ use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::light::{DIRECTION_COUNT, directions, linear};
 use ghand_fit::alignment::align;
-use ghand_fit::floor::Floor;
-use ghand_fit::floor::texel_colors;
 use ghand_fit::light_fit::{LightFit, fit_light};
+use ghand_fit::texels::colors::texel_colors;
 use ghand_hand_model::surface::sample_surface;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, PlantedLight, SyntheticOptions};
-use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer, evaluate};
+use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer};
 use glam::{DQuat, DVec3};
 
 const RESOLUTION: u32 = 48;
@@ -144,10 +145,10 @@ fn relit_avatar() {
     let settings = TrainSettings { iterations, ..Default::default() };
     let trained = Trainer::new(&gpu, &key, "train", &settings).unwrap().train(|_| ()).unwrap();
     println!("{:?}", trained.light.unwrap().report());
-    let floor = Floor::new(&gpu, &rim, rim.split("train").unwrap(), &trained.poses, 60).unwrap();
+    let baseline = Baseline::new(&gpu, &rim, rim.split("train").unwrap(), &trained.poses, 60).unwrap();
     let mut avatar = trained.avatar;
     let figures = |avatar: &Avatar, capture: &Capture| {
-        let mean = evaluate(&gpu, avatar, capture, "test", &floor, |_| ()).unwrap().avatar;
+        let mean = evaluate(&gpu, avatar, capture, "test", &baseline, |_| ()).unwrap().avatar;
         (mean.psnr, mean.psnr_hand)
     };
     println!("in its own light {:?} dB", figures(&avatar, &key));

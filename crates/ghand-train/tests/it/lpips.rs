@@ -10,7 +10,7 @@ use ghand_measure::lpips::{Lpips, Pair, SMALLEST_SIDE};
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::step::{Learned, Rates, Step};
+use ghand_train::step::{Rates, Step, StepOutcome};
 use ghand_train::{TrainSettings, Trainer};
 
 fn gpu() -> Gpu {
@@ -50,8 +50,8 @@ fn first_step(
     step.set_pose(gpu, 0, &capture.frames[0].pose).unwrap();
     lpips.into_iter().for_each(|lpips| step.use_lpips(lpips));
     let rates = Rates { step: 1, tables: 1.0, pose: None, pose_step: 1 };
-    let learned = step.run(gpu, view, value_count, [0.2, 0.3, 0.4], &settings, &rates).unwrap();
-    assert_eq!(learned, Learned::Yes);
+    let outcome = step.run(gpu, view, value_count, [0.2, 0.3, 0.4], &settings, &rates).unwrap();
+    assert_eq!(outcome, StepOutcome::Updated);
     let splatter = step.scene().splatter();
     [buffers::read(gpu, splatter.d_image(), view.pixels.len()).unwrap(), splatter.read_image(gpu).unwrap().rgba]
 }

@@ -7,12 +7,13 @@ use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
-use ghand_fit::floor::Floor;
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
 use ghand_train::settings::Components;
-use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trained, Trainer, evaluate};
+use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trained, Trainer};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -91,8 +92,8 @@ impl Planted {
     fn train(&self, settings: &TrainSettings) -> (Trained, f64) {
         let trained = Trainer::new(&self.gpu, &self.capture, "train", settings).unwrap().train(|_| ()).unwrap();
         let split = self.capture.split("train").unwrap();
-        let floor = Floor::new(&self.gpu, &self.capture, split, &trained.poses, 40).unwrap();
-        let result = evaluate(&self.gpu, &trained.avatar, &self.capture, "test", &floor, |_| ()).unwrap();
+        let baseline = Baseline::new(&self.gpu, &self.capture, split, &trained.poses, 40).unwrap();
+        let result = evaluate(&self.gpu, &trained.avatar, &self.capture, "test", &baseline, |_| ()).unwrap();
         (trained, result.avatar.psnr_hand)
     }
 

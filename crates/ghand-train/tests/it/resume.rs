@@ -39,7 +39,7 @@ fn run(gpu: &Gpu, capture: &Capture, settings: &TrainSettings, folder: &Path, st
     if let Some(checkpoint) = Checkpoints::latest(folder).unwrap() {
         trainer = trainer.resume(checkpoint).unwrap();
     }
-    let trainer = trainer.stop_when(&stop).save_to(Checkpoints::new(folder, Duration::from_secs(1000), 0));
+    let trainer = trainer.stop_when(&stop).with_checkpoints(Checkpoints::new(folder, Duration::from_secs(1000), 0));
     let trained = trainer.train(|p| stop.store(p.iteration >= stop_at, Ordering::Relaxed));
     match trained {
         Ok(trained) => Some(trained),
@@ -120,7 +120,7 @@ fn an_avatar_that_is_shown_while_it_is_trained_ends_with_the_same_bytes() {
             let trainer = || Trainer::new(gpu, capture, "train", &settings).unwrap();
             let alone = trainer().train(|_| ()).unwrap();
             let mut shown = vec![];
-            let watched = trainer().show_to(Duration::ZERO, |avatar| shown.push(avatar)).train(|_| ()).unwrap();
+            let watched = trainer().with_preview(Duration::ZERO, |avatar| shown.push(avatar)).train(|_| ()).unwrap();
             assert!(bytes(&alone) == bytes(&watched), "{:?}", settings.model);
             assert_eq!(shown.len() as u64, settings.iterations, "one before each iteration");
             let folder = tempfile::tempdir().unwrap();

@@ -31,7 +31,8 @@ fn what_frames_left_out_do_not_require_is_left_out() {
         if let Some(checkpoint) = Checkpoints::latest(&checkpoints).unwrap() {
             trainer = trainer.resume(checkpoint).unwrap();
         }
-        let trainer = trainer.stop_when(&stop).save_to(Checkpoints::new(&checkpoints, Duration::from_secs(1000), 0));
+        let trainer =
+            trainer.stop_when(&stop).with_checkpoints(Checkpoints::new(&checkpoints, Duration::from_secs(1000), 0));
         let mut told = vec![];
         let trained = trainer.train(|p| {
             told.extend(p.trial.cloned());

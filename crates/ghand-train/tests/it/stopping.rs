@@ -9,7 +9,7 @@ use ghand_fit::views::TrainViews;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::{make_capture, make_capture_unless};
-use ghand_train::step::{Learned, Rates, Step};
+use ghand_train::step::{Rates, Step, StepOutcome};
 use ghand_train::{Align, Model, TrainError, TrainSettings, Trained, Trainer};
 
 fn options() -> SyntheticOptions {
@@ -96,8 +96,8 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
                     number += u64::from(values.is_normal());
                     let rates = Rates { step: number, tables: 1.0, pose: Some(1e-2), pose_step: number };
                     let view = views.get(0, 1).unwrap();
-                    let learned = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
-                    assert_eq!(learned == Learned::Yes, values.is_normal(), "{values}");
+                    let outcome = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
+                    assert_eq!(outcome == StepOutcome::Updated, values.is_normal(), "{values}");
                 }
                 (step.tables(gpu).unwrap(), step.hand_parameters(gpu, split.frames.len()).unwrap().poses)
             };
@@ -159,8 +159,8 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
                 }
                 let rates = Rates { step: k + 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
                 let view = views.get(k as usize, 1).unwrap();
-                let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
-                assert_eq!(learned, Learned::Yes);
+                let outcome = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+                assert_eq!(outcome, StepOutcome::Updated);
             }
             assert!(losses.windows(2).all(|pair| pair[1] != pair[0]), "{losses:?}");
             step.tables(gpu).unwrap()
@@ -193,8 +193,8 @@ fn a_frame_that_must_grow_is_learned_from_once() {
                 assert!(step.scene().splatter().capacity() > at_first);
             }
             let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
-            let learned = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
-            assert_eq!(learned, Learned::Yes);
+            let outcome = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
+            assert_eq!(outcome, StepOutcome::Updated);
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
             (step.tables(gpu).unwrap(), step.hand_parameters(gpu, split.frames.len()).unwrap().poses)
         };

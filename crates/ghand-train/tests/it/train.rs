@@ -2,12 +2,13 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_capture::Capture;
-use ghand_fit::floor::Floor;
-use ghand_measure::metrics::{moving_joints, pose_error_degrees};
+use ghand_core::pose_error::{moving_joints, pose_error_degrees};
+use ghand_measure::baseline::Baseline;
+use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::{TrainSettings, Trained, Trainer, evaluate};
+use ghand_train::{TrainSettings, Trained, Trainer};
 
 fn gpu() -> Gpu {
     Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"))
@@ -48,20 +49,22 @@ fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
 }
 
 #[test]
-fn training_beats_the_floor_on_new_poses_and_views_and_improves_the_poses() {
+fn training_beats_the_baseline_on_new_poses_and_views_and_improves_the_poses() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
     let settings = TrainSettings { iterations: 600, uv_resolution: 80, ..TrainSettings::default() };
     let trained = train(&gpu, &capture, &settings);
     let split = capture.split("train").unwrap();
-    let floor = Floor::new(&gpu, &capture, split, &trained.poses, 40).unwrap();
+    let baseline = Baseline::new(&gpu, &capture, split, &trained.poses, 40).unwrap();
     let mut seen = 0;
-    let evaluation = evaluate(&gpu, &trained.avatar, &capture, "test", &floor, |_| seen += 1).unwrap();
+    let evaluation = evaluate(&gpu, &trained.avatar, &capture, "test", &baseline, |_| seen += 1).unwrap();
     assert_eq!((evaluation.views, seen), (4, 4));
     // Training takes a few seconds, about 500 steps for the avatar. The full demo gains several times as much.
-    let (gain, hand_gain) =
-        (evaluation.avatar.psnr - evaluation.floor.psnr, evaluation.avatar.psnr_hand - evaluation.floor.psnr_hand);
+    let (gain, hand_gain) = (
+        evaluation.avatar.psnr - evaluation.baseline.psnr,
+        evaluation.avatar.psnr_hand - evaluation.baseline.psnr_hand,
+    );
     assert!(gain >= 2.0 && hand_gain >= 1.0, "only {gain} dB, {hand_gain} dB on the hand, above the floor");
     let truth: Vec<_> = split.frames.iter().map(|f| capture.truth.as_ref().unwrap()[*f].clone().unwrap()).collect();
     let given: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();

@@ -5,7 +5,7 @@ use ghand_avatar::Avatar;
 use ghand_avatar::bake::FEWEST_POSES;
 use ghand_capture::Capture;
 use ghand_core::{HandModel, Pose};
-use ghand_hand_model::joint_limits::random_pose;
+use ghand_hand_model::joints::limits::random_pose;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::{MOTION_NAMES, motion};
 use ghand_motion::pose_sequence::{DEFAULT_FPS, between};

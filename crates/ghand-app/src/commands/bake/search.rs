@@ -5,7 +5,7 @@ use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake, PropertyTables};
 use ghand_render::Gpu;
 
-use super::judge::{Judge, Loss};
+use super::reference_pictures::{Loss, ReferencePictures};
 use crate::say;
 
 /// What is asked for; at least one of the two.
@@ -37,14 +37,14 @@ const RESOLUTION: f64 = 0.03;
 pub fn smallest(
     gpu: &Gpu,
     bake: &Bake,
-    judge: &Judge,
+    reference: &ReferencePictures,
     goal: Goal,
     precision: Option<Precision>,
 ) -> anyhow::Result<Chosen> {
     let precisions = precision.map_or(vec![Precision::U8, Precision::F16, Precision::F32], |one| vec![one]);
     let mut least = f64::INFINITY;
     for precision in precisions {
-        let made = |keep: usize| make(gpu, bake, judge, keep, precision);
+        let made = |keep: usize| make(gpu, bake, reference, keep, precision);
         let most = match goal.max_bytes {
             None => bake.blocks(),
             Some(bytes) => largest_within(bake, precision, bytes)?,
@@ -76,9 +76,15 @@ pub fn smallest(
     )
 }
 
-fn make(gpu: &Gpu, bake: &Bake, judge: &Judge, keep: usize, precision: Precision) -> anyhow::Result<Chosen> {
+fn make(
+    gpu: &Gpu,
+    bake: &Bake,
+    reference: &ReferencePictures,
+    keep: usize,
+    precision: Precision,
+) -> anyhow::Result<Chosen> {
     let avatar = bake.avatar(keep, precision);
-    let loss = judge.loss(gpu, &avatar)?;
+    let loss = reference.loss(gpu, &avatar)?;
     let bytes = avatar.file_size()?;
     say!("{keep} blocks: {:.2} MB, loss {:.3} dB", bytes as f64 * 1e-6, loss.db);
     let components = match &avatar.tables {

@@ -6,7 +6,7 @@ use ghand_capture::capture::{Capture, HandModelSource};
 use ghand_capture::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
 use ghand_capture::{Opened, capture};
 use ghand_core::Side;
-use ghand_fit::alignment::review::Review;
+use ghand_fit::alignment::results::review::Review;
 
 use super::contact_sheet::SheetView;
 

@@ -1,9 +1,9 @@
 //! Describes a hand model.
 
 use ghand_core::HandModel;
+use ghand_hand_model::files::read::HandModelFile;
 use ghand_hand_model::inspection::inspect;
-use ghand_hand_model::joint_names::JointRole;
-use ghand_hand_model::read::HandModelFile;
+use ghand_hand_model::joints::names::JointRole;
 use glam::DVec3;
 
 /// The description of a hand model with its oddities, as lines.

@@ -1,17 +1,18 @@
 //! What a run of `train` has achieved: its figures and pictures.
 
 use ghand_capture::Capture;
-use ghand_fit::alignment_picture::alignment_picture;
+use ghand_fit::alignment::results::picture::alignment_picture;
 use ghand_fit::light_fit::LightFit;
-use ghand_fit::protocol::given_views;
+use ghand_measure::protocol::Protocol;
+use ghand_measure::protocol::given_views;
 use ghand_render::Gpu;
-use ghand_train::evaluate::Metrics;
-use ghand_train::{Protocol, Trained};
+use ghand_train::Trained;
 use image::RgbImage;
 
 use super::inputs::Inputs;
 use super::plan::Plan;
 use crate::train_run::evaluation::{TestImages, evaluate_images, pose_figures};
+use crate::train_run::metrics::Metrics;
 use crate::train_run::report_picture::report;
 
 /// The figures and pictures of a run.

@@ -52,7 +52,7 @@ pub(super) fn train(
         trainer = trainer.resume(checkpoint)?;
     }
     if inputs.capture.splits.contains_key(plan.test_split()) {
-        trainer = trainer.watch(plan.test_split())?;
+        trainer = trainer.with_held_out(plan.test_split())?;
     }
     if trainer.reduction() > 1 {
         log::warn!(
@@ -61,7 +61,7 @@ pub(super) fn train(
             trainer.reduction()
         );
     }
-    match trainer.resumed_at() {
+    match trainer.resume_iteration() {
         Some(iteration) => say!("going on after {iteration} iterations"),
         None => {
             folder.end(false);
@@ -73,7 +73,7 @@ pub(super) fn train(
     }
     interruption.stop_first();
     let checkpoints = Checkpoints::new(&folder.checkpoints(), plan.checkpoint_every, plan.keep_checkpoints);
-    let trainer = trainer.stop_when(interruption.stop()).save_to(checkpoints);
+    let trainer = trainer.stop_when(interruption.stop()).with_checkpoints(checkpoints);
     let viewer = if args.viewer { LiveViewer::open(folder.path(), &folder.checkpoints()) } else { None };
     let trained = train_visibly(trainer, settings.iterations, &folder.checkpoints(), viewer).map_err(|error| {
         if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {
@@ -106,14 +106,14 @@ fn train_visibly(
     live: &Path,
     viewer: Option<LiveViewer>,
 ) -> anyhow::Result<Trained> {
-    let bar = ProgressBar::new(iterations).with_position(trainer.resumed_at().unwrap_or(0));
+    let bar = ProgressBar::new(iterations).with_position(trainer.resume_iteration().unwrap_or(0));
     bar.reset_eta();
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {per_sec} {elapsed} (left {eta})")?);
     let start = Instant::now();
     let (mut last_line, mut last_stage, mut last_written) = (start, 0, start);
     let mut previews = vec![];
     let trainer = match viewer {
-        Some(viewer) => trainer.show_to(LIVE_EVERY, move |avatar| viewer.show(avatar)),
+        Some(viewer) => trainer.with_preview(LIVE_EVERY, move |avatar| viewer.show(avatar)),
         None => trainer,
     };
     let trained = trainer.train(|p| {

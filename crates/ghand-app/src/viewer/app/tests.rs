@@ -22,8 +22,8 @@ use egui_kittest::kittest::Queryable;
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::AdapterChoice;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec2;
 
 use super::controls::thousands;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_hand_model::mano::write_mano;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_hand_model::files::mano::write_mano;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_procedural_hand::ProceduralHand;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 /// What a run of `train` leaves in its folder.
 pub const RESULTS: [&str; 10] = [
@@ -55,8 +55,8 @@ pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
     }
 }
 
-/// Asserts that `train` has trained, evaluated and saved an avatar. It may be below its floor, because tests train for
-/// only a few iterations. Returns stdout and stderr, without the sentence on the floor.
+/// Asserts that `train` has trained, evaluated and saved an avatar. It may be below its baseline, because tests train for
+/// only a few iterations. Returns stdout and stderr, without the sentence on the baseline.
 pub fn assert_trained(output: &Output) -> [String; 2] {
     let [said, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     let is_failure = |line: &&str| line.starts_with("error: the training has failed: the avatar's PSNR");

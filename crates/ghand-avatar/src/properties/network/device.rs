@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::adam::NetworkAdam;
 use super::clip::GradientClip;
 use super::layers::Pass;
-use super::network_device::{NetworkDevice, Place, values};
+use super::network_device::{NetworkDevice, NetworkPlacement, values};
 use super::networks::{Base, Canonical, Networks, Posed};
 use super::parameters::{Parameter, Part};
 use super::position_map::{FeatureSampler, PositionMap, gaussian_uvs};
@@ -114,7 +114,7 @@ impl NetworkModel {
         deformation: &Deformation,
     ) -> Result<NetworkModel, RenderError> {
         let invalid = |e: &dyn std::fmt::Display| RenderError::Invalid(e.to_string());
-        let burn = NetworkDevice::new(gpu, Place::from_env(gpu)?)?;
+        let burn = NetworkDevice::new(gpu, NetworkPlacement::from_env(gpu)?)?;
         let device = burn.device.clone();
         let (networks, list) = Networks::new(&tables.sizes, tables.properties);
         let map = PositionMap::new(model, tables.sizes.map_side).map_err(|e| invalid(&e))?;

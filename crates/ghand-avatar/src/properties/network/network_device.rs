@@ -5,7 +5,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 /// Where networks can run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum NetworkPlacement {
     /// On the processor; properties and their gradients are copied.
     Host,
     /// On the splatter's own device; nothing leaves it.
@@ -13,22 +13,22 @@ pub(super) enum Place {
     Gpu,
 }
 
-impl Place {
+impl NetworkPlacement {
     /// Environment variable that says where: `host` or `gpu`.
     const VARIABLE: &'static str = "GHAND_NETWORKS";
 
-    /// The place in [`Place::VARIABLE`], else the faster one: a software rasteriser runs networks slower than the
+    /// The place in [`NetworkPlacement::VARIABLE`], else the faster one: a software rasteriser runs networks slower than the
     /// processor itself does.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the variable has another value, or this program has no networks for the GPU.
-    pub fn from_env(gpu: &Gpu) -> Result<Place, RenderError> {
+    pub fn from_env(gpu: &Gpu) -> Result<NetworkPlacement, RenderError> {
         let text = std::env::var_os(Self::VARIABLE).unwrap_or_default().to_string_lossy().to_lowercase();
         match text.as_str() {
-            "" => Ok(if gpu.is_cpu() { Place::Host } else { Place::BEST_FOR_GPU }),
-            "host" => Ok(Place::Host),
+            "" => Ok(if gpu.is_cpu() { NetworkPlacement::Host } else { NetworkPlacement::BEST_FOR_GPU }),
+            "host" => Ok(NetworkPlacement::Host),
             #[cfg(feature = "gpu-networks")]
-            "gpu" => Ok(Place::Gpu),
+            "gpu" => Ok(NetworkPlacement::Gpu),
             #[cfg(not(feature = "gpu-networks"))]
             "gpu" => Err(RenderError::Invalid(format!(
                 "{}=gpu: this program was built without networks for the GPU; build it with `--features gpu-networks`",
@@ -39,15 +39,15 @@ impl Place {
     }
 
     #[cfg(feature = "gpu-networks")]
-    const BEST_FOR_GPU: Place = Place::Gpu;
+    const BEST_FOR_GPU: NetworkPlacement = NetworkPlacement::Gpu;
     #[cfg(not(feature = "gpu-networks"))]
-    const BEST_FOR_GPU: Place = Place::Host;
+    const BEST_FOR_GPU: NetworkPlacement = NetworkPlacement::Host;
 }
 
 /// A device of Burn.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkDevice {
-    place: Place,
+    place: NetworkPlacement,
     /// Where tensors are.
     pub device: Device,
 }
@@ -57,12 +57,12 @@ impl NetworkDevice {
     ///
     /// # Errors
     /// [`RenderError::Device`] if Burn cannot use the splatter's device.
-    pub fn new(gpu: &Gpu, place: Place) -> Result<NetworkDevice, RenderError> {
+    pub fn new(gpu: &Gpu, place: NetworkPlacement) -> Result<NetworkDevice, RenderError> {
         let _ = gpu;
         let device = match place {
-            Place::Host => Device::flex(),
+            NetworkPlacement::Host => Device::flex(),
             #[cfg(feature = "gpu-networks")]
-            Place::Gpu => on_gpu::registered(gpu)?,
+            NetworkPlacement::Gpu => on_gpu::registered(gpu)?,
         };
         Ok(NetworkDevice { place, device })
     }
@@ -73,9 +73,9 @@ impl NetworkDevice {
     /// [`RenderError::Device`] if the tensor cannot be read.
     pub fn write(&self, gpu: &Gpu, table: Tensor<2>, buffer: &wgpu::Buffer) -> Result<(), RenderError> {
         match self.place {
-            Place::Host => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values(table)?)),
+            NetworkPlacement::Host => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values(table)?)),
             #[cfg(feature = "gpu-networks")]
-            Place::Gpu => on_gpu::write(gpu, table, buffer)?,
+            NetworkPlacement::Gpu => on_gpu::write(gpu, table, buffer)?,
         }
         Ok(())
     }
@@ -86,12 +86,12 @@ impl NetworkDevice {
     /// [`RenderError`] if the device has failed.
     pub fn read(&self, gpu: &Gpu, buffer: &wgpu::Buffer, shape: [usize; 2]) -> Result<Tensor<2>, RenderError> {
         match self.place {
-            Place::Host => {
+            NetworkPlacement::Host => {
                 let values: Vec<f32> = buffers::read(gpu, buffer, shape[0] * shape[1])?;
                 Ok(Tensor::from_data(TensorData::new(values, shape), &self.device))
             }
             #[cfg(feature = "gpu-networks")]
-            Place::Gpu => on_gpu::read(gpu, buffer, shape, &self.device),
+            NetworkPlacement::Gpu => on_gpu::read(gpu, buffer, shape, &self.device),
         }
     }
 }

@@ -5,7 +5,7 @@
 use ghand_avatar::properties::direct::{DirectTables, table_lengths};
 use ghand_avatar::{Avatar, AvatarConfig, PropertyTables, Template};
 use ghand_core::Side;
-use ghand_procedural_hand::ProceduralHand;
+use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 

@@ -87,7 +87,7 @@ impl Case {
     fn twin(&self) -> Results {
         let wide = |values: &[[f32; 3]]| -> Vec<[f64; 3]> { values.iter().map(|v| v.map(f64::from)).collect() };
         let (barycentric, shades, gloss) = (wide(&self.barycentric), wide(&self.shades), wide(&self.gloss));
-        let surface = light::LitSurface {
+        let surface = light::SurfaceLight {
             corners: &self.corners,
             barycentric: &barycentric,
             shades: &shades,

@@ -2,7 +2,7 @@
 //! both options.
 
 use ghand_core::Pose;
-use ghand_core::deformation::{Deformation, Deformed, deform, deform_vjp};
+use ghand_core::deformation::{DeformationInputs, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features, response_features_vjp};
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skeleton::rotations_vjp;
@@ -87,7 +87,7 @@ impl Whole {
         let values = response.evaluate(&self.weights, &features, n);
         let coefficients: Vec<DVec3> = dvec3s(coefficients).iter().zip(&values).map(|(c, v)| *c + *v).collect();
         let (canonical, joints, basis) = (dvec3s(canonical), dvec3s(joints), dvec3s(basis));
-        let d = Deformation {
+        let d = DeformationInputs {
             parents: &self.parents,
             joints: &joints,
             canonical: &canonical,

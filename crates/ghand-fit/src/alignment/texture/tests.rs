@@ -8,8 +8,8 @@ use ghand_render::mesh::{MeshInstance, MeshStyle, Shading, Surface};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::distance_field::DistanceField;
 use super::*;
+use crate::alignment::outlines::distance_field::DistanceField;
 
 const FRAMES: usize = 5;
 

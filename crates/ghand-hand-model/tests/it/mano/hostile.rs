@@ -4,11 +4,13 @@ use std::time::{Duration, Instant};
 
 use ghand_core::Side;
 use ghand_hand_model::HandModelError;
-use ghand_hand_model::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
-use ghand_hand_model::obj::write_obj;
+use ghand_hand_model::files::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
+use ghand_hand_model::files::obj::write_obj;
 
-use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};
-use crate::support::python::{Array, Py, array, chumpy_selection, dictionary, npy, pickle, string, zip};
+use ghand_test_support::mano_files::hands::{Entries, Hand, as_npz, as_pickle, set};
+use ghand_test_support::mano_files::python::{
+    Array, Py, array, chumpy_selection, dictionary, npy, pickle, string, zip,
+};
 
 fn read(bytes: &[u8]) -> Result<ManoFile, HandModelError> {
     // The side is given to save the time to guess it.

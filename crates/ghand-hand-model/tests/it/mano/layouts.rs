@@ -2,11 +2,11 @@
 
 use ghand_core::posing::shape_hand;
 use ghand_core::{HandModel, Side};
-use ghand_hand_model::mano::{JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes};
+use ghand_hand_model::files::mano::{JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes};
 use glam::DVec3;
 
-use crate::support::hands::{Entries, Hand, as_npz, as_pickle, set};
-use crate::support::python::{Py, array, dictionary, pickle, string};
+use ghand_test_support::mano_files::hands::{Entries, Hand, as_npz, as_pickle, set};
+use ghand_test_support::mano_files::python::{Py, array, dictionary, pickle, string};
 
 fn read(bytes: &[u8]) -> ManoFile {
     read_mano_bytes("right.pkl", bytes, None, &ManoOptions::default()).unwrap()

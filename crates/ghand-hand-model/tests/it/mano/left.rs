@@ -1,10 +1,10 @@
 //! The side of a hand, and the bug of the published left model.
 
 use ghand_core::Side;
-use ghand_hand_model::mano::{LeftShapes, ManoFile, ManoOptions, read_mano_bytes, read_mano_with_warnings};
+use ghand_hand_model::files::mano::{LeftShapes, ManoFile, ManoOptions, read_mano_bytes, read_mano_with_warnings};
 use glam::DVec3;
 
-use crate::support::hands::{Hand, as_pickle};
+use ghand_test_support::mano_files::hands::{Hand, as_pickle};
 
 fn right() -> Hand {
     Hand::procedural(500, (20, 10))

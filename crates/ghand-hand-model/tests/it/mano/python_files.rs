@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_core::{HandModel, Side};
 use ghand_files::npz::Npz;
-use ghand_hand_model::mano::{ManoOptions, read_mano_with_warnings};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano_with_warnings};
 use glam::DVec3;
 
 fn folder() -> std::path::PathBuf {

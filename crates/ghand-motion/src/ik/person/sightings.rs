@@ -18,7 +18,7 @@ const BEHIND: f64 = 1.0;
 
 /// Where one landmark was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Place {
+pub(crate) enum SightingPosition {
     /// In space, metres.
     Point(DVec3),
     /// In an image of the camera of that number, without distortion; pixels.
@@ -32,7 +32,7 @@ pub(crate) struct Sighting {
     pub landmark: usize,
     /// How sure the tracker is, from 0 to 1.
     pub confidence: f64,
-    pub place: Place,
+    pub place: SightingPosition,
 }
 
 /// All that was seen of a hand at one moment.
@@ -48,7 +48,7 @@ impl SeenFrame {
     pub fn points(&self) -> Option<[DVec3; LANDMARK_COUNT]> {
         let mut points = [DVec3::NAN; LANDMARK_COUNT];
         for sighting in &self.sightings {
-            if let Place::Point(at) = sighting.place {
+            if let SightingPosition::Point(at) = sighting.place {
                 points[sighting.landmark] = at;
             }
         }
@@ -72,11 +72,11 @@ impl Sighting {
     /// How far `at` (metres, world) is from here. `scales` are the metres per pixel at the hand, by camera.
     pub fn gap(&self, at: DVec3, cameras: &[Camera], scales: &[f64]) -> Gap {
         match self.place {
-            Place::Point(point) => {
+            SightingPosition::Point(point) => {
                 let error = at - point;
                 Gap { squared: error.length_squared(), pull: error, information: DMat3::IDENTITY, dimensions: 3.0 }
             }
-            Place::Pixel(camera, pixel) => {
+            SightingPosition::Pixel(camera, pixel) => {
                 let behind =
                     Gap { squared: BEHIND * BEHIND, pull: DVec3::ZERO, information: DMat3::ZERO, dimensions: 2.0 };
                 let (Some(camera), Some(scale)) = (cameras.get(camera), scales.get(camera)) else { return behind };

@@ -5,7 +5,7 @@ use ghand_core::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 
 use super::frame::FrameFit;
-use super::sightings::{Gap, Place, SeenFrame, Sighting, WRONG};
+use super::sightings::{Gap, SeenFrame, Sighting, SightingPosition, WRONG};
 use crate::ik::{COLD_STEPS, HandIk, LOST, UNKNOWNS, WARM_STEPS, median, write};
 
 /// Bends that fingers start with, radians.
@@ -115,7 +115,7 @@ fn center(hand: &HandIk, seen: &SeenFrame, cameras: &[Camera]) -> Option<DVec3> 
     for (number, camera) in cameras.iter().enumerate() {
         let pixels: Vec<DVec2> = (seen.sightings.iter())
             .filter_map(|s| match s.place {
-                Place::Pixel(of, at) if of == number => Some(at),
+                SightingPosition::Pixel(of, at) if of == number => Some(at),
                 _ => None,
             })
             .collect();

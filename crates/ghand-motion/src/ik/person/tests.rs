@@ -1,11 +1,11 @@
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_synthetic::trajectory::natural_motion;
+use ghand_synthetic::hand::trajectory::natural_motion;
 use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::sightings::{Place, Sighting, WRONG};
+use super::sightings::{Sighting, SightingPosition, WRONG};
 use super::*;
 use crate::rest_skeleton::RestSkeleton;
 
@@ -59,7 +59,7 @@ impl Person {
             let is_wrong = rng.random::<f64>() < 0.05;
             let off = if is_wrong { 0.05 * vector(rng, 1.0).normalize_or(DVec3::X) } else { vector(rng, 0.003) };
             let at = if is_wrong_frame { at + vector(rng, 0.06) } else { at + off };
-            vec![Sighting { landmark, confidence: 1.0, place: Place::Point(at) }]
+            vec![Sighting { landmark, confidence: 1.0, place: SightingPosition::Point(at) }]
         })
     }
 
@@ -72,7 +72,7 @@ impl Person {
                 let off = 100.0 * plane(1.0).normalize_or(DVec2::X);
                 let is_wrong = rng.random::<f64>() < 0.05;
                 let pixel = camera.project(at).0 + if is_wrong { off } else { noise };
-                Sighting { landmark, confidence: 1.0, place: Place::Pixel(number, pixel) }
+                Sighting { landmark, confidence: 1.0, place: SightingPosition::Pixel(number, pixel) }
             };
             cameras.iter().enumerate().map(&mut sighting).collect()
         })
@@ -239,8 +239,8 @@ fn frames_without_some_cameras_and_landmarks_are_fitted() {
     for (k, frame) in seen.iter_mut().enumerate() {
         // One camera sees only every third frame, another one not the thumb.
         frame.sightings.retain(|sighting| match sighting.place {
-            Place::Pixel(2, _) => k % 3 == 0,
-            Place::Pixel(1, _) => !(1..=4).contains(&sighting.landmark),
+            SightingPosition::Pixel(2, _) => k % 3 == 0,
+            SightingPosition::Pixel(1, _) => !(1..=4).contains(&sighting.landmark),
             _ => true,
         });
     }
@@ -295,8 +295,11 @@ fn one_wrong_landmark_moves_least_squares_but_not_this_fit() {
         let mut points = truth.map(|at| at + vector(&mut rng, 0.001));
         let wrong = 1 + k;
         points[wrong] += 0.05 * vector(&mut rng, 1.0).normalize();
-        let sighting =
-            |(landmark, at): (usize, &DVec3)| Sighting { landmark, confidence: 1.0, place: Place::Point(*at) };
+        let sighting = |(landmark, at): (usize, &DVec3)| Sighting {
+            landmark,
+            confidence: 1.0,
+            place: SightingPosition::Point(*at),
+        };
         let seen = SeenFrame { id: String::new(), sightings: points.iter().enumerate().map(sighting).collect() };
         let fit = FrameFit { hand: &person.truth, seen: &seen, cameras: &[], scales: &[], noise: 0.001 };
         let x = with_fingers_retried(&fit, first_pose(&fit, None).unwrap());
@@ -320,7 +323,7 @@ fn fingers_swapped_in_one_camera_are_taken_from_the_other() {
     let swapped = [5, 20, 47];
     for k in swapped {
         for sighting in &mut seen[k].sightings {
-            if matches!(sighting.place, Place::Pixel(1, _)) {
+            if matches!(sighting.place, SightingPosition::Pixel(1, _)) {
                 // Index and middle finger.
                 sighting.landmark = match sighting.landmark {
                     i @ 5..=8 => i + 4,

@@ -2,10 +2,10 @@
 
 use ghand_core::skeleton::pose_skeleton;
 
-use super::super::source::OPENGL_AXES;
 use super::hands::webxr;
 use super::mano::mano;
 use super::*;
+use crate::pose_sequence::reading::source::OPENGL_AXES;
 
 /// A pose's rotations of MANO's 16 joints as one row of axis-angle numbers.
 fn row(pose: &Pose) -> Vec<f64> {

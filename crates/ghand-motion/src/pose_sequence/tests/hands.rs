@@ -2,7 +2,7 @@
 
 use ghand_core::posing::pose_hand;
 use ghand_core::skeleton::pose_skeleton;
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 use ghand_hand_model::named_poses::named_pose;
 
 use super::super::*;

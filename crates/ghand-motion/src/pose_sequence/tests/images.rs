@@ -1,7 +1,7 @@
 //! Landmarks in images of calibrated cameras.
 
-use ghand_capture::camera_list::LensCamera;
-use ghand_capture::distortion::Distortion;
+use ghand_capture::cameras::distortion::Distortion;
+use ghand_capture::cameras::list::LensCamera;
 use ghand_core::Camera;
 use ghand_hand_model::builtin::builtin_hand;
 use glam::DVec2;

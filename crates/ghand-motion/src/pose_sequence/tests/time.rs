@@ -38,7 +38,7 @@ fn assert_is_whole(file: &str, value: &Json) {
     assert!(said, "{file}: {:?}", sequence.warnings);
 }
 
-use ghand_hand_model::joint_names::{Finger, JointRole};
+use ghand_hand_model::joints::names::{Finger, JointRole};
 
 #[test]
 fn a_gap_stays_a_gap_in_files_of_every_kind() {

@@ -7,7 +7,7 @@ use egui::{PointerButton, Pos2, Rect, pos2};
 use egui_kittest::kittest::NodeT;
 use ghand_core::Pose;
 use ghand_measure::metrics::quantize;
-use ghand_motion::pose_sequence::ghand::write_poses;
+use ghand_motion::pose_sequence::formats::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;

@@ -3,7 +3,7 @@
 use burn_tensor::{Tensor, TensorData};
 use ghand_render::{AdapterChoice, Gpu, buffers};
 
-use super::super::network_device::{NetworkDevice, Place, values};
+use super::super::network_device::{NetworkDevice, NetworkPlacement, values};
 use super::super::sizes::Activation;
 use super::{Case, NAMES, random, tiny};
 
@@ -21,7 +21,7 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 #[test]
 fn networks_and_their_gradients_are_those_of_the_processor() {
     let gpu = gpu();
-    let on_gpu = NetworkDevice::new(&gpu, Place::Gpu).unwrap();
+    let on_gpu = NetworkDevice::new(&gpu, NetworkPlacement::Gpu).unwrap();
     for activation in [Activation::Relu, Activation::Softplus] {
         let host = Case::new(tiny(activation), 40);
         let here = Case { device: on_gpu.device.clone(), ..Case::new(tiny(activation), 40) };
@@ -39,8 +39,8 @@ fn networks_and_their_gradients_are_those_of_the_processor() {
 #[test]
 fn tables_come_from_buffers_and_go_there_in_order() {
     let gpu = gpu();
-    let on_gpu = NetworkDevice::new(&gpu, Place::Gpu).unwrap();
-    let again = NetworkDevice::new(&gpu, Place::Gpu).unwrap();
+    let on_gpu = NetworkDevice::new(&gpu, NetworkPlacement::Gpu).unwrap();
+    let again = NetworkDevice::new(&gpu, NetworkPlacement::Gpu).unwrap();
     assert_eq!(on_gpu.device, again.device, "a device is registered once");
     let numbers = random(3, 7 * 13, 1.0);
     let from = buffers::zeroed(&gpu, "from", numbers.len());

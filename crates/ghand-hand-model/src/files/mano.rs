@@ -1,0 +1,175 @@
+//! Reads MANO hand models (Romero, Tzionas and Black, "Embodied Hands", 2017) from the user's own files, and models of
+//! other rigs stored in the same way.
+//!
+//! Accepts the pickle as published, pickles of later releases of Python and its libraries in any protocol, with or
+//! without chumpy's wrappers, and `.npz` archives with the same keys. Nothing that a file names is executed.
+
+mod body;
+mod build;
+mod fields;
+mod layout;
+mod named_arrays;
+mod side;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use ghand_core::{HandModel, Side};
+use ghand_files::input_file;
+use glam::DVec3;
+
+use super::obj::read_obj_uvs;
+use crate::HandModelError;
+use crate::surface::uv_atlas::build_atlas;
+use fields::Fields;
+pub use layout::in_mano_layout;
+pub use named_arrays::NamedArrays;
+pub use write::write_mano;
+
+/// MANO's joints in MANO's order.
+pub const JOINT_NAMES: [&str; 16] = [
+    "wrist", "index1", "index2", "index3", "middle1", "middle2", "middle3", "pinky1", "pinky2", "pinky3", "ring1",
+    "ring2", "ring3", "thumb1", "thumb2", "thumb3",
+];
+
+/// Parents of [`JOINT_NAMES`].
+pub const PARENTS: [Option<usize>; 16] = [
+    None,
+    Some(0),
+    Some(1),
+    Some(2),
+    Some(0),
+    Some(4),
+    Some(5),
+    Some(0),
+    Some(7),
+    Some(8),
+    Some(0),
+    Some(10),
+    Some(11),
+    Some(0),
+    Some(13),
+    Some(14),
+];
+
+/// Remedy for a file that is not a MANO model.
+const REMEDY: &str = "pass MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded";
+
+/// Largest file in bytes: twice the size of a whole body's model.
+const MAX_BYTES: usize = 1 << 28;
+
+/// What to do about the bug of the published left model, whose shape directions have the x components of the right
+/// hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LeftShapes {
+    /// Negate the x components if the file has the bug.
+    #[default]
+    Fixed,
+    /// Keep the shape directions, for shape parameters that were fitted with them.
+    AsPublished,
+}
+
+/// Information that a MANO file does not contain.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ManoOptions {
+    /// An OBJ file of the same mesh with texture coordinates; without it, an atlas is built.
+    pub uv_obj: Option<PathBuf>,
+    /// Which hand it is; by default decided by the file's name, else by the geometry.
+    pub side: Option<Side>,
+    /// What to do about the bug of the published left model.
+    pub left_shapes: LeftShapes,
+}
+
+/// A hand model with remarks on its file for the user.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ManoFile {
+    /// The hand.
+    pub model: HandModel,
+    /// Whether the file has the bug of the published left model. The model's shape directions are corrected unless
+    /// [`LeftShapes::AsPublished`] was requested.
+    pub has_left_shape_bug: bool,
+    /// Unusual properties of the file, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a MANO model; see [`read_mano_with_warnings`].
+///
+/// # Errors
+/// As in [`read_mano_with_warnings`].
+pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandModelError> {
+    Ok(read_mano_with_warnings(path, options)?.model)
+}
+
+/// Reads a MANO model from a pickle or an `.npz` archive, recognised from its contents.
+///
+/// Keys: `v_template` (V, 3), `f` (F, 3), `weights` (V, n_b), `kintree_table` (2, n_b), `J_regressor` (n_b, V; sparse
+/// or not), `shapedirs` (V, 3, n_s), `posedirs` (V, 3, 9 (n_b - 1)), and optionally `hands_mean` (3 (n_b - 1)) and
+/// `hands_components` (c, 3 (n_b - 1)); others are ignored. Units and axes are the file's (MANO: metres). The rest
+/// joints are regressed from `v_template`, so they are those of shape 0 to the last bit. 16 joints with MANO's
+/// hierarchy get MANO's names, those of other rigs are called `joint0`, `joint1` and so on.
+///
+/// Weights of a vertex that do not sum to 1 by more than rounding are divided by their sum. The side is that of the
+/// options, else "left" or "right" in the file's name, else that on which the thumb bends to the palm. The bug of the
+/// published left model is detected by a comparison with the right model, if a file of the same name with "right" for
+/// "left" is beside it, else from the correlation of the hand's length and breadth.
+///
+/// # Errors
+/// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the key and a remedy
+/// if it is larger than 256 MiB, damaged, the model of a whole body, names a class or function that no hand model needs, lacks a key, or has an
+/// invalid shape, index or number.
+pub fn read_mano_with_warnings(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
+    let bytes = read_file(path)?;
+    // An unreadable right model is not a reason to reject the left one.
+    let right = side::right_beside(path).and_then(|right| read_file(&right).ok());
+    read_mano_bytes(&path.display().to_string(), &bytes, right.as_deref(), options)
+}
+
+/// Reads the bytes of a file as [`read_mano_with_warnings`] does. `name` is the file's, for messages and for the side;
+/// `right` are the bytes of the matching right model, to compare a left model with.
+///
+/// # Errors
+/// As in [`read_mano_with_warnings`].
+pub fn read_mano_bytes(
+    name: &str,
+    bytes: &[u8],
+    right: Option<&[u8]>,
+    options: &ManoOptions,
+) -> Result<ManoFile, HandModelError> {
+    let mut fields = Fields::open(name, bytes, REMEDY)?;
+    body::reject_body(&mut fields)?;
+    let mut warnings = Vec::new();
+    let mut model = build::build(&mut fields, &mut warnings)?;
+    model.side = side::find_side(&model, name, options.side, &mut warnings);
+    let has_left_shape_bug = model.side == Side::Left && side::has_left_shape_bug(&model, right, &mut warnings);
+    if has_left_shape_bug && options.left_shapes == LeftShapes::Fixed {
+        model.shape_directions.iter_mut().for_each(|direction| direction.x = -direction.x);
+    }
+    fill_uvs(&mut model, options)?;
+    model.validate()?;
+    Ok(ManoFile { model, has_left_shape_bug, warnings })
+}
+
+/// Gives the model texture coordinates: those of the OBJ file, with its triangles, or a built atlas.
+fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandModelError> {
+    if let Some(path) = &options.uv_obj {
+        let found = read_obj_uvs(path, model.vertices.len(), &model.faces)?;
+        (model.faces, model.uvs, model.face_uvs) = (found.faces, found.uvs, found.face_uvs);
+        return Ok(());
+    }
+    let atlas = build_atlas(&model.vertices, &model.faces)
+        .map_err(|error| HandModelError::invalid(model.name.clone(), "f", error.to_string()))?;
+    (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
+    Ok(())
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, HandModelError> {
+    let failed = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
+    input_file::read(path, MAX_BYTES as u64).map_err(failed)?.ok_or_else(|| {
+        let problem = format!("is larger than {MAX_BYTES} bytes; pass a MANO model, or store less in it");
+        HandModelError::invalid(path.display().to_string(), "hand model", problem)
+    })
+}
+
+fn dvec3(v: &[f64; 3]) -> DVec3 {
+    DVec3::from_array(*v)
+}
