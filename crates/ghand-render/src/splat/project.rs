@@ -1,7 +1,7 @@
 //! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
 use super::frame_buffers::{CAMERA_ROWS, FrameBuffers, gradient_cells};
-use super::{CutOffs, Purpose, SplatModel, frame};
+use super::{Purpose, SplatModel, Thresholds, frame};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
 
@@ -18,10 +18,10 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, cut_offs: &CutOffs) -> Pipelines {
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, thresholds: &Thresholds) -> Pipelines {
         let mut constants = model.constants();
-        let shift = f64::from(frame::DEPTH_BITS - cut_offs.depth_bits());
-        let all = [&constants[..], &[cut_offs.alpha_min(), ("DEPTH_KEY_SHIFT", shift)]].concat();
+        let shift = f64::from(frame::DEPTH_BITS - thresholds.depth_bits());
+        let all = [&constants[..], &[thresholds.alpha_min(), ("DEPTH_KEY_SHIFT", shift)]].concat();
         let project = Module::new(gpu, "project").stage(gpu, "project", &all);
         let backward = purpose.has_gradients().then(|| {
             constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));

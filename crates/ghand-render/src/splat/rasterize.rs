@@ -25,7 +25,7 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
-        let SplatOptions { model, purpose, depth, largest_weights, cut_offs } = options;
+        let SplatOptions { model, purpose, depth, largest_weights, thresholds } = options;
         let forward = Module::new(gpu, gpu.tier.choose("rasterize", "subgroups/rasterize"));
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
@@ -33,13 +33,13 @@ impl Pipelines {
             ("DEPTH", f64::from(u8::from(*depth))),
             ("LARGEST_WEIGHTS", f64::from(u8::from(*largest_weights))),
             ("BACKWARD_ENTRIES", f64::from(entries)),
-            cut_offs.alpha_min(),
+            thresholds.alpha_min(),
         ];
         Pipelines {
             rasterize: forward.stage(gpu, "rasterize", &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
                 let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "subgroups/rasterize_backward"));
-                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), cut_offs.alpha_min()];
+                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), thresholds.alpha_min()];
                 module.stage(gpu, "rasterize_backward", &constants)
             }),
         }
