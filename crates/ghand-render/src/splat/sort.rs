@@ -16,7 +16,7 @@ const SORT_BLOCKS: [u32; 2] = [1024, 2048];
 /// Maximum number of pairs in a strand: half of the iterations that software rasterisers allow in a loop.
 const MOST_PAIRS: u64 = 32_768;
 
-/// See `shaders/scan.wgsl`.
+/// See `shaders/shared/scan_buffers.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ScanUniforms {
@@ -28,7 +28,7 @@ pub struct ScanUniforms {
     pub padding: [u32; 2],
 }
 
-/// See `shaders/sort.wgsl`.
+/// See `shaders/shared/sort_buffers.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SortUniforms {
